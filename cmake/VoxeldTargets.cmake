@@ -1,0 +1,57 @@
+# Helpers that every module uses, so that warnings and sanitizers are the same everywhere
+# without touching global flags.
+
+# voxeld_options(<target>): warnings, sanitizers and the repository root as include directory.
+function(voxeld_options target)
+  target_include_directories(${target} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+                                           -Wno-sign-conversion -Werror)
+  if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+    target_compile_options(${target} PRIVATE -Wthread-safety)
+  endif()
+  if(VOXELD_SANITIZE)
+    target_compile_options(${target} PUBLIC -fsanitize=${VOXELD_SANITIZE}
+                                            -fno-sanitize-recover=all -fno-omit-frame-pointer)
+    target_link_options(${target} PUBLIC -fsanitize=${VOXELD_SANITIZE})
+  endif()
+endfunction()
+
+# voxeld_library(<name> SOURCES a.cpp ... [PUBLIC lib ...] [PRIVATE lib ...])
+# One library per module: its target_link_libraries are the architecture diagram.
+function(voxeld_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  add_library(${name} STATIC ${ARG_SOURCES})
+  voxeld_options(${name})
+  target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+endfunction()
+
+# voxeld_test(<name> SOURCES a.cpp ... LIBS lib ... [LABEL l]) makes one gtest binary, one ctest
+# entry and the label that `ctest -L` selects by.
+function(voxeld_test name)
+  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  voxeld_options(${name})
+  target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
+  add_test(NAME ${name} COMMAND ${name})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
+  endif()
+  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()
+
+# voxeld_gpu_test(<name> SOURCES ... LIBS ...) makes one binary and one ctest entry for each
+# software driver; the binary takes the device from VOXELD_TEST_DEVICE.
+function(voxeld_gpu_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  voxeld_options(${name})
+  target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 600)
+  endif()
+  foreach(device llvmpipe lavapipe osmesa)
+    add_test(NAME ${name}.${device} COMMAND ${name})
+    set_tests_properties(${name}.${device} PROPERTIES LABELS gpu TIMEOUT ${ARG_TIMEOUT}
+                         ENVIRONMENT "VOXELD_TEST_DEVICE=${device}")
+  endforeach()
+endfunction()

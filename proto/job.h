@@ -1,0 +1,102 @@
+// What a job is on the wire: the request that POST /v1/jobs takes and the status that
+// GET /v1/jobs/{id} gives. Plain structs; JSON only in job.cpp.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/options.h"
+#include "proto/result.h"
+
+namespace voxeld {
+
+enum class JobKind {
+  kVoxelize,  // asset -> grid, and the grid in the format asked for
+  kRender,    // asset or grid -> PNG
+  kExport,    // grid -> the grid in another format
+  kInspect,   // asset -> description (triangles, bounds, materials found and missing)
+};
+
+// Transitions: queued -> running -> done | failed | cancelled; queued -> cancelled;
+// running -> queued when its worker died and attempts are left.
+enum class JobState { kQueued, kRunning, kDone, kFailed, kCancelled };
+
+// POST /v1/jobs: {"kind":"voxelize","asset":"sha256-…","options":{"size":256,"format":"npy"}}
+// kRender takes "asset" or "grid"; kExport takes "grid"; kInspect takes "asset".
+struct JobRequest {
+  JobKind kind = JobKind::kVoxelize;
+  std::string asset;     // id of an asset, or empty
+  std::string grid;      // id of a grid, or empty
+  std::string filename;  // of the asset, as uploaded or overridden; names its format
+  RequestOptions options;
+};
+
+struct Warning {
+  std::string code;    // "missing-texture", "ignored-extension", …: stable
+  std::string detail;  // names the file or thing
+};
+
+// Milliseconds of each stage that ran, for Server-Timing; names: queue upload parse voxelize
+// render encode.
+using StageTimes = std::vector<std::pair<std::string, double>>;
+
+// What finished work left behind.
+struct JobResult {
+  std::string blob;        // id of the result's bytes
+  int64_t bytes = 0;
+  std::string media_type;
+  std::string filename;    // suggested, e.g. "bunny.npy"
+  std::string grid;        // id of the grid's container, for voxelize and render from an asset
+  std::string meta_json;   // object: dims, origin, voxel_size, voxel_count, pipeline, device,
+                           // driver, content_hash, source_hash, …
+  std::vector<Warning> warnings;
+};
+
+struct JobStatus {
+  std::string id;           // "j-" + 32 hex digits
+  JobKind kind = JobKind::kVoxelize;
+  JobState state = JobState::kQueued;
+  std::string asset, grid, filename;
+  std::string options_json;   // canonical
+  int64_t version = 0;        // grows with every change: ETag, long poll, event id
+  int attempt = 0;            // 1 while the first worker runs it
+  int64_t tiles_done = 0, tiles_total = 0;
+  std::string stage;          // "parse", "voxelize", …, while running
+  int64_t queue_position = 0; // 0 when it is running or ended
+  int64_t created_ms = 0, started_ms = 0, ended_ms = 0;  // Unix time
+  StageTimes timings;
+  std::optional<JobResult> result;  // kDone
+  std::optional<Error> error;       // kFailed, kCancelled
+  bool cached = false;              // answered from an earlier job's result
+
+  bool ended() const {
+    return state == JobState::kDone || state == JobState::kFailed || state == JobState::kCancelled;
+  }
+};
+
+std::string_view job_kind_name(JobKind kind);
+std::string_view job_state_name(JobState state);
+std::optional<JobKind> job_kind_from_name(std::string_view name);
+std::optional<JobState> job_state_from_name(std::string_view name);
+OptionScope option_scope(const JobRequest& request);
+
+// Validates completely: unknown members, kinds, both or neither of asset and grid, options.
+Result<JobRequest> parse_job_request(const nlohmann::json& body);
+nlohmann::json job_status_json(const JobStatus& status);
+Result<JobStatus> parse_job_status(const nlohmann::json& body);
+
+// application/problem+json, RFC 9457: type, title, status, code, detail, expected, got, instance.
+nlohmann::json problem_json(const Error& error, std::string_view instance);
+Result<Error> parse_problem(const nlohmann::json& body);
+
+// parse() with a cap on depth and size, without duplicate keys: nlohmann's own recursion in
+// copy and dump overflows the stack on deep input. Errors: bad-request.
+Result<nlohmann::json> parse_json_bounded(std::string_view text);
+
+}  // namespace voxeld

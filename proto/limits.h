@@ -1,0 +1,50 @@
+// Every limit that a user can hit has a name here, with its unit and what happens when it is hit.
+#pragma once
+
+#include <cstdint>
+
+namespace voxeld::limits {
+
+// Cells on one side of a grid. Larger requests: grid-too-large. With 8 sub-voxel bits every term of
+// the exact overlap test fits in 62 bits up to this size.
+inline constexpr int kGridSideMax = 2048;
+// Cells of a dense output (npy, npz): larger requests: grid-too-large, "use native or vox".
+// 2048^3 would be 8.6e9 bytes for occupancy alone; 2^31 cells is 2 GiB.
+inline constexpr int64_t kDenseCellsMax = int64_t{1} << 31;
+inline constexpr int kPaddingMax = 512;  // voxels on each side: invalid-option
+
+// Bytes of one upload: payload-too-large. `--upload-bytes-max` lowers or raises it.
+inline constexpr int64_t kUploadBytesMax = int64_t{4} << 30;
+inline constexpr int64_t kJsonBodyBytesMax = int64_t{1} << 20;  // payload-too-large
+inline constexpr int kJsonDepthMax = 64;                        // bad-request
+
+// Mesh: malformed-mesh with the number and the limit.
+inline constexpr int64_t kVerticesMax = 200'000'000;
+inline constexpr int64_t kTrianglesMax = 200'000'000;
+inline constexpr int kPolygonCornersMax = 65'536;
+inline constexpr int kGltfJsonDepthMax = 128;
+inline constexpr int kGltfNodeDepthMax = 512;
+
+// Bundles: malformed-bundle.
+inline constexpr int kBundleEntriesMax = 1'000;
+inline constexpr int64_t kBundleInflatedBytesMax = int64_t{8} << 30;
+inline constexpr int kBundleRatioMax = 200;  // inflated over stored, per entry above 1 MiB
+
+// Textures: larger ones are named in a warning and left out.
+inline constexpr int64_t kImagePixelsMax = int64_t{16384} * 16384 / 4;  // 67 Mpx, 268 MB as RGBA8
+inline constexpr int kImageSideMax = 32'768;
+
+// Pictures: invalid-option.
+inline constexpr int kRenderSideMax = 4096;
+
+// Jobs.
+inline constexpr int kJobAttemptsMax = 3;        // then worker-crashed
+inline constexpr int kQueuedJobsMax = 10'000;    // queue-full
+inline constexpr int kPreferWaitSecondsMax = 60; // longer waits are clamped
+
+// Voxels to a side of a tile, the unit of work, progress and cancel; a power of two.
+inline constexpr int kTileSide = 256;
+inline constexpr int kBrickSide = 8;  // voxels to a side of a brick: 512 bits, one mask
+inline constexpr int kSubVoxelBits = 8;
+
+}  // namespace voxeld::limits

@@ -1,0 +1,125 @@
+// The names and values of every request parameter. One table serves the query string, a job's
+// JSON and the CLI's flags, so that the three can never differ. Parsing is complete: what comes
+// out of here is valid, and its canonical JSON is what result names are made of.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/result.h"
+
+namespace voxeld {
+
+enum class UpAxis { kY, kZ };                        // which axis of the input points up
+enum class Rule { kTouch };                          // see DESIGN of server/voxel/README
+enum class Fill { kSurface };
+enum class ColorMode { kAverage, kShaded, kAxis, kNone };
+enum class PipelineChoice { kAuto, kRaster, kCompute };
+enum class Format { kNpy, kNpz, kVox, kNative };
+enum class Codec { kFast };
+enum class AxisOrder { kZyx, kXyz };
+// Type of the samples of a dense output. uint8: occupancy 0/1, colour 0..255 (sRGB), normal as
+// int8; float32: occupancy 0/1, colour 0..1 (linear light), normal -1..1.
+enum class DType { kUint8, kBool, kFloat32 };
+enum class Projection { kPerspective, kOrthographic };
+enum class Light { kFlat, kPhong };
+
+// Where the grid lies. At most one of size, dims and voxel_size is set; none means size = 128.
+struct PlacementOptions {
+  std::optional<int> size;                         // voxels on the longest side, 1..2048
+  std::optional<std::array<int, 3>> dims;          // cells in x, y, z
+  std::optional<std::array<double, 3>> voxel_size; // world units; one number on the wire = cubic
+  int padding = 0;                                 // empty voxels on each side, part of dims
+  std::optional<std::array<double, 6>> bounds;     // x0,y0,z0,x1,y1,z1 in world units
+  UpAxis up = UpAxis::kY;                          // kZ: the input is turned so that +z becomes +y
+  std::string units;                               // m cm mm in ft or empty; a label of the result
+  std::optional<std::array<double, 16>> transform; // row-major 4x4, applied to the input first
+};
+
+struct VoxelizeOptions {
+  PlacementOptions placement;
+  Rule rule = Rule::kTouch;
+  Fill fill = Fill::kSurface;
+  ColorMode color = ColorMode::kAverage;
+  // Unset: occupancy, and color where the mesh has colours.
+  bool channels_given = false;
+  bool channel_color = false;
+  bool channel_normal = false;
+  PipelineChoice pipeline = PipelineChoice::kAuto;
+};
+
+// How a grid is written down.
+struct OutputOptions {
+  Format format = Format::kNative;
+  Codec codec = Codec::kFast;
+  AxisOrder axes = AxisOrder::kZyx;
+  DType dtype = DType::kUint8;
+  int palette_max = 255;  // .vox: colours, 1..255
+};
+
+struct RenderOptions {
+  int width = 512;   // pixels, 1..4096
+  int height = 512;
+  Projection projection = Projection::kPerspective;
+  double azimuth_deg = 30.0;    // around +y; 0 looks along -z from +z
+  double elevation_deg = 20.0;  // -90..90
+  double zoom = 1.0;            // > 1 is closer; 1 fits the occupied box
+  std::optional<std::array<double, 16>> matrix;  // row-major clip_from_world; replaces the above
+  // "transparent", or sRGB #rrggbb / #rrggbbaa.
+  std::array<uint8_t, 4> background = {255, 255, 255, 255};
+  Light light = Light::kPhong;
+  // Plane a,b,c,d in world units: what has a*x+b*y+c*z+d > 0 is cut away.
+  std::optional<std::array<double, 4>> section;
+};
+
+// One request of any kind, as validated from a query string or a job's JSON.
+struct RequestOptions {
+  VoxelizeOptions voxelize;
+  OutputOptions output;
+  RenderOptions render;
+  bool use_cache = true;   // cache=yes|no
+  std::string filename;    // names the input's format; empty: Content-Type, then first bytes
+};
+
+// Which groups of parameters a request takes; others are unknown-option.
+enum class OptionScope { kVoxelize, kRenderMesh, kRenderGrid, kExport };
+
+using OptionPairs = std::vector<std::pair<std::string, std::string>>;
+
+// Parses name=value pairs (query string, CLI). Errors: unknown-option (with the nearest names),
+// invalid-option (says the name, what is expected and what was got), also for duplicates and for
+// combinations that exclude each other.
+Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope);
+// The same from a JSON object; numbers, strings and arrays of numbers are accepted where the text
+// form would be ("dims":[1,2,3] or "1,2,3").
+Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope scope);
+
+// Canonical JSON: fixed key order, defaults spelled out, no filename, no cache. Equal requests give
+// equal bytes. parse_options(canonical_json(o)) == o.
+std::string canonical_json(const RequestOptions& options, OptionScope scope);
+
+// One row of the table, for help texts, completion and the test that docs name every option.
+struct OptionInfo {
+  std::string_view name;      // "voxel_size"; as a flag --voxel-size
+  std::string_view value;     // "S | X,Y,Z"
+  std::string_view help;
+  bool for_voxelize = false;  // placement and voxelization
+  bool for_output = false;
+  bool for_render = false;
+};
+std::span<const OptionInfo> option_table();
+
+std::string_view format_name(Format format);        // "npy"
+std::string_view format_media_type(Format format);  // "application/x-npy"
+std::string_view format_extension(Format format);   // ".npy"; native: ".voxg"
+std::optional<Format> format_from_name(std::string_view name);
+
+}  // namespace voxeld

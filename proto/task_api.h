@@ -1,0 +1,98 @@
+// The task API: how a worker asks the gateway for work and reports on it. Each message is one JSON
+// object in a frame: u32 little-endian byte count (at most kTaskFrameBytesMax), then the text. The
+// worker sends a request, the gateway answers with one reply; locally over a Unix socket, with
+// blobs passed as file paths in the data directory.
+//
+//   worker                                gateway
+//   hello {protocol, pid, device}    ->   {ok, scratch_dir}
+//   claim {}                         ->   {task: Task}            (blocks until there is one)
+//   progress {task, fence, …}        ->   {cancel: bool, fenced: bool}
+//   complete {task, fence, outputs…} ->   {ok} | {fenced}
+//   fail {task, fence, error}        ->   {ok} | {fenced}
+//
+// A worker that sees `fenced` drops the task: another one owns it. A connection that ends means
+// that the worker died: its task is put back at once.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/job.h"
+#include "proto/result.h"
+
+namespace voxeld {
+
+inline constexpr int kTaskProtocolVersion = 1;
+inline constexpr uint32_t kTaskFrameBytesMax = 16u << 20;
+
+struct WorkerHello {
+  int protocol = kTaskProtocolVersion;
+  int64_t pid = 0;
+  std::string device;       // as asked for: "llvmpipe", "egl:0"
+  std::string renderer;     // GL_RENDERER
+  std::string driver;       // GL_VERSION
+  std::string device_json;  // object: limits, for /readyz, metrics and grid-too-large
+};
+
+// One attempt at one job.
+struct Task {
+  std::string id;         // job id
+  int64_t fence = 0;      // grows with each claim of the job; late reports with an old one are void
+  int attempt = 1;
+  JobKind kind = JobKind::kVoxelize;
+  std::string input_path;   // the asset's or grid's blob, read-only
+  std::string input_hash;   // "sha256-…"
+  bool input_is_grid = false;
+  std::string filename;
+  std::string options_json; // canonical JSON in the scope of the kind
+};
+
+// role: "result" (the answer's bytes), "grid" (the native container).
+struct TaskOutput {
+  std::string role;
+  std::string path;        // in scratch_dir; the gateway hashes, syncs and moves it into the store
+  std::string media_type;
+  std::string filename;
+};
+
+struct TaskProgress {
+  std::string task;
+  int64_t fence = 0;
+  std::string stage;
+  int64_t tiles_done = 0, tiles_total = 0;
+};
+struct TaskProgressReply {
+  bool cancel = false;
+  bool fenced = false;
+};
+
+struct TaskCompletion {
+  std::string task;
+  int64_t fence = 0;
+  std::vector<TaskOutput> outputs;
+  StageTimes timings;
+  std::string meta_json = "{}";
+  std::vector<Warning> warnings;
+};
+struct TaskFailure {
+  std::string task;
+  int64_t fence = 0;
+  Error error;
+};
+
+nlohmann::json to_json_message(const WorkerHello& hello);
+nlohmann::json to_json_message(const Task& task);
+nlohmann::json to_json_message(const TaskProgress& progress);
+nlohmann::json to_json_message(const TaskCompletion& completion);
+nlohmann::json to_json_message(const TaskFailure& failure);
+Result<WorkerHello> parse_worker_hello(const nlohmann::json& message);
+Result<Task> parse_task(const nlohmann::json& message);
+Result<TaskProgress> parse_task_progress(const nlohmann::json& message);
+Result<TaskCompletion> parse_task_completion(const nlohmann::json& message);
+Result<TaskFailure> parse_task_failure(const nlohmann::json& message);
+
+}  // namespace voxeld

@@ -1,0 +1,17 @@
+// CHECK aborts with file, line and a message. It guards what no input can make false; what a user
+// can cause is a Result.
+#pragma once
+
+#include <string_view>
+
+namespace voxeld {
+[[noreturn]] void check_failed(const char* file, int line, const char* condition,
+                               std::string_view detail);
+}  // namespace voxeld
+
+#define VOXELD_CHECK(condition, detail)                                     \
+  do {                                                                      \
+    if (!(condition)) [[unlikely]] {                                        \
+      ::voxeld::check_failed(__FILE__, __LINE__, #condition, (detail));     \
+    }                                                                       \
+  } while (false)

@@ -1,0 +1,67 @@
+#include "server/base/sha256.h"
+
+#include <openssl/evp.h>
+
+#include <algorithm>
+
+#include "server/base/check.h"
+
+namespace voxeld {
+
+namespace {
+constexpr std::string_view kPrefix = "sha256-";
+constexpr size_t kHexDigits = 64;
+}  // namespace
+
+struct Sha256::Impl {
+  EVP_MD_CTX* context = EVP_MD_CTX_new();
+  ~Impl() { EVP_MD_CTX_free(context); }
+};
+
+Sha256::Sha256() : impl_(std::make_unique<Impl>()) {
+  VOXELD_CHECK(EVP_DigestInit_ex(impl_->context, EVP_sha256(), nullptr) == 1, "sha256 init");
+}
+Sha256::~Sha256() = default;
+Sha256::Sha256(Sha256&&) noexcept = default;
+Sha256& Sha256::operator=(Sha256&&) noexcept = default;
+
+void Sha256::update(std::span<const uint8_t> bytes) {
+  VOXELD_CHECK(EVP_DigestUpdate(impl_->context, bytes.data(), bytes.size()) == 1, "sha256 update");
+}
+
+void Sha256::update(std::string_view text) {
+  update(std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
+}
+
+std::string Sha256::finish_id() {
+  std::array<uint8_t, 32> digest{};
+  VOXELD_CHECK(EVP_DigestFinal_ex(impl_->context, digest.data(), nullptr) == 1, "sha256 final");
+  static constexpr char kHex[] = "0123456789abcdef";
+  std::string id(kPrefix);
+  for (const uint8_t byte : digest) {
+    id += kHex[byte >> 4];
+    id += kHex[byte & 15];
+  }
+  return id;
+}
+
+std::string sha256_id(std::span<const uint8_t> bytes) {
+  Sha256 hash;
+  hash.update(bytes);
+  return hash.finish_id();
+}
+
+std::string sha256_id(std::string_view text) {
+  Sha256 hash;
+  hash.update(text);
+  return hash.finish_id();
+}
+
+bool is_sha256_id(std::string_view id) {
+  if (id.size() != kPrefix.size() + kHexDigits || !id.starts_with(kPrefix)) return false;
+  return std::all_of(id.begin() + kPrefix.size(), id.end(), [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
+  });
+}
+
+}  // namespace voxeld

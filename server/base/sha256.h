@@ -1,0 +1,37 @@
+// Content hashes. Ids on the wire are "sha256-" and 64 lower-case hex digits.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace voxeld {
+
+// Incremental SHA-256 (OpenSSL's EVP). One writer; not thread-safe.
+class Sha256 {
+ public:
+  Sha256();
+  ~Sha256();
+  Sha256(Sha256&&) noexcept;
+  Sha256& operator=(Sha256&&) noexcept;
+
+  void update(std::span<const uint8_t> bytes);
+  void update(std::string_view text);
+  // "sha256-<64 hex>". Call once.
+  std::string finish_id();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+std::string sha256_id(std::span<const uint8_t> bytes);
+std::string sha256_id(std::string_view text);
+// True for exactly "sha256-" and 64 lower-case hex digits: safe as a file name.
+bool is_sha256_id(std::string_view id);
+
+}  // namespace voxeld

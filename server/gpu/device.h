@@ -1,0 +1,65 @@
+// Which devices there are, what `auto` takes, and what each is able to do.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/result.h"
+
+namespace voxeld::gpu {
+
+enum class DeviceKind { kEgl, kLlvmpipe, kLavapipe, kOsmesa };
+
+// "egl:0", "llvmpipe", "lavapipe", "osmesa".
+struct DeviceId {
+  DeviceKind kind = DeviceKind::kLlvmpipe;
+  int index = 0;  // of EGL's device enumeration, kEgl only
+  bool operator==(const DeviceId&) const = default;
+};
+
+// Errors: invalid-option, naming the forms. "auto" is not a device: resolve it first.
+Result<DeviceId> parse_device(std::string_view text);
+std::string device_name(const DeviceId& device);
+
+// What was read from, or is known of, a context. All limits are respected by every pass; none is
+// hit silently.
+struct DeviceInfo {
+  DeviceId device;
+  std::string vendor, renderer, version, glsl_version;
+  bool is_software = false;             // llvmpipe, softpipe, SwiftShader, OSMesa, lavapipe
+  bool has_int64 = false;               // GL_ARB_gpu_shader_int64
+  bool has_timer_queries = false;       // they exist and do not always return 0
+  int64_t ssbo_bytes_max = 0;           // GL_MAX_SHADER_STORAGE_BLOCK_SIZE
+  int ssbo_bindings_max = 0;
+  int ubo_bytes_max = 0;
+  int texture_side_max = 0;             // GL_MAX_TEXTURE_SIZE
+  int texture3d_side_max = 0;
+  int framebuffer_side_max = 0;
+  int64_t dispatch_groups_max = 65535;  // per axis
+  int64_t loop_iterations_max = 0;      // per shader invocation group; 0: no known limit
+};
+
+// Describes every candidate: opens each in a child process (a broken driver ends only the child).
+struct DeviceProbe {
+  DeviceId device;
+  bool works = false;
+  std::string reason;  // why it does not work
+  DeviceInfo info;     // when it works
+  double context_ms = 0;
+};
+// `self_executable` is run as `<self> probe-device --device NAME` and prints one JSON object.
+std::vector<DeviceProbe> probe_devices(const std::string& self_executable);
+// Runs in that child: opens the device and prints the JSON. Returns the exit status.
+int probe_device_main(const DeviceId& device);
+
+// Hardware first (egl:N that is not software, lowest N), then llvmpipe, lavapipe, osmesa: the order
+// of measured speed. `why` says it in a sentence.
+struct AutoChoice {
+  DeviceId device;
+  std::string why;
+};
+Result<AutoChoice> choose_device(const std::vector<DeviceProbe>& probes);
+
+}  // namespace voxeld::gpu

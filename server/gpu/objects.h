@@ -1,0 +1,135 @@
+// Move-only GL objects with direct state access; id 0 is empty. They keep a pointer to their
+// Context, which must outlive them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "server/gpu/context.h"
+
+namespace voxeld::gpu {
+
+// Immutable storage in device memory, written by upload() and read by read().
+class Buffer {
+ public:
+  Buffer() = default;
+  // Errors: grid-too-large when over ssbo_bytes_max, internal when the driver is out of memory.
+  static Result<Buffer> create(const Context& context, size_t bytes, std::string_view label);
+  ~Buffer();
+  Buffer(Buffer&& other) noexcept;
+  Buffer& operator=(Buffer&& other) noexcept;
+
+  uint32_t id() const { return id_; }
+  size_t size_bytes() const { return bytes_; }
+  // offset + data.size() <= size_bytes().
+  void upload(size_t offset_bytes, std::span<const uint8_t> data);
+  template <typename T>
+  void upload(size_t offset_bytes, std::span<const T> data) {
+    upload(offset_bytes, std::span(reinterpret_cast<const uint8_t*>(data.data()), data.size_bytes()));
+  }
+  void read(size_t offset_bytes, std::span<uint8_t> out) const;
+  template <typename T>
+  void read(size_t offset_bytes, std::span<T> out) const {
+    read(offset_bytes, std::span(reinterpret_cast<uint8_t*>(out.data()), out.size_bytes()));
+  }
+  // Fills [offset, offset+bytes) with a 32-bit pattern; both multiples of 4.
+  void clear(size_t offset_bytes, size_t bytes, uint32_t value = 0);
+  void bind_storage(uint32_t binding) const;
+  void bind_storage(uint32_t binding, size_t offset_bytes, size_t bytes) const;
+  void bind_uniform(uint32_t binding) const;
+
+ private:
+  const Context* context_ = nullptr;
+  uint32_t id_ = 0;
+  size_t bytes_ = 0;
+};
+
+// Makes `buffer` at least `bytes` large, keeping it when it is; contents are lost when it grows.
+Status ensure_size(Buffer& buffer, const Context& context, size_t bytes, std::string_view label);
+
+// RGBA8UI with all mips, sampled by texelFetch alone (filtering by hand is the same on all drivers).
+class Texture2D {
+ public:
+  Texture2D() = default;
+  static Result<Texture2D> create_rgba8ui(const Context& context, int width, int height, int levels,
+                                          std::string_view label);
+  ~Texture2D();
+  Texture2D(Texture2D&& other) noexcept;
+  Texture2D& operator=(Texture2D&& other) noexcept;
+  uint32_t id() const { return id_; }
+  int width() const { return width_; }
+  int height() const { return height_; }
+  int levels() const { return levels_; }
+  // rgba.size() == 4 * w * h of that level.
+  void upload_level(int level, std::span<const uint8_t> rgba);
+  void bind(uint32_t unit) const;
+
+ private:
+  const Context* context_ = nullptr;
+  uint32_t id_ = 0;
+  int width_ = 0, height_ = 0, levels_ = 0;
+};
+
+// An RGBA8 colour target, or no attachment at all for passes that only write storage.
+class Framebuffer {
+ public:
+  Framebuffer() = default;
+  static Result<Framebuffer> create_rgba8(const Context& context, int width, int height,
+                                          std::string_view label);
+  static Result<Framebuffer> create_empty(const Context& context, int width, int height,
+                                          std::string_view label);
+  ~Framebuffer();
+  Framebuffer(Framebuffer&& other) noexcept;
+  Framebuffer& operator=(Framebuffer&& other) noexcept;
+  // Binds it and sets the viewport to its whole size.
+  void bind() const;
+  // Bottom row first, 4 bytes per pixel.
+  void read_rgba8(std::span<uint8_t> out) const;
+  int width() const { return width_; }
+  int height() const { return height_; }
+
+ private:
+  const Context* context_ = nullptr;
+  uint32_t id_ = 0, color_ = 0;
+  int width_ = 0, height_ = 0;
+};
+
+// An empty vertex array (passes pull their vertices from storage buffers).
+class VertexArray {
+ public:
+  VertexArray() = default;
+  static VertexArray create(const Context& context);
+  ~VertexArray();
+  VertexArray(VertexArray&& other) noexcept;
+  VertexArray& operator=(VertexArray&& other) noexcept;
+  void bind() const;
+
+ private:
+  const Context* context_ = nullptr;
+  uint32_t id_ = 0;
+};
+
+// GPU time of named passes by timer queries; falls back to wall time around glFinish where queries
+// always return 0 (llvmpipe, OSMesa).
+class PassTimer {
+ public:
+  explicit PassTimer(const Context& context);
+  void begin(std::string_view pass);
+  void end();
+  // Milliseconds per pass so far, in order of first use. Waits for the device.
+  std::vector<std::pair<std::string, double>> results();
+
+ private:
+  struct Pending {
+    std::string pass;
+    uint32_t query;
+    double wall_ms;
+  };
+  const Context* context_;
+  std::vector<Pending> pending_;
+};
+
+}  // namespace voxeld::gpu

@@ -1,0 +1,67 @@
+// Shaders: sources embedded at build time (or read from --shader-dir), #include resolved, compiled
+// into programs and kept. Parameters go through uniform buffers: default-block uniforms are stale
+// on Zink over lavapipe.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/result.h"
+#include "server/gpu/context.h"
+
+namespace voxeld::gpu {
+
+class Program {
+ public:
+  Program() = default;
+  Program(const Context& context, uint32_t id) : context_(&context), id_(id) {}
+  ~Program();
+  Program(Program&& other) noexcept;
+  Program& operator=(Program&& other) noexcept;
+  uint32_t id() const { return id_; }
+  void use() const;
+  // Work groups in x; more than dispatch_groups_max are folded into y: the shader takes
+  // group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x and checks its count.
+  void dispatch(int64_t groups) const;
+
+ private:
+  const Context* context_ = nullptr;
+  uint32_t id_ = 0;
+};
+
+struct ShaderStage {
+  std::string file;  // "voxelize_touch.comp"; the stage is the extension: comp vert geom frag
+};
+
+using Defines = std::vector<std::pair<std::string, std::string>>;
+
+class ShaderLibrary {
+ public:
+  // Empty directory: the embedded sources.
+  explicit ShaderLibrary(const Context& context, std::string shader_dir = "");
+
+  // Compiles, or returns the program made before from the same files and defines. The pointer stays
+  // valid as long as the library. Errors: internal with the driver's log, its line numbers mapped
+  // back to "lib/dda.glsl:17".
+  Result<const Program*> get(std::vector<ShaderStage> stages, const Defines& defines = {});
+
+  // Source with #include expanded once each, "#line N <file index>" at seams, version and defines at
+  // the head. Public for tests and for offline validation.
+  struct Resolved {
+    std::string text;
+    std::vector<std::string> files;  // index -> name
+  };
+  Result<Resolved> resolve(std::string_view file, const Defines& defines) const;
+
+ private:
+  const Context* context_;
+  std::string shader_dir_;
+  std::map<std::string, std::unique_ptr<Program>> programs_;
+};
+
+}  // namespace voxeld::gpu

@@ -1,0 +1,36 @@
+// The sparse grid in CPU memory: its place and its occupied tiles.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "proto/grid_format.h"
+#include "proto/sparse_tile.h"
+#include "server/grid/grid_spec.h"
+
+namespace voxeld {
+
+struct Grid {
+  GridSpec spec;
+  bool has_color = false;
+  bool has_normal = false;
+  std::vector<SparseTile> tiles;   // occupied ones only, ascending Morton order of coord
+  std::string meta_json = "{}";    // see JobResult::meta_json; carried by every format
+
+  uint64_t voxel_count() const;
+};
+
+// Brings tiles into storage order and drops empty ones.
+void normalize_tiles(Grid& grid);
+
+// Reads a whole native container. Errors as GridReader.
+Result<Grid> grid_from_container(std::span<const uint8_t> bytes);
+GridHeader container_header(const Grid& grid);
+
+// Hash of dims, origin, voxel size, occupancy and attributes, without meta: equal grids from other
+// pipelines, drivers and formats have equal hashes. "sha256-<64 hex>".
+std::string content_hash(const Grid& grid);
+
+}  // namespace voxeld

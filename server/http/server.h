@@ -1,0 +1,37 @@
+// The HTTP API: a public listener and an admin listener (livez, readyz, metrics) on a port and
+// thread of their own.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "proto/limits.h"
+#include "proto/result.h"
+#include "server/jobs/job_service.h"
+
+namespace voxeld::http {
+
+struct ServerConfig {
+  std::string listen = "127.0.0.1:8080";        // port 0: any; see port()
+  std::string admin_listen = "127.0.0.1:8081";
+  int64_t upload_bytes_max = limits::kUploadBytesMax;
+  int request_threads = 64;                     // requests that are being answered at a time
+  int connections_max = 4096;
+};
+
+class Server {
+ public:
+  virtual ~Server() = default;
+  virtual int port() const = 0;
+  virtual int admin_port() const = 0;
+  // Graceful: stops accepting, lets running answers finish for at most `seconds`, then closes.
+  virtual void stop(double seconds) = 0;
+};
+
+// Binds both listeners and serves on threads of its own. Errors: internal with the address and the
+// system's words ("127.0.0.1:8080: Address already in use").
+Result<std::unique_ptr<Server>> start_server(const ServerConfig& config, JobService& jobs,
+                                             std::shared_ptr<prometheus::Registry> metrics);
+
+}  // namespace voxeld::http

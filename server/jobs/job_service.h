@@ -1,0 +1,117 @@
+// All that the HTTP side knows of jobs: assets, jobs, events, results. A facade over the job store
+// (SQLite), the blob store and the task server. Thread-safe; calls that wait say so.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/job.h"
+#include "proto/result.h"
+#include "proto/task_api.h"
+#include "server/store/blob_store.h"
+
+namespace prometheus {
+class Registry;
+}
+
+namespace voxeld {
+
+struct Asset {
+  std::string id;        // content hash of the upload
+  std::string filename;  // as given; may be empty
+  std::string content_type;
+  int64_t bytes = 0;
+  int64_t created_ms = 0;
+  std::string description_json;  // object from the last inspect job; empty until inspected
+};
+
+struct SubmitOptions {
+  std::string idempotency_key;  // empty: none
+  bool transient = false;       // a one-shot request's job: cancelled when its client leaves
+  double upload_ms = 0;         // goes into the job's timings
+};
+
+struct JobEvent {
+  int64_t id = 0;         // the job's version: monotonic per job
+  std::string type;       // "state", "progress"
+  std::string data_json;  // JobStatus as JSON
+};
+
+struct WorkerState {
+  std::string device, renderer, driver;
+  int64_t pid = 0;
+  bool connected = false;
+  int64_t restarts = 0;
+  std::string task;       // job id it runs, or empty
+  std::string last_error; // of a device that cannot be opened
+  std::string device_json;
+};
+
+class JobService {
+ public:
+  using Clock = std::chrono::steady_clock;
+  virtual ~JobService() = default;
+
+  // --- assets
+  virtual BlobStore& blobs() = 0;
+  // Registers an upload that was written to blobs().
+  virtual Result<Asset> put_asset(const BlobInfo& blob, std::string filename,
+                                  std::string content_type) = 0;
+  virtual Result<Asset> get_asset(std::string_view id) = 0;
+  virtual Result<std::vector<Asset>> list_assets(int limit) = 0;
+  // Results and grids stay; live jobs that need the asset keep its blob until they end.
+  virtual Status delete_asset(std::string_view id) = 0;
+
+  // --- jobs
+  // Durable when it returns. Equal work that is done already (same input, canonical options and
+  // algorithm version) comes back at once with `cached` set, unless use_cache is off. Errors:
+  // not-found (asset, grid), gone, queue-full, idempotency-mismatch, shutting-down.
+  virtual Result<JobStatus> submit(const JobRequest& request, const SubmitOptions& options) = 0;
+  virtual Result<JobStatus> get(std::string_view id) = 0;
+  virtual Result<std::vector<JobStatus>> list(int limit, std::optional<JobState> state) = 0;
+  // Blocks until the job's version exceeds `after_version` or the deadline; then as get().
+  virtual Result<JobStatus> wait_change(std::string_view id, int64_t after_version,
+                                        Clock::time_point deadline) = 0;
+  // Blocks until it ended, the deadline, or `abandoned()` (polled at least every 200 ms) is true.
+  virtual Result<JobStatus> wait_end(std::string_view id, Clock::time_point deadline,
+                                     const std::function<bool()>& abandoned) = 0;
+  // Events after `after_id`, oldest first; blocks until there is one or the deadline.
+  virtual Result<std::vector<JobEvent>> wait_events(std::string_view id, int64_t after_id,
+                                                    Clock::time_point deadline) = 0;
+  // Idempotent. A running job ends within a tile.
+  virtual Result<JobStatus> cancel(std::string_view id) = 0;
+
+  // --- grids: native containers, by content id
+  virtual Result<BlobInfo> get_grid(std::string_view id) = 0;
+
+  // --- state of the daemon, for readyz, metrics
+  virtual std::vector<WorkerState> workers() = 0;
+  virtual int64_t queued_jobs() = 0;
+  // database answers, blob store writable, a worker connected, not draining; else why not.
+  virtual Status ready() = 0;
+  // New work is refused from now on; running jobs go on.
+  virtual void drain() = 0;
+};
+
+struct JobServiceConfig {
+  std::filesystem::path data_dir;
+  std::vector<std::string> devices;   // one worker each
+  std::string worker_executable;      // argv[0] of the daemon itself
+  std::vector<std::string> worker_arguments;  // extra, e.g. --shader-dir
+  int queued_jobs_max = limits::kQueuedJobsMax;
+  bool start_workers = true;          // tests connect their own
+};
+
+// Opens the store (recovering what an earlier process left: running jobs are queued again), starts
+// the task server and the supervisor. `metrics` may be null.
+Result<std::unique_ptr<JobService>> start_job_service(
+    const JobServiceConfig& config, std::shared_ptr<prometheus::Registry> metrics);
+
+}  // namespace voxeld

@@ -1,0 +1,79 @@
+// A scene as plain data: what every loader makes and the voxelizer reads. All positions are in
+// world space (node transforms applied), right-handed.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <glm/mat4x4.hpp>
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
+
+#include "proto/job.h"
+
+namespace voxeld {
+
+// Row 0 is the top row; straight (not premultiplied) alpha; RGB as stored in the file, taken as
+// sRGB.
+struct Image {
+  std::string name;  // as the mesh file names it
+  int width = 0, height = 0;
+  std::vector<uint8_t> rgba;  // 4 * width * height
+};
+
+enum class Wrap { kRepeat, kClamp, kMirror };
+
+struct Material {
+  std::string name;
+  glm::vec4 base_color{1.0f};  // linear light RGB, linear alpha; multiplies texture and vertex colour
+  int image = -1;              // index into Scene::images; -1: none
+  Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
+};
+
+// Triangles that share a material. Attribute arrays are empty or as long as positions.
+struct MeshPart {
+  std::string name;
+  int material = -1;                 // index into Scene::materials; -1: none
+  std::vector<glm::dvec3> positions; // world units
+  std::vector<glm::vec3> normals;    // unit length, world space
+  std::vector<glm::vec2> uvs;        // (0,0) is the top left texel corner; texture transforms applied
+  std::vector<glm::vec4> colors;     // linear light RGB, linear alpha
+  std::vector<uint32_t> indices;     // 3 per triangle, each < positions.size(); counter-clockwise
+};
+
+struct Box3d {
+  glm::dvec3 min{1e308}, max{-1e308};
+  bool empty() const { return min.x > max.x; }
+  void add(const glm::dvec3& p) {
+    min = glm::dvec3(p.x < min.x ? p.x : min.x, p.y < min.y ? p.y : min.y, p.z < min.z ? p.z : min.z);
+    max = glm::dvec3(p.x > max.x ? p.x : max.x, p.y > max.y ? p.y : max.y, p.z > max.z ? p.z : max.z);
+  }
+};
+
+struct MissingFile {
+  std::string name;      // as the mesh file names it
+  std::string needed_by; // material or file
+};
+
+struct Scene {
+  std::string format;  // "ply", "obj", "stl", "off", "gltf", "glb"
+  std::vector<MeshPart> parts;
+  std::vector<Material> materials;
+  std::vector<Image> images;
+  std::vector<Warning> warnings;
+  std::vector<MissingFile> missing_files;
+
+  size_t triangle_count() const;
+  size_t vertex_count() const;
+  // Of the vertices that triangles use.
+  Box3d bounds() const;
+  // Whether the file says anything of colour: vertex colours, textures that were found, or a base
+  // colour that is given. A mesh without it gets no colour channel.
+  bool has_colors() const;
+  bool colors_given = false;  // set by loaders when a material gives a base colour
+};
+
+}  // namespace voxeld

@@ -1,0 +1,73 @@
+// Content-addressed files: DIR/blobs/ab/sha256-ab…, written to DIR/tmp, synced, then renamed.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/result.h"
+#include "server/base/file.h"
+#include "server/base/sha256.h"
+
+namespace voxeld {
+
+struct BlobInfo {
+  std::string id;     // "sha256-…"
+  int64_t bytes = 0;
+  bool existed = false;  // finish() and adopt(): the same bytes were there already
+};
+
+// Receives one blob while it is being hashed. Dropped without finish(), its file goes away.
+class BlobWriter {
+ public:
+  ~BlobWriter();
+  BlobWriter(BlobWriter&&) noexcept;
+  BlobWriter& operator=(BlobWriter&&) noexcept = delete;
+  // Errors: payload-too-large over the writer's cap, storage-full, internal.
+  Status append(std::span<const uint8_t> bytes);
+  int64_t bytes() const { return bytes_; }
+  // Syncs, renames, syncs the directory: the blob survives power loss when this returns.
+  Result<BlobInfo> finish();
+
+ private:
+  friend class BlobStore;
+  BlobWriter(const std::filesystem::path& root, UniqueFd fd, std::filesystem::path temporary,
+             int64_t bytes_max);
+  std::filesystem::path root_;
+  UniqueFd fd_;
+  std::filesystem::path temporary_;  // empty after finish()
+  int64_t bytes_max_;
+  int64_t bytes_ = 0;
+  Sha256 hash_;
+};
+
+// Thread-safe: it holds no state besides its directory.
+class BlobStore {
+ public:
+  // Makes the directories and removes what an earlier process left in tmp.
+  static Result<BlobStore> open(const std::filesystem::path& root);
+
+  Result<BlobWriter> begin(int64_t bytes_max) const;
+  // Hashes, syncs and moves a finished file (a worker's output) into the store.
+  Result<BlobInfo> adopt(const std::filesystem::path& file) const;
+  // Errors: not-found; also for text that is not an id.
+  Result<BlobInfo> stat(std::string_view id) const;
+  // Where a blob is; for passing to a worker or opening. Check stat() first.
+  std::filesystem::path path_of(std::string_view id) const;
+  Status remove(std::string_view id) const;
+  Result<std::vector<std::string>> list() const;
+  const std::filesystem::path& root() const { return root_; }
+  // Free bytes of the file system.
+  Result<int64_t> free_bytes() const;
+
+ private:
+  explicit BlobStore(std::filesystem::path root) : root_(std::move(root)) {}
+  std::filesystem::path root_;
+};
+
+}  // namespace voxeld
