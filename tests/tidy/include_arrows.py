@@ -1,0 +1,97 @@
+#!/usr/bin/env python3
+"""Checks that #include directives obey the arrows of server/README.md, and other rules of style.
+
+Each rule prints file:line and what is wrong; any finding makes the exit status 1.
+"""
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+# module -> modules whose headers it may include.
+ARROWS = {
+    "proto": {"proto"},
+    "client": {"client", "proto"},
+    "server/base": {"server/base", "proto"},
+    "server/grid": {"server/grid", "server/base", "proto"},
+    "server/scene": {"server/scene", "server/base", "proto"},
+    "server/store": {"server/store", "server/base", "proto"},
+    "server/gpu": {"server/gpu", "server/base", "proto", "shaders"},
+    "server/formats": {"server/formats", "server/grid", "server/base", "proto"},
+    "server/voxel": {"server/voxel", "server/scene", "server/grid", "server/gpu", "server/base",
+                     "proto", "shaders"},
+    "server/render": {"server/render", "server/grid", "server/gpu", "server/base", "proto",
+                      "shaders"},
+    "server/worker": {"server/worker", "server/scene", "server/voxel", "server/render",
+                      "server/formats", "server/grid", "server/gpu", "server/base", "proto"},
+    "server/jobs": {"server/jobs", "server/store", "server/base", "proto"},
+    "server/http": {"server/http", "server/jobs", "server/store", "server/base", "proto"},
+    "server": {"server", "server/http", "server/jobs", "server/worker", "server/gpu",
+               "server/store", "server/base", "proto"},
+    "shaders": {"shaders"},
+}
+# Headers that one module alone may include.
+ONLY_IN = {
+    "httplib.h": {"server/http"},
+    "tiny_gltf.h": {"server/scene"},
+    "sqlite3.h": {"server/jobs"},
+    "curl/curl.h": {"client"},
+    "zip.h": {"server/scene", "server/formats", "client"},
+    "zstd.h": {"proto"},
+    "OpenImageIO/imageio.h": {"server/scene", "server/render"},
+    "spdlog/spdlog.h": {"server/base"},
+    "GL/glcorearb.h": {"server/gpu"},
+}
+LINE_MAX = 100
+FILE_LINES_MAX = 600
+FORBIDDEN = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b")
+INCLUDE = re.compile(r'^\s*#include\s+(["<])([^">]+)[">]')
+
+
+def module_of(path):
+    parts = path.split("/")
+    if parts[0] == "server" and len(parts) > 2:
+        return "server/" + parts[1]
+    return parts[0]
+
+
+def check_file(path, findings):
+    relative = path.relative_to(ROOT).as_posix()
+    module = module_of(relative)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    is_product = module in ARROWS
+    if len(lines) > FILE_LINES_MAX and is_product:
+        findings.append(f"{relative}: {len(lines)} lines, at most {FILE_LINES_MAX}")
+    for number, line in enumerate(lines, 1):
+        if len(line) > LINE_MAX and "http" not in line:
+            findings.append(f"{relative}:{number}: {len(line)} columns, at most {LINE_MAX}")
+        if FORBIDDEN.search(line):
+            findings.append(f"{relative}:{number}: work left undone: {line.strip()}")
+        match = INCLUDE.match(line)
+        if not match or not is_product:
+            continue
+        target = match.group(2)
+        if target in ONLY_IN and module not in ONLY_IN[target]:
+            findings.append(f"{relative}:{number}: {target} belongs to {sorted(ONLY_IN[target])}")
+        target_module = module_of(target)
+        if match.group(1) == '"' and target_module in ARROWS:
+            if target_module not in ARROWS[module]:
+                findings.append(f"{relative}:{number}: {module} must not include {target_module}")
+
+
+def main():
+    findings = []
+    suffixes = {".h", ".cpp", ".glsl", ".comp", ".vert", ".geom", ".frag"}
+    files = [path for top in ("proto", "client", "server", "shaders", "tests")
+             for path in sorted((ROOT / top).rglob("*")) if path.suffix in suffixes]
+    for path in files:
+        check_file(path, findings)
+    for finding in findings:
+        print(finding)
+    print(f"{len(files)} files, {len(findings)} findings")
+    return 1 if findings or not files else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
