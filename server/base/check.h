@@ -9,9 +9,9 @@ namespace voxeld {
                                std::string_view detail);
 }  // namespace voxeld
 
-#define VOXELD_CHECK(condition, detail)                                     \
-  do {                                                                      \
-    if (!(condition)) [[unlikely]] {                                        \
-      ::voxeld::check_failed(__FILE__, __LINE__, #condition, (detail));     \
-    }                                                                       \
+#define VOXELD_CHECK(condition, detail)                                 \
+  do {                                                                  \
+    if (!(condition)) [[unlikely]] {                                    \
+      ::voxeld::check_failed(__FILE__, __LINE__, #condition, (detail)); \
+    }                                                                   \
   } while (false)

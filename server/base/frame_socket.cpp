@@ -96,7 +96,8 @@ Result<std::string> FrameSocket::receive() {
   VOXELD_ASSIGN(const size_t head_bytes, read_exactly(fd_.get(), head.data(), head.size()));
   if (head_bytes == 0) return Error{ErrorCode::kGone, "connection closed", "", ""};
   uint32_t size = 0;
-  for (int i = 0; i < 4; ++i) size |= static_cast<uint32_t>(static_cast<uint8_t>(head[i])) << (8 * i);
+  for (int i = 0; i < 4; ++i)
+    size |= static_cast<uint32_t>(static_cast<uint8_t>(head[i])) << (8 * i);
   if (head_bytes < head.size() || size > frame_bytes_max_) {
     return Error{ErrorCode::kBadRequest, "task message has a bad length",
                  "at most " + std::to_string(frame_bytes_max_), std::to_string(size)};

@@ -59,9 +59,8 @@ std::string sha256_id(std::string_view text) {
 
 bool is_sha256_id(std::string_view id) {
   if (id.size() != kPrefix.size() + kHexDigits || !id.starts_with(kPrefix)) return false;
-  return std::all_of(id.begin() + kPrefix.size(), id.end(), [](char c) {
-    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
-  });
+  return std::all_of(id.begin() + kPrefix.size(), id.end(),
+                     [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); });
 }
 
 }  // namespace voxeld

@@ -17,8 +17,8 @@ namespace voxeld::reference {
 using ColorAt = std::function<std::array<double, 4>(size_t t, const std::array<double, 3>& bary)>;
 
 struct CellColor {
-  double area = 0;                       // of the surface in the cell, in voxel^2
-  std::array<double, 4> linear_rgba{};   // area average
+  double area = 0;                      // of the surface in the cell, in voxel^2
+  std::array<double, 4> linear_rgba{};  // area average
 };
 
 // Keyed by x + dims.x * (y + dims.y * z). Cells that are touched without area are absent.

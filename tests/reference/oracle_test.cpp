@@ -64,7 +64,8 @@ TEST(ColorOracle, a_quad_half_red_half_blue_averages_by_area) {
 }
 
 TEST(ColorOracle, a_linear_ramp_integrates_to_the_value_at_the_centroid) {
-  const std::vector<Triangle> one = {Triangle{Point{0, 0, 0.5}, Point{1, 0, 0.5}, Point{0, 1, 0.5}}};
+  const std::vector<Triangle> one = {
+      Triangle{Point{0, 0, 0.5}, Point{1, 0, 0.5}, Point{0, 1, 0.5}}};
   const auto cells = average_colors(one, kGrid4, [](size_t, const std::array<double, 3>& bary) {
     return std::array<double, 4>{bary[0], bary[1], bary[2], 1};
   });

@@ -16,7 +16,9 @@ Vector cross(const Vector& a, const Vector& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 
-Wide dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+Wide dot(const Vector& a, const Vector& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 // True when the projections of the three vertices and of the eight corners have no common point.
 bool separates(const Vector& axis, const std::array<Vector, 3>& triangle, const Vector& corner) {
@@ -28,7 +30,8 @@ bool separates(const Vector& axis, const std::array<Vector, 3>& triangle, const 
   }
   Wide cube_min = 0, cube_max = 0;
   for (int i = 0; i < 8; ++i) {
-    const Vector p = {corner[0] + ((i & 1) != 0 ? kCell : 0), corner[1] + ((i & 2) != 0 ? kCell : 0),
+    const Vector p = {corner[0] + ((i & 1) != 0 ? kCell : 0),
+                      corner[1] + ((i & 2) != 0 ? kCell : 0),
                       corner[2] + ((i & 4) != 0 ? kCell : 0)};
     const Wide d = dot(axis, p);
     cube_min = i == 0 ? d : std::min(cube_min, d);

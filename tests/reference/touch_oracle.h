@@ -1,6 +1,6 @@
 // The oracle for rule=touch: an independent, naive formulation in exact integers. It shares no code
-// with the voxelizer: snapping is written down again from server/voxel/README.md, and the overlap is
-// the 13-axis separating axis test (Akenine-Moeller 2001) with all 8 cube corners projected in
+// with the voxelizer: snapping is written down again from server/voxel/README.md, and the overlap
+// is the 13-axis separating axis test (Akenine-Moeller 2001) with all 8 cube corners projected in
 // 128-bit integers, where the voxelizer uses Schwarz & Seidel's plane test and 2D projections.
 #pragma once
 

@@ -1,0 +1,248 @@
+"""Starts voxeld on ports of its own, talks HTTP to it, and holds every response against openapi.json."""
+import http.client
+import json
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+import unittest
+
+import jsonschema
+import yaml
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BIN = pathlib.Path(os.environ.get("VOXELD_BIN_DIR", ROOT / "build/dev/bin"))
+DATA = os.environ.get("VOXELD_DATA_DIR")
+START_SECONDS = 60
+
+
+def make_fixtures(directory):
+    subprocess.run([BIN / "voxeld_make_fixtures", directory], check=True, stdout=subprocess.DEVNULL)
+
+
+def oracle(mesh, size):
+    """(dims, occupied, sha256 id of the uint8 zyx occupancy) that rule=touch must give."""
+    out = subprocess.run([BIN / "voxeld_oracle", mesh, str(size)], check=True,
+                         capture_output=True, text=True).stdout.split()
+    return tuple(int(v) for v in out[1:4]), int(out[5]), out[6]
+
+
+class Response:
+    def __init__(self, status, headers, body):
+        self.status = status
+        self.headers = headers
+        self.body = body
+
+    def json(self):
+        return json.loads(self.body)
+
+
+class OpenApi:
+    """Checks responses against the specification that the project ships."""
+
+    def __init__(self, spec):
+        self.spec = spec
+        self.checked = 0
+        self.routes = []
+        for template, operations in spec["paths"].items():
+            pattern = re.compile("^" + re.sub(r"\{[^}]+\}", "[^/]+", template) + "$")
+            self.routes.append((template.count("{"), pattern, template, operations))
+        self.routes.sort(key=lambda route: (route[0], -len(route[2])))
+
+    def resolve(self, node):
+        while isinstance(node, dict) and "$ref" in node:
+            target = self.spec
+            for part in node["$ref"].lstrip("#/").split("/"):
+                target = target[part]
+            node = target
+        return node
+
+    def check(self, method, path, response):
+        path = path.split("?")[0]
+        for _, pattern, template, operations in self.routes:
+            if not pattern.match(path):
+                continue
+            if method.lower() not in operations and method == "HEAD":
+                method = "GET"
+            if method.lower() not in operations:
+                assert response.status in (204, 405), f"{method} {template}: {response.status}"
+                return
+            self.check_operation(f"{method} {template}", operations[method.lower()], response)
+            self.checked += 1
+            return
+        assert response.status in (400, 404, 405), f"{method} {path} is not in openapi: {response.status}"
+
+    def check_operation(self, name, operation, response):
+        responses = operation["responses"]
+        entry = responses.get(str(response.status)) or responses.get(
+            f"{response.status // 100}XX") or responses.get("default")
+        assert entry, f"{name}: status {response.status} is not in openapi"
+        entry = self.resolve(entry)
+        for header, definition in (entry.get("headers") or {}).items():
+            if self.resolve(definition).get("required"):
+                assert response.headers.get(header) is not None, f"{name} {response.status}: no {header}"
+        content = entry.get("content") or {}
+        media_type = (response.headers.get("Content-Type") or "").split(";")[0].strip()
+        if not response.body:
+            return
+        assert media_type in content or "*/*" in content, (
+            f"{name} {response.status}: {media_type} is not one of {sorted(content)}")
+        schema = (content.get(media_type) or content["*/*"]).get("schema")
+        if schema and media_type.endswith("json"):
+            whole = {"components": self.spec.get("components", {}), **schema}
+            jsonschema.Draft202012Validator(whole).validate(json.loads(response.body))
+
+
+class Daemon:
+    """One voxeld with a data directory of its own."""
+
+    def __init__(self, device="llvmpipe", data_dir=None, arguments=()):
+        self.device = device
+        self.own_data = data_dir is None
+        self.data_dir = data_dir or tempfile.mkdtemp(prefix="voxeld-test-")
+        self.arguments = list(arguments)
+        self.openapi = OpenApi(json.loads(json.dumps(
+            yaml.safe_load((ROOT / "proto/openapi.yaml").read_text()))))
+        self.start()
+
+    def start(self):
+        self.log = open(os.path.join(self.data_dir, "..", os.path.basename(self.data_dir) + ".log"), "ab")
+        self.process = subprocess.Popen(
+            [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0",
+             "--data", self.data_dir, "--device", self.device, *self.arguments],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self.log, text=True)
+        line = self.process.stdout.readline()
+        match = re.match(r"ready http://127\.0\.0\.1:(\d+) admin=http://127\.0\.0\.1:(\d+)", line)
+        if not match:
+            self.process.wait(10)
+            raise AssertionError(f"daemon did not start: {line!r}\n{self.log_tail()}")
+        self.port, self.admin_port = int(match.group(1)), int(match.group(2))
+        self.url = f"http://127.0.0.1:{self.port}"
+        self.wait_ready()
+
+    def wait_ready(self):
+        deadline = time.monotonic() + START_SECONDS
+        while time.monotonic() < deadline:
+            response = self.request("GET", "/readyz", port=self.admin_port)
+            if response.status == 200:
+                return
+            time.sleep(0.05)
+        raise AssertionError(f"not ready: {response.body!r}\n{self.log_tail()}")
+
+    def log_tail(self):
+        with open(self.log.name, "rb") as file:
+            return file.read()[-4000:].decode(errors="replace")
+
+    def request(self, method, path, body=None, headers=None, port=None, timeout=120):
+        connection = http.client.HTTPConnection("127.0.0.1", port or self.port, timeout=timeout)
+        try:
+            connection.request(method, path, body=body, headers=headers or {})
+            raw = connection.getresponse()
+            response = Response(raw.status, raw.headers, raw.read())
+        finally:
+            connection.close()
+        if port is None:
+            self.openapi.check(method, path, response)
+        return response
+
+    def get(self, path, **kw):
+        return self.request("GET", path, **kw)
+
+    def post(self, path, body=None, **kw):
+        if isinstance(body, (dict, list)):
+            body = json.dumps(body)
+            kw.setdefault("headers", {})["Content-Type"] = "application/json"
+        return self.request("POST", path, body=body, **kw)
+
+    def upload(self, path):
+        with open(path, "rb") as file:
+            response = self.post("/v1/assets?filename=" + os.path.basename(path), file.read())
+        assert response.status in (200, 201), response.body
+        return response.json()["id"]
+
+    def submit(self, **job):
+        response = self.post("/v1/jobs", job)
+        assert response.status in (200, 202), response.body
+        return response.json()["id"]
+
+    def wait(self, job, seconds=120):
+        deadline = time.monotonic() + seconds
+        while True:
+            status = self.get(f"/v1/jobs/{job}", headers={"Prefer": "wait=10"}).json()
+            if status["state"] in ("done", "failed", "cancelled"):
+                return status
+            assert time.monotonic() < deadline, status
+
+    def wait_state(self, job, state, seconds=60):
+        deadline = time.monotonic() + seconds
+        while True:
+            status = self.get(f"/v1/jobs/{job}").json()
+            if status["state"] == state:
+                return status
+            assert time.monotonic() < deadline and status["state"] in ("queued", "running"), status
+            time.sleep(0.005)
+
+    def worker_pid(self):
+        workers = self.request("GET", "/readyz", port=self.admin_port).json()["workers"]
+        return workers[0]["pid"] if workers and workers[0]["connected"] else None
+
+    def kill_worker(self):
+        pid = self.worker_pid()
+        assert pid, "no worker"
+        os.kill(pid, signal.SIGKILL)
+        return pid
+
+    def kill_gateway(self):
+        self.process.kill()
+        self.process.wait(10)
+        self.process.stdout.close()
+        self.log.close()
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(30)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait(10)
+                raise AssertionError("daemon did not stop on SIGTERM\n" + self.log_tail())
+        self.process.stdout.close()
+        self.log.close()
+        if self.own_data:
+            shutil.rmtree(self.data_dir, ignore_errors=True)
+            os.unlink(self.log.name)
+
+
+class DaemonTest(unittest.TestCase):
+    """A test class that shares one daemon and one set of fixtures."""
+    device = "llvmpipe"
+    arguments = ()
+
+    @classmethod
+    def setUpClass(cls):
+        cls.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
+        make_fixtures(cls.fixtures)
+        cls.daemon = Daemon(device=cls.device, arguments=cls.arguments)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.daemon.stop()
+        shutil.rmtree(cls.fixtures, ignore_errors=True)
+
+    def fixture(self, name):
+        return (self.fixtures / name).read_bytes()
+
+    def assert_problem(self, response, status, code, *parts):
+        self.assertEqual(response.status, status, response.body)
+        self.assertEqual(response.headers["Content-Type"], "application/problem+json")
+        problem = response.json()
+        self.assertEqual(problem["code"], code, problem)
+        text = " ".join(str(problem.get(key, "")) for key in ("detail", "expected", "got"))
+        for part in parts:
+            self.assertIn(part, text)
+        return problem

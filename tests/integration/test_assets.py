@@ -1,0 +1,47 @@
+"""Assets: deduplicated uploads and their description."""
+import json
+import unittest
+
+from harness import DATA, DaemonTest
+
+
+class Assets(DaemonTest):
+    def test_the_same_bytes_are_one_asset(self):
+        first = self.daemon.post("/v1/assets?filename=a.ply", self.fixture("sample.ply"))
+        second = self.daemon.post("/v1/assets?filename=a.ply", self.fixture("sample.ply"))
+        self.assertEqual((first.status, second.status), (201, 200))
+        self.assertEqual(first.json()["id"], second.json()["id"])
+        self.assertEqual(first.headers["Location"], "/v1/assets/" + first.json()["id"])
+
+    def test_description_of_a_closed_sample(self):
+        asset = self.daemon.upload(self.fixtures / "sample.obj.zip")
+        description = self.daemon.get(f"/v1/assets/{asset}").json()
+        self.assertGreater(description["triangles"], 100)
+        for corner in ("min", "max"):
+            self.assertEqual(len(description["bounds"][corner]), 3)
+        self.assertTrue(description["materials"])
+        self.assertEqual(description["missing_files"], [])
+
+    def test_missing_files_are_named(self):
+        obj = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+        asset = self.daemon.post("/v1/assets?filename=a.obj", obj).json()["id"]
+        description = self.daemon.get(f"/v1/assets/{asset}").json()
+        self.assertIn("gone.mtl", json.dumps(description["missing_files"]))
+
+    def test_a_broken_asset_tells_what_is_wrong_when_asked(self):
+        asset = self.daemon.post("/v1/assets?filename=a.obj", b"v 1 2\nf 1 2 3\n").json()["id"]
+        self.assert_problem(self.daemon.get(f"/v1/assets/{asset}"), 422, "malformed-mesh", "line 1")
+
+    @unittest.skipUnless(DATA, "VOXELD_DATA_DIR is not set: no real meshes")
+    def test_real_meshes_have_the_counts_of_their_manifest(self):
+        for name, triangles in {"scans/bunny/bun_zipper.ply": 69451, "scans/bunny/bunny.OBJ": 5110,
+                                "scans/buddha/buddha_100k.obj": 100000, "gltf/Duck.glb": 4212,
+                                "scans/bunny/bunny_69451.stl": 69451,
+                                "obj/spot/spot_quadrangulated.obj": 5856}.items():
+            with self.subTest(name):
+                asset = self.daemon.upload(f"{DATA}/{name}")
+                self.assertEqual(self.daemon.get(f"/v1/assets/{asset}").json()["triangles"], triangles)
+
+
+if __name__ == "__main__":
+    unittest.main()

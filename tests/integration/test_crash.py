@@ -1,0 +1,102 @@
+"""kill -9 of workers and of the gateway: nothing that was acknowledged is lost."""
+import os
+import shutil
+import signal
+import tempfile
+import time
+import unittest
+
+from harness import Daemon, DaemonTest
+
+# Long enough on a software driver that a signal meets it in the middle.
+LONG = {"size": 1500, "channels": "occupancy,color,normal", "cache": "no"}
+
+
+class WorkerKilled(DaemonTest):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.asset = cls.daemon.upload(cls.fixtures / "sample.glb")
+
+    def submit_and_wait_running(self, **options):
+        job = self.daemon.submit(kind="voxelize", asset=self.asset, options={**LONG, **options})
+        self.daemon.wait_state(job, "running")
+        return job
+
+    def wait_for_attempt(self, job, attempt):
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            status = self.daemon.get(f"/v1/jobs/{job}").json()
+            if status["attempt"] >= attempt and status["state"] == "running":
+                return status
+            if status["state"] in ("done", "failed"):
+                return status
+            time.sleep(0.01)
+        self.fail(f"attempt {attempt} was not reached: {status}")
+
+    def test_a_job_survives_the_death_of_its_worker(self):
+        job = self.submit_and_wait_running(padding=1)
+        killed = self.daemon.kill_worker()
+        self.assertEqual(self.daemon.get("/v1/jobs?limit=1").status, 200)  # it answers all the while
+        status = self.daemon.wait(job, 300)
+        self.assertEqual(status["state"], "done", status)
+        self.assertEqual(status["attempt"], 2)
+        self.assertNotEqual(self.daemon.worker_pid(), killed)
+
+    def test_a_job_that_ends_three_workers_fails_with_that_reason(self):
+        job = self.submit_and_wait_running(padding=2)
+        for attempt in (1, 2, 3):
+            self.wait_for_attempt(job, attempt)
+            self.daemon.kill_worker()
+        status = self.daemon.wait(job, 120)
+        self.assertEqual(status["state"], "failed", status)
+        self.assertEqual(status["error"]["code"], "worker-crashed")
+        self.assertIn("3", status["error"]["detail"])
+        self.assertIn("signal 9", status["error"]["detail"])
+        problem = self.assert_problem(self.daemon.get(f"/v1/jobs/{job}/result"), 500,
+                                      "worker-crashed")
+        self.assertTrue(problem["detail"])
+        # Others are served again.
+        self.assertEqual(self.daemon.post("/v1/voxelize?size=16&filename=a.glb",
+                                          self.fixture("sample.glb")).status, 200)
+
+
+class GatewayKilled(DaemonTest):
+    def test_accepted_jobs_survive_and_finish_after_a_restart(self):
+        directory = tempfile.mkdtemp(prefix="voxeld-test-")
+        daemon = Daemon(data_dir=directory)
+        try:
+            asset = daemon.upload(self.fixtures / "sample.glb")
+            jobs = [daemon.submit(kind="voxelize", asset=asset,
+                                  options={**LONG, "size": 1200, "padding": 3})]
+            jobs += [daemon.submit(kind="voxelize", asset=asset, options={"size": 20 + i})
+                     for i in range(5)]
+            daemon.wait_state(jobs[0], "running")
+            worker = daemon.worker_pid()
+            daemon.kill_gateway()
+            deadline = time.monotonic() + 10
+            while time.monotonic() < deadline and os.path.exists(f"/proc/{worker}"):
+                time.sleep(0.05)
+            self.assertFalse(os.path.exists(f"/proc/{worker}"), "the worker outlived the gateway")
+            daemon.start()
+            for job in jobs:
+                self.assertEqual(daemon.wait(job, 300)["state"], "done")
+        finally:
+            daemon.stop()
+            shutil.rmtree(directory)
+
+    def test_a_second_daemon_cannot_share_the_data(self):
+        with self.assertRaisesRegex(AssertionError, "in use|already"):
+            Daemon(data_dir=self.daemon.data_dir)
+
+    def test_sigterm_ends_the_daemon_and_its_worker(self):
+        daemon = Daemon()
+        worker = daemon.worker_pid()
+        daemon.process.send_signal(signal.SIGTERM)
+        self.assertEqual(daemon.process.wait(30), 0)
+        self.assertFalse(os.path.exists(f"/proc/{worker}"))
+        daemon.stop()
+
+
+if __name__ == "__main__":
+    unittest.main()

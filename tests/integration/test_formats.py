@@ -1,0 +1,111 @@
+"""Outputs, read by independent readers: numpy, goxel, and the reader of the documentation."""
+import io
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+from harness import ROOT, DaemonTest
+
+sys.path.insert(0, str(ROOT / "docs"))
+
+
+class Formats(DaemonTest):
+    def voxelize(self, query, name="sample.glb"):
+        response = self.daemon.post(f"/v1/voxelize?{query}&filename={name}", self.fixture(name))
+        self.assertEqual(response.status, 200, response.body)
+        return response
+
+    def npz(self, query):
+        return np.load(io.BytesIO(self.voxelize(query + "&format=npz").body))
+
+    def test_axes_and_dtype_of_npy(self):
+        base = np.load(io.BytesIO(self.voxelize("size=31&format=npy").body))
+        for dtype, expected in (("uint8", np.uint8), ("bool", np.bool_), ("float32", np.float32)):
+            grid = np.load(io.BytesIO(self.voxelize(f"size=31&format=npy&dtype={dtype}").body))
+            self.assertEqual(grid.dtype, expected)
+            self.assertTrue((grid.astype(bool) == base.astype(bool)).all())
+        xyz = np.load(io.BytesIO(self.voxelize("size=31&format=npy&axes=xyz").body))
+        self.assertTrue((xyz == base.transpose(2, 1, 0)).all())
+
+    def test_the_documented_reader_gives_the_same_grid_as_npz(self):
+        import read_grid
+        query = "size=300&channels=occupancy,color,normal"
+        native = self.voxelize(query + "&format=native").body
+        grid = read_grid.read_grid(native)
+        dense = self.npz(query)
+        self.assertEqual(tuple(grid["dims"]), dense["occupancy"].shape[::-1])
+        np.testing.assert_array_equal(np.asarray(grid["origin"]), dense["origin"])
+        np.testing.assert_array_equal(np.asarray(grid["voxel_size"]), dense["voxel_size"])
+        cells = np.asarray(grid["cells"])
+        occupied = np.zeros_like(dense["occupancy"])
+        occupied[cells[:, 2], cells[:, 1], cells[:, 0]] = 1
+        self.assertTrue((occupied == dense["occupancy"]).all())
+        self.assertTrue((dense["color"][cells[:, 2], cells[:, 1], cells[:, 0]] ==
+                         np.asarray(grid["color"])).all())
+        self.assertTrue((dense["normal"][cells[:, 2], cells[:, 1], cells[:, 0]] ==
+                         np.asarray(grid["normal"])).all())
+        self.assertLess(len((ROOT / "docs/read_grid.py").read_text().splitlines()), 75)
+
+    def test_a_vox_above_256_opens_in_goxel(self):
+        query = "size=300&channels=occupancy,color"
+        dense = self.npz(query)
+        with tempfile.TemporaryDirectory() as directory:
+            vox = pathlib.Path(directory) / "a.vox"
+            vox.write_bytes(self.voxelize(query + "&format=vox").body)
+            text = pathlib.Path(directory) / "a.txt"
+            subprocess.run(["xvfb-run", "-a", "goxel", vox, "-e", text], check=True,
+                           capture_output=True, timeout=300,
+                           env={**os.environ, "HOME": directory, "LIBGL_ALWAYS_SOFTWARE": "1"})
+            cells = np.loadtxt(text, usecols=(0, 1, 2), dtype=int, comments="#")
+        self.assertEqual(len(cells), int(dense["occupancy"].sum()))
+        # z up: (x, -z, y); compare shapes after moving both to the origin.
+        z, y, x = np.nonzero(dense["occupancy"])
+        ours = np.stack([x, -z, y], axis=1)
+        ours -= ours.min(axis=0)
+        theirs = cells - cells.min(axis=0)
+        self.assertEqual({tuple(c) for c in ours}, {tuple(c) for c in theirs})
+
+    def test_every_format_carries_dims_origin_and_voxel_size(self):
+        dense = self.npz("size=20")
+        meta = json.loads(bytes(dense["meta"]))
+        self.assertEqual(meta["dims"], list(dense["occupancy"].shape[::-1]))
+        vox = self.voxelize("size=20&format=vox").body
+        self.assertIn(b"voxel_size", vox)
+        self.assertIn(b"origin", vox)
+        npy = self.voxelize("size=20&format=npy")
+        self.assertEqual(json.loads(npy.headers["X-Voxeld-Meta"])["dims"], meta["dims"])
+        self.assertEqual(json.loads(npy.headers["X-Voxeld-Meta"])["origin"], meta["origin"])
+
+    def test_a_mesh_without_colours_gets_none(self):
+        response = self.daemon.post("/v1/voxelize?size=20&format=npz&filename=sample.off",
+                                    self.fixture("sample.off"))
+        self.assertNotIn("color", np.load(io.BytesIO(response.body)))
+
+    def test_axis_colours_are_red_green_and_blue(self):
+        box = (b"OFF\n8 6 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n"
+               b"4 0 3 2 1\n4 4 5 6 7\n4 0 1 5 4\n4 2 3 7 6\n4 0 4 7 3\n4 1 2 6 5\n")
+        response = self.daemon.post("/v1/voxelize?size=9&color=axis&format=npz&filename=a.off", box)
+        grid = np.load(io.BytesIO(response.body))
+        middle = {"x": grid["color"][4, 4, 0], "y": grid["color"][4, 0, 4], "z": grid["color"][0, 4, 4]}
+        self.assertEqual([list(middle[a][:3]) for a in "xyz"],
+                         [[255, 0, 0], [0, 255, 0], [0, 0, 255]])
+
+    def test_placements(self):
+        self.assertEqual(self.npz("dims=10,40,20")["occupancy"].shape, (20, 40, 10))
+        cropped = self.npz("dims=16,8,4&bounds=-1,-1,-1,1,1,1")
+        self.assertEqual(cropped["occupancy"].shape, (4, 8, 16))
+        np.testing.assert_allclose(cropped["voxel_size"], [2 / 16, 2 / 8, 2 / 4])
+        np.testing.assert_allclose(cropped["origin"], [-1, -1, -1])
+        padded = self.npz("size=24&padding=3")["occupancy"]
+        self.assertEqual(max(padded.shape), 24)
+        self.assertEqual(padded[:3].sum() + padded[-3:].sum(), 0)
+
+
+if __name__ == "__main__":
+    unittest.main()

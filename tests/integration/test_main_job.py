@@ -1,0 +1,113 @@
+"""The main job: a mesh in, a grid and a picture out, the same bytes on every driver and pipeline."""
+import hashlib
+import io
+import os
+import subprocess
+import unittest
+
+import numpy as np
+
+from harness import BIN, DATA, Daemon, DaemonTest, make_fixtures, oracle
+
+import pathlib
+import shutil
+import tempfile
+
+DEVICES = ("llvmpipe", "lavapipe", "osmesa")
+PIPELINES = ("raster", "compute")
+
+
+class OneShot(DaemonTest):
+    def test_curl_gets_a_grid_that_numpy_loads(self):
+        out = subprocess.run(
+            ["curl", "-fsS", "--data-binary", f"@{self.fixtures}/sample.ply",
+             f"{self.daemon.url}/v1/voxelize?size=64&format=npy"], check=True, capture_output=True)
+        grid = np.load(io.BytesIO(out.stdout))
+        dims, occupied, _ = oracle(self.fixtures / "sample.ply", 64)
+        self.assertEqual(grid.dtype, np.uint8)
+        self.assertEqual(grid.shape, dims[::-1])
+        self.assertEqual(max(grid.shape), 64)
+        self.assertEqual(int(grid.sum()), occupied)
+
+    def test_npz_carries_colour_and_place(self):
+        response = self.daemon.post("/v1/voxelize?size=48&format=npz&filename=sample.glb",
+                                    self.fixture("sample.glb"))
+        self.assertEqual(response.status, 200, response.body)
+        grid = np.load(io.BytesIO(response.body))
+        occupied = grid["occupancy"].astype(bool)
+        self.assertEqual(grid["color"].shape, occupied.shape + (4,))
+        self.assertTrue((grid["color"][~occupied] == 0).all())
+        self.assertGreater(len(np.unique(grid["color"][occupied], axis=0)), 10)
+        self.assertEqual(grid["origin"].dtype, np.float64)
+        self.assertEqual(grid["voxel_size"].shape, (3,))
+        self.assertIn("voxelize", response.headers["Server-Timing"])
+        for header in ("ETag", "X-Voxeld-Pipeline", "X-Voxeld-Device", "X-Voxeld-Content-Hash"):
+            self.assertTrue(response.headers[header], header)
+
+    def test_the_same_request_twice_computes_once(self):
+        path = "/v1/voxelize?size=40&format=native&filename=sample.ply"
+        first = self.daemon.post(path, self.fixture("sample.ply"))
+        second = self.daemon.post(path, self.fixture("sample.ply"))
+        self.assertEqual(first.body, second.body)
+        self.assertEqual(first.headers["ETag"], second.headers["ETag"])
+        self.assertIn("hit", second.headers.get("Cache-Status", ""))
+
+    def test_every_sample_of_the_project_is_voxelized_exactly(self):
+        for name in ("sample.glb", "sample.ply", "sample.stl", "sample.off", "sample.obj.zip"):
+            with self.subTest(name):
+                response = self.daemon.post(f"/v1/voxelize?size=50&format=npy&filename={name}",
+                                            self.fixture(name))
+                self.assertEqual(response.status, 200, response.body)
+                grid = np.load(io.BytesIO(response.body))
+                _, occupied, digest = oracle(self.fixtures / name, 50)
+                self.assertEqual(int(grid.sum()), occupied)
+                self.assertEqual("sha256-" + hashlib.sha256(grid.tobytes()).hexdigest(), digest)
+
+    def test_a_picture_is_a_png_of_the_size_asked_for(self):
+        response = self.daemon.post("/v1/render?size=64&width=320&height=200&filename=sample.glb",
+                                    self.fixture("sample.glb"))
+        self.assertEqual(response.status, 200, response.body)
+        self.assertEqual(response.body[:8], b"\x89PNG\r\n\x1a\n")
+        self.assertEqual(int.from_bytes(response.body[16:20], "big"), 320)
+        self.assertEqual(int.from_bytes(response.body[20:24], "big"), 200)
+
+
+class EveryDriverAndPipeline(unittest.TestCase):
+    """The table of issue and README: one content hash for all of them."""
+
+    def hashes(self, mesh, query):
+        result = {}
+        body = pathlib.Path(mesh).read_bytes()
+        for device in DEVICES:
+            daemon = Daemon(device=device)
+            try:
+                for pipeline in PIPELINES:
+                    response = daemon.post(
+                        f"/v1/voxelize?{query}&pipeline={pipeline}&cache=no&format=native"
+                        f"&filename={os.path.basename(mesh)}", body)
+                    self.assertEqual(response.status, 200, response.body)
+                    self.assertEqual(response.headers["X-Voxeld-Pipeline"], pipeline)
+                    result[device, pipeline] = response.headers["X-Voxeld-Content-Hash"]
+            finally:
+                daemon.stop()
+        return result
+
+    def test_coloured_sample_has_one_hash(self):
+        directory = tempfile.mkdtemp(prefix="voxeld-fixtures-")
+        try:
+            make_fixtures(directory)
+            hashes = self.hashes(f"{directory}/sample.glb", "size=96&channels=occupancy,color,normal")
+        finally:
+            shutil.rmtree(directory)
+        self.assertEqual(len(hashes), 6)
+        self.assertEqual(len(set(hashes.values())), 1, hashes)
+
+    @unittest.skipUnless(DATA, "VOXELD_DATA_DIR is not set: no real meshes")
+    def test_bunny_has_one_hash_and_the_count_of_the_oracle(self):
+        mesh = f"{DATA}/scans/bunny/bun_zipper.ply"
+        hashes = self.hashes(mesh, "size=256")
+        self.assertEqual(len(set(hashes.values())), 1, hashes)
+
+
+if __name__ == "__main__":
+    unittest.main()

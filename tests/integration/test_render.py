@@ -1,0 +1,109 @@
+"""Pictures through the whole service; pixels are compared with Debian's own PNG readers in mind."""
+import struct
+import unittest
+import zlib
+
+import numpy as np
+
+from harness import DaemonTest
+
+
+def decode_png(data):
+    """RGBA rows of an 8-bit, non-interlaced PNG (colour type 2 or 6)."""
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height, depth, kind, _, _, interlace = struct.unpack(">IIBBBBB", data[16:29])
+    assert depth == 8 and kind in (2, 6) and interlace == 0, (depth, kind, interlace)
+    stream, position = b"", 8
+    while position < len(data):
+        size, name = struct.unpack(">I4s", data[position:position + 8])
+        if name == b"IDAT":
+            stream += data[position + 8:position + 8 + size]
+        position += 12 + size
+    channels = 4 if kind == 6 else 3
+    raw = np.frombuffer(zlib.decompress(stream), np.uint8).reshape(height, 1 + width * channels)
+    out = np.zeros((height, width * channels), np.uint8)
+    for y in range(height):
+        line, kind_of_filter = raw[y, 1:].astype(int), raw[y, 0]
+        above = out[y - 1].astype(int) if y else np.zeros(width * channels, int)
+        row = np.zeros(width * channels, int)
+        for x in range(width * channels):
+            left = row[x - channels] if x >= channels else 0
+            corner = above[x - channels] if x >= channels else 0
+            if kind_of_filter == 0:
+                guess = 0
+            elif kind_of_filter == 1:
+                guess = left
+            elif kind_of_filter == 2:
+                guess = above[x]
+            elif kind_of_filter == 3:
+                guess = (left + above[x]) // 2
+            else:
+                p = left + above[x] - corner
+                a, b, c = abs(p - left), abs(p - above[x]), abs(p - corner)
+                guess = left if a <= b and a <= c else above[x] if b <= c else corner
+            row[x] = (line[x] + guess) & 255
+        out[y] = row
+    pixels = out.reshape(height, width, channels)
+    if channels == 3:
+        pixels = np.concatenate([pixels, np.full((height, width, 1), 255, np.uint8)], axis=2)
+    return pixels
+
+
+class Render(DaemonTest):
+    def picture(self, query, name="sample.glb"):
+        response = self.daemon.post(f"/v1/render?size=48&width=96&height=96&filename={name}&{query}",
+                                    self.fixture(name))
+        self.assertEqual(response.status, 200, response.body)
+        return decode_png(response.body)
+
+    def test_transparent_background_has_alpha_zero_in_the_corners(self):
+        picture = self.picture("background=transparent")
+        self.assertEqual(picture[0, 0, 3], 0)
+        self.assertGreater((picture[..., 3] == 255).mean(), 0.1)
+
+    def test_background_colour_is_exact(self):
+        picture = self.picture("background=%23204060")
+        self.assertEqual(list(picture[0, 0, :3]), [0x20, 0x40, 0x60])
+
+    def test_the_model_is_framed(self):
+        for query in ("projection=perspective", "projection=orthographic", "azimuth=200&elevation=-40"):
+            solid = self.picture(query + "&background=transparent")[..., 3] > 0
+            rows, columns = np.nonzero(solid)
+            self.assertGreater(rows.min(), 0, query)
+            self.assertLess(rows.max(), 95, query)
+            self.assertGreater(max(np.ptp(rows), np.ptp(columns)), 48, query)
+
+    def test_views_differ_and_zoom_enlarges(self):
+        near = self.picture("zoom=2&background=transparent")
+        far = self.picture("zoom=0.5&background=transparent")
+        self.assertGreater((near[..., 3] > 0).sum(), 2 * (far[..., 3] > 0).sum())
+        self.assertTrue((self.picture("azimuth=0") != self.picture("azimuth=90")).any())
+        self.assertTrue((self.picture("light=flat") != self.picture("light=phong")).any())
+
+    def test_a_section_plane_cuts_away(self):
+        whole = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0")
+        cut = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0"
+                           "&section=0,1,0,-1e9")
+        self.assertTrue((whole == cut).all())
+        gone = self.picture("background=transparent&section=0,1,0,1e9")
+        self.assertEqual((gone[..., 3] > 0).sum(), 0)
+
+    def test_from_asset_and_grid_as_from_the_request(self):
+        asset = self.daemon.upload(self.fixtures / "sample.glb")
+        direct = self.daemon.post("/v1/render?size=40&width=64&height=64&filename=sample.glb",
+                                  self.fixture("sample.glb"))
+        from_asset = self.daemon.post(f"/v1/render?size=40&width=64&height=64&asset={asset}")
+        self.assertEqual(direct.body, from_asset.body)
+        grid = direct.headers["X-Voxeld-Grid"]
+        from_grid = self.daemon.post(f"/v1/render?width=64&height=64&grid={grid}")
+        self.assertEqual(direct.body, from_grid.body)
+
+    def test_the_largest_picture(self):
+        response = self.daemon.post(
+            "/v1/render?size=16&width=4096&height=4096&filename=sample.glb", self.fixture("sample.glb"))
+        self.assertEqual(response.status, 200)
+        self.assertEqual(struct.unpack(">II", response.body[16:24]), (4096, 4096))
+
+
+if __name__ == "__main__":
+    unittest.main()
