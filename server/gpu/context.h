@@ -14,8 +14,11 @@ namespace voxeld::gpu {
 
 class Context {
  public:
+  // Leaves the context current on the calling thread. Changes the environment while a Mesa driver
+  // loads and restores it, so call it before other threads start.
   // Errors: device-unavailable with what failed (library, device, version, int64 missing);
-  // egl:N refuses a software renderer unless it is what N names.
+  // egl:N refuses a software renderer unless it is what N names; a second kind of Mesa EGL driver
+  // in one process is refused, because Mesa reads its choice of driver once.
   static Result<std::unique_ptr<Context>> create(const DeviceId& device);
   virtual ~Context() = default;
   Context(const Context&) = delete;
@@ -25,14 +28,24 @@ class Context {
   const GlApi& gl() const { return gl_; }
   const DeviceInfo& info() const { return info_; }
 
+  // Needed only where one thread holds several contexts. Errors: device-unavailable.
+  virtual Status make_current() const = 0;
+
+  // VOXELD_GL_DEBUG=1 in the environment makes debug contexts: driver messages go to the log.
+  bool is_debug() const { return is_debug_; }
+
   // Aborts (CHECK) on a GL error in debug contexts; otherwise returns internal / device-unavailable
   // with the error's name and `where`. Call at the end of a pass, not after every call.
   Status check(std::string_view where) const;
 
  protected:
   Context() = default;
+  // Fills gl_ and info_ and checks the baseline, for the backends. The context must be current.
+  Status finish_setup(const DeviceId& device, const GetGlProc& get_proc);
+
   GlApi gl_{};
   DeviceInfo info_;
+  bool is_debug_ = false;
 };
 
 }  // namespace voxeld::gpu

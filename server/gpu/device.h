@@ -28,13 +28,15 @@ std::string device_name(const DeviceId& device);
 struct DeviceInfo {
   DeviceId device;
   std::string vendor, renderer, version, glsl_version;
-  bool is_software = false;             // llvmpipe, softpipe, SwiftShader, OSMesa, lavapipe
-  bool has_int64 = false;               // GL_ARB_gpu_shader_int64
-  bool has_timer_queries = false;       // they exist and do not always return 0
-  int64_t ssbo_bytes_max = 0;           // GL_MAX_SHADER_STORAGE_BLOCK_SIZE
+  std::string backend;             // "EGL 1.5 Mesa Project, device platform", "OSMesa"
+  bool is_robust = false;          // bounds-checked access and reset notification
+  bool is_software = false;        // llvmpipe, softpipe, SwiftShader, OSMesa, lavapipe
+  bool has_int64 = false;          // GL_ARB_gpu_shader_int64
+  bool has_timer_queries = false;  // they exist and do not always return 0
+  int64_t ssbo_bytes_max = 0;      // GL_MAX_SHADER_STORAGE_BLOCK_SIZE
   int ssbo_bindings_max = 0;
   int ubo_bytes_max = 0;
-  int texture_side_max = 0;             // GL_MAX_TEXTURE_SIZE
+  int texture_side_max = 0;  // GL_MAX_TEXTURE_SIZE
   int texture3d_side_max = 0;
   int framebuffer_side_max = 0;
   int64_t dispatch_groups_max = 65535;  // per axis

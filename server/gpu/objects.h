@@ -6,9 +6,11 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "server/gpu/context.h"
+#include "server/gpu/pass_timer.h"
 
 namespace voxeld::gpu {
 
@@ -16,7 +18,8 @@ namespace voxeld::gpu {
 class Buffer {
  public:
   Buffer() = default;
-  // Errors: grid-too-large when over ssbo_bytes_max, internal when the driver is out of memory.
+  // Zeroed. Errors: grid-too-large when over ssbo_bytes_max, device-unavailable when the driver is
+  // out of memory.
   static Result<Buffer> create(const Context& context, size_t bytes, std::string_view label);
   ~Buffer();
   Buffer(Buffer&& other) noexcept;
@@ -28,7 +31,8 @@ class Buffer {
   void upload(size_t offset_bytes, std::span<const uint8_t> data);
   template <typename T>
   void upload(size_t offset_bytes, std::span<const T> data) {
-    upload(offset_bytes, std::span(reinterpret_cast<const uint8_t*>(data.data()), data.size_bytes()));
+    upload(offset_bytes,
+           std::span(reinterpret_cast<const uint8_t*>(data.data()), data.size_bytes()));
   }
   void read(size_t offset_bytes, std::span<uint8_t> out) const;
   template <typename T>
@@ -50,7 +54,8 @@ class Buffer {
 // Makes `buffer` at least `bytes` large, keeping it when it is; contents are lost when it grows.
 Status ensure_size(Buffer& buffer, const Context& context, size_t bytes, std::string_view label);
 
-// RGBA8UI with all mips, sampled by texelFetch alone (filtering by hand is the same on all drivers).
+// RGBA8UI with all mips, sampled by texelFetch alone (filtering by hand is the same on all
+// drivers).
 class Texture2D {
  public:
   Texture2D() = default;
@@ -86,12 +91,21 @@ class Framebuffer {
   Framebuffer& operator=(Framebuffer&& other) noexcept;
   // Binds it and sets the viewport to its whole size.
   void bind() const;
+  // A target of four 32-bit integers per pixel, for passes that answer questions.
+  static Result<Framebuffer> create_rgba32i(const Context& context, int width, int height,
+                                            std::string_view label);
   // Bottom row first, 4 bytes per pixel.
   void read_rgba8(std::span<uint8_t> out) const;
+  // The block [x, x+width) x [y, y+height), bottom row first.
+  void read_rgba8(int x, int y, int width, int height, std::span<uint8_t> out) const;
+  void read_rgba32i(std::span<int32_t> out) const;
+  uint32_t id() const { return id_; }
   int width() const { return width_; }
   int height() const { return height_; }
 
  private:
+  static Result<Framebuffer> create(const Context& context, uint32_t internal_format, int width,
+                                    int height, std::string_view label);
   const Context* context_ = nullptr;
   uint32_t id_ = 0, color_ = 0;
   int width_ = 0, height_ = 0;
@@ -110,26 +124,6 @@ class VertexArray {
  private:
   const Context* context_ = nullptr;
   uint32_t id_ = 0;
-};
-
-// GPU time of named passes by timer queries; falls back to wall time around glFinish where queries
-// always return 0 (llvmpipe, OSMesa).
-class PassTimer {
- public:
-  explicit PassTimer(const Context& context);
-  void begin(std::string_view pass);
-  void end();
-  // Milliseconds per pass so far, in order of first use. Waits for the device.
-  std::vector<std::pair<std::string, double>> results();
-
- private:
-  struct Pending {
-    std::string pass;
-    uint32_t query;
-    double wall_ms;
-  };
-  const Context* context_;
-  std::vector<Pending> pending_;
 };
 
 }  // namespace voxeld::gpu

@@ -13,6 +13,7 @@
 
 #include "proto/result.h"
 #include "server/gpu/context.h"
+#include "server/gpu/shader_source.h"
 
 namespace voxeld::gpu {
 
@@ -38,8 +39,6 @@ struct ShaderStage {
   std::string file;  // "voxelize_touch.comp"; the stage is the extension: comp vert geom frag
 };
 
-using Defines = std::vector<std::pair<std::string, std::string>>;
-
 class ShaderLibrary {
  public:
   // Empty directory: the embedded sources.
@@ -50,15 +49,15 @@ class ShaderLibrary {
   // back to "lib/dda.glsl:17".
   Result<const Program*> get(std::vector<ShaderStage> stages, const Defines& defines = {});
 
-  // Source with #include expanded once each, "#line N <file index>" at seams, version and defines at
-  // the head. Public for tests and for offline validation.
-  struct Resolved {
-    std::string text;
-    std::vector<std::string> files;  // index -> name
-  };
+  // Source with #include expanded, as the compiler gets it. Public for tests.
+  using Resolved = ResolvedShader;
   Result<Resolved> resolve(std::string_view file, const Defines& defines) const;
 
  private:
+  Result<std::string> read_source(std::string_view name) const;
+  Result<uint32_t> compile(const ShaderStage& stage, const Defines& defines) const;
+  Result<uint32_t> link(const std::vector<ShaderStage>& stages, const Defines& defines) const;
+
   const Context* context_;
   std::string shader_dir_;
   std::map<std::string, std::unique_ptr<Program>> programs_;

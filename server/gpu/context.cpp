@@ -1,0 +1,152 @@
+#include "server/gpu/context.h"
+
+#include <cstdlib>
+#include <thread>
+
+#include "server/base/check.h"
+#include "server/base/log.h"
+#include "server/gpu/egl.h"
+#include "server/gpu/osmesa.h"
+#include "server/gpu/workarounds.h"
+
+namespace voxeld::gpu {
+namespace {
+
+constexpr int kGlMajor = 4, kGlMinor = 5;
+constexpr int64_t kMesaSoftwareLoopIterationsMax = 65535;
+
+Error unavailable(const DeviceId& device, std::string what, std::string expected = "",
+                  std::string got = "") {
+  return Error{ErrorCode::kDeviceUnavailable, device_name(device) + ": " + what,
+               std::move(expected), std::move(got)};
+}
+
+std::string get_string(const GlApi& gl, GLenum name) {
+  const GLubyte* text = gl.GetString(name);
+  return text == nullptr ? "" : reinterpret_cast<const char*>(text);
+}
+
+bool has_extension(const GlApi& gl, std::string_view wanted) {
+  GLint count = 0;
+  gl.GetIntegerv(GL_NUM_EXTENSIONS, &count);
+  for (GLint i = 0; i < count; ++i) {
+    const GLubyte* name = gl.GetStringi(GL_EXTENSIONS, static_cast<GLuint>(i));
+    if (name != nullptr && wanted == reinterpret_cast<const char*>(name)) return true;
+  }
+  return false;
+}
+
+int get_int(const GlApi& gl, GLenum name) {
+  GLint value = 0;
+  gl.GetIntegerv(name, &value);
+  return value;
+}
+
+int64_t get_int64(const GlApi& gl, GLenum name) {
+  GLint64 value = 0;
+  gl.GetInteger64v(name, &value);
+  return value;
+}
+
+bool has_timer_queries(const GlApi& gl, bool is_software) {
+  if (is_software && workaround_enabled(Workaround::kTimerQueryZero)) return false;
+  GLint bits = 0;
+  gl.GetQueryiv(GL_TIME_ELAPSED, GL_QUERY_COUNTER_BITS, &bits);
+  return bits >= 30;  // 30 bits of nanoseconds are one second, more than any pass may take
+}
+
+void read_limits(const GlApi& gl, DeviceInfo& info) {
+  info.ssbo_bytes_max = get_int64(gl, GL_MAX_SHADER_STORAGE_BLOCK_SIZE);
+  info.ssbo_bindings_max = get_int(gl, GL_MAX_SHADER_STORAGE_BUFFER_BINDINGS);
+  info.ubo_bytes_max = get_int(gl, GL_MAX_UNIFORM_BLOCK_SIZE);
+  info.texture_side_max = get_int(gl, GL_MAX_TEXTURE_SIZE);
+  info.texture3d_side_max = get_int(gl, GL_MAX_3D_TEXTURE_SIZE);
+  info.framebuffer_side_max =
+      std::min(get_int(gl, GL_MAX_FRAMEBUFFER_WIDTH), get_int(gl, GL_MAX_FRAMEBUFFER_HEIGHT));
+  GLint groups = 0;
+  gl.GetIntegeri_v(GL_MAX_COMPUTE_WORK_GROUP_COUNT, 0, &groups);
+  info.dispatch_groups_max = groups;
+  const bool is_mesa = info.version.find("Mesa") != std::string::npos;
+  if (info.is_software && is_mesa && workaround_enabled(Workaround::kLoopIterations65535)) {
+    info.loop_iterations_max = kMesaSoftwareLoopIterationsMax;
+  }
+}
+
+void APIENTRY log_message(GLenum /*source*/, GLenum type, GLuint id, GLenum severity,
+                          GLsizei /*length*/, const GLchar* message, const void* /*user*/) {
+  if (severity == GL_DEBUG_SEVERITY_NOTIFICATION) return;
+  const auto level = type == GL_DEBUG_TYPE_ERROR ? log::Level::kError : log::Level::kWarn;
+  log::write(level, "gl message", {{"id", static_cast<long long>(id)}, {"text", message}});
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Context>> Context::create(const DeviceId& device) {
+  if (device.kind == DeviceKind::kOsmesa) return create_osmesa_context(device);
+  return create_egl_context(device);
+}
+
+bool is_software_renderer(std::string_view renderer) {
+  for (const std::string_view name :
+       {"llvmpipe", "softpipe", "SwiftShader", "lavapipe", "swrast", "Software Rasterizer"}) {
+    if (renderer.find(name) != std::string_view::npos) return true;
+  }
+  return false;
+}
+
+Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) {
+  VOXELD_ASSIGN(gl_, load_gl_api(get_proc));
+  const int major = get_int(gl_, GL_MAJOR_VERSION), minor = get_int(gl_, GL_MINOR_VERSION);
+  info_.device = device;
+  info_.vendor = get_string(gl_, GL_VENDOR);
+  info_.renderer = get_string(gl_, GL_RENDERER);
+  info_.version = get_string(gl_, GL_VERSION);
+  info_.glsl_version = get_string(gl_, GL_SHADING_LANGUAGE_VERSION);
+  if (major < kGlMajor || (major == kGlMajor && minor < kGlMinor)) {
+    return unavailable(device, info_.renderer + " is too old", "OpenGL 4.5 core",
+                       std::to_string(major) + "." + std::to_string(minor));
+  }
+  info_.is_software = is_software_renderer(info_.renderer);
+  info_.has_int64 = has_extension(gl_, "GL_ARB_gpu_shader_int64");
+  if (!info_.has_int64) {
+    return unavailable(device, info_.renderer + " has no 64-bit integers in shaders",
+                       "GL_ARB_gpu_shader_int64", "a driver without it");
+  }
+  info_.has_timer_queries = has_timer_queries(gl_, info_.is_software);
+  read_limits(gl_, info_);
+  if (is_debug_) {
+    gl_.Enable(GL_DEBUG_OUTPUT);
+    gl_.Enable(GL_DEBUG_OUTPUT_SYNCHRONOUS);
+    gl_.DebugMessageCallback(log_message, nullptr);
+  }
+  gl_.PixelStorei(GL_PACK_ALIGNMENT, 1);
+  gl_.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+  return check("opening " + device_name(device));
+}
+
+Status Context::check(std::string_view where) const {
+  const GLenum error = gl_.GetError();
+  if (error == GL_NO_ERROR) return {};
+  // Errors queue up; the first is the cause, the others must not be blamed on a later pass. A lost
+  // context reports GL_CONTEXT_LOST for ever, so the loop is bounded.
+  for (int i = 0; i < 16 && gl_.GetError() != GL_NO_ERROR; ++i) {
+  }
+  const std::string detail = std::string(where) + ": " + gl_error_name(error) + " on " +
+                             device_name(info_.device) + " (" + info_.renderer + ")";
+  const GLenum reset = gl_.GetGraphicsResetStatus();
+  if (error == GL_CONTEXT_LOST || reset != GL_NO_ERROR) {
+    return Error{ErrorCode::kDeviceUnavailable, detail + ": the device was reset", "", ""};
+  }
+  if (error == GL_OUT_OF_MEMORY) {
+    return Error{ErrorCode::kDeviceUnavailable, detail + ": out of device memory", "", ""};
+  }
+  VOXELD_CHECK(!is_debug_, detail);
+  return Error{ErrorCode::kInternal, detail, "", ""};
+}
+
+bool gl_debug_wanted() {
+  const char* value = std::getenv("VOXELD_GL_DEBUG");
+  return value != nullptr && std::string_view(value) == "1";
+}
+
+}  // namespace voxeld::gpu

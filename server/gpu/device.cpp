@@ -1,0 +1,83 @@
+#include "server/gpu/device.h"
+
+#include <charconv>
+#include <optional>
+
+namespace voxeld::gpu {
+
+Result<DeviceId> parse_device(std::string_view text) {
+  if (text == "llvmpipe") return DeviceId{DeviceKind::kLlvmpipe, 0};
+  if (text == "lavapipe") return DeviceId{DeviceKind::kLavapipe, 0};
+  if (text == "osmesa") return DeviceId{DeviceKind::kOsmesa, 0};
+  constexpr std::string_view kEglPrefix = "egl:";
+  if (text.starts_with(kEglPrefix)) {
+    const std::string_view digits = text.substr(kEglPrefix.size());
+    int index = -1;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), index);
+    if (error == std::errc() && end == digits.data() + digits.size() && index >= 0) {
+      return DeviceId{DeviceKind::kEgl, index};
+    }
+  }
+  return Error{ErrorCode::kInvalidOption, "unknown device",
+               "egl:N (N = 0, 1, …), llvmpipe, lavapipe or osmesa", std::string(text)};
+}
+
+std::string device_name(const DeviceId& device) {
+  switch (device.kind) {
+    case DeviceKind::kEgl:
+      return "egl:" + std::to_string(device.index);
+    case DeviceKind::kLlvmpipe:
+      return "llvmpipe";
+    case DeviceKind::kLavapipe:
+      return "lavapipe";
+    case DeviceKind::kOsmesa:
+      return "osmesa";
+  }
+  return "";
+}
+
+namespace {
+
+const DeviceProbe* find_kind(const std::vector<DeviceProbe>& probes, DeviceKind kind) {
+  for (const DeviceProbe& probe : probes) {
+    if (probe.works && probe.device.kind == kind) return &probe;
+  }
+  return nullptr;
+}
+
+const DeviceProbe* find_hardware(const std::vector<DeviceProbe>& probes) {
+  const DeviceProbe* best = nullptr;
+  for (const DeviceProbe& probe : probes) {
+    if (!probe.works || probe.info.is_software || probe.device.kind != DeviceKind::kEgl) continue;
+    if (best == nullptr || probe.device.index < best->device.index) best = &probe;
+  }
+  return best;
+}
+
+}  // namespace
+
+Result<AutoChoice> choose_device(const std::vector<DeviceProbe>& probes) {
+  if (const DeviceProbe* hardware = find_hardware(probes)) {
+    return AutoChoice{hardware->device,
+                      device_name(hardware->device) +
+                          " is the first hardware device that works: " + hardware->info.renderer};
+  }
+  for (const DeviceKind kind :
+       {DeviceKind::kLlvmpipe, DeviceKind::kLavapipe, DeviceKind::kOsmesa}) {
+    if (const DeviceProbe* software = find_kind(probes, kind)) {
+      return AutoChoice{
+          software->device,
+          "no hardware device works; " + device_name(software->device) +
+              " is the fastest software driver that does: " + software->info.renderer};
+    }
+  }
+  std::string reasons;
+  for (const DeviceProbe& probe : probes) {
+    reasons += (reasons.empty() ? "" : "; ") + probe.reason;
+  }
+  return Error{ErrorCode::kDeviceUnavailable, "no OpenGL device works: " + reasons,
+               "one of egl:N, llvmpipe, lavapipe, osmesa",
+               std::to_string(probes.size()) + " devices that do not work"};
+}
+
+}  // namespace voxeld::gpu

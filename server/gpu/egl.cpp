@@ -1,0 +1,350 @@
+#include "server/gpu/egl.h"
+
+#define EGL_EGL_PROTOTYPES 0
+#define EGL_EGLEXT_PROTOTYPES 0
+#include <EGL/egl.h>
+#include <EGL/eglext.h>
+#include <dlfcn.h>
+
+#include <mutex>
+#include <string_view>
+
+#include "server/gpu/environment.h"
+#include "server/gpu/workarounds.h"
+
+namespace voxeld::gpu {
+namespace {
+
+// X(type, name without egl)
+#define VOXELD_EGL_FUNCTIONS(X)                             \
+  X(PFNEGLBINDAPIPROC, BindAPI)                             \
+  X(PFNEGLCHOOSECONFIGPROC, ChooseConfig)                   \
+  X(PFNEGLCREATECONTEXTPROC, CreateContext)                 \
+  X(PFNEGLDESTROYCONTEXTPROC, DestroyContext)               \
+  X(PFNEGLGETCURRENTCONTEXTPROC, GetCurrentContext)         \
+  X(PFNEGLGETERRORPROC, GetError)                           \
+  X(PFNEGLGETPLATFORMDISPLAYEXTPROC, GetPlatformDisplayEXT) \
+  X(PFNEGLINITIALIZEPROC, Initialize)                       \
+  X(PFNEGLMAKECURRENTPROC, MakeCurrent)                     \
+  X(PFNEGLQUERYSTRINGPROC, QueryString)
+
+struct Egl {
+  PFNEGLGETPROCADDRESSPROC GetProcAddress = nullptr;
+#define VOXELD_EGL_MEMBER(type, name) type name = nullptr;
+  VOXELD_EGL_FUNCTIONS(VOXELD_EGL_MEMBER)
+#undef VOXELD_EGL_MEMBER
+  // Extensions; null where the library does not have them.
+  PFNEGLQUERYDEVICESEXTPROC QueryDevicesEXT = nullptr;
+  PFNEGLQUERYDEVICESTRINGEXTPROC QueryDeviceStringEXT = nullptr;
+};
+
+#ifndef EGL_RENDERER_EXT
+#define EGL_RENDERER_EXT 0x335F
+#endif
+
+Error unavailable(std::string what) {
+  return Error{ErrorCode::kDeviceUnavailable, std::move(what), "", ""};
+}
+
+bool has_word(std::string_view words, std::string_view wanted) {
+  while (!words.empty()) {
+    const size_t space = words.find(' ');
+    if (words.substr(0, space) == wanted) return true;
+    words = space == std::string_view::npos ? std::string_view{} : words.substr(space + 1);
+  }
+  return false;
+}
+
+std::string_view or_empty(const char* text) {
+  return text == nullptr ? "" : text;
+}
+
+// Never closed: drivers keep threads and thread-local state.
+Result<Egl> load_egl() {
+  void* handle = ::dlopen("libEGL.so.1", RTLD_NOW | RTLD_LOCAL);
+  if (handle == nullptr) {
+    return unavailable(std::string("cannot load libEGL.so.1 (package libegl1): ") + ::dlerror());
+  }
+  Egl egl;
+  egl.GetProcAddress =
+      reinterpret_cast<PFNEGLGETPROCADDRESSPROC>(::dlsym(handle, "eglGetProcAddress"));
+  if (egl.GetProcAddress == nullptr) return unavailable("libEGL.so.1 has no eglGetProcAddress");
+#define VOXELD_EGL_LOAD(type, name)                                                  \
+  egl.name = reinterpret_cast<type>(::dlsym(handle, "egl" #name));                   \
+  if (!egl.name) egl.name = reinterpret_cast<type>(egl.GetProcAddress("egl" #name)); \
+  if (!egl.name) return unavailable("libEGL.so.1 has no egl" #name);
+  VOXELD_EGL_FUNCTIONS(VOXELD_EGL_LOAD)
+#undef VOXELD_EGL_LOAD
+  const std::string_view extensions = or_empty(egl.QueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS));
+  if (has_word(extensions, "EGL_EXT_device_enumeration") ||
+      has_word(extensions, "EGL_EXT_device_base")) {
+    egl.QueryDevicesEXT =
+        reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(egl.GetProcAddress("eglQueryDevicesEXT"));
+    egl.QueryDeviceStringEXT = reinterpret_cast<PFNEGLQUERYDEVICESTRINGEXTPROC>(
+        egl.GetProcAddress("eglQueryDeviceStringEXT"));
+  }
+  return egl;
+}
+
+struct FoundDevice {
+  EGLDeviceEXT handle = EGL_NO_DEVICE_EXT;
+  EglDevice about;
+};
+
+EglDevice describe(const Egl& egl, EGLDeviceEXT handle) {
+  EglDevice about;
+  if (egl.QueryDeviceStringEXT == nullptr) return about;
+  const std::string_view extensions = or_empty(egl.QueryDeviceStringEXT(handle, EGL_EXTENSIONS));
+  about.is_software = has_word(extensions, "EGL_MESA_device_software");
+  if (has_word(extensions, "EGL_EXT_device_query_name")) {
+    about.description = or_empty(egl.QueryDeviceStringEXT(handle, EGL_RENDERER_EXT));
+  }
+  if (about.description.empty() && has_word(extensions, "EGL_EXT_device_drm")) {
+    about.description = or_empty(egl.QueryDeviceStringEXT(handle, EGL_DRM_DEVICE_FILE_EXT));
+  }
+  if (about.description.empty()) {
+    about.description = about.is_software ? "Mesa software device" : "unnamed device";
+  }
+  return about;
+}
+
+std::vector<FoundDevice> find_devices(const Egl& egl) {
+  std::vector<FoundDevice> found;
+  EGLint count = 0;
+  if (egl.QueryDevicesEXT == nullptr || !egl.QueryDevicesEXT(0, nullptr, &count)) return found;
+  std::vector<EGLDeviceEXT> handles(static_cast<size_t>(count));
+  if (!egl.QueryDevicesEXT(count, handles.data(), &count)) return found;
+  handles.resize(static_cast<size_t>(count));
+  for (EGLDeviceEXT handle : handles) found.push_back({handle, describe(egl, handle)});
+  return found;
+}
+
+// Mesa reads which driver to load from the environment and keeps the answer, and the displays, for
+// the life of the process.
+enum class MesaChoice { kNone, kByDevice, kLlvmpipe, kZink };
+
+std::mutex g_mesa_mutex;
+MesaChoice g_mesa_choice = MesaChoice::kNone;  // guarded by g_mesa_mutex
+
+MesaChoice choice_of(DeviceKind kind) {
+  switch (kind) {
+    case DeviceKind::kLlvmpipe:
+      return MesaChoice::kLlvmpipe;
+    case DeviceKind::kLavapipe:
+      return MesaChoice::kZink;
+    default:
+      return MesaChoice::kByDevice;
+  }
+}
+
+std::string_view choice_name(MesaChoice choice) {
+  switch (choice) {
+    case MesaChoice::kLlvmpipe:
+      return "llvmpipe";
+    case MesaChoice::kZink:
+      return "lavapipe";
+    default:
+      return "a Mesa device by number";
+  }
+}
+
+Status claim_mesa(const DeviceId& device) {
+  const std::lock_guard lock(g_mesa_mutex);
+  const MesaChoice wanted = choice_of(device.kind);
+  if (g_mesa_choice != MesaChoice::kNone && g_mesa_choice != wanted) {
+    return unavailable(device_name(device) + " cannot be opened: this process has opened " +
+                       std::string(choice_name(g_mesa_choice)) +
+                       ", and Mesa loads one EGL driver per process");
+  }
+  g_mesa_choice = wanted;
+  return {};
+}
+
+void set_environment(const DeviceId& device, ScopedEnvironment& environment) {
+  if (device.kind == DeviceKind::kEgl) return;
+  set_mesa_software_environment(environment);
+  environment.set("LIBGL_ALWAYS_SOFTWARE", "1");
+  if (device.kind == DeviceKind::kLavapipe) {
+    environment.set("MESA_LOADER_DRIVER_OVERRIDE", "zink");
+    if (workaround_enabled(Workaround::kZinkStaleUniforms)) {
+      environment.set("ZINK_INLINE_UNIFORMS", "0");
+    }
+  } else {
+    environment.unset("MESA_LOADER_DRIVER_OVERRIDE");
+    environment.unset("GALLIUM_DRIVER");
+  }
+}
+
+class EglBackend final : public Context {
+ public:
+  explicit EglBackend(const Egl& egl) : egl_(egl) {}
+  ~EglBackend() override { close(); }
+
+  // Errors name what failed; the caller tries the next platform.
+  Status open(const DeviceId& device, EGLDisplay display, std::string_view platform) {
+    display_ = display;
+    EGLint major = 0, minor = 0;
+    if (display == EGL_NO_DISPLAY || !egl_.Initialize(display, &major, &minor)) {
+      return failed(device, platform, "eglInitialize");
+    }
+    const std::string vendor(or_empty(egl_.QueryString(display, EGL_VENDOR)));
+    if (vendor.find("Mesa") != std::string::npos) VOXELD_TRY(claim_mesa(device));
+    if (!egl_.BindAPI(EGL_OPENGL_API)) return failed(device, platform, "eglBindAPI(OpenGL)");
+    VOXELD_TRY(create_context(device, platform));
+    VOXELD_TRY(make_current());
+    info_.backend = "EGL " + std::to_string(major) + "." + std::to_string(minor) + " " + vendor +
+                    ", " + std::string(platform);
+    return finish_setup(device, [this](const char* name) { return egl_.GetProcAddress(name); });
+  }
+
+  Status make_current() const override {
+    if (!egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_)) {
+      return failed(info_.device, "current context", "eglMakeCurrent");
+    }
+    return {};
+  }
+
+ private:
+  Error failed(const DeviceId& device, std::string_view platform, std::string_view call) const {
+    char code[16];
+    std::snprintf(code, sizeof code, "0x%x", egl_.GetError());
+    return unavailable(device_name(device) + ": " + std::string(call) + " failed with " + code +
+                       " (" + std::string(platform) + ")");
+  }
+
+  Status create_context(const DeviceId& device, std::string_view platform) {
+    const std::string_view extensions = or_empty(egl_.QueryString(display_, EGL_EXTENSIONS));
+    EGLConfig config = EGL_NO_CONFIG_KHR;
+    if (!has_word(extensions, "EGL_KHR_no_config_context")) {
+      const EGLint wanted[] = {EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_NONE};
+      EGLint count = 0;
+      if (!egl_.ChooseConfig(display_, wanted, &config, 1, &count) || count == 0) {
+        return failed(device, platform, "eglChooseConfig");
+      }
+    }
+    is_debug_ = gl_debug_wanted();
+    for (const bool robust : {true, false}) {
+      std::vector<EGLint> attributes = {
+          EGL_CONTEXT_MAJOR_VERSION,       4,
+          EGL_CONTEXT_MINOR_VERSION,       5,
+          EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT};
+      if (is_debug_) attributes.insert(attributes.end(), {EGL_CONTEXT_OPENGL_DEBUG, EGL_TRUE});
+      if (robust) {
+        attributes.insert(attributes.end(), {EGL_CONTEXT_OPENGL_ROBUST_ACCESS, EGL_TRUE,
+                                             EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY,
+                                             EGL_LOSE_CONTEXT_ON_RESET});
+      }
+      attributes.push_back(EGL_NONE);
+      context_ = egl_.CreateContext(display_, config, EGL_NO_CONTEXT, attributes.data());
+      info_.is_robust = robust;
+      if (context_ != EGL_NO_CONTEXT) return {};
+    }
+    return failed(device, platform, "eglCreateContext(OpenGL 4.5 core)");
+  }
+
+  void close() {
+    if (context_ == EGL_NO_CONTEXT) return;
+    if (egl_.GetCurrentContext() == context_) {
+      egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+    }
+    // The display stays initialized: other contexts of the process share it.
+    egl_.DestroyContext(display_, context_);
+    context_ = EGL_NO_CONTEXT;
+  }
+
+  Egl egl_;
+  EGLDisplay display_ = EGL_NO_DISPLAY;
+  EGLContext context_ = EGL_NO_CONTEXT;
+};
+
+struct Candidate {
+  EGLenum platform = 0;
+  void* native = nullptr;
+  std::string_view name;
+};
+
+Result<std::vector<Candidate>> candidates(const DeviceId& device,
+                                          const std::vector<FoundDevice>& found) {
+  std::vector<Candidate> all;
+  constexpr Candidate kSurfaceless{EGL_PLATFORM_SURFACELESS_MESA, nullptr, "surfaceless platform"};
+  if (device.kind == DeviceKind::kEgl) {
+    if (device.index < 0 || static_cast<size_t>(device.index) >= found.size()) {
+      return Error{ErrorCode::kDeviceUnavailable, device_name(device) + " does not exist",
+                   found.empty() ? "a driver that enumerates EGL devices"
+                                 : "egl:0 to egl:" + std::to_string(found.size() - 1),
+                   std::to_string(found.size()) + " devices"};
+    }
+    all.push_back({EGL_PLATFORM_DEVICE_EXT, found[static_cast<size_t>(device.index)].handle,
+                   "device platform"});
+    return all;
+  }
+  // Zink is chosen by the surfaceless platform alone; the software device always loads llvmpipe.
+  if (device.kind == DeviceKind::kLavapipe) return std::vector{kSurfaceless};
+  for (const FoundDevice& one : found) {
+    if (one.about.is_software) {
+      all.push_back({EGL_PLATFORM_DEVICE_EXT, one.handle, "device platform"});
+    }
+  }
+  all.push_back(kSurfaceless);
+  return all;
+}
+
+// Whether the driver that came is the one that was asked for.
+Status check_renderer(const DeviceId& device, const DeviceInfo& info,
+                      const std::vector<FoundDevice>& found) {
+  const bool is_zink = info.renderer.find("zink") != std::string::npos;
+  if (device.kind == DeviceKind::kEgl) {
+    const EglDevice& about = found[static_cast<size_t>(device.index)].about;
+    if (info.is_software && !about.is_software) {
+      return Error{ErrorCode::kDeviceUnavailable,
+                   device_name(device) + " (" + about.description +
+                       ") was opened by a software renderer; install its driver, or ask for "
+                       "llvmpipe by name",
+                   "a hardware renderer", info.renderer};
+    }
+    return {};
+  }
+  const bool is_wanted =
+      info.is_software && (device.kind == DeviceKind::kLavapipe ? is_zink : !is_zink);
+  if (!is_wanted) {
+    return Error{ErrorCode::kDeviceUnavailable, device_name(device) + ": EGL gave another driver",
+                 device.kind == DeviceKind::kLavapipe
+                     ? "Zink over lavapipe (packages libgl1-mesa-dri, mesa-vulkan-drivers)"
+                     : "llvmpipe (package libgl1-mesa-dri)",
+                 info.renderer};
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<std::vector<EglDevice>> enumerate_egl_devices() {
+  VOXELD_ASSIGN(const Egl egl, load_egl());
+  if (egl.QueryDevicesEXT == nullptr) {
+    return unavailable("libEGL.so.1 has no EGL_EXT_device_enumeration");
+  }
+  std::vector<EglDevice> devices;
+  for (const FoundDevice& one : find_devices(egl)) devices.push_back(one.about);
+  return devices;
+}
+
+Result<std::unique_ptr<Context>> create_egl_context(const DeviceId& device) {
+  ScopedEnvironment environment;
+  set_environment(device, environment);
+  VOXELD_ASSIGN(const Egl egl, load_egl());
+  const std::vector<FoundDevice> found = find_devices(egl);
+  VOXELD_ASSIGN(const std::vector<Candidate> tries, candidates(device, found));
+  Error first_error;
+  for (const Candidate& candidate : tries) {
+    auto context = std::make_unique<EglBackend>(egl);
+    Status status = context->open(
+        device, egl.GetPlatformDisplayEXT(candidate.platform, candidate.native, nullptr),
+        candidate.name);
+    if (status.ok()) status = check_renderer(device, context->info(), found);
+    if (status.ok()) return std::unique_ptr<Context>(std::move(context));
+    if (&candidate == tries.data()) first_error = std::move(status).error();
+  }
+  return first_error;
+}
+
+}  // namespace voxeld::gpu

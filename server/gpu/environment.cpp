@@ -1,0 +1,17 @@
+#include "server/gpu/environment.h"
+
+#include <string_view>
+
+#include "server/gpu/workarounds.h"
+
+namespace voxeld::gpu {
+
+void set_mesa_software_environment(ScopedEnvironment& environment) {
+  const char* width = std::getenv("LP_NATIVE_VECTOR_WIDTH");
+  if (width != nullptr && std::string_view(width) == "512" &&
+      workaround_enabled(Workaround::kLpVectorWidth512)) {
+    environment.unset("LP_NATIVE_VECTOR_WIDTH");
+  }
+}
+
+}  // namespace voxeld::gpu

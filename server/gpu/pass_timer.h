@@ -1,0 +1,41 @@
+// How long each pass took.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "server/base/stopwatch.h"
+#include "server/gpu/context.h"
+
+namespace voxeld::gpu {
+
+// GPU time of named passes by timer queries; falls back to wall time around glFinish where queries
+// always return 0 (workaround timer_query_zero). Passes do not nest.
+class PassTimer {
+ public:
+  explicit PassTimer(const Context& context);
+  ~PassTimer();
+  PassTimer(const PassTimer&) = delete;
+  PassTimer& operator=(const PassTimer&) = delete;
+
+  void begin(std::string_view pass);
+  void end();
+  // Milliseconds per pass so far, in order of first use. Waits for the device.
+  std::vector<std::pair<std::string, double>> results();
+
+ private:
+  struct Pending {
+    std::string pass;
+    uint32_t query;
+  };
+  const Context* context_;
+  Stopwatch wall_;
+  std::string running_;           // name of the pass between begin() and end()
+  std::vector<Pending> pending_;  // ended, result not read yet; timer queries only
+  StageTimes times_;
+};
+
+}  // namespace voxeld::gpu

@@ -1,0 +1,160 @@
+#include "server/gpu/shader_source.h"
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+
+#include "shaders/embedded.h"
+
+namespace voxeld::gpu {
+namespace {
+
+// 4.50 is the baseline; 64-bit integers are required of every device (DeviceInfo::has_int64).
+constexpr std::string_view kHead =
+    "#version 450 core\n"
+    "#extension GL_ARB_gpu_shader_int64 : require\n";
+
+std::string_view trim_left(std::string_view text) {
+  const size_t start = text.find_first_not_of(" \t");
+  return start == std::string_view::npos ? std::string_view{} : text.substr(start);
+}
+
+bool is_directive(std::string_view line, std::string_view name, std::string_view& rest) {
+  line = trim_left(line);
+  if (!line.starts_with('#')) return false;
+  line = trim_left(line.substr(1));
+  if (!line.starts_with(name)) return false;
+  rest = trim_left(line.substr(name.size()));
+  return true;
+}
+
+Error error_at(std::string_view file, int line, std::string what) {
+  return Error{ErrorCode::kInternal,
+               std::string(file) + " line " + std::to_string(line) + ": " + std::move(what), "",
+               ""};
+}
+
+class Resolver {
+ public:
+  explicit Resolver(const ShaderReader& read) : read_(read) {}
+
+  Status add_file(const std::string& name) {
+    const size_t index = out.files.size();
+    out.files.push_back(name);
+    VOXELD_ASSIGN(const std::string text, read_(name));
+    out.text += "#line 1 " + std::to_string(index) + "\n";
+    int line_number = 0;
+    for (size_t start = 0; start < text.size();) {
+      const size_t end = std::min(text.find('\n', start), text.size());
+      const std::string_view line = std::string_view(text).substr(start, end - start);
+      VOXELD_TRY(add_line(line, index, ++line_number));
+      start = end + 1;
+    }
+    return {};
+  }
+
+  ResolvedShader out;
+
+ private:
+  Status add_line(std::string_view line, size_t index, int number) {
+    std::string_view rest;
+    if (is_directive(line, "include", rest)) return add_include(rest, index, number);
+    if (is_directive(line, "version", rest)) {
+      return error_at(out.files[index], number, "#version is given by the resolver");
+    }
+    if (is_directive(line, "pragma", rest) && rest.starts_with("once")) line = {};
+    out.text.append(line);
+    out.text += '\n';
+    return {};
+  }
+
+  Status add_include(std::string_view target, size_t index, int number) {
+    if (target.starts_with('<')) {  // of the C++ part of a shared header
+      out.text += '\n';
+      return {};
+    }
+    const size_t close = target.find('"', 1);
+    if (!target.starts_with('"') || close == std::string_view::npos) {
+      return error_at(out.files[index], number, "#include takes a name in quotes");
+    }
+    std::string name(target.substr(1, close - 1));
+    constexpr std::string_view kRoot = "shaders/";
+    if (name.starts_with(kRoot)) name.erase(0, kRoot.size());
+    if (std::find(out.files.begin(), out.files.end(), name) != out.files.end()) {
+      out.text += '\n';
+      return {};
+    }
+    const std::string from = out.files[index];
+    if (Status status = add_file(name); !status.ok()) {
+      // Only a file that cannot be read is told with the place that asks for it.
+      if (out.files.back() != name) return status;
+      return error_at(from, number, "cannot include " + name + ": " + status.error().detail);
+    }
+    out.text += "#line " + std::to_string(number + 1) + " " + std::to_string(index) + "\n";
+    return {};
+  }
+
+  const ShaderReader& read_;
+};
+
+// Reads "<number>" at the head of `text` and drops it.
+std::optional<size_t> take_number(std::string_view& text) {
+  size_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end == text.data()) return std::nullopt;
+  text.remove_prefix(static_cast<size_t>(end - text.data()));
+  return value;
+}
+
+std::string name_file_in_line(std::string_view line, const std::vector<std::string>& files) {
+  std::string_view rest = line;
+  std::string prefix;
+  for (const std::string_view head : {"ERROR: ", "WARNING: "}) {
+    if (rest.starts_with(head)) {
+      prefix = head;
+      rest.remove_prefix(head.size());
+    }
+  }
+  const auto file = take_number(rest);
+  if (!file || *file >= files.size() || rest.empty()) return std::string(line);
+  const char open = rest.front();
+  if (open != ':' && open != '(') return std::string(line);
+  rest.remove_prefix(1);
+  const auto number = take_number(rest);
+  if (!number) return std::string(line);
+  if (open == '(' && rest.starts_with(')')) rest.remove_prefix(1);
+  return prefix + files[*file] + ":" + std::to_string(*number) + std::string(rest);
+}
+
+}  // namespace
+
+Result<ResolvedShader> resolve_shader(std::string_view file, const Defines& defines,
+                                      const ShaderReader& read) {
+  Resolver resolver(read);
+  resolver.out.text = kHead;
+  for (const auto& [name, value] : defines) {
+    resolver.out.text += "#define " + name + " " + value + "\n";
+  }
+  VOXELD_TRY(resolver.add_file(std::string(file)));
+  return std::move(resolver.out);
+}
+
+std::string name_files_in_log(std::string_view log, const std::vector<std::string>& files) {
+  std::string named;
+  while (!log.empty()) {
+    const size_t end = std::min(log.find('\n'), log.size());
+    const std::string_view line = log.substr(0, end);
+    if (!line.empty()) named += (named.empty() ? "" : "\n") + name_file_in_line(line, files);
+    log.remove_prefix(std::min(end + 1, log.size()));
+  }
+  return named;
+}
+
+Result<std::string> read_embedded_shader(std::string_view name) {
+  for (const shaders::EmbeddedShader& shader : shaders::embedded_shaders()) {
+    if (shader.name == name) return std::string(shader.text);
+  }
+  return Error{ErrorCode::kInternal, "no shader is named " + std::string(name), "", ""};
+}
+
+}  // namespace voxeld::gpu
