@@ -2,6 +2,7 @@
 
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -32,6 +33,10 @@ Result<size_t> read_exactly(int fd, char* out, size_t count) {
     const ssize_t got = ::recv(fd, out + done, count - done, 0);
     if (got < 0) {
       if (errno == EINTR) continue;
+      if (errno == EAGAIN || errno == EWOULDBLOCK) {
+        return Error{ErrorCode::kDeadlineExceeded, "no task message within the time limit", "", ""};
+      }
+      if (errno == ECONNRESET) break;  // the peer died with our message unread
       return errno_error("receive from", "task socket");
     }
     if (got == 0) break;
@@ -76,6 +81,26 @@ Result<UniqueFd> connect_unix(const std::filesystem::path& path) {
     return errno_error("connect to", path);
   }
   return fd;
+}
+
+Status FrameSocket::set_receive_timeout(double seconds) {
+  timeval limit{};
+  limit.tv_sec = static_cast<time_t>(seconds);
+  limit.tv_usec = static_cast<suseconds_t>((seconds - static_cast<double>(limit.tv_sec)) * 1e6);
+  if (::setsockopt(fd_.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit) != 0) {
+    return errno_error("set the time limit of", "task socket");
+  }
+  return {};
+}
+
+bool FrameSocket::peer_closed() const {
+  char byte = 0;
+  const ssize_t got = ::recv(fd_.get(), &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+  return got == 0 || (got < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+}
+
+void FrameSocket::shutdown() {
+  ::shutdown(fd_.get(), SHUT_RDWR);
 }
 
 Status FrameSocket::send(std::string_view payload) {

@@ -21,8 +21,16 @@ class FrameSocket {
   FrameSocket(UniqueFd fd, uint32_t frame_bytes_max)
       : fd_(std::move(fd)), frame_bytes_max_(frame_bytes_max) {}
   Status send(std::string_view payload);
-  // Error gone with detail "connection closed" at a clean end between frames.
+  // Errors: gone with detail "connection closed" at a clean end between frames, deadline-exceeded
+  // after the receive timeout.
   Result<std::string> receive();
+  // How long receive() waits for each part of a frame; 0: for ever.
+  Status set_receive_timeout(double seconds);
+  // True once the peer has closed its end and nothing is left to read. Does not block.
+  bool peer_closed() const;
+  // Ends both directions: a receive() that blocks in another thread returns. Safe to call from any
+  // thread while the object lives.
+  void shutdown();
   int fd() const { return fd_.get(); }
 
  private:

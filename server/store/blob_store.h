@@ -17,7 +17,7 @@
 namespace voxeld {
 
 struct BlobInfo {
-  std::string id;     // "sha256-…"
+  std::string id;  // "sha256-…"
   int64_t bytes = 0;
   bool existed = false;  // finish() and adopt(): the same bytes were there already
 };
@@ -43,6 +43,7 @@ class BlobWriter {
   std::filesystem::path temporary_;  // empty after finish()
   int64_t bytes_max_;
   int64_t bytes_ = 0;
+  bool broken_ = false;  // an append failed halfway: the file is not what was hashed
   Sha256 hash_;
 };
 
@@ -57,7 +58,8 @@ class BlobStore {
   Result<BlobInfo> adopt(const std::filesystem::path& file) const;
   // Errors: not-found; also for text that is not an id.
   Result<BlobInfo> stat(std::string_view id) const;
-  // Where a blob is; for passing to a worker or opening. Check stat() first.
+  // Where a blob is; for passing to a worker or opening. Check stat() first. Text that is not an id
+  // gives the path of nothing, inside the store.
   std::filesystem::path path_of(std::string_view id) const;
   Status remove(std::string_view id) const;
   Result<std::vector<std::string>> list() const;

@@ -1,0 +1,216 @@
+#include "server/store/blob_store.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstdio>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "server/base/check.h"
+
+namespace voxeld {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kBlobs = "blobs";
+constexpr std::string_view kTemporary = "tmp";
+constexpr size_t kPrefixBytes = std::string_view("sha256-").size();
+constexpr size_t kFanOutDigits = 2;  // 256 folders keep each below some ten thousand entries
+constexpr size_t kReadBytes = size_t{1} << 20;
+
+Error not_found(std::string_view id) {
+  return {ErrorCode::kNotFound, "no such blob",
+          "sha256- and 64 lower-case hex digits of a stored blob", std::string(id.substr(0, 80))};
+}
+
+fs::path blob_path(const fs::path& root, std::string_view id) {
+  if (!is_sha256_id(id)) return root / kBlobs / "no-such-blob";
+  return root / kBlobs / id.substr(kPrefixBytes, kFanOutDigits) / id;
+}
+
+// Makes a directory that survives power loss; one that is there already is fine.
+Status make_directory(const fs::path& path) {
+  if (::mkdir(path.c_str(), 0700) == 0) return sync_path(path.parent_path());
+  if (errno != EEXIST) return errno_error("create directory", path);
+  return {};
+}
+
+// A new file in tmp with a name that nobody else has.
+Result<std::pair<UniqueFd, fs::path>> make_temporary(const fs::path& root) {
+  std::string name = (root / kTemporary / "blob-XXXXXX").native();
+  UniqueFd fd(::mkostemp(name.data(), O_CLOEXEC));
+  if (!fd.valid()) return errno_error("create", name);
+  return std::pair<UniqueFd, fs::path>(std::move(fd), fs::path(name));
+}
+
+// Moves a synced file to its place. The directories are synced in either case: whoever stored the
+// same bytes a moment ago may not have got that far.
+Result<BlobInfo> place(const fs::path& root, const fs::path& file, std::string id, int64_t bytes) {
+  const fs::path target = blob_path(root, id);
+  VOXELD_TRY(make_directory(target.parent_path()));
+  BlobInfo info{std::move(id), bytes, false};
+  struct stat present {};
+  if (::stat(target.c_str(), &present) == 0 && present.st_size == bytes) {
+    info.existed = true;
+    if (::unlink(file.c_str()) != 0) return errno_error("remove", file);
+  } else if (::rename(file.c_str(), target.c_str()) != 0) {
+    return errno_error("move into the store", file);
+  }
+  VOXELD_TRY(sync_path(target.parent_path()));
+  return info;
+}
+
+// Hashes what is left of an open file. Returns id and byte count.
+Result<std::pair<std::string, int64_t>> hash_file(int fd, const fs::path& path) {
+  ::posix_fadvise(fd, 0, 0, POSIX_FADV_SEQUENTIAL);
+  Sha256 hash;
+  int64_t total = 0;
+  std::vector<uint8_t> buffer(kReadBytes);
+  while (true) {
+    const ssize_t count = ::read(fd, buffer.data(), buffer.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return errno_error("read", path);
+    if (count == 0) break;
+    hash.update(std::span(buffer.data(), static_cast<size_t>(count)));
+    total += count;
+  }
+  return std::pair(hash.finish_id(), total);
+}
+
+}  // namespace
+
+BlobWriter::BlobWriter(const fs::path& root, UniqueFd fd, fs::path temporary, int64_t bytes_max)
+    : root_(root), fd_(std::move(fd)), temporary_(std::move(temporary)), bytes_max_(bytes_max) {}
+
+BlobWriter::BlobWriter(BlobWriter&& other) noexcept
+    : root_(std::move(other.root_)),
+      fd_(std::move(other.fd_)),
+      temporary_(std::exchange(other.temporary_, fs::path())),
+      bytes_max_(other.bytes_max_),
+      bytes_(other.bytes_),
+      broken_(other.broken_),
+      hash_(std::move(other.hash_)) {}
+
+BlobWriter::~BlobWriter() {
+  if (!temporary_.empty()) ::unlink(temporary_.c_str());
+}
+
+Status BlobWriter::append(std::span<const uint8_t> bytes) {
+  VOXELD_CHECK(fd_.valid(), "append after finish");
+  const auto count = static_cast<int64_t>(bytes.size());
+  if (count > bytes_max_ - bytes_) {
+    broken_ = true;
+    return Error{ErrorCode::kPayloadTooLarge, "the upload is too large",
+                 "at most " + std::to_string(bytes_max_) + " bytes",
+                 "at least " + std::to_string(bytes_ + count)};
+  }
+  if (Status written = write_all(fd_.get(), bytes); !written) {
+    broken_ = true;
+    return written;
+  }
+  hash_.update(bytes);
+  bytes_ += count;
+  return {};
+}
+
+Result<BlobInfo> BlobWriter::finish() {
+  VOXELD_CHECK(fd_.valid() && !broken_, "finish after a failed append or twice");
+  if (::fsync(fd_.get()) != 0) return errno_error("sync", temporary_);
+  fd_.reset();
+  VOXELD_ASSIGN(BlobInfo info, place(root_, temporary_, hash_.finish_id(), bytes_));
+  temporary_.clear();
+  return info;
+}
+
+Result<BlobStore> BlobStore::open(const fs::path& root) {
+  std::error_code failed;
+  fs::create_directories(root, failed);
+  if (failed) {
+    return Error{ErrorCode::kInternal,
+                 "cannot create the data directory " + root.string() + ": " + failed.message(), "",
+                 ""};
+  }
+  VOXELD_TRY(make_directory(root / kBlobs));
+  VOXELD_TRY(make_directory(root / kTemporary));
+  for (fs::directory_iterator it(root / kTemporary, failed), end; !failed && it != end;
+       it.increment(failed)) {
+    std::error_code ignored;  // what cannot be removed only wastes space
+    fs::remove_all(it->path(), ignored);
+  }
+  return BlobStore(root);
+}
+
+Result<BlobWriter> BlobStore::begin(int64_t bytes_max) const {
+  VOXELD_ASSIGN(auto temporary, make_temporary(root_));
+  return BlobWriter(root_, std::move(temporary.first), std::move(temporary.second), bytes_max);
+}
+
+Result<BlobInfo> BlobStore::adopt(const fs::path& file) const {
+  // O_NOFOLLOW: a worker may not make the store swallow a file of somebody else's by a link.
+  UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  if (!fd.valid()) return errno_error("open", file);
+  struct stat info {};
+  if (::fstat(fd.get(), &info) != 0) return errno_error("stat", file);
+  if (!S_ISREG(info.st_mode)) {
+    return Error{ErrorCode::kInternal, file.filename().string() + " is not a regular file", "", ""};
+  }
+  VOXELD_ASSIGN(auto hashed, hash_file(fd.get(), file));
+  if (::fsync(fd.get()) != 0) return errno_error("sync", file);
+  return place(root_, file, std::move(hashed.first), hashed.second);
+}
+
+Result<BlobInfo> BlobStore::stat(std::string_view id) const {
+  if (!is_sha256_id(id)) return not_found(id);
+  const fs::path path = blob_path(root_, id);
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) {
+    if (errno == ENOENT) return not_found(id);
+    return errno_error("stat", path);
+  }
+  return BlobInfo{std::string(id), static_cast<int64_t>(info.st_size), true};
+}
+
+fs::path BlobStore::path_of(std::string_view id) const {
+  return blob_path(root_, id);
+}
+
+Status BlobStore::remove(std::string_view id) const {
+  if (!is_sha256_id(id)) return not_found(id);
+  const fs::path path = blob_path(root_, id);
+  if (::unlink(path.c_str()) != 0) {
+    if (errno == ENOENT) return not_found(id);
+    return errno_error("remove", path);
+  }
+  return {};
+}
+
+Result<std::vector<std::string>> BlobStore::list() const {
+  std::vector<std::string> ids;
+  std::error_code failed;
+  for (fs::recursive_directory_iterator it(root_ / kBlobs, failed), end; !failed && it != end;
+       it.increment(failed)) {
+    std::string name = it->path().filename().string();
+    if (is_sha256_id(name)) ids.push_back(std::move(name));
+  }
+  if (failed) {
+    return Error{ErrorCode::kInternal, "list blobs: " + failed.message(), "", ""};
+  }
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
+Result<int64_t> BlobStore::free_bytes() const {
+  struct statvfs info {};
+  if (::statvfs(root_.c_str(), &info) != 0) return errno_error("read free space of", root_);
+  return static_cast<int64_t>(info.f_bavail) * static_cast<int64_t>(info.f_frsize);
+}
+
+}  // namespace voxeld
