@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "proto/job.h"
+#include "proto/limits.h"
 #include "proto/result.h"
 #include "proto/task_api.h"
 #include "server/store/blob_store.h"
@@ -49,8 +50,8 @@ struct WorkerState {
   int64_t pid = 0;
   bool connected = false;
   int64_t restarts = 0;
-  std::string task;       // job id it runs, or empty
-  std::string last_error; // of a device that cannot be opened
+  std::string task;        // job id it runs, or empty
+  std::string last_error;  // of a device that cannot be opened
   std::string device_json;
 };
 
@@ -102,11 +103,11 @@ class JobService {
 
 struct JobServiceConfig {
   std::filesystem::path data_dir;
-  std::vector<std::string> devices;   // one worker each
-  std::string worker_executable;      // argv[0] of the daemon itself
+  std::vector<std::string> devices;           // one worker each
+  std::string worker_executable;              // argv[0] of the daemon itself
   std::vector<std::string> worker_arguments;  // extra, e.g. --shader-dir
   int queued_jobs_max = limits::kQueuedJobsMax;
-  bool start_workers = true;          // tests connect their own
+  bool start_workers = true;  // tests connect their own
 };
 
 // Opens the store (recovering what an earlier process left: running jobs are queued again), starts

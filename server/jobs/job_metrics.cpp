@@ -1,0 +1,120 @@
+#include "server/jobs/job_metrics.h"
+
+#include <prometheus/counter.h>
+#include <prometheus/gauge.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+
+#include <utility>
+
+namespace voxeld {
+namespace {
+
+using prometheus::BuildCounter;
+using prometheus::BuildGauge;
+using prometheus::BuildHistogram;
+using prometheus::Counter;
+using prometheus::Family;
+using prometheus::Gauge;
+using prometheus::Histogram;
+
+// Seconds: from a small mesh on a GPU to a large one in software.
+prometheus::Histogram::BucketBoundaries seconds_buckets() {
+  return {0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60, 300};
+}
+
+std::string kind_of(const JobStatus& status) {
+  return std::string(job_kind_name(status.kind));
+}
+
+}  // namespace
+
+struct JobMetrics::Impl {
+  explicit Impl(std::shared_ptr<prometheus::Registry> shared)
+      : registry(std::move(shared)),
+        jobs(BuildGauge().Name("voxeld_jobs").Help("Live jobs by state.").Register(*registry)),
+        submitted(BuildCounter()
+                      .Name("voxeld_jobs_submitted_total")
+                      .Help("Jobs that were accepted, by kind.")
+                      .Register(*registry)),
+        ended(BuildCounter()
+                  .Name("voxeld_jobs_ended_total")
+                  .Help("Jobs that ended, by kind and outcome: done, cached, failed, cancelled.")
+                  .Register(*registry)),
+        requeued(BuildCounter()
+                     .Name("voxeld_jobs_requeued_total")
+                     .Help("Jobs that were put back because their worker went away, by kind.")
+                     .Register(*registry)),
+        queue_seconds(BuildHistogram()
+                          .Name("voxeld_job_queue_seconds")
+                          .Help("Time from acceptance to the start of the first attempt, by kind.")
+                          .Register(*registry)),
+        stage_seconds(BuildHistogram()
+                          .Name("voxeld_job_stage_seconds")
+                          .Help("Time of each stage of finished jobs.")
+                          .Register(*registry)),
+        restarts(BuildCounter()
+                     .Name("voxeld_worker_restarts_total")
+                     .Help("Worker processes that ended and were started again, by device.")
+                     .Register(*registry)),
+        worker_up(BuildGauge()
+                      .Name("voxeld_worker_up")
+                      .Help("1 while a worker is connected, by device.")
+                      .Register(*registry)) {}
+
+  std::shared_ptr<prometheus::Registry> registry;
+  Family<Gauge>& jobs;
+  Family<Counter>& submitted;
+  Family<Counter>& ended;
+  Family<Counter>& requeued;
+  Family<Histogram>& queue_seconds;
+  Family<Histogram>& stage_seconds;
+  Family<Counter>& restarts;
+  Family<Gauge>& worker_up;
+};
+
+JobMetrics::JobMetrics(std::shared_ptr<prometheus::Registry> registry) {
+  if (registry != nullptr) impl_ = std::make_unique<Impl>(std::move(registry));
+}
+JobMetrics::~JobMetrics() = default;
+
+void JobMetrics::submitted(const JobStatus& status) {
+  if (impl_) impl_->submitted.Add({{"kind", kind_of(status)}}).Increment();
+}
+
+void JobMetrics::claimed(const JobStatus& status) {
+  if (!impl_ || status.attempt != 1) return;
+  impl_->queue_seconds.Add({{"kind", kind_of(status)}}, seconds_buckets())
+      .Observe(static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
+}
+
+void JobMetrics::requeued(const JobStatus& status) {
+  if (impl_) impl_->requeued.Add({{"kind", kind_of(status)}}).Increment();
+}
+
+void JobMetrics::ended(const JobStatus& status) {
+  if (!impl_) return;
+  const std::string outcome = status.cached ? "cached" : std::string(job_state_name(status.state));
+  impl_->ended.Add({{"kind", kind_of(status)}, {"outcome", outcome}}).Increment();
+  if (status.cached) return;
+  for (const auto& [stage, ms] : status.timings) {
+    if (stage == "queue") continue;
+    impl_->stage_seconds.Add({{"stage", stage}}, seconds_buckets()).Observe(ms / 1000.0);
+  }
+}
+
+void JobMetrics::set_jobs(int64_t queued, int64_t running) {
+  if (!impl_) return;
+  impl_->jobs.Add({{"state", "queued"}}).Set(static_cast<double>(queued));
+  impl_->jobs.Add({{"state", "running"}}).Set(static_cast<double>(running));
+}
+
+void JobMetrics::worker_restarted(const std::string& device) {
+  if (impl_) impl_->restarts.Add({{"device", device}}).Increment();
+}
+
+void JobMetrics::set_worker_up(const std::string& device, bool up) {
+  if (impl_) impl_->worker_up.Add({{"device", device}}).Set(up ? 1 : 0);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,38 @@
+// What /metrics tells of jobs and workers. job_metrics.cpp alone includes prometheus-cpp's classes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "proto/job.h"
+
+namespace prometheus {
+class Registry;
+}
+
+namespace voxeld {
+
+// Thread-safe. Without a registry every call does nothing.
+class JobMetrics {
+ public:
+  explicit JobMetrics(std::shared_ptr<prometheus::Registry> registry);
+  ~JobMetrics();
+
+  void submitted(const JobStatus& status);
+  // A worker took it: observes how long it waited.
+  void claimed(const JobStatus& status);
+  // Its worker was lost and it waits again.
+  void requeued(const JobStatus& status);
+  // Counts by kind and outcome, and observes each stage.
+  void ended(const JobStatus& status);
+  void set_jobs(int64_t queued, int64_t running);
+  void worker_restarted(const std::string& device);
+  void set_worker_up(const std::string& device, bool up);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace voxeld

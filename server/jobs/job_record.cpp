@@ -1,0 +1,188 @@
+#include "server/jobs/job_record.h"
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+// In the order in which read_record takes them.
+constexpr std::string_view kSelect =
+    "SELECT j.seq, j.id, j.kind, j.state, j.asset, j.grid, j.filename, j.options_json,"
+    " j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
+    " j.attempt, j.fence, j.worker, j.lost_workers, j.upload_us, j.created_ms, j.started_ms,"
+    " j.ended_ms, j.timings_json, j.error_code, j.error_detail, j.error_expected, j.error_got,"
+    " j.result_seq, r.blob, r.bytes, r.media_type, r.filename, r.grid, r.meta_json,"
+    " r.warnings_json FROM jobs j LEFT JOIN results r ON r.seq = j.result_seq";
+
+// Reads columns from left to right.
+class ColumnReader {
+ public:
+  explicit ColumnReader(const SqlStatement& statement) : statement_(statement) {}
+  int64_t int64() { return statement_.int64(next_++); }
+  std::string text() { return statement_.text(next_++); }
+
+ private:
+  const SqlStatement& statement_;
+  int next_ = 0;
+};
+
+// The database wrote these texts itself; what it cannot read back is left out.
+StageTimes parse_timings(const std::string& text) {
+  StageTimes timings;
+  const json list = json::parse(text, nullptr, false);
+  if (!list.is_array()) return timings;
+  for (const json& item : list) {
+    if (item.is_array() && item.size() == 2 && item[0].is_string() && item[1].is_number()) {
+      timings.emplace_back(item[0].get<std::string>(), item[1].get<double>());
+    }
+  }
+  return timings;
+}
+
+std::vector<Warning> parse_warnings(const std::string& text) {
+  std::vector<Warning> warnings;
+  const json list = json::parse(text, nullptr, false);
+  if (!list.is_array()) return warnings;
+  for (const json& item : list) {
+    if (item.is_array() && item.size() == 2 && item[0].is_string() && item[1].is_string()) {
+      warnings.push_back({item[0].get<std::string>(), item[1].get<std::string>()});
+    }
+  }
+  return warnings;
+}
+
+std::string dump(const json& value) {
+  return value.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+// A cached result was named after another upload of the same bytes: the stem is this job's.
+std::string name_of_cached(const std::string& job_filename, const std::string& result_filename) {
+  if (job_filename.empty()) return result_filename;
+  const std::string extension = std::filesystem::path(result_filename).extension().string();
+  return std::filesystem::path(job_filename).stem().string() + extension;
+}
+
+JobRecord read_record(const SqlStatement& statement) {
+  ColumnReader column(statement);
+  JobRecord record;
+  JobStatus& status = record.status;
+  record.seq = column.int64();
+  status.id = column.text();
+  status.kind = job_kind_from_name(column.text()).value_or(JobKind::kVoxelize);
+  status.state = job_state_from_name(column.text()).value_or(JobState::kFailed);
+  status.asset = column.text();
+  status.grid = column.text();
+  status.filename = column.text();
+  status.options_json = column.text();
+  record.request_hash = column.text();
+  record.use_cache = column.int64() != 0;
+  record.transient = column.int64() != 0;
+  status.cached = column.int64() != 0;
+  record.cancel_requested = column.int64() != 0;
+  status.version = column.int64();
+  status.attempt = static_cast<int>(column.int64());
+  record.fence = column.int64();
+  record.worker = column.text();
+  record.lost_workers = column.text();
+  record.upload_ms = static_cast<double>(column.int64()) / 1000.0;
+  status.created_ms = column.int64();
+  status.started_ms = column.int64();
+  status.ended_ms = column.int64();
+  status.timings = parse_timings(column.text());
+  Error error;
+  const std::string error_name = column.text();
+  error.detail = column.text();
+  error.expected = column.text();
+  error.got = column.text();
+  if (!error_name.empty()) {
+    error.code = error_code_from_name(error_name);
+    status.error = std::move(error);
+  }
+  if (column.int64() == 0) return record;
+  JobResult result;
+  result.blob = column.text();
+  result.bytes = column.int64();
+  result.media_type = column.text();
+  result.filename = column.text();
+  result.grid = column.text();
+  result.meta_json = column.text();
+  result.warnings = parse_warnings(column.text());
+  if (status.cached) result.filename = name_of_cached(status.filename, result.filename);
+  status.result = std::move(result);
+  return record;
+}
+
+Status fill_queue_position(SqlConnection& connection, JobRecord& record) {
+  if (record.status.state != JobState::kQueued) return {};
+  VOXELD_ASSIGN(SqlStatement count,
+                connection.query("SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND seq <= $1",
+                                 record.seq));
+  VOXELD_TRY(count.step());
+  record.status.queue_position = count.int64(0);
+  return {};
+}
+
+}  // namespace
+
+int64_t unix_time_ms() {
+  using std::chrono::milliseconds;
+  const auto since = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<milliseconds>(since).count();
+}
+
+Result<JobRecord> load_job(SqlConnection& connection, std::string_view id) {
+  static const std::string sql = std::string(kSelect) + " WHERE j.id = $1";
+  JobRecord record;
+  {
+    VOXELD_ASSIGN(SqlStatement statement, connection.query(sql, id));
+    VOXELD_ASSIGN(const bool found, statement.step());
+    if (!found) {
+      return Error{ErrorCode::kNotFound, "no such job", "the id of a job",
+                   std::string(id.substr(0, 80))};
+    }
+    record = read_record(statement);
+  }
+  VOXELD_TRY(fill_queue_position(connection, record));
+  return record;
+}
+
+Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, int limit,
+                                         std::optional<JobState> state) {
+  static const std::string all = std::string(kSelect) + " ORDER BY j.seq DESC LIMIT $1";
+  static const std::string some =
+      std::string(kSelect) + " WHERE j.state = $2 ORDER BY j.seq DESC LIMIT $1";
+  std::vector<JobRecord> records;
+  {
+    const int64_t rows = limit;
+    VOXELD_ASSIGN(SqlStatement statement, state
+                                              ? connection.query(some, rows, job_state_name(*state))
+                                              : connection.query(all, rows));
+    while (true) {
+      VOXELD_ASSIGN(const bool row, statement.step());
+      if (!row) break;
+      records.push_back(read_record(statement));
+    }
+  }
+  for (JobRecord& record : records) VOXELD_TRY(fill_queue_position(connection, record));
+  return records;
+}
+
+std::string timings_text(const StageTimes& timings) {
+  json list = json::array();
+  for (const auto& [stage, ms] : timings) list.push_back(json::array({stage, ms}));
+  return dump(list);
+}
+
+std::string warnings_text(const std::vector<Warning>& warnings) {
+  json list = json::array();
+  for (const Warning& warning : warnings) {
+    list.push_back(json::array({warning.code, warning.detail}));
+  }
+  return dump(list);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,42 @@
+// A row of the table jobs, with its result.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/job.h"
+#include "proto/result.h"
+#include "server/jobs/sqlite.h"
+
+namespace voxeld {
+
+// What the public status leaves out.
+struct JobRecord {
+  JobStatus status;
+  int64_t seq = 0;  // order of arrival
+  int64_t fence = 0;
+  std::string request_hash;  // see request_hash.h
+  bool use_cache = true;
+  bool transient = false;
+  bool cancel_requested = false;
+  std::string worker;        // device that claimed it last
+  std::string lost_workers;  // how each worker that ran it ended: "signal 9 (Killed), …"
+  double upload_ms = 0;
+};
+
+// Milliseconds since 1970.
+int64_t unix_time_ms();
+// Fills in queue_position too. Errors: not-found.
+Result<JobRecord> load_job(SqlConnection& connection, std::string_view id);
+// Newest first.
+Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, int limit,
+                                         std::optional<JobState> state);
+
+// Columns that hold lists.
+std::string timings_text(const StageTimes& timings);
+std::string warnings_text(const std::vector<Warning>& warnings);
+
+}  // namespace voxeld

@@ -1,0 +1,424 @@
+#include "server/jobs/job_store.h"
+
+#include <sys/random.h>
+
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "proto/limits.h"
+#include "server/base/check.h"
+#include "server/jobs/request_hash.h"
+#include "server/jobs/scheduler.h"
+
+namespace voxeld {
+namespace {
+
+constexpr int64_t kIdempotencyKeptMs = int64_t{24} * 60 * 60 * 1000;
+// Progress is not stored, so after a crash the database does not know how far a running job's
+// version had got. Ten events a second for three years are fewer than this.
+constexpr int64_t kVersionJump = 1'000'000'000;
+
+// "j-" and 32 hex digits of the kernel's generator: ids cannot be guessed.
+std::string new_job_id() {
+  std::array<uint8_t, 16> bytes{};
+  VOXELD_CHECK(::getrandom(bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()),
+               "getrandom");
+  static constexpr char kHex[] = "0123456789abcdef";
+  std::string id = "j-";
+  for (const uint8_t byte : bytes) {
+    id += kHex[byte >> 4];
+    id += kHex[byte & 15];
+  }
+  return id;
+}
+
+// Reads the job back after a change and writes the event of it.
+Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
+  VOXELD_ASSIGN(JobRecord record, load_job(connection, id));
+  const std::string data =
+      job_status_json(record.status).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  VOXELD_TRY(
+      connection.run("INSERT INTO job_events (job_id, id, type, data_json, created_ms) VALUES ($1, "
+                     "$2, $3, $4, $5)",
+                     id, record.status.version, "state", data, unix_time_ms()));
+  return record;
+}
+
+// The asset must be there; its name is the request's where the client gave none.
+Status check_asset(SqlConnection& connection, JobRequest& request) {
+  VOXELD_ASSIGN(
+      SqlStatement asset,
+      connection.query("SELECT filename, deleted_ms FROM assets WHERE id = $1", request.asset));
+  VOXELD_ASSIGN(const bool found, asset.step());
+  if (!found) {
+    return Error{ErrorCode::kNotFound, "no such asset", "the id of an uploaded asset",
+                 request.asset.substr(0, 80)};
+  }
+  if (asset.int64(1) != 0) {
+    return Error{ErrorCode::kGone, "asset " + request.asset + " was deleted", "", ""};
+  }
+  if (request.filename.empty()) request.filename = asset.text(0);
+  return {};
+}
+
+Result<bool> has_row(SqlConnection& connection, std::string_view sql, std::string_view argument) {
+  VOXELD_ASSIGN(SqlStatement statement, connection.query(sql, argument));
+  return statement.step();
+}
+
+Result<bool> grid_exists(SqlConnection& connection, std::string_view id) {
+  if (id.empty()) return false;
+  return has_row(connection, "SELECT 1 FROM results WHERE grid = $1 AND grid <> '' LIMIT 1", id);
+}
+
+Status check_queue(SqlConnection& connection, int queued_jobs_max) {
+  VOXELD_ASSIGN(SqlStatement count,
+                connection.query("SELECT COUNT(*) FROM jobs WHERE state = 'queued'"));
+  VOXELD_TRY(count.step());
+  if (count.int64(0) < queued_jobs_max) return {};
+  return Error{ErrorCode::kQueueFull, "too many jobs are waiting; try again later",
+               "fewer than " + std::to_string(queued_jobs_max), std::to_string(count.int64(0))};
+}
+
+// The job that used this key within a day, or an empty id.
+Result<std::string> job_of_key(SqlConnection& connection, std::string_view key,
+                               std::string_view hash, int64_t now_ms) {
+  VOXELD_ASSIGN(SqlStatement found,
+                connection.query("SELECT request_hash, job_id FROM idempotency_keys"
+                                 " WHERE idempotency_key = $1 AND created_ms > $2",
+                                 key, now_ms - kIdempotencyKeptMs));
+  VOXELD_ASSIGN(const bool row, found.step());
+  if (!row) return std::string();
+  if (found.text(0) != hash) {
+    return Error{ErrorCode::kIdempotencyMismatch,
+                 "this Idempotency-Key was used for another request", "", ""};
+  }
+  return found.text(1);
+}
+
+Status remember_key(SqlConnection& connection, std::string_view key, std::string_view hash,
+                    std::string_view id, int64_t now_ms) {
+  return connection.run(
+      "INSERT INTO idempotency_keys (idempotency_key, request_hash, job_id, created_ms)"
+      " VALUES ($1, $2, $3, $4) ON CONFLICT (idempotency_key) DO UPDATE SET"
+      " request_hash = excluded.request_hash, job_id = excluded.job_id,"
+      " created_ms = excluded.created_ms",
+      key, hash, id, now_ms);
+}
+
+// The newest result of equal work whose bytes are all there; 0 when there is none.
+Result<int64_t> cached_result(SqlConnection& connection, std::string_view hash,
+                              const std::function<bool(std::string_view)>& is_stored) {
+  VOXELD_ASSIGN(SqlStatement found,
+                connection.query("SELECT seq, blob, grid FROM results WHERE request_hash = $1"
+                                 " ORDER BY seq DESC LIMIT 1",
+                                 hash));
+  VOXELD_ASSIGN(const bool row, found.step());
+  if (!row) return int64_t{0};
+  for (const std::string& blob : {found.text(1), found.text(2)}) {
+    if (!blob.empty() && !is_stored(blob)) return int64_t{0};
+  }
+  return found.int64(0);
+}
+
+Status end_with_cached(SqlConnection& connection, std::string_view id, int64_t result_seq,
+                       int64_t now_ms) {
+  return connection.run(
+      "UPDATE jobs SET state = 'done', cached = 1, result_seq = $2, ended_ms = $3 WHERE id = $1",
+      id, result_seq, now_ms);
+}
+
+Status insert_job(SqlConnection& connection, const JobRequest& request,
+                  const SubmitOptions& options, std::string_view id, std::string_view hash,
+                  int64_t now_ms) {
+  const auto flag = [](bool value) { return int64_t{value ? 1 : 0}; };
+  return connection.run(
+      "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
+      " use_cache, transient, upload_us, created_ms)"
+      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11)",
+      id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
+      canonical_json(request.options, option_scope(request)), hash, flag(request.options.use_cache),
+      flag(options.transient), static_cast<int64_t>(options.upload_ms * 1000.0), now_ms);
+}
+
+// queue, upload, then what the worker measured.
+StageTimes all_timings(const JobRecord& record, const StageTimes& of_worker) {
+  StageTimes timings;
+  timings.emplace_back("queue",
+                       static_cast<double>(record.status.started_ms - record.status.created_ms));
+  if (record.upload_ms > 0) timings.emplace_back("upload", record.upload_ms);
+  timings.insert(timings.end(), of_worker.begin(), of_worker.end());
+  return timings;
+}
+
+// The job, when it is running with this fence.
+Result<std::optional<JobRecord>> fenced_job(SqlConnection& connection, std::string_view id,
+                                            int64_t fence) {
+  VOXELD_ASSIGN(JobRecord record, load_job(connection, id));
+  if (record.status.state != JobState::kRunning || record.fence != fence) {
+    return std::optional<JobRecord>();
+  }
+  return std::optional<JobRecord>(std::move(record));
+}
+
+Status end_with_error(SqlConnection& connection, std::string_view id, const Error& error,
+                      int64_t live_version) {
+  const JobState state =
+      error.code == ErrorCode::kCancelled ? JobState::kCancelled : JobState::kFailed;
+  return connection.run(
+      "UPDATE jobs SET state = $2, error_code = $3, error_detail = $4, error_expected = $5,"
+      " error_got = $6, ended_ms = $7,"
+      " version = CASE WHEN version > $8 THEN version ELSE $8 END + 1 WHERE id = $1",
+      id, job_state_name(state), info_of(error.code).name, error.detail, error.expected, error.got,
+      unix_time_ms(), live_version);
+}
+
+Result<int64_t> insert_result(SqlConnection& connection, std::string_view hash,
+                              const JobResult& result) {
+  VOXELD_ASSIGN(SqlStatement inserted,
+                connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
+                                 " filename, grid, meta_json, warnings_json, created_ms)"
+                                 " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9) RETURNING seq",
+                                 hash, result.blob, result.bytes, result.media_type,
+                                 result.filename, result.grid, result.meta_json,
+                                 warnings_text(result.warnings), unix_time_ms()));
+  VOXELD_TRY(inserted.step());
+  return inserted.int64(0);
+}
+
+}  // namespace
+
+Result<JobStore::Submitted> JobStore::submit(JobRequest request, const SubmitOptions& options,
+                                             int queued_jobs_max) {
+  const std::string id = new_job_id();
+  std::optional<Submitted> submitted;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    const int64_t now = unix_time_ms();
+    const std::string key_hash = idempotency_hash(request);  // before the name is filled in
+    if (!options.idempotency_key.empty()) {
+      VOXELD_ASSIGN(const std::string earlier,
+                    job_of_key(connection, options.idempotency_key, key_hash, now));
+      if (!earlier.empty()) {
+        VOXELD_ASSIGN(JobRecord record, load_job(connection, earlier));
+        submitted = Submitted{std::move(record), true};
+        return {};
+      }
+    }
+    if (!request.asset.empty()) VOXELD_TRY(check_asset(connection, request));
+    if (!request.grid.empty()) {
+      VOXELD_ASSIGN(const bool known, grid_exists(connection, request.grid));
+      if (!known || !is_stored_(request.grid)) {
+        return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
+                     request.grid.substr(0, 80)};
+      }
+    }
+    const std::string hash = request_hash(request);
+    int64_t cached = 0;
+    if (request.options.use_cache) {
+      VOXELD_ASSIGN(cached, cached_result(connection, hash, is_stored_));
+    }
+    if (cached == 0) VOXELD_TRY(check_queue(connection, queued_jobs_max));
+    VOXELD_TRY(insert_job(connection, request, options, id, hash, now));
+    if (cached != 0) VOXELD_TRY(end_with_cached(connection, id, cached, now));
+    if (!options.idempotency_key.empty()) {
+      VOXELD_TRY(remember_key(connection, options.idempotency_key, key_hash, id, now));
+    }
+    VOXELD_ASSIGN(JobRecord record, record_change(connection, id));
+    submitted = Submitted{std::move(record), false};
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return *std::move(submitted);
+}
+
+Result<JobRecord> JobStore::get(std::string_view id) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return load_job(*reader, id);
+}
+
+Result<std::vector<JobRecord>> JobStore::list(int limit, std::optional<JobState> state) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return load_jobs(*reader, limit, state);
+}
+
+Result<std::vector<JobEvent>> JobStore::events(std::string_view id, int64_t after_id) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(const bool known, has_row(*reader, "SELECT 1 FROM jobs WHERE id = $1", id));
+  if (!known) {
+    return Error{ErrorCode::kNotFound, "no such job", "the id of a job",
+                 std::string(id.substr(0, 80))};
+  }
+  VOXELD_ASSIGN(SqlStatement rows, reader->query("SELECT id, type, data_json FROM job_events"
+                                                 " WHERE job_id = $1 AND id > $2 ORDER BY id",
+                                                 id, after_id));
+  std::vector<JobEvent> events;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return events;
+    events.push_back({rows.int64(0), rows.text(1), rows.text(2)});
+  }
+}
+
+Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker) {
+  std::optional<JobRecord> claimed;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    const int64_t now = unix_time_ms();
+    VOXELD_ASSIGN(const std::optional<std::string> id, claim_next(connection, worker, now));
+    if (!id) return {};
+    VOXELD_ASSIGN(const JobRecord taken, load_job(connection, *id));
+    if (taken.use_cache) {
+      VOXELD_ASSIGN(const int64_t cached,
+                    cached_result(connection, taken.request_hash, is_stored_));
+      if (cached != 0) VOXELD_TRY(end_with_cached(connection, *id, cached, now));
+    }
+    VOXELD_ASSIGN(claimed, record_change(connection, *id));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return claimed;
+}
+
+Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task,
+                                                    int64_t live_version) {
+  std::optional<JobRecord> ended;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
+    if (!running) return {};
+    VOXELD_ASSIGN(const int64_t result_seq,
+                  insert_result(connection, running->request_hash, task.result));
+    const int64_t now = unix_time_ms();
+    VOXELD_TRY(connection.run(
+        "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"
+        " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1 WHERE id = $1",
+        task.task, result_seq, now, timings_text(all_timings(*running, task.timings)),
+        live_version));
+    if (running->status.kind == JobKind::kInspect) {
+      VOXELD_TRY(connection.run("UPDATE assets SET description_json = $2 WHERE id = $1",
+                                running->status.asset, task.result.meta_json));
+    }
+    VOXELD_ASSIGN(ended, record_change(connection, task.task));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return ended;
+}
+
+Result<std::optional<JobRecord>> JobStore::fail(std::string_view id, int64_t fence,
+                                                const Error& error, int64_t live_version) {
+  std::optional<JobRecord> ended;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
+    if (!running) return {};
+    VOXELD_TRY(end_with_error(connection, id, error, live_version));
+    VOXELD_ASSIGN(ended, record_change(connection, id));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return ended;
+}
+
+Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int64_t fence,
+                                                       std::string_view reason, bool counts,
+                                                       int64_t live_version) {
+  std::optional<JobRecord> changed;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
+    if (!running) return {};
+    std::string lost = running->lost_workers;
+    if (counts) lost += (lost.empty() ? "" : ", ") + std::string(reason);
+    if (running->cancel_requested) {
+      VOXELD_TRY(end_with_error(
+          connection, id, {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live_version));
+    } else if (counts && running->status.attempt >= limits::kJobAttemptsMax) {
+      const Error error{
+          ErrorCode::kWorkerCrashed,
+          "the job ended " + std::to_string(running->status.attempt) + " workers: " + lost, "", ""};
+      VOXELD_TRY(end_with_error(connection, id, error, live_version));
+    } else {
+      VOXELD_TRY(connection.run(
+          "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - $2, lost_workers = "
+          "$3,"
+          " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1 WHERE id = $1",
+          id, int64_t{counts ? 0 : 1}, lost, live_version));
+    }
+    VOXELD_ASSIGN(changed, record_change(connection, id));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return changed;
+}
+
+Result<JobRecord> JobStore::cancel(std::string_view id) {
+  std::optional<JobRecord> result;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(JobRecord record, load_job(connection, id));
+    if (record.status.state == JobState::kQueued) {
+      VOXELD_TRY(end_with_error(connection, id,
+                                {ErrorCode::kCancelled, "the job was cancelled", "", ""}, 0));
+      VOXELD_ASSIGN(record, record_change(connection, id));
+    } else if (record.status.state == JobState::kRunning && !record.cancel_requested) {
+      VOXELD_TRY(connection.run("UPDATE jobs SET cancel_requested = 1 WHERE id = $1", id));
+      record.cancel_requested = true;
+    }
+    result = std::move(record);
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return *std::move(result);
+}
+
+Result<int64_t> JobStore::recover() {
+  int64_t touched = 0;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE created_ms <= $1",
+                              unix_time_ms() - kIdempotencyKeptMs));
+    std::vector<std::string> ids;
+    {
+      VOXELD_ASSIGN(SqlStatement rows,
+                    connection.query("SELECT id FROM jobs WHERE state = 'running'"
+                                     " OR (state = 'queued' AND transient = 1) ORDER BY seq"));
+      while (true) {
+        VOXELD_ASSIGN(const bool row, rows.step());
+        if (!row) break;
+        ids.push_back(rows.text(0));
+      }
+    }
+    for (const std::string& id : ids) {
+      VOXELD_ASSIGN(const JobRecord record, load_job(connection, id));
+      const int64_t live_version = record.status.version + kVersionJump;
+      if (record.cancel_requested || record.transient) {
+        const Error error{ErrorCode::kCancelled,
+                          record.cancel_requested
+                              ? "the job was cancelled"
+                              : "the daemon restarted while the client was waiting",
+                          "", ""};
+        VOXELD_TRY(end_with_error(connection, id, error, live_version));
+      } else {
+        VOXELD_TRY(
+            connection.run("UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
+                           " version = $2 WHERE id = $1",
+                           id, live_version));
+      }
+      VOXELD_TRY(record_change(connection, id));
+    }
+    touched = static_cast<int64_t>(ids.size());
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return touched;
+}
+
+Result<bool> JobStore::is_grid(std::string_view id) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return grid_exists(*reader, id);
+}
+
+Result<int64_t> JobStore::count(JobState state) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(SqlStatement statement,
+                reader->query("SELECT COUNT(*) FROM jobs WHERE state = $1", job_state_name(state)));
+  VOXELD_TRY(statement.step());
+  return statement.int64(0);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,87 @@
+// Jobs in the database: every transition of JobState is one method here, durable when it returns.
+//
+//   submit ──> queued ──claim──> running ──complete──> done
+//                │ ^                │ └────fail──────> failed | cancelled (error `cancelled`)
+//                │ └──lose_worker───┤                  (the third time: failed worker-crashed)
+//                └─cancel─> cancelled <──lose_worker, recover after cancel of a running job
+//
+// A report on a running job carries the fence that its claim gave; one with an older fence changes
+// nothing and comes back as nullopt.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "proto/job.h"
+#include "proto/task_api.h"
+#include "server/jobs/database.h"
+#include "server/jobs/job_record.h"
+#include "server/jobs/job_service.h"
+
+namespace voxeld {
+
+// What a finished task leaves in the database; the blobs are in the store already.
+struct FinishedTask {
+  std::string task;
+  int64_t fence = 0;
+  JobResult result;
+  StageTimes timings;  // of the worker
+};
+
+// Thread-safe; holds no state of its own.
+class JobStore {
+ public:
+  // `is_stored` tells whether a blob is (still) in the blob store.
+  JobStore(Database& database, std::function<bool(std::string_view id)> is_stored)
+      : database_(database), is_stored_(std::move(is_stored)) {}
+
+  struct Submitted {
+    JobRecord record;
+    bool existed = false;  // the idempotency key had been used for this request
+  };
+  // Inserts a job: queued, or done at once when an equal one has a result and use_cache is on. An
+  // empty filename becomes the asset's. Errors: not-found (asset, grid), gone, queue-full,
+  // idempotency-mismatch.
+  Result<Submitted> submit(JobRequest request, const SubmitOptions& options, int queued_jobs_max);
+
+  Result<JobRecord> get(std::string_view id);
+  Result<std::vector<JobRecord>> list(int limit, std::optional<JobState> state);
+  // State changes after `after_id`, oldest first. Errors: not-found.
+  Result<std::vector<JobEvent>> events(std::string_view id, int64_t after_id);
+
+  // The next job for a worker, or nullopt when none waits. A job whose result an equal one has
+  // left meanwhile ends as done without a worker: it comes back with that state.
+  Result<std::optional<JobRecord>> claim(std::string_view worker);
+
+  // `live_version` in what follows: the highest version that clients have seen, progress included.
+  Result<std::optional<JobRecord>> complete(const FinishedTask& task, int64_t live_version);
+  Result<std::optional<JobRecord>> fail(std::string_view id, int64_t fence, const Error& error,
+                                        int64_t live_version);
+  // The job's worker is gone. `counts`: it is the job's fault, perhaps; a daemon that stops puts
+  // jobs back without counting.
+  Result<std::optional<JobRecord>> lose_worker(std::string_view id, int64_t fence,
+                                               std::string_view reason, bool counts,
+                                               int64_t live_version);
+  // Idempotent. Queued: cancelled. Running: marked; its worker is told. Errors: not-found.
+  Result<JobRecord> cancel(std::string_view id);
+
+  // At start, before any worker: running jobs are queued again (their attempt does not count),
+  // cancelled ones and one-shot jobs, whose clients are gone, end as cancelled. Returns how many
+  // jobs it touched.
+  Result<int64_t> recover();
+
+  // True when a finished voxelization left this container.
+  Result<bool> is_grid(std::string_view id);
+  Result<int64_t> count(JobState state);
+
+ private:
+  Database& database_;
+  std::function<bool(std::string_view)> is_stored_;
+};
+
+}  // namespace voxeld

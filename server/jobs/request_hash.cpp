@@ -1,0 +1,50 @@
+#include "server/jobs/request_hash.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "server/base/algorithm_version.h"
+#include "server/base/sha256.h"
+
+namespace voxeld {
+namespace {
+
+// Each part is preceded by its length, so that no two lists of parts give the same bytes.
+void add_part(Sha256& hash, std::string_view part) {
+  hash.update(std::to_string(part.size()) + ":");
+  hash.update(part);
+}
+
+// "bunny.PLY" -> ".ply"; "bundle.zip!models/a.obj" -> ".zip!models/a.obj"
+std::string format_part(const std::string& filename) {
+  const size_t member = filename.find('!');
+  std::string extension = std::filesystem::path(filename.substr(0, member)).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  if (member != std::string::npos) extension += filename.substr(member);
+  return extension;
+}
+
+}  // namespace
+
+std::string request_hash(const JobRequest& request) {
+  Sha256 hash;
+  add_part(hash, std::to_string(kAlgorithmVersion));
+  add_part(hash, job_kind_name(request.kind));
+  add_part(hash, request.asset);
+  add_part(hash, request.grid);
+  add_part(hash, format_part(request.filename));
+  add_part(hash, canonical_json(request.options, option_scope(request)));
+  return hash.finish_id();
+}
+
+std::string idempotency_hash(const JobRequest& request) {
+  Sha256 hash;
+  add_part(hash, request_hash(request));
+  add_part(hash, request.filename);
+  add_part(hash, request.options.use_cache ? "cache" : "no-cache");
+  return hash.finish_id();
+}
+
+}  // namespace voxeld

@@ -1,0 +1,17 @@
+// The name of a computation: equal names give equal bytes.
+#pragma once
+
+#include <string>
+
+#include "proto/job.h"
+
+namespace voxeld {
+
+// SHA-256 of kind, input, what of the file name decides how the input is read (its extension and
+// the path inside a bundle), canonical options and kAlgorithmVersion. Results are cached by it.
+std::string request_hash(const JobRequest& request);
+
+// Of everything that a client sent: what an idempotency key must come back with.
+std::string idempotency_hash(const JobRequest& request);
+
+}  // namespace voxeld

@@ -1,0 +1,129 @@
+#include "server/jobs/schema.h"
+
+#include <array>
+#include <string>
+#include <string_view>
+
+namespace voxeld {
+namespace {
+
+// Step n takes a database from user_version n to n + 1. A step that was released never changes.
+//
+//   assets ─┐                      jobs.asset, jobs.grid name blobs, not rows: a deleted asset
+//   keeps results ┼─ jobs ── job_events  its row (deleted_ms), so that asking for it says `gone`.
+//           └─ idempotency_keys
+//
+// jobs.seq is the order of arrival and what the queue is sorted by. jobs.fence grows with each
+// claim: a report with an older one is void.
+constexpr std::array<std::string_view, 1> kSteps = {R"sql(
+CREATE TABLE assets (
+  id TEXT PRIMARY KEY,
+  filename TEXT NOT NULL,
+  content_type TEXT NOT NULL,
+  bytes BIGINT NOT NULL,
+  created_ms BIGINT NOT NULL,
+  deleted_ms BIGINT NOT NULL DEFAULT 0,
+  description_json TEXT NOT NULL DEFAULT ''
+);
+CREATE INDEX assets_live ON assets (created_ms) WHERE deleted_ms = 0;
+CREATE INDEX assets_deleted ON assets (deleted_ms) WHERE deleted_ms <> 0;
+
+CREATE TABLE results (
+  seq INTEGER PRIMARY KEY AUTOINCREMENT,
+  request_hash TEXT NOT NULL,
+  blob TEXT NOT NULL,
+  bytes BIGINT NOT NULL,
+  media_type TEXT NOT NULL,
+  filename TEXT NOT NULL,
+  grid TEXT NOT NULL,
+  meta_json TEXT NOT NULL,
+  warnings_json TEXT NOT NULL,
+  created_ms BIGINT NOT NULL
+);
+CREATE INDEX results_by_request ON results (request_hash, seq);
+CREATE INDEX results_by_grid ON results (grid) WHERE grid <> '';
+CREATE INDEX results_by_blob ON results (blob);
+
+CREATE TABLE jobs (
+  seq INTEGER PRIMARY KEY AUTOINCREMENT,
+  id TEXT NOT NULL UNIQUE,
+  kind TEXT NOT NULL,
+  state TEXT NOT NULL,
+  asset TEXT NOT NULL,
+  grid TEXT NOT NULL,
+  filename TEXT NOT NULL,
+  options_json TEXT NOT NULL,
+  request_hash TEXT NOT NULL,
+  use_cache SMALLINT NOT NULL,
+  transient SMALLINT NOT NULL,
+  cached SMALLINT NOT NULL DEFAULT 0,
+  cancel_requested SMALLINT NOT NULL DEFAULT 0,
+  version BIGINT NOT NULL DEFAULT 1,
+  attempt BIGINT NOT NULL DEFAULT 0,
+  fence BIGINT NOT NULL DEFAULT 0,
+  worker TEXT NOT NULL DEFAULT '',
+  lost_workers TEXT NOT NULL DEFAULT '',
+  upload_us BIGINT NOT NULL DEFAULT 0,
+  created_ms BIGINT NOT NULL,
+  started_ms BIGINT NOT NULL DEFAULT 0,
+  ended_ms BIGINT NOT NULL DEFAULT 0,
+  timings_json TEXT NOT NULL DEFAULT '[]',
+  result_seq BIGINT NOT NULL DEFAULT 0,
+  error_code TEXT NOT NULL DEFAULT '',
+  error_detail TEXT NOT NULL DEFAULT '',
+  error_expected TEXT NOT NULL DEFAULT '',
+  error_got TEXT NOT NULL DEFAULT ''
+);
+CREATE INDEX jobs_queue ON jobs (seq) WHERE state = 'queued';
+CREATE INDEX jobs_running ON jobs (seq) WHERE state = 'running';
+CREATE INDEX jobs_by_state ON jobs (state, seq);
+
+CREATE TABLE job_events (
+  job_id TEXT NOT NULL,
+  id BIGINT NOT NULL,
+  type TEXT NOT NULL,
+  data_json TEXT NOT NULL,
+  created_ms BIGINT NOT NULL,
+  PRIMARY KEY (job_id, id)
+);
+
+CREATE TABLE idempotency_keys (
+  idempotency_key TEXT PRIMARY KEY,
+  request_hash TEXT NOT NULL,
+  job_id TEXT NOT NULL,
+  created_ms BIGINT NOT NULL
+);
+CREATE INDEX idempotency_keys_by_time ON idempotency_keys (created_ms);
+)sql"};
+
+Result<int64_t> user_version(SqlConnection& connection) {
+  VOXELD_ASSIGN(SqlStatement statement, connection.query("PRAGMA user_version"));
+  VOXELD_TRY(statement.step());
+  return statement.int64(0);
+}
+
+}  // namespace
+
+int schema_version() {
+  return static_cast<int>(kSteps.size());
+}
+
+Status migrate_schema(SqlConnection& connection) {
+  VOXELD_ASSIGN(const int64_t present, user_version(connection));
+  if (present < 0 || present > schema_version()) {
+    return Error{ErrorCode::kInternal, "job database was written by a newer voxeld: schema version",
+                 "at most " + std::to_string(schema_version()), std::to_string(present)};
+  }
+  for (auto step = static_cast<size_t>(present); step < kSteps.size(); ++step) {
+    Status applied =
+        connection.run_script("BEGIN IMMEDIATE;" + std::string(kSteps[step]) +
+                              "PRAGMA user_version=" + std::to_string(step + 1) + "; COMMIT;");
+    if (!applied) {
+      if (connection.in_transaction()) VOXELD_TRY(connection.run_script("ROLLBACK"));
+      return applied;
+    }
+  }
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,130 @@
+#include "server/jobs/sqlite.h"
+
+#include <sqlite3.h>
+
+#include <utility>
+
+#include "server/base/check.h"
+
+namespace voxeld {
+namespace {
+
+// Only the writer of another program could hold the lock: ours has one writing connection.
+constexpr int kBusyTimeoutMs = 2000;
+
+Error sql_error(sqlite3* db, std::string_view action) {
+  const int code = sqlite3_extended_errcode(db);
+  const std::string words = std::string(action) + ": " + sqlite3_errmsg(db);
+  switch (code & 0xff) {
+    case SQLITE_FULL:
+      return {ErrorCode::kStorageFull, "job database cannot grow, the disk is full: " + words, "",
+              ""};
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      return {ErrorCode::kInternal, "job database is corrupt: " + words, "", ""};
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return {ErrorCode::kInternal, "job database is locked by another program: " + words, "", ""};
+    default:
+      return {ErrorCode::kInternal, "job database: " + words, "", ""};
+  }
+}
+
+}  // namespace
+
+SqlStatement::~SqlStatement() {
+  if (statement_ == nullptr) return;
+  sqlite3_reset(statement_);
+  sqlite3_clear_bindings(statement_);
+}
+
+SqlStatement::SqlStatement(SqlStatement&& other) noexcept
+    : db_(other.db_), statement_(std::exchange(other.statement_, nullptr)) {}
+
+void SqlStatement::bind(int index, int64_t value) {
+  const int slot = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(index)).c_str());
+  VOXELD_CHECK(slot != 0, sqlite3_sql(statement_));
+  sqlite3_bind_int64(statement_, slot, value);
+}
+
+void SqlStatement::bind(int index, std::string_view value) {
+  const int slot = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(index)).c_str());
+  VOXELD_CHECK(slot != 0, sqlite3_sql(statement_));
+  // A null pointer would bind NULL; an empty text is not NULL.
+  sqlite3_bind_text64(statement_, slot, value.data() == nullptr ? "" : value.data(), value.size(),
+                      SQLITE_TRANSIENT, SQLITE_UTF8);
+}
+
+Result<bool> SqlStatement::step() {
+  const int code = sqlite3_step(statement_);
+  if (code == SQLITE_ROW) return true;
+  if (code == SQLITE_DONE) return false;
+  return sql_error(db_, "run");
+}
+
+int64_t SqlStatement::int64(int column) const {
+  return sqlite3_column_int64(statement_, column);
+}
+
+std::string SqlStatement::text(int column) const {
+  const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+  const auto size = static_cast<size_t>(sqlite3_column_bytes(statement_, column));
+  return data == nullptr ? std::string() : std::string(data, size);
+}
+
+void SqlConnection::Closer::operator()(sqlite3* db) const {
+  sqlite3_close_v2(db);
+}
+void SqlConnection::Closer::operator()(sqlite3_stmt* statement) const {
+  sqlite3_finalize(statement);
+}
+
+Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Role role) {
+  const int access =
+      role == Role::kWriter ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY;
+  sqlite3* raw = nullptr;
+  // NOMUTEX: each connection is used by one thread at a time.
+  const int opened = sqlite3_open_v2(path.c_str(), &raw, access | SQLITE_OPEN_NOMUTEX, nullptr);
+  std::unique_ptr<sqlite3, Closer> db(raw);
+  if (opened != SQLITE_OK) return sql_error(raw, "open " + path.string());
+  sqlite3_busy_timeout(raw, kBusyTimeoutMs);
+  SqlConnection connection(std::move(db));
+  if (role == Role::kWriter) {
+    VOXELD_TRY(connection.run_script(
+        "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
+  } else {
+    sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+    VOXELD_TRY(connection.run_script("PRAGMA wal_autocheckpoint=0; PRAGMA query_only=ON;"));
+  }
+  return connection;
+}
+
+Result<SqlStatement> SqlConnection::prepare(std::string_view sql) {
+  auto found = statements_.find(sql);
+  if (found == statements_.end()) {
+    sqlite3_stmt* raw = nullptr;
+    if (sqlite3_prepare_v3(db_.get(), sql.data(), static_cast<int>(sql.size()),
+                           SQLITE_PREPARE_PERSISTENT, &raw, nullptr) != SQLITE_OK) {
+      return sql_error(db_.get(), "prepare");
+    }
+    found = statements_.emplace(sql, std::unique_ptr<sqlite3_stmt, Closer>(raw)).first;
+  }
+  return SqlStatement(db_.get(), found->second.get());
+}
+
+Status SqlConnection::run_script(const std::string& sql) {
+  if (sqlite3_exec(db_.get(), sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) {
+    return sql_error(db_.get(), "run");
+  }
+  return {};
+}
+
+int64_t SqlConnection::changes() const {
+  return sqlite3_changes64(db_.get());
+}
+
+bool SqlConnection::in_transaction() const {
+  return sqlite3_get_autocommit(db_.get()) == 0;
+}
+
+}  // namespace voxeld

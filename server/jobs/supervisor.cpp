@@ -1,0 +1,144 @@
+#include "server/jobs/supervisor.h"
+
+#include <signal.h>
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "server/base/log.h"
+#include "server/base/stopwatch.h"
+
+namespace voxeld {
+namespace {
+
+constexpr size_t kExitsKept = 64;
+
+}  // namespace
+
+Supervisor::Supervisor(SupervisorConfig config) : config_(std::move(config)) {
+  for (const std::string& device : config_.devices) {
+    auto slot = std::make_unique<Slot>();
+    slot->device = device;
+    slots_.push_back(std::move(slot));
+  }
+  for (auto& slot : slots_) slot->thread = std::thread([this, &slot = *slot] { run(slot); });
+}
+
+Supervisor::~Supervisor() {
+  stop(0);
+}
+
+void Supervisor::run(Slot& slot) {
+  std::vector<std::string> arguments = {"worker", "--gateway", config_.gateway, "--device",
+                                        slot.device};
+  arguments.insert(arguments.end(), config_.arguments.begin(), config_.arguments.end());
+  double backoff = kBackoffSecondsMin;
+  while (true) {
+    {
+      // Under the lock: stop() either prevents this start or sees the child.
+      MutexLock lock(mutex_);
+      if (stopping_) return;
+      if (Status started = slot.child.spawn(config_.executable, arguments); !started) {
+        log::error("cannot start a worker",
+                   {{"device", slot.device}, {"error", started.error().message()}});
+      }
+    }
+    const Stopwatch watch;
+    ExitReason reason;
+    if (slot.child.pid() != 0) {
+      log::info("worker started", {{"device", slot.device}, {"pid", slot.child.pid()}});
+      reason = slot.child.wait();
+      note_exit(slot, reason);
+    }
+    if (watch.ms() >= kHealthySeconds * 1000.0) backoff = kBackoffSecondsMin;
+    if (reason.signal == 0 && reason.status == kExitDeviceUnavailable) backoff = kBackoffSecondsMax;
+    if (!pause(backoff)) return;
+    backoff = std::min(backoff * 2, kBackoffSecondsMax);
+  }
+}
+
+void Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
+  bool stopping = false;
+  {
+    MutexLock lock(mutex_);
+    exits_.push_back(reason);
+    if (exits_.size() > kExitsKept) exits_.pop_front();
+    stopping = stopping_;
+    if (!stopping) ++slot.restarts;
+    changed_.notify_all();
+  }
+  log::write(stopping ? log::Level::kInfo : log::Level::kWarn, "worker ended",
+             {{"device", slot.device}, {"pid", reason.pid}, {"reason", reason.text()}});
+  if (!stopping && config_.on_exit) config_.on_exit(slot.device, reason);
+}
+
+bool Supervisor::pause(double seconds) {
+  const auto deadline =
+      std::chrono::steady_clock::now() +
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::duration<double>(seconds));
+  MutexLock lock(mutex_);
+  while (!stopping_) {
+    if (changed_.wait_until(lock, deadline) == std::cv_status::timeout) return !stopping_;
+  }
+  return false;
+}
+
+void Supervisor::stop(double grace_seconds) {
+  {
+    MutexLock lock(mutex_);
+    stopping_ = true;
+    changed_.notify_all();
+  }
+  for (auto& slot : slots_) slot->child.send_signal(SIGTERM);
+  const Stopwatch watch;
+  while (watch.ms() < grace_seconds * 1000.0 &&
+         std::any_of(slots_.begin(), slots_.end(),
+                     [](const auto& slot) { return slot->child.pid() != 0; })) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  for (auto& slot : slots_) {
+    if (slot->child.send_signal(SIGKILL)) {
+      log::warn("worker had to be killed", {{"device", slot->device}});
+    }
+  }
+  for (auto& slot : slots_) {
+    if (slot->thread.joinable()) slot->thread.join();
+  }
+}
+
+std::optional<ExitReason> Supervisor::exit_reason(int64_t pid, std::chrono::milliseconds wait) {
+  const auto deadline = std::chrono::steady_clock::now() + wait;
+  MutexLock lock(mutex_);
+  while (true) {
+    // The newest first: numbers are used again.
+    const auto found = std::find_if(exits_.rbegin(), exits_.rend(),
+                                    [pid](const ExitReason& exit) { return exit.pid == pid; });
+    if (found != exits_.rend()) return *found;
+    if (!is_ours(pid)) return std::nullopt;
+    if (changed_.wait_until(lock, deadline) == std::cv_status::timeout) return std::nullopt;
+  }
+}
+
+bool Supervisor::is_ours(int64_t pid) const {
+  return std::any_of(slots_.begin(), slots_.end(),
+                     [pid](const auto& slot) { return slot->child.pid() == pid; });
+}
+
+bool Supervisor::kill_worker(int64_t pid) {
+  for (auto& slot : slots_) {
+    if (slot->child.pid() == pid) return slot->child.send_signal(SIGKILL);
+  }
+  return false;
+}
+
+int64_t Supervisor::restarts(const std::string& device) const {
+  MutexLock lock(mutex_);
+  int64_t total = 0;
+  for (const auto& slot : slots_) {
+    if (slot->device == device) total += slot->restarts;
+  }
+  return total;
+}
+
+}  // namespace voxeld

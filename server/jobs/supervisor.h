@@ -1,0 +1,72 @@
+// One worker process per device, started again whenever it ends.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/base/child_process.h"
+#include "server/base/thread_annotations.h"
+
+namespace voxeld {
+
+struct SupervisorConfig {
+  std::string executable;  // run as: executable worker --gateway G --device D …
+  std::string gateway;     // "unix:/…/tasks.sock"
+  std::vector<std::string> devices;
+  std::vector<std::string> arguments;  // appended
+  // Called after a worker has ended and before the next one starts.
+  std::function<void(const std::string& device, const ExitReason& reason)> on_exit;
+};
+
+// Thread-safe. Each device has a thread that starts its worker, waits for it and starts the next
+// one, after a pause that doubles while workers end within kHealthySeconds.
+class Supervisor {
+ public:
+  static constexpr double kBackoffSecondsMin = 0.05;
+  static constexpr double kBackoffSecondsMax = 10.0;
+  static constexpr double kHealthySeconds = 5.0;    // a worker that lived so long resets the pause
+  static constexpr int kExitDeviceUnavailable = 3;  // see worker.h: the longest pause at once
+
+  explicit Supervisor(SupervisorConfig config);
+  // As stop(0).
+  ~Supervisor();
+  // SIGTERM to all, SIGKILL to those that still run after `grace_seconds`; returns when all are
+  // reaped.
+  void stop(double grace_seconds);
+
+  // How a worker that was ours ended, waiting up to `wait` for that. nullopt: it runs still, or it
+  // was never ours.
+  std::optional<ExitReason> exit_reason(int64_t pid, std::chrono::milliseconds wait);
+  // SIGKILL, if the process is a worker of ours. A worker that ignores a cancel ends like this.
+  bool kill_worker(int64_t pid);
+  int64_t restarts(const std::string& device) const;
+
+ private:
+  struct Slot {
+    std::string device;
+    ChildProcess child;
+    int64_t restarts = 0;  // guarded by the supervisor's mutex_
+    std::thread thread;
+  };
+  void run(Slot& slot);
+  // False when stopping.
+  bool pause(double seconds) EXCLUDES(mutex_);
+  bool is_ours(int64_t pid) const;
+  void note_exit(Slot& slot, const ExitReason& reason) EXCLUDES(mutex_);
+
+  const SupervisorConfig config_;
+  mutable Mutex mutex_;
+  CondVar changed_;
+  bool stopping_ GUARDED_BY(mutex_) = false;
+  std::deque<ExitReason> exits_ GUARDED_BY(mutex_);  // newest last, kExitsKept
+  std::vector<std::unique_ptr<Slot>> slots_;         // fixed after construction
+};
+
+}  // namespace voxeld

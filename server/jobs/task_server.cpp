@@ -1,0 +1,417 @@
+#include "server/jobs/task_server.h"
+
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "server/base/log.h"
+#include "server/base/stopwatch.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+constexpr double kHelloSecondsMax = 10.0;
+// A worker that waits for work is looked at so often, to notice that it has died.
+constexpr std::chrono::milliseconds kIdlePoll{200};
+// Waiting workers look into the queue so often even when nobody told them of work.
+constexpr int kIdlePollsPerClaim = 10;
+
+std::string dump(const json& message) {
+  return message.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+Error protocol_error(std::string detail, std::string expected, std::string got) {
+  return {ErrorCode::kBadRequest, std::move(detail), std::move(expected), std::move(got)};
+}
+
+}  // namespace
+
+// Owned by its thread, but for `state`, which workers() reads.
+struct TaskServer::Connection {
+  Connection(UniqueFd fd, fs::path scratch_dir)
+      : socket(std::move(fd), kTaskFrameBytesMax), scratch(std::move(scratch_dir)) {}
+
+  void set_task(std::string id, int64_t new_fence) {
+    fence = new_fence;
+    MutexLock lock(mutex);
+    state.task = std::move(id);
+  }
+  std::string task() {
+    MutexLock lock(mutex);
+    return state.task;
+  }
+
+  FrameSocket socket;
+  const fs::path scratch;
+  int64_t fence = 0;
+  std::string device;
+  int64_t pid = 0;
+  std::atomic<bool> ended{false};
+  std::thread thread;
+  Mutex mutex;
+  WorkerState state GUARDED_BY(mutex);
+};
+
+Result<std::unique_ptr<TaskServer>> TaskServer::start(TaskServerConfig config,
+                                                      TaskServerContext context) {
+  std::error_code failed;
+  fs::remove_all(config.scratch_root, failed);  // what workers of an earlier daemon left
+  fs::create_directories(config.scratch_root, failed);
+  if (failed) {
+    return Error{ErrorCode::kInternal, "create directory scratch: " + failed.message(), "", ""};
+  }
+  VOXELD_ASSIGN(UniqueFd listener, listen_unix(config.socket));
+  return std::unique_ptr<TaskServer>(
+      new TaskServer(std::move(config), std::move(context), std::move(listener)));
+}
+
+TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, UniqueFd listener)
+    : config_(std::move(config)), context_(std::move(context)), listener_(std::move(listener)) {
+  // In the body: the thread uses members that are declared after it.
+  accept_thread_ = std::thread([this] { accept_loop(); });
+}
+
+TaskServer::~TaskServer() {
+  stop();
+}
+
+void TaskServer::stop() {
+  if (stopping_.exchange(true)) return;
+  ::shutdown(listener_.get(), SHUT_RDWR);  // accept() returns
+  notify_work();
+  if (accept_thread_.joinable()) accept_thread_.join();
+  join_ended(true);
+  ::unlink(config_.socket.c_str());
+}
+
+void TaskServer::notify_work() {
+  MutexLock lock(mutex_);
+  ++work_epoch_;
+  work_.notify_all();
+}
+
+std::vector<WorkerState> TaskServer::workers() const {
+  MutexLock lock(mutex_);
+  std::vector<WorkerState> states;
+  for (const auto& connection : connections_) {
+    MutexLock inner(connection->mutex);
+    if (connection->state.connected) states.push_back(connection->state);
+  }
+  for (const WorkerState& failed : failed_devices_) {
+    const bool works = std::any_of(states.begin(), states.end(), [&](const WorkerState& state) {
+      return state.device == failed.device;
+    });
+    if (!works) states.push_back(failed);
+  }
+  return states;
+}
+
+void TaskServer::accept_loop() {
+  while (!stopping_) {
+    UniqueFd fd(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC));
+    if (fd.valid()) {
+      add_connection(std::move(fd));
+    } else if (errno != EINTR && errno != ECONNABORTED && !stopping_) {
+      // Out of descriptors, for one: those who hold them may let go.
+      log::error("task socket cannot accept", {{"errno", errno}});
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    join_ended(false);
+  }
+}
+
+void TaskServer::add_connection(UniqueFd fd) {
+  MutexLock lock(mutex_);
+  const fs::path scratch = config_.scratch_root / ("w" + std::to_string(++connections_made_));
+  connections_.push_back(std::make_unique<Connection>(std::move(fd), scratch));
+  Connection& connection = *connections_.back();
+  connection.thread = std::thread([this, &connection] {
+    serve(connection);
+    connection.ended = true;
+  });
+}
+
+void TaskServer::join_ended(bool all) {
+  std::list<std::unique_ptr<Connection>> ended;
+  {
+    MutexLock lock(mutex_);
+    for (auto it = connections_.begin(); it != connections_.end();) {
+      const auto next = std::next(it);
+      if (all) (*it)->socket.shutdown();
+      if (all || (*it)->ended) ended.splice(ended.end(), connections_, it);
+      it = next;
+    }
+  }
+  for (auto& connection : ended) connection->thread.join();
+}
+
+void TaskServer::serve(Connection& connection) {
+  Status status = greet(connection);
+  while (status && !stopping_) {
+    auto frame = connection.socket.receive();
+    status = frame ? answer(connection, *frame) : Status(std::move(frame).error());
+  }
+  if (!status && status.error().code != ErrorCode::kGone && !stopping_) {
+    log::warn("worker connection ends",
+              {{"device", connection.device}, {"error", status.error().message()}});
+  }
+  put_back(connection, status ? Error{} : status.error());
+  connection.socket.shutdown();  // a worker that broke the protocol must notice
+  if (!connection.device.empty()) context_.metrics.set_worker_up(connection.device, false);
+  {
+    MutexLock lock(connection.mutex);
+    connection.state.connected = false;
+  }
+  std::error_code ignored;  // the next start removes what stays
+  fs::remove_all(connection.scratch, ignored);
+}
+
+Status TaskServer::greet(Connection& connection) {
+  VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
+  VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
+  VOXELD_ASSIGN(const json message, parse_json_bounded(frame));
+  VOXELD_ASSIGN(const WorkerHello hello, parse_worker_hello(message));
+  if (hello.protocol != kTaskProtocolVersion) {
+    return protocol_error("worker speaks another version of the task protocol",
+                          std::to_string(kTaskProtocolVersion), std::to_string(hello.protocol));
+  }
+  std::error_code failed;
+  fs::create_directories(connection.scratch, failed);
+  if (failed) {
+    return Error{ErrorCode::kInternal, "create scratch directory: " + failed.message(), "", ""};
+  }
+  connection.device = hello.device;
+  connection.pid = hello.pid;
+  const bool opened = !hello.renderer.empty();
+  {
+    MutexLock lock(connection.mutex);
+    WorkerState& state = connection.state;
+    state.device = hello.device;
+    state.renderer = hello.renderer;
+    state.driver = hello.driver;
+    state.pid = hello.pid;
+    state.device_json = hello.device_json;
+    state.connected = opened;
+  }
+  if (opened) {
+    context_.metrics.set_worker_up(hello.device, true);
+    log::info("worker connected", {{"device", hello.device},
+                                   {"pid", hello.pid},
+                                   {"renderer", hello.renderer},
+                                   {"driver", hello.driver}});
+  }
+  VOXELD_TRY(connection.socket.set_receive_timeout(0));
+  return connection.socket.send(dump({{"ok", true}, {"scratch_dir", connection.scratch.string()}}));
+}
+
+Status TaskServer::answer(Connection& connection, const std::string& frame) {
+  VOXELD_ASSIGN(const json message, parse_json_bounded(frame));
+  const std::string type = message.is_object() ? message.value("type", "") : "";
+  if (type == "claim") return give_task(connection);
+  if (type == "progress") return take_progress(connection, message);
+  if (type == "complete") return take_completion(connection, message);
+  if (type == "fail") return take_failure(connection, message);
+  return protocol_error("unknown task message", "claim, progress, complete or fail", type);
+}
+
+bool TaskServer::wait_for_work(uint64_t seen) {
+  MutexLock lock(mutex_);
+  if (work_epoch_ == seen && !stopping_) work_.wait_for(lock, kIdlePoll);
+  return work_epoch_ != seen;
+}
+
+Status TaskServer::give_task(Connection& connection) {
+  if (!connection.task().empty()) {
+    return protocol_error("claim while a task runs", "complete or fail", "claim");
+  }
+  while (!stopping_) {
+    uint64_t seen = 0;
+    {
+      MutexLock lock(mutex_);
+      seen = work_epoch_;
+    }
+    // A worker that died while it waited must not cost the next job an attempt.
+    if (connection.socket.peer_closed()) {
+      return Error{ErrorCode::kGone, "connection closed", "", ""};
+    }
+    auto claimed = context_.jobs.claim(connection.device);
+    if (!claimed) {
+      log::error("cannot claim a job", {{"error", claimed.error().message()}});
+      std::this_thread::sleep_for(std::chrono::seconds(1));
+      continue;
+    }
+    if (claimed->has_value() && (*claimed)->status.ended()) {  // an equal job's result was there
+      context_.job_changed(**claimed);
+      continue;
+    }
+    if (claimed->has_value()) return send_task(connection, **claimed);
+    for (int polls = 0; polls < kIdlePollsPerClaim && !stopping_; ++polls) {
+      if (wait_for_work(seen) || connection.socket.peer_closed()) break;
+    }
+  }
+  return Error{ErrorCode::kGone, "the gateway stops", "", ""};
+}
+
+Status TaskServer::send_task(Connection& connection, const JobRecord& record) {
+  const JobStatus& status = record.status;
+  connection.set_task(status.id, record.fence);
+  context_.board.start(status.id, status.version);
+  // A cancel that came between the claim and the line above is in the database alone.
+  if (auto now = context_.jobs.get(status.id); now && now->cancel_requested) {
+    context_.board.request_cancel(status.id);
+  }
+  context_.job_changed(record);
+  Task task;
+  task.id = status.id;
+  task.fence = record.fence;
+  task.attempt = status.attempt;
+  task.kind = status.kind;
+  task.input_is_grid = !status.grid.empty();
+  task.input_hash = task.input_is_grid ? status.grid : status.asset;
+  task.input_path = context_.blobs.path_of(task.input_hash).string();
+  task.filename = status.filename;
+  task.options_json = status.options_json;
+  VOXELD_TRY(connection.socket.set_receive_timeout(kSilenceSecondsMax));
+  return connection.socket.send(dump({{"task", to_json_message(task)}}));
+}
+
+Status TaskServer::take_progress(Connection& connection, const json& message) {
+  VOXELD_ASSIGN(const TaskProgress progress, parse_task_progress(message));
+  const bool fenced = progress.task != connection.task() || progress.fence != connection.fence;
+  const double cancel_age = fenced ? -1.0 : context_.board.cancel_age_seconds(progress.task);
+  if (!fenced) {
+    context_.board.progress(progress.task, progress.stage, progress.tiles_done,
+                            progress.tiles_total);
+  }
+  if (cancel_age > kCancelSecondsMax && config_.kill_worker) {
+    log::warn("worker ignores a cancel and is ended",
+              {{"job", progress.task}, {"pid", connection.pid}});
+    config_.kill_worker(connection.pid);
+  }
+  return connection.socket.send(dump({{"cancel", cancel_age >= 0}, {"fenced", fenced}}));
+}
+
+Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
+                                            const TaskCompletion& completion) {
+  JobResult result;
+  result.meta_json = completion.meta_json;
+  result.warnings = completion.warnings;
+  std::map<std::string, BlobInfo> adopted;  // a native result is its own grid: one file, two roles
+  for (const TaskOutput& output : completion.outputs) {
+    const fs::path path(output.path);
+    if (path.parent_path() != connection.scratch || path.filename() == "..") {
+      return Error{ErrorCode::kInternal, "worker names an output outside its scratch directory",
+                   connection.scratch.string(), output.path};
+    }
+    if (!adopted.contains(output.path)) {
+      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(path));
+    }
+    const BlobInfo& blob = adopted[output.path];
+    if (output.role == "grid") result.grid = blob.id;
+    if (output.role != "result") continue;
+    result.blob = blob.id;
+    result.bytes = blob.bytes;
+    result.media_type = output.media_type;
+    result.filename = output.filename;
+  }
+  return result;
+}
+
+Status TaskServer::take_completion(Connection& connection, const json& message) {
+  VOXELD_ASSIGN(TaskCompletion completion, parse_task_completion(message));
+  if (completion.task != connection.task() || completion.fence != connection.fence) {
+    return connection.socket.send(dump({{"fenced", true}}));
+  }
+  const Stopwatch watch;
+  auto result = adopt_outputs(connection, completion);
+  const int64_t live_version = context_.board.live_version(completion.task);
+  Result<std::optional<JobRecord>> ended = std::optional<JobRecord>();
+  if (result) {
+    add_stage(completion.timings, "store", watch.ms());
+    ended = context_.jobs.complete(
+        {completion.task, completion.fence, *std::move(result), completion.timings}, live_version);
+  }
+  if (!result || !ended) {
+    const Error& error = result ? ended.error() : result.error();
+    ended = context_.jobs.fail(completion.task, completion.fence, error, live_version);
+  }
+  VOXELD_TRY(ended);
+  if (!ended->has_value()) return connection.socket.send(dump({{"fenced", true}}));
+  end_task(connection, **ended);
+  return connection.socket.send(dump({{"ok", true}}));
+}
+
+Status TaskServer::take_failure(Connection& connection, const json& message) {
+  VOXELD_ASSIGN(const TaskFailure failure, parse_task_failure(message));
+  if (failure.task.empty()) {  // it could not open its device; the process ends next
+    WorkerState state;
+    state.device = connection.device;
+    state.pid = connection.pid;
+    state.last_error = failure.error.message();
+    log::error("worker cannot open its device",
+               {{"device", state.device}, {"error", state.last_error}});
+    MutexLock lock(mutex_);
+    std::erase_if(failed_devices_,
+                  [&](const WorkerState& known) { return known.device == state.device; });
+    failed_devices_.push_back(std::move(state));
+    return connection.socket.send(dump({{"ok", true}}));
+  }
+  if (failure.task != connection.task() || failure.fence != connection.fence) {
+    return connection.socket.send(dump({{"fenced", true}}));
+  }
+  VOXELD_ASSIGN(const auto ended, context_.jobs.fail(failure.task, failure.fence, failure.error,
+                                                     context_.board.live_version(failure.task)));
+  if (!ended) return connection.socket.send(dump({{"fenced", true}}));
+  end_task(connection, *ended);
+  return connection.socket.send(dump({{"ok", true}}));
+}
+
+void TaskServer::end_task(Connection& connection, const JobRecord& record) {
+  connection.set_task("", 0);
+  context_.board.changed(record.status.id, record.status.version, false);
+  context_.job_changed(record);
+  if (Status status = connection.socket.set_receive_timeout(0); !status) {
+    log::warn("task socket", {{"error", status.error().message()}});
+  }
+}
+
+void TaskServer::put_back(Connection& connection, const Error& why) {
+  const std::string task = connection.task();
+  if (task.empty()) return;
+  const bool counts = !stopping_;
+  std::string reason;
+  if (counts && why.code == ErrorCode::kDeadlineExceeded && config_.kill_worker) {
+    config_.kill_worker(connection.pid);  // stopped or stuck: it may not go on with this task
+    reason = "no sign of life for " + std::to_string(static_cast<int>(kSilenceSecondsMax)) + " s";
+  } else if (counts && config_.exit_reason) {
+    reason = config_.exit_reason(connection.pid);
+  }
+  if (reason.empty()) {
+    const bool closed = why.code == ErrorCode::kGone || why.detail.empty();
+    reason = closed ? "connection lost" : why.message();
+  }
+  // The database may be full or slow for a moment; a job must not hang in `running` for that.
+  for (int tries = 0; tries < 10; ++tries) {
+    auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts,
+                                          context_.board.live_version(task));
+    if (lost) {
+      if (lost->has_value()) end_task(connection, **lost);
+      notify_work();
+      return;
+    }
+    log::error("cannot put a job back", {{"job", task}, {"error", lost.error().message()}});
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  }
+}
+
+}  // namespace voxeld

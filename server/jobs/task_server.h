@@ -1,0 +1,98 @@
+// The gateway's side of the task API: a Unix socket, one thread for each connected worker.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <list>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "proto/task_api.h"
+#include "server/base/frame_socket.h"
+#include "server/base/thread_annotations.h"
+#include "server/jobs/asset_store.h"
+#include "server/jobs/job_board.h"
+#include "server/jobs/job_metrics.h"
+#include "server/jobs/job_service.h"
+#include "server/jobs/job_store.h"
+#include "server/store/blob_store.h"
+
+namespace voxeld {
+
+struct TaskServerConfig {
+  std::filesystem::path socket;        // DIR/run/tasks.sock
+  std::filesystem::path scratch_root;  // a folder per connection is made here
+  // How the process ended ("signal 9 (Killed)"), waiting a moment for it; empty: unknown.
+  std::function<std::string(int64_t pid)> exit_reason;
+  std::function<void(int64_t pid)> kill_worker;
+};
+
+// What the connections work on; all of it outlives the server.
+struct TaskServerContext {
+  JobStore& jobs;
+  AssetStore& assets;
+  BlobStore& blobs;
+  JobBoard& board;
+  JobMetrics& metrics;
+  std::function<void(const JobRecord&)> job_changed;  // after each durable change
+};
+
+// Thread-safe. A connection that ends puts its task back at once.
+class TaskServer {
+ public:
+  // A worker reports at least every 200 ms while it runs a task; one that is silent for so long is
+  // stopped or stuck, and its task is put back.
+  static constexpr double kSilenceSecondsMax = 30.0;
+  // A cancel that has no effect for so long ends the worker.
+  static constexpr double kCancelSecondsMax = 10.0;
+
+  static Result<std::unique_ptr<TaskServer>> start(TaskServerConfig config,
+                                                   TaskServerContext context);
+  // As stop().
+  ~TaskServer();
+  // Closes every connection; tasks are put back without counting the attempt.
+  void stop();
+  // A job was queued: wakes a worker that waits for one.
+  void notify_work();
+  // Connected workers, and devices that could not be opened last time they were tried.
+  std::vector<WorkerState> workers() const;
+
+ private:
+  struct Connection;
+  TaskServer(TaskServerConfig config, TaskServerContext context, UniqueFd listener);
+  void accept_loop();
+  void add_connection(UniqueFd fd);
+  void join_ended(bool all);
+
+  void serve(Connection& connection);
+  Status greet(Connection& connection);
+  Status answer(Connection& connection, const std::string& frame);
+  Status give_task(Connection& connection);
+  Status send_task(Connection& connection, const JobRecord& record);
+  Status take_progress(Connection& connection, const nlohmann::json& message);
+  Status take_completion(Connection& connection, const nlohmann::json& message);
+  Status take_failure(Connection& connection, const nlohmann::json& message);
+  Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion);
+  void put_back(Connection& connection, const Error& why);
+  void end_task(Connection& connection, const JobRecord& record);
+  bool wait_for_work(uint64_t seen) EXCLUDES(mutex_);
+
+  const TaskServerConfig config_;
+  const TaskServerContext context_;
+  UniqueFd listener_;
+  std::atomic<bool> stopping_{false};
+  std::thread accept_thread_;
+
+  mutable Mutex mutex_;
+  CondVar work_;
+  uint64_t work_epoch_ GUARDED_BY(mutex_) = 0;
+  int64_t connections_made_ GUARDED_BY(mutex_) = 0;
+  std::list<std::unique_ptr<Connection>> connections_ GUARDED_BY(mutex_);
+  std::vector<WorkerState> failed_devices_ GUARDED_BY(mutex_);
+};
+
+}  // namespace voxeld
