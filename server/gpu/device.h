@@ -1,6 +1,7 @@
 // Which devices there are, what `auto` takes, and what each is able to do.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -52,8 +53,12 @@ struct DeviceProbe {
   double context_ms = 0;
 };
 // `self_executable` is run as `<self> probe-device --device NAME` and prints one JSON object.
-std::vector<DeviceProbe> probe_devices(const std::string& self_executable);
-// Runs in that child: opens the device and prints the JSON. Returns the exit status.
+// A child that takes longer than `timeout_each` is killed and its device does not work.
+std::vector<DeviceProbe> probe_devices(
+    const std::string& self_executable,
+    std::chrono::milliseconds timeout_each = std::chrono::seconds(20));
+// Runs in that child: opens the device and prints the JSON. Returns the exit status, 0 also when
+// the device does not work.
 int probe_device_main(const DeviceId& device);
 
 // Hardware first (egl:N that is not software, lowest N), then llvmpipe, lavapipe, osmesa: the order

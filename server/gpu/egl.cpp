@@ -198,6 +198,9 @@ class EglBackend final : public Context {
   }
 
   Status make_current() const override {
+    // libEGL answers at once when it thinks that the context is current already; an OSMesa context
+    // that was bound in between goes behind its back. Unbinding first makes it bind.
+    egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     if (!egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_)) {
       return failed(info_.device, "current context", "eglMakeCurrent");
     }

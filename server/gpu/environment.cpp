@@ -12,6 +12,9 @@ void set_mesa_software_environment(ScopedEnvironment& environment) {
       workaround_enabled(Workaround::kLpVectorWidth512)) {
     environment.unset("LP_NATIVE_VECTOR_WIDTH");
   }
+  // The Vulkan loader's layers look for a Wayland display and complain on stderr without a folder
+  // to look in; no socket is in this one.
+  if (std::getenv("XDG_RUNTIME_DIR") == nullptr) environment.set("XDG_RUNTIME_DIR", "/nonexistent");
 }
 
 }  // namespace voxeld::gpu

@@ -34,8 +34,8 @@ Result<Buffer> Buffer::create(const Context& context, size_t bytes, std::string_
   buffer.context_ = &context;
   buffer.bytes_ = bytes;
   gl.CreateBuffers(1, &buffer.id_);
-  // OpenGL has no empty storage; nothing may read the padding.
-  const auto storage_bytes = static_cast<GLsizeiptr>(std::max<size_t>(bytes, 16));
+  // OpenGL has no empty storage and clears whole words only; nothing may read the padding.
+  const auto storage_bytes = static_cast<GLsizeiptr>((std::max<size_t>(bytes, 1) + 15) / 16 * 16);
   gl.NamedBufferStorage(buffer.id_, storage_bytes, nullptr, GL_DYNAMIC_STORAGE_BIT);
   label_object(context, GL_BUFFER, buffer.id_, label);
   VOXELD_TRY(context.check("creating buffer " + std::string(label) + " of " +
@@ -85,14 +85,15 @@ void Buffer::clear(size_t offset_bytes, size_t bytes, uint32_t value) {
 }
 
 void Buffer::bind_storage(uint32_t binding) const {
-  context_->gl().BindBufferBase(GL_SHADER_STORAGE_BUFFER, binding, id_);
+  // A range, so that an unsized array's length() does not count the padding.
+  bind_storage(binding, 0, bytes_);
 }
 
 void Buffer::bind_storage(uint32_t binding, size_t offset_bytes, size_t bytes) const {
   VOXELD_CHECK(offset_bytes + bytes <= bytes_, "binding past the end of a buffer");
   context_->gl().BindBufferRange(GL_SHADER_STORAGE_BUFFER, binding, id_,
                                  static_cast<GLintptr>(offset_bytes),
-                                 static_cast<GLsizeiptr>(bytes));
+                                 static_cast<GLsizeiptr>(bytes == 0 ? 4 : bytes));
 }
 
 void Buffer::bind_uniform(uint32_t binding) const {

@@ -101,7 +101,7 @@ Result<uint32_t> ShaderLibrary::compile(const ShaderStage& stage, const Defines&
   gl.DeleteShader(shader);
   return driver_error(
       program_name({stage}, defines) + " does not compile on " + context_->info().renderer,
-      name_files_in_log(log, source.files));
+      name_files_in_log(log, source));
 }
 
 Result<uint32_t> ShaderLibrary::link(const std::vector<ShaderStage>& stages,

@@ -10,9 +10,10 @@ namespace voxeld::gpu {
 namespace {
 
 // 4.50 is the baseline; 64-bit integers are required of every device (DeviceInfo::has_int64).
-constexpr std::string_view kHead =
-    "#version 450 core\n"
-    "#extension GL_ARB_gpu_shader_int64 : require\n";
+constexpr std::string_view kHead[] = {
+    "#version 450 core",
+    "#extension GL_ARB_gpu_shader_int64 : require",
+};
 
 std::string_view trim_left(std::string_view text) {
   const size_t start = text.find_first_not_of(" \t");
@@ -42,7 +43,6 @@ class Resolver {
     const size_t index = out.files.size();
     out.files.push_back(name);
     VOXELD_ASSIGN(const std::string text, read_(name));
-    out.text += "#line 1 " + std::to_string(index) + "\n";
     int line_number = 0;
     for (size_t start = 0; start < text.size();) {
       const size_t end = std::min(text.find('\n', start), text.size());
@@ -51,6 +51,12 @@ class Resolver {
       start = end + 1;
     }
     return {};
+  }
+
+  void append(std::string_view line, size_t index, int number) {
+    out.text.append(line);
+    out.text += '\n';
+    out.lines.push_back({index, number});
   }
 
   ResolvedShader out;
@@ -63,14 +69,13 @@ class Resolver {
       return error_at(out.files[index], number, "#version is given by the resolver");
     }
     if (is_directive(line, "pragma", rest) && rest.starts_with("once")) line = {};
-    out.text.append(line);
-    out.text += '\n';
+    append(line, index, number);
     return {};
   }
 
   Status add_include(std::string_view target, size_t index, int number) {
     if (target.starts_with('<')) {  // of the C++ part of a shared header
-      out.text += '\n';
+      append({}, index, number);
       return {};
     }
     const size_t close = target.find('"', 1);
@@ -81,7 +86,7 @@ class Resolver {
     constexpr std::string_view kRoot = "shaders/";
     if (name.starts_with(kRoot)) name.erase(0, kRoot.size());
     if (std::find(out.files.begin(), out.files.end(), name) != out.files.end()) {
-      out.text += '\n';
+      append({}, index, number);
       return {};
     }
     const std::string from = out.files[index];
@@ -90,7 +95,6 @@ class Resolver {
       if (out.files.back() != name) return status;
       return error_at(from, number, "cannot include " + name + ": " + status.error().detail);
     }
-    out.text += "#line " + std::to_string(number + 1) + " " + std::to_string(index) + "\n";
     return {};
   }
 
@@ -106,7 +110,7 @@ std::optional<size_t> take_number(std::string_view& text) {
   return value;
 }
 
-std::string name_file_in_line(std::string_view line, const std::vector<std::string>& files) {
+std::string name_file_in_line(std::string_view line, const ResolvedShader& shader) {
   std::string_view rest = line;
   std::string prefix;
   for (const std::string_view head : {"ERROR: ", "WARNING: "}) {
@@ -116,14 +120,16 @@ std::string name_file_in_line(std::string_view line, const std::vector<std::stri
     }
   }
   const auto file = take_number(rest);
-  if (!file || *file >= files.size() || rest.empty()) return std::string(line);
+  if (!file || rest.empty()) return std::string(line);
   const char open = rest.front();
   if (open != ':' && open != '(') return std::string(line);
   rest.remove_prefix(1);
   const auto number = take_number(rest);
-  if (!number) return std::string(line);
+  if (!number || *number == 0 || *number > shader.lines.size()) return std::string(line);
   if (open == '(' && rest.starts_with(')')) rest.remove_prefix(1);
-  return prefix + files[*file] + ":" + std::to_string(*number) + std::string(rest);
+  const ResolvedShader::Line& from = shader.lines[*number - 1];
+  if (from.number == 0) return std::string(line);
+  return prefix + shader.files[from.file] + ":" + std::to_string(from.number) + std::string(rest);
 }
 
 }  // namespace
@@ -131,20 +137,20 @@ std::string name_file_in_line(std::string_view line, const std::vector<std::stri
 Result<ResolvedShader> resolve_shader(std::string_view file, const Defines& defines,
                                       const ShaderReader& read) {
   Resolver resolver(read);
-  resolver.out.text = kHead;
+  for (const std::string_view line : kHead) resolver.append(line, 0, 0);
   for (const auto& [name, value] : defines) {
-    resolver.out.text += "#define " + name + " " + value + "\n";
+    resolver.append("#define " + name + " " + value, 0, 0);
   }
   VOXELD_TRY(resolver.add_file(std::string(file)));
   return std::move(resolver.out);
 }
 
-std::string name_files_in_log(std::string_view log, const std::vector<std::string>& files) {
+std::string name_files_in_log(std::string_view log, const ResolvedShader& shader) {
   std::string named;
   while (!log.empty()) {
     const size_t end = std::min(log.find('\n'), log.size());
     const std::string_view line = log.substr(0, end);
-    if (!line.empty()) named += (named.empty() ? "" : "\n") + name_file_in_line(line, files);
+    if (!line.empty()) named += (named.empty() ? "" : "\n") + name_file_in_line(line, shader);
     log.remove_prefix(std::min(end + 1, log.size()));
   }
   return named;

@@ -1,5 +1,8 @@
-// Shader text without GL: #include resolved by ourselves (Mesa 22.3.6 refuses both the include
-// directive of glslang and #line with a string), and driver logs turned back to file names.
+// Shader text without GL: #include resolved by ourselves (Mesa 22.3.6 refuses the include directive
+// of glslang), and driver logs turned back to file names. No #line directives: Mesa refuses them
+// with a string, and with a number its compiler still reports file 0 for every location that spans
+// more than one token, so an error in an included file would be told in the wrong file. Instead the
+// text keeps its own numbering, and ResolvedShader::lines says where each line came from.
 #pragma once
 
 #include <functional>
@@ -14,11 +17,15 @@ namespace voxeld::gpu {
 
 using Defines = std::vector<std::pair<std::string, std::string>>;
 
-// Source with #include expanded once each, "#line N <file index>" at seams, version and defines at
-// the head.
+// Source with #include expanded once each, version and defines at the head.
 struct ResolvedShader {
+  struct Line {
+    size_t file = 0;  // index into files
+    int number = 0;   // from 1; 0 for the head that the resolver writes
+  };
   std::string text;
-  std::vector<std::string> files;  // index -> name
+  std::vector<std::string> files;
+  std::vector<Line> lines;  // of each line of text
 };
 
 // The text of a file by its name below shaders/, e.g. "lib/dda.glsl". Errors: internal.
@@ -31,9 +38,9 @@ using ShaderReader = std::function<Result<std::string>(std::string_view name)>;
 Result<ResolvedShader> resolve_shader(std::string_view file, const Defines& defines,
                                       const ShaderReader& read);
 
-// Replaces file numbers in a compiler's log: "2:17(5): error" (Mesa), "2(17) : error" (NVIDIA) and
-// "ERROR: 2:17:" (glslang) become "lib/dda.glsl:17…".
-std::string name_files_in_log(std::string_view log, const std::vector<std::string>& files);
+// Replaces line numbers in a compiler's log: "0:57(5): error" (Mesa), "0(57) : error" (NVIDIA) and
+// "ERROR: 0:57:" (glslang) become "lib/dda.glsl:17…"; other lines stay.
+std::string name_files_in_log(std::string_view log, const ResolvedShader& shader);
 
 // The sources that are built into the binary.
 Result<std::string> read_embedded_shader(std::string_view name);

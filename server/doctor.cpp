@@ -1,0 +1,155 @@
+#include "server/doctor.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "server/gpu/device.h"
+#include "server/gpu/workarounds.h"
+
+#ifndef VOXELD_VERSION
+#define VOXELD_VERSION "0.1.0"
+#endif
+
+namespace voxeld {
+namespace {
+
+using gpu::DeviceInfo;
+using gpu::DeviceKind;
+using gpu::DeviceProbe;
+using nlohmann::json;
+
+// "128 MiB", "64 KiB"; rounded down.
+std::string bytes_text(int64_t bytes) {
+  constexpr int64_t kMiB = int64_t{1} << 20;
+  if (bytes >= kMiB) return std::to_string(bytes / kMiB) + " MiB";
+  return std::to_string(bytes / 1024) + " KiB";
+}
+
+// What a user can do about a device that does not work; empty where nothing helps.
+std::string hint_for(const DeviceProbe& probe) {
+  const auto says = [&](std::string_view text) {
+    return probe.reason.find(text) != std::string::npos;
+  };
+  if (says("libEGL.so.1")) return "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri";
+  switch (probe.device.kind) {
+    case DeviceKind::kEgl:
+      return "install the GPU's driver with its EGL vendor file; in a container set "
+             "NVIDIA_DRIVER_CAPABILITIES=graphics,compute,utility";
+    case DeviceKind::kLlvmpipe:
+      return "apt-get install libegl-mesa0 libgl1-mesa-dri";
+    case DeviceKind::kLavapipe:
+      return "apt-get install libegl-mesa0 libgl1-mesa-dri mesa-vulkan-drivers";
+    case DeviceKind::kOsmesa:
+      return "apt-get install libosmesa6";
+  }
+  return "";
+}
+
+std::string limits_text(const DeviceInfo& info) {
+  std::string text = "storage buffers " + bytes_text(info.ssbo_bytes_max) + " x " +
+                     std::to_string(info.ssbo_bindings_max) + ", uniforms " +
+                     bytes_text(info.ubo_bytes_max) + ", textures " +
+                     std::to_string(info.texture_side_max) + "^2 " +
+                     std::to_string(info.texture3d_side_max) + "^3, framebuffer " +
+                     std::to_string(info.framebuffer_side_max) + "^2, groups " +
+                     std::to_string(info.dispatch_groups_max);
+  if (info.loop_iterations_max > 0) {
+    text += ", loop iterations " + std::to_string(info.loop_iterations_max);
+  }
+  return text;
+}
+
+void print_device(const DeviceProbe& probe) {
+  std::printf("%-10s %s\n", gpu::device_name(probe.device).c_str(),
+              probe.works ? probe.info.renderer.c_str() : "does not work");
+  if (!probe.works) {
+    std::printf("%-10s   why     %s\n", "", probe.reason.c_str());
+    const std::string hint = hint_for(probe);
+    if (!hint.empty()) std::printf("%-10s   hint    %s\n", "", hint.c_str());
+    return;
+  }
+  const DeviceInfo& info = probe.info;
+  std::printf("%-10s   kind    %s, opened in %.0f ms\n", "",
+              info.is_software ? "software" : "hardware", probe.context_ms);
+  std::printf("%-10s   driver  OpenGL %s, GLSL %s, %s\n", "", info.version.c_str(),
+              info.glsl_version.c_str(), info.vendor.c_str());
+  std::printf("%-10s   through %s%s\n", "", info.backend.c_str(), info.is_robust ? ", robust" : "");
+  std::printf("%-10s   limits  %s\n", "", limits_text(info).c_str());
+  std::printf("%-10s   timing  %s\n", "",
+              info.has_timer_queries ? "timer queries" : "wall clock (timer_query_zero)");
+}
+
+json device_json(const DeviceProbe& probe) {
+  json object = {{"device", gpu::device_name(probe.device)}, {"works", probe.works}};
+  if (!probe.works) {
+    object["reason"] = probe.reason;
+    object["hint"] = hint_for(probe);
+    return object;
+  }
+  const DeviceInfo& info = probe.info;
+  object.update({{"renderer", info.renderer},
+                 {"vendor", info.vendor},
+                 {"gl_version", info.version},
+                 {"glsl_version", info.glsl_version},
+                 {"backend", info.backend},
+                 {"is_software", info.is_software},
+                 {"is_robust", info.is_robust},
+                 {"has_timer_queries", info.has_timer_queries},
+                 {"context_ms", probe.context_ms}});
+  object["limits"] = {{"ssbo_bytes_max", info.ssbo_bytes_max},
+                      {"ssbo_bindings_max", info.ssbo_bindings_max},
+                      {"ubo_bytes_max", info.ubo_bytes_max},
+                      {"texture_side_max", info.texture_side_max},
+                      {"texture3d_side_max", info.texture3d_side_max},
+                      {"framebuffer_side_max", info.framebuffer_side_max},
+                      {"dispatch_groups_max", info.dispatch_groups_max},
+                      {"loop_iterations_max", info.loop_iterations_max}};
+  return object;
+}
+
+void print_text(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoChoice>& choice) {
+  std::printf("voxeld %s\n\n", VOXELD_VERSION);
+  for (const DeviceProbe& probe : probes) print_device(probe);
+  std::printf("\ndriver workarounds (VOXELD_WORKAROUNDS=-name turns one off)\n");
+  for (const gpu::WorkaroundInfo& one : gpu::all_workarounds()) {
+    std::printf("  %-3s %-22s %s\n", gpu::workaround_enabled(one.workaround) ? "on" : "off",
+                std::string(one.name).c_str(), std::string(one.summary).c_str());
+  }
+  if (choice.ok()) {
+    std::printf("\nauto takes %s: %s\n", gpu::device_name(choice->device).c_str(),
+                choice->why.c_str());
+  } else {
+    std::printf("\nauto takes nothing: %s\n", choice.error().message().c_str());
+  }
+}
+
+void print_json(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoChoice>& choice) {
+  json object = {{"version", VOXELD_VERSION}, {"devices", json::array()}};
+  for (const DeviceProbe& probe : probes) object["devices"].push_back(device_json(probe));
+  for (const gpu::WorkaroundInfo& one : gpu::all_workarounds()) {
+    object["workarounds"][std::string(one.name)] = gpu::workaround_enabled(one.workaround);
+  }
+  if (choice.ok()) {
+    object["auto"] = {{"device", gpu::device_name(choice->device)}, {"why", choice->why}};
+  } else {
+    object["auto"] = {{"device", nullptr}, {"why", choice.error().message()}};
+  }
+  std::printf("%s\n", object.dump(2, ' ', false, json::error_handler_t::replace).c_str());
+}
+
+}  // namespace
+
+int doctor_main(const std::string& self_executable, bool as_json) {
+  const std::vector<DeviceProbe> probes = gpu::probe_devices(self_executable);
+  const Result<gpu::AutoChoice> choice = gpu::choose_device(probes);
+  if (as_json) {
+    print_json(probes, choice);
+  } else {
+    print_text(probes, choice);
+  }
+  return choice.ok() ? 0 : 1;
+}
+
+}  // namespace voxeld
