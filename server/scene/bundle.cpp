@@ -1,0 +1,37 @@
+// The bundle of an upload that is one mesh file. Zips: zip_bundle.cpp.
+#include <memory>
+#include <utility>
+
+#include "server/scene/bundle_names.h"
+#include "server/scene/load.h"
+
+namespace voxeld {
+namespace {
+
+class SingleFileBundle final : public Bundle {
+ public:
+  SingleFileBundle(std::string filename, std::span<const uint8_t> bytes)
+      : entries_{{filename, static_cast<int64_t>(bytes.size())}},
+        names_{normalized_name(filename).value_or(std::string(base_name(filename)))},
+        bytes_(bytes) {}
+
+  const std::vector<Entry>& entries() const override { return entries_; }
+  Result<std::optional<std::vector<uint8_t>>> find(std::string_view reference,
+                                                   std::string_view from) const override {
+    if (!resolve_reference(names_, reference, from)) return std::optional<std::vector<uint8_t>>();
+    return std::optional<std::vector<uint8_t>>(std::in_place, bytes_.begin(), bytes_.end());
+  }
+
+ private:
+  std::vector<Entry> entries_;
+  std::vector<std::string> names_;
+  std::span<const uint8_t> bytes_;
+};
+
+}  // namespace
+
+std::unique_ptr<Bundle> single_file_bundle(std::string filename, std::span<const uint8_t> bytes) {
+  return std::make_unique<SingleFileBundle>(std::move(filename), bytes);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,122 @@
+// Which format a file is in.
+#include <algorithm>
+#include <cstring>
+
+#include "server/scene/bundle_names.h"
+#include "server/scene/load.h"
+#include "server/scene/mesh_error.h"
+#include "server/scene/stl.h"
+#include "server/scene/text_cursor.h"
+
+namespace voxeld {
+namespace {
+
+constexpr std::string_view kFormatsRead =
+    "obj, ply, stl, off, gltf, glb, or a zip of one of them with its files";
+// Enough to see "asset" in front of the buffers of a glTF, and a statement after a long comment.
+constexpr size_t kHeadBytes = 64 * 1024;
+
+bool starts_with(std::string_view text, std::string_view prefix) {
+  return text.substr(0, prefix.size()) == prefix;
+}
+
+// Formats whose first bytes leave no doubt; they win over any extension.
+std::optional<MeshFormat> proven_format(std::string_view text) {
+  using namespace std::string_view_literals;
+  if (starts_with(text, "glTF"sv)) return MeshFormat::kGlb;
+  if (starts_with(text, "PK\3\4"sv) || starts_with(text, "PK\5\6"sv)) return MeshFormat::kZip;
+  if (starts_with(text, "ply\n"sv) || starts_with(text, "ply\r"sv)) return MeshFormat::kPly;
+  const std::string_view head = text.substr(0, kHeadBytes);
+  const std::string_view json =
+      trimmed(starts_with(head, "\xef\xbb\xbf"sv) ? head.substr(3) : head);
+  if (starts_with(json, "{"sv) && json.find("\"asset\"") != json.npos) return MeshFormat::kGltf;
+  return std::nullopt;
+}
+
+std::optional<MeshFormat> format_of_extension(std::string_view filename) {
+  const std::string_view base = base_name(filename);
+  const size_t dot = base.rfind('.');
+  if (dot == base.npos) return std::nullopt;
+  constexpr std::pair<std::string_view, MeshFormat> kExtensions[] = {
+      {"obj", MeshFormat::kObj}, {"ply", MeshFormat::kPly},   {"stl", MeshFormat::kStl},
+      {"off", MeshFormat::kOff}, {"gltf", MeshFormat::kGltf}, {"glb", MeshFormat::kGlb},
+      {"zip", MeshFormat::kZip}};
+  for (const auto& [name, format] : kExtensions) {
+    if (equals_ignoring_case(base.substr(dot + 1), name)) return format;
+  }
+  return std::nullopt;
+}
+
+// "OFF", "COFF", "STCNOFF", "4OFF", "nOFF", "OFF8".
+bool is_off_keyword(std::string_view word) {
+  const size_t off = word.find("OFF");
+  if (off == word.npos) return false;
+  const auto only = [](std::string_view part, std::string_view allowed) {
+    return part.find_first_not_of(allowed) == part.npos;
+  };
+  return only(word.substr(0, off), "STCN4n") && only(word.substr(off + 3), "0123456789");
+}
+
+// Two statements that an OBJ file must have, each with its numbers.
+bool looks_like_obj(std::string_view text) {
+  bool vertex = false;
+  while (!text.empty()) {
+    const size_t end = std::min(text.find('\n'), text.size());
+    LineCursor line(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+    const std::string_view keyword = line.token();
+    if (keyword == "mtllib" && !line.at_end()) return true;
+    if (keyword == "v") {
+      vertex =
+          parse_number(line.token()) && parse_number(line.token()) && parse_number(line.token());
+      if (vertex) return true;
+    } else if (!keyword.empty() && keyword[0] != '#' && keyword != "o" && keyword != "g" &&
+               keyword != "s" && keyword != "usemtl" && keyword != "vn" && keyword != "vt") {
+      return false;
+    }
+  }
+  return false;
+}
+
+std::optional<MeshFormat> guessed_format(std::span<const uint8_t> bytes) {
+  const std::string_view head = as_text(bytes).substr(0, kHeadBytes);
+  if (is_off_keyword(TextCursor(head, '#').token())) return MeshFormat::kOff;
+  if (is_binary_stl(bytes)) return MeshFormat::kStl;
+  if (TextCursor(head).token() == "solid") return MeshFormat::kStl;
+  if (looks_like_obj(head)) return MeshFormat::kObj;
+  return std::nullopt;
+}
+
+}  // namespace
+
+Result<MeshFormat> detect_format(std::string_view filename, std::span<const uint8_t> bytes) {
+  if (const auto format = proven_format(as_text(bytes))) return *format;
+  if (const auto format = format_of_extension(filename)) return *format;
+  if (const auto format = guessed_format(bytes)) return *format;
+  const std::string name = filename.empty() ? "the upload" : std::string(filename);
+  return Error{ErrorCode::kUnsupportedMedia, name + ": not a format that voxeld reads",
+               std::string(kFormatsRead),
+               bytes.empty() ? "no bytes" : "first bytes " + shown(as_text(bytes).substr(0, 16))};
+}
+
+std::string_view mesh_format_name(MeshFormat format) {
+  switch (format) {
+    case MeshFormat::kObj:
+      return "obj";
+    case MeshFormat::kPly:
+      return "ply";
+    case MeshFormat::kStl:
+      return "stl";
+    case MeshFormat::kOff:
+      return "off";
+    case MeshFormat::kGltf:
+      return "gltf";
+    case MeshFormat::kGlb:
+      return "glb";
+    case MeshFormat::kZip:
+      return "zip";
+  }
+  return "";
+}
+
+}  // namespace voxeld

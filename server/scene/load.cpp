@@ -1,0 +1,114 @@
+// The story of one load: what format, which file of a zip, which loader.
+#include "server/scene/load.h"
+
+#include <utility>
+
+#include "server/scene/bundle_names.h"
+#include "server/scene/mesh_error.h"
+#include "server/scene/ply.h"
+
+namespace voxeld {
+namespace {
+
+constexpr size_t kListedNamesMax = 20;
+
+Result<Scene> load_format(MeshFormat format, std::string_view name, std::span<const uint8_t> bytes,
+                          const Bundle& bundle, const LoadOptions& options) {
+  switch (format) {
+    case MeshFormat::kObj:
+      return load_obj(name, bytes, bundle, options);
+    case MeshFormat::kPly:
+      return load_ply(name, bytes, bundle, options);
+    case MeshFormat::kStl:
+      return load_stl(name, bytes);
+    case MeshFormat::kOff:
+      return load_off(name, bytes);
+    case MeshFormat::kGltf:
+    case MeshFormat::kGlb:
+      return load_gltf(name, bytes, bundle, options);
+    case MeshFormat::kZip:
+      break;
+  }
+  return Error{ErrorCode::kMalformedBundle, std::string(name) + ": a zip inside a zip", "a mesh",
+               "a zip"};
+}
+
+// Mesh files by extension, without what macOS and editors leave behind.
+bool is_mesh_entry(std::string_view name) {
+  for (size_t begin = 0; begin < name.size();) {
+    const size_t end = std::min(name.find('/', begin), name.size());
+    const std::string_view part = name.substr(begin, end - begin);
+    if (part.front() == '.' || part == "__MACOSX") return false;
+    begin = end + 1;
+  }
+  const auto format = detect_format(name, {});
+  return format && *format != MeshFormat::kZip;
+}
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string list;
+  for (size_t i = 0; i < names.size() && i < kListedNamesMax; ++i) {
+    list.append(i == 0 ? "" : ", ").append(names[i]);
+  }
+  if (names.size() > kListedNamesMax) {
+    list += " and " + std::to_string(names.size() - kListedNamesMax) + " more";
+  }
+  return list;
+}
+
+std::vector<std::string> names_of(const Bundle& bundle, bool meshes_only) {
+  std::vector<std::string> names;
+  for (const Bundle::Entry& entry : bundle.entries()) {
+    if (!meshes_only || is_mesh_entry(entry.name)) names.push_back(entry.name);
+  }
+  return names;
+}
+
+// The mesh of a zip: the one that `member` names, or the only one.
+Result<std::string> choose_mesh(std::string_view zip_name, std::string_view member,
+                                const Bundle& bundle) {
+  const std::vector<std::string> meshes = names_of(bundle, true);
+  const std::vector<std::string> all = names_of(bundle, false);
+  if (!member.empty()) {
+    const auto found = resolve_reference(all, member, "");
+    if (found) return all[*found];
+    return Error{ErrorCode::kMalformedBundle,
+                 std::string(zip_name) + ": no file " + shown(member) + " in the zip",
+                 "one of its files", listed(all)};
+  }
+  if (meshes.size() == 1) return meshes[0];
+  if (meshes.empty()) {
+    return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": no mesh in the zip",
+                 "one obj, ply, stl, off, gltf or glb file",
+                 all.empty() ? "no files" : listed(all)};
+  }
+  return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": several meshes in the zip",
+               "one, or its choice by filename=" + std::string(zip_name) + "!" + meshes[0],
+               listed(meshes)};
+}
+
+Result<Scene> load_zip(std::string_view filename, std::span<const uint8_t> bytes,
+                       const LoadOptions& options) {
+  const size_t mark = filename.find('!');
+  const std::string_view zip_name = filename.substr(0, mark);
+  const std::string_view member =
+      mark == filename.npos ? std::string_view() : filename.substr(mark + 1);
+  VOXELD_ASSIGN(const std::unique_ptr<Bundle> bundle, zip_bundle(bytes));
+  VOXELD_ASSIGN(const std::string name, choose_mesh(zip_name, member, *bundle));
+  VOXELD_ASSIGN(const std::optional<std::vector<uint8_t>> mesh, bundle->find(name, ""));
+  if (!mesh) return Error{ErrorCode::kInternal, name + ": lost in the zip", "", ""};
+  VOXELD_ASSIGN(const MeshFormat format, detect_format(name, *mesh));
+  return load_format(format, name, *mesh, *bundle, options);
+}
+
+}  // namespace
+
+Result<Scene> load_scene(std::string_view filename, std::span<const uint8_t> bytes,
+                         const LoadOptions& options) {
+  VOXELD_ASSIGN(const MeshFormat format, detect_format(filename, bytes));
+  if (format == MeshFormat::kZip) return load_zip(filename, bytes, options);
+  const std::unique_ptr<Bundle> bundle = single_file_bundle(std::string(filename), bytes);
+  return load_format(format, filename, bytes, *bundle, options);
+}
+
+}  // namespace voxeld

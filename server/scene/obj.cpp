@@ -1,0 +1,259 @@
+// OBJ to Scene: parts by name, material and kind of corner; shared vertices by (v, vt, vn).
+//
+// Colours of vertices ("v x y z r g b") are taken as sRGB, and as 0..255 where any component of the
+// file is above kUnitColorMax. Texture coordinates are flipped: OBJ's origin is the bottom left.
+#include <map>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include <glm/geometric.hpp>
+
+#include "server/scene/bundle_names.h"
+#include "server/scene/color_space.h"
+#include "server/scene/load.h"
+#include "server/scene/mesh_error.h"
+#include "server/scene/mtl.h"
+#include "server/scene/obj_file.h"
+#include "server/scene/polygon_sink.h"
+#include "server/scene/text_cursor.h"
+#include "server/scene/textures.h"
+#include "server/scene/vertex_table.h"
+
+namespace voxeld {
+namespace {
+
+constexpr float kUnitColorMax = 1.5f;
+
+bool is_image_name(std::string_view name) {
+  const size_t dot = name.rfind('.');
+  if (dot == name.npos) return false;
+  for (const std::string_view extension :
+       {"png", "jpg", "jpeg", "tga", "bmp", "dds", "webp", "hdr", "tif", "tiff", "gif"}) {
+    if (equals_ignoring_case(name.substr(dot + 1), extension)) return true;
+  }
+  return false;
+}
+
+class ObjLoader {
+ public:
+  ObjLoader(std::string_view name, ObjFile file, const Bundle& bundle, const LoadOptions& options)
+      : name_(name),
+        file_(std::move(file)),
+        bundle_(bundle),
+        textures_(scene_, bundle, std::string(name), options),
+        sink_(name) {}
+
+  Result<Scene> load() {
+    scene_.format = "obj";
+    for (const std::string& word : file_.ignored) {
+      add_warning(scene_, "ignored-statement",
+                  std::string(name_) + ": statements " + shown(word) + " were left out");
+    }
+    if (file_.faces.empty()) return empty_mesh(name_, "no faces");
+    read_libraries();
+    color_scale_ = file_.color_max > kUnitColorMax ? 1.0f / 255.0f : 1.0f;
+    const ObjCorner* corner = file_.corners.data();
+    for (const ObjFace& face : file_.faces) {
+      VOXELD_TRY(add_face(face, {corner, face.corner_count}));
+      corner += face.corner_count;
+    }
+    assume_texture();
+    return std::move(scene_);
+  }
+
+ private:
+  struct PartKey {
+    uint32_t state;
+    bool has_uv, has_normal;
+    auto operator<=>(const PartKey&) const = default;
+  };
+
+  // A line names one file with blanks in its name, or several.
+  void read_libraries() {
+    for (const std::string& line : file_.libraries) {
+      if (read_library(line)) continue;
+      std::vector<std::string_view> missing;
+      size_t word_count = 0;
+      LineCursor words(line);
+      for (std::string_view word = words.token(); !word.empty(); word = words.token()) {
+        ++word_count;
+        if (word_count > kSceneWarningsMax) break;
+        if (!read_library(word)) missing.push_back(word);
+      }
+      // With none of the words found, the line as a whole is the better name for what is missing.
+      if (missing.size() == word_count) missing.assign(1, line);
+      for (const std::string_view word : missing) missing_library(word);
+    }
+  }
+
+  bool read_library(std::string_view reference) {
+    const auto bytes = bundle_.find(reference, name_);
+    if (!bytes) {
+      add_warning(scene_, "broken-material-file",
+                  std::string(reference) + ": " + bytes.error().message());
+      scene_.missing_files.push_back({std::string(reference), std::string(name_)});
+      return true;
+    }
+    if (!*bytes) return false;
+    for (MtlMaterial& material : parse_mtl(reference, as_text(**bytes), scene_)) {
+      std::string key = material.name;
+      library_.emplace(std::move(key), std::move(material));
+    }
+    return true;
+  }
+
+  void missing_library(std::string_view reference) {
+    if (reference.empty()) return;
+    add_warning(
+        scene_, "missing-material-file",
+        std::string(reference) + ", named by " + std::string(name_) + ", is not in the upload");
+    scene_.missing_files.push_back({std::string(reference), std::string(name_)});
+  }
+
+  // Index into scene_.materials of the file's material; only used ones get there.
+  int material_index(uint32_t number) {
+    if (number == 0) return -1;
+    const auto [found, is_new] = material_indices_.try_emplace(number, 0);
+    if (!is_new) return found->second;
+    const std::string& material_name = file_.materials[number];
+    const auto mtl = library_.find(material_name);
+    Material material;
+    if (mtl == library_.end()) {
+      material.name = material_name;
+      add_warning(scene_, "missing-material",
+                  std::string(name_) + ": material " + shown(material_name) +
+                      " is in none of its material files; taken as white");
+    } else {
+      material = material_of(mtl->second, scene_);
+      if (mtl->second.kd) scene_.colors_given = true;
+      if (!mtl->second.map_kd.empty()) {
+        any_map_ = true;
+        material.image =
+            textures_.image_index(mtl->second.map_kd, "material " + shown(material_name));
+      }
+    }
+    scene_.materials.push_back(std::move(material));
+    return found->second = static_cast<int>(scene_.materials.size()) - 1;
+  }
+
+  uint32_t part_index(const PartKey& key) {
+    const auto [found, is_new] =
+        part_indices_.try_emplace(key, static_cast<uint32_t>(scene_.parts.size()));
+    if (is_new) {
+      const ObjState& state = file_.states[key.state];
+      const int material = material_index(state.material);
+      MeshPart& part = scene_.parts.emplace_back();
+      part.name = file_.names[state.name];
+      part.material = material;
+      const auto mtl = library_.find(file_.materials[state.material]);
+      maps_.push_back(mtl == library_.end() ? nullptr : &mtl->second);
+    }
+    return found->second;
+  }
+
+  Status add_face(const ObjFace& face, std::span<const ObjCorner> corners) {
+    PartKey key{face.state, true, true};
+    for (const ObjCorner& corner : corners) {
+      key.has_uv &= corner.vt != ObjCorner::kNone;
+      key.has_normal &= corner.vn != ObjCorner::kNone && is_normal(file_.normals[corner.vn]);
+    }
+    if (!last_key_ || *last_key_ != key) {
+      last_key_ = key;
+      last_part_ = part_index(key);
+    }
+    face_.clear();
+    for (const ObjCorner& corner : corners) face_.push_back(vertex_index(key, corner));
+    return sink_.add_face(face_, scene_.parts[last_part_]);
+  }
+
+  static bool is_normal(const glm::vec3& n) {
+    const float square = glm::dot(n, n);
+    return square > 0.0f && square < 1e30f;
+  }
+
+  uint32_t vertex_index(const PartKey& key, const ObjCorner& corner) {
+    MeshPart& part = scene_.parts[last_part_];
+    const uint32_t vt = key.has_uv ? corner.vt : ObjCorner::kNone;
+    const uint32_t vn = key.has_normal ? corner.vn : ObjCorner::kNone;
+    const auto next = static_cast<uint32_t>(part.positions.size());
+    const auto [index, is_new] = table_.find_or_add({corner.v, vt, vn, last_part_}, next);
+    if (!is_new) return index;
+    part.positions.push_back(file_.positions[corner.v]);
+    if (key.has_uv) part.uvs.push_back(texel_uv(file_.uvs[vt], maps_[last_part_]));
+    if (key.has_normal) part.normals.push_back(glm::normalize(file_.normals[vn]));
+    if (!file_.colors.empty()) part.colors.push_back(vertex_color(corner.v));
+    return next;
+  }
+
+  // "-s" and "-o" of the material's map, then from bottom left to top left.
+  static glm::vec2 texel_uv(glm::vec2 uv, const MtlMaterial* mtl) {
+    if (mtl != nullptr) uv = uv * mtl->map_scale + mtl->map_offset;
+    return {uv.x, 1.0f - uv.y};
+  }
+
+  // Vertices without a colour in a file that has some are white.
+  glm::vec4 vertex_color(uint32_t v) const {
+    if (v >= file_.colors.size() || file_.colors[v].x < 0.0f) return glm::vec4(1.0f);
+    const glm::vec4 color = file_.colors[v] * color_scale_;
+    const float alpha = file_.colors[v].w > 1.0f ? color.w : file_.colors[v].w;
+    return {linear_from_srgb(glm::vec3(color)), unit_clamped(alpha)};
+  }
+
+  // Bundles whose OBJ names no texture but that hold exactly one image are meant to be used
+  // together (spot.zip is one).
+  void assume_texture() {
+    if (any_map_) return;
+    const std::string* image_name = nullptr;
+    for (const Bundle::Entry& entry : bundle_.entries()) {
+      if (!is_image_name(entry.name) || entry.name.starts_with("__MACOSX/")) continue;
+      if (image_name != nullptr) return;
+      image_name = &entry.name;
+    }
+    if (image_name == nullptr) return;
+    int image = -1;
+    int plain_material = -1;
+    for (MeshPart& part : scene_.parts) {
+      if (part.uvs.empty()) continue;
+      if (image < 0) image = textures_.image_index(*image_name, name_);
+      if (image < 0) return;
+      if (part.material < 0 && plain_material < 0) {
+        plain_material = static_cast<int>(scene_.materials.size());
+        scene_.materials.push_back({.name = std::string(base_name(*image_name))});
+      }
+      if (part.material < 0) part.material = plain_material;
+      scene_.materials[static_cast<size_t>(part.material)].image = image;
+    }
+    if (image < 0) return;
+    add_warning(scene_, "assumed-texture",
+                std::string(name_) + " names no texture; " + *image_name +
+                    ", the only image of the upload, is used");
+  }
+
+  std::string_view name_;
+  ObjFile file_;
+  const Bundle& bundle_;
+  Scene scene_;
+  TextureSet textures_;
+  PolygonSink sink_;
+  std::map<std::string, MtlMaterial, std::less<>> library_;
+  std::map<uint32_t, int> material_indices_;
+  std::map<PartKey, uint32_t> part_indices_;
+  std::vector<const MtlMaterial*> maps_;  // per part
+  std::optional<PartKey> last_key_;
+  uint32_t last_part_ = 0;
+  VertexTable table_;
+  std::vector<uint32_t> face_;
+  bool any_map_ = false;
+  float color_scale_ = 1.0f;
+};
+
+}  // namespace
+
+Result<Scene> load_obj(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
+                       const LoadOptions& options) {
+  VOXELD_ASSIGN(ObjFile file, read_obj_file(name, as_text(bytes)));
+  return ObjLoader(name, std::move(file), bundle, options).load();
+}
+
+}  // namespace voxeld

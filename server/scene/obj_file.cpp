@@ -1,0 +1,318 @@
+#include "server/scene/obj_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <map>
+#include <utility>
+
+#include "proto/limits.h"
+#include "server/scene/mesh_error.h"
+#include "server/scene/text_cursor.h"
+
+namespace voxeld {
+namespace {
+
+// Materials, and other words, that one file may name: malformed-mesh above.
+constexpr size_t kNamesMax = 65'536;
+constexpr size_t kIgnoredWordsMax = 20;
+// Statements that say nothing of surfaces made of polygons.
+constexpr std::string_view kSkipped[] = {"s",         "l",        "p",       "vp",     "mg",
+                                         "lod",       "bevel",    "usemap",  "maplib", "shadow_obj",
+                                         "trace_obj", "c_interp", "d_interp"};
+
+class ObjReader {
+ public:
+  ObjReader(std::string_view name, std::string_view text) : name_(name), left_(text) {
+    file_.states.push_back({});
+  }
+
+  Result<ObjFile> read() {
+    // Usual exporters write 30 to 40 bytes per vertex and face.
+    file_.positions.reserve(left_.size() / 80);
+    file_.corners.reserve(left_.size() / 20);
+    file_.faces.reserve(left_.size() / 60);
+    while (!left_.empty()) {
+      VOXELD_TRY(read_statement(next_line()));
+    }
+    VOXELD_TRY(check_corners());
+    return std::move(file_);
+  }
+
+ private:
+  std::string_view next_physical_line() {
+    ++line_;
+    const void* newline = std::memchr(left_.data(), '\n', left_.size());
+    const size_t end = newline == nullptr
+                           ? left_.size()
+                           : static_cast<size_t>(static_cast<const char*>(newline) - left_.data());
+    std::string_view line = left_.substr(0, end);
+    left_.remove_prefix(std::min(end + 1, left_.size()));
+    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+    return line;
+  }
+
+  // With its continuations joined into `joined_`, where it has any.
+  std::string_view next_line() {
+    std::string_view line = next_physical_line();
+    statement_line_ = line_;
+    if (line.empty() || line.back() != '\\') return line;
+    joined_.clear();
+    while (!line.empty() && line.back() == '\\') {
+      line.remove_suffix(1);
+      joined_.append(line).append(" ");
+      line = left_.empty() ? std::string_view() : next_physical_line();
+    }
+    joined_.append(line);
+    return joined_;
+  }
+
+  Error malformed(std::string_view what, std::string expected, std::string got) const {
+    return malformed_line(name_, statement_line_, what, std::move(expected), std::move(got));
+  }
+
+  Status read_statement(std::string_view text) {
+    LineCursor line(text);
+    const std::string_view keyword = line.token();
+    if (keyword.empty() || keyword[0] == '#') return {};
+    if (keyword == "v") return read_vertex(line);
+    if (keyword == "f" || keyword == "fo") return read_face(line);
+    if (keyword == "vt") return read_uv(line);
+    if (keyword == "vn") return read_normal(line);
+    if (keyword == "usemtl") return set_material(line.rest());
+    if (keyword == "o" || keyword == "g") return set_name(line.rest());
+    if (keyword == "mtllib") {
+      if (file_.libraries.size() < kSceneWarningsMax) file_.libraries.emplace_back(line.rest());
+      return {};
+    }
+    return skip(keyword);
+  }
+
+  Status skip(std::string_view keyword) {
+    if (std::find(std::begin(kSkipped), std::end(kSkipped), keyword) != std::end(kSkipped)) {
+      return {};
+    }
+    const bool word = keyword.find_first_not_of(
+                          "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                          "0123456789_-.:") == keyword.npos;
+    if (!word) return malformed("not an OBJ statement", "a keyword such as v or f", shown(keyword));
+    if (file_.ignored.size() < kIgnoredWordsMax &&
+        std::find(file_.ignored.begin(), file_.ignored.end(), keyword) == file_.ignored.end()) {
+      file_.ignored.emplace_back(keyword);
+    }
+    return {};
+  }
+
+  // Reads up to values.size() numbers; fewer than `at_least` are an error.
+  Result<size_t> read_numbers(LineCursor& line, std::string_view what, size_t at_least,
+                              std::span<double> values) {
+    size_t count = 0;
+    while (count < values.size()) {
+      const std::string_view word = line.token();
+      if (word.empty()) break;
+      const auto number = parse_number(word);
+      if (!number || !is_coordinate(*number)) {
+        return malformed(what, "finite numbers up to 1e30", shown(word));
+      }
+      values[count++] = *number;
+    }
+    if (count < at_least) {
+      return malformed(what, "at least " + std::to_string(at_least) + " numbers",
+                       std::to_string(count));
+    }
+    return count;
+  }
+
+  Status check_count(std::string_view what, size_t count) const {
+    if (count < limits::kVerticesMax) return {};
+    return over_limit(name_, "line " + std::to_string(statement_line_), what, limits::kVerticesMax,
+                      limits::kVerticesMax + 1);
+  }
+
+  // "v x y z", "v x y z w" (the weight is for curves), "v x y z r g b", "v x y z r g b a".
+  Status read_vertex(LineCursor& line) {
+    std::array<double, 7> n{};
+    VOXELD_ASSIGN(const size_t count, read_numbers(line, "vertex", 3, n));
+    VOXELD_TRY(check_count("too many vertices", file_.positions.size()));
+    file_.positions.emplace_back(n[0], n[1], n[2]);
+    if (count >= 6) {
+      file_.colors.resize(file_.positions.size() - 1, glm::vec4(-1.0f));
+      const glm::vec4 color(n[3], n[4], n[5], count == 7 ? n[6] : 1.0);
+      file_.colors.push_back(color);
+      file_.color_max = std::max({file_.color_max, color.x, color.y, color.z});
+    } else if (!file_.colors.empty()) {
+      file_.colors.emplace_back(-1.0f);
+    }
+    return {};
+  }
+
+  Status read_uv(LineCursor& line) {
+    std::array<double, 2> n{};
+    VOXELD_ASSIGN(const size_t count, read_numbers(line, "texture coordinate", 1, n));
+    static_cast<void>(count);
+    VOXELD_TRY(check_count("too many texture coordinates", file_.uvs.size()));
+    file_.uvs.emplace_back(static_cast<float>(n[0]), static_cast<float>(n[1]));
+    return {};
+  }
+
+  Status read_normal(LineCursor& line) {
+    VOXELD_TRY(check_count("too many normals", file_.normals.size()));
+    std::array<double, 3> n{};
+    for (double& x : n) {
+      // NaN normals come from degenerate faces of real exporters and are not worth a refusal.
+      x = parse_number(line.token()).value_or(0.0);
+    }
+    file_.normals.emplace_back(static_cast<float>(n[0]), static_cast<float>(n[1]),
+                               static_cast<float>(n[2]));
+    return {};
+  }
+
+  // From 1, or from the end: -1 is the last one so far. 0-based; errors name the range.
+  Result<uint32_t> read_index(std::string_view word, std::string_view what, size_t count) {
+    int64_t index = 0;
+    const char* end = word.data() + word.size();
+    const auto [stop, error] = std::from_chars(word.data(), end, index);
+    if (error != std::errc() || stop != end || index == 0) {
+      return malformed(what, "a number other than 0", shown(word));
+    }
+    if (index < 0) index += static_cast<int64_t>(count) + 1;
+    if (index < 1 || index >= int64_t{UINT32_MAX}) {
+      return index_error(statement_line_, what, count, std::string(word));
+    }
+    return static_cast<uint32_t>(index - 1);
+  }
+
+  Error index_error(int64_t line, std::string_view what, size_t count, std::string got) const {
+    const std::string n = std::to_string(count);
+    return malformed_line(name_, line, std::string(what) + " out of range",
+                          count == 0 ? "none, as none are given" : "1.." + n + " or -" + n + "..-1",
+                          std::move(got));
+  }
+
+  // "v", "v/vt", "v//vn", "v/vt/vn"; empty parts are not given.
+  Status read_corner(std::string_view word) {
+    ObjCorner corner;
+    const size_t first = std::min(word.find('/'), word.size());
+    VOXELD_ASSIGN(corner.v,
+                  read_index(word.substr(0, first), "vertex index", file_.positions.size()));
+    if (first < word.size()) {
+      const size_t second = std::min(word.find('/', first + 1), word.size());
+      const std::string_view vt = word.substr(first + 1, second - first - 1);
+      const std::string_view vn = second < word.size() ? word.substr(second + 1) : "";
+      if (!vt.empty()) {
+        VOXELD_ASSIGN(corner.vt, read_index(vt, "texture coordinate index", file_.uvs.size()));
+      }
+      if (!vn.empty()) {
+        VOXELD_ASSIGN(corner.vn, read_index(vn, "normal index", file_.normals.size()));
+      }
+    }
+    file_.corners.push_back(corner);
+    return {};
+  }
+
+  Status read_face(LineCursor& line) {
+    const size_t first = file_.corners.size();
+    for (std::string_view word = line.token(); !word.empty(); word = line.token()) {
+      if (word[0] == '#') break;
+      VOXELD_TRY(read_corner(word));
+    }
+    const size_t count = file_.corners.size() - first;
+    if (count < 3) return malformed("face", "at least 3 corners", std::to_string(count));
+    const std::string where = "line " + std::to_string(statement_line_);
+    if (count > limits::kPolygonCornersMax) {
+      return over_limit(name_, where, "too many corners of a face", limits::kPolygonCornersMax,
+                        static_cast<int64_t>(count));
+    }
+    triangle_count_ += static_cast<int64_t>(count) - 2;
+    if (triangle_count_ > limits::kTrianglesMax) {
+      return over_limit(name_, where, "too many triangles", limits::kTrianglesMax, triangle_count_);
+    }
+    file_.faces.push_back(
+        {static_cast<uint32_t>(count), current_state(), static_cast<uint32_t>(statement_line_)});
+    return {};
+  }
+
+  // Indices may point forward, so all are checked at the end.
+  Status check_corners() const {
+    const ObjCorner* corner = file_.corners.data();
+    for (const ObjFace& face : file_.faces) {
+      for (uint32_t i = 0; i < face.corner_count; ++i, ++corner) {
+        VOXELD_TRY(check_index(face, "vertex index", corner->v, file_.positions.size()));
+        VOXELD_TRY(check_index(face, "texture coordinate index", corner->vt, file_.uvs.size()));
+        VOXELD_TRY(check_index(face, "normal index", corner->vn, file_.normals.size()));
+      }
+    }
+    return {};
+  }
+  Status check_index(const ObjFace& face, std::string_view what, uint32_t index,
+                     size_t count) const {
+    if (index < count || index == ObjCorner::kNone) return {};
+    return index_error(face.line, what, count, std::to_string(uint64_t{index} + 1));
+  }
+
+  uint32_t current_state() {
+    if (!state_changed_) return state_index_;
+    state_changed_ = false;
+    // Over the cap, names no longer tell parts apart; materials do.
+    ObjState state = state_;
+    if (states_.size() >= kScenePartsMax && !states_.contains(state)) state.name = 0;
+    const auto [found, is_new] =
+        states_.try_emplace(state, static_cast<uint32_t>(file_.states.size()));
+    if (is_new) file_.states.push_back(state);
+    state_index_ = found->second;
+    return state_index_;
+  }
+
+  Status set_material(std::string_view material) {
+    return set_from(material, material_numbers_, file_.materials, state_.material);
+  }
+  Status set_name(std::string_view object) {
+    // More names than parts may have are not kept.
+    if (file_.names.size() >= kNamesMax) return {};
+    return set_from(object, name_numbers_, file_.names, state_.name);
+  }
+  Status set_from(std::string_view text, std::map<std::string, uint32_t, std::less<>>& numbers,
+                  std::vector<std::string>& list, uint32_t& current) {
+    state_changed_ = true;
+    if (text.empty()) {
+      current = 0;
+      return {};
+    }
+    const auto found = numbers.find(text);
+    if (found != numbers.end()) {
+      current = found->second;
+      return {};
+    }
+    if (list.size() > kNamesMax) {
+      return over_limit(name_, "line " + std::to_string(statement_line_), "too many materials",
+                        static_cast<int64_t>(kNamesMax), static_cast<int64_t>(list.size()));
+    }
+    current = static_cast<uint32_t>(list.size());
+    numbers.emplace(text, current);
+    list.emplace_back(text);
+    return {};
+  }
+
+  std::string_view name_;
+  std::string_view left_;
+  int64_t line_ = 0;
+  int64_t statement_line_ = 0;  // first line of the statement, where it is continued
+  std::string joined_;
+  ObjFile file_;
+  ObjState state_;
+  uint32_t state_index_ = 0;
+  bool state_changed_ = true;
+  int64_t triangle_count_ = 0;
+  std::map<ObjState, uint32_t> states_;
+  std::map<std::string, uint32_t, std::less<>> material_numbers_, name_numbers_;
+};
+
+}  // namespace
+
+Result<ObjFile> read_obj_file(std::string_view name, std::string_view text) {
+  constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+  if (text.substr(0, 3) == kByteOrderMark) text.remove_prefix(3);
+  return ObjReader(name, text).read();
+}
+
+}  // namespace voxeld

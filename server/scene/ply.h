@@ -1,0 +1,18 @@
+// PLY, the Stanford polygon format: header (ply_header), body (ply_body), scene (ply.cpp).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "proto/result.h"
+#include "server/scene/load.h"
+#include "server/scene/scene.h"
+
+namespace voxeld {
+
+// load_ply that finds the texture named by "comment TextureFile" in `bundle`.
+Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
+                       const LoadOptions& options);
+
+}  // namespace voxeld

@@ -1,0 +1,92 @@
+// Reading numbers and words out of the text of a mesh file, without copies and without locales.
+#pragma once
+
+#include <charconv>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+namespace voxeld {
+
+inline std::string_view as_text(std::span<const uint8_t> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+inline bool is_blank(char c) {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
+}
+
+// Without blanks and line ends at both sides.
+std::string_view trimmed(std::string_view text);
+// Equality that takes ASCII letters of both cases as one.
+bool equals_ignoring_case(std::string_view a, std::string_view b);
+
+// The number that is the whole of `token`: decimal, with an optional sign and exponent. Numbers too
+// small for a double are 0; too large ones, "nan" and "inf" are nullopt.
+std::optional<double> parse_number(std::string_view token);
+// The integer that is the whole of `token`; also written as 12.0, as some PLY files do.
+std::optional<int64_t> parse_integer(std::string_view token);
+
+// Reads the words of one line from the left.
+class LineCursor {
+ public:
+  explicit LineCursor(std::string_view line) : at_(line.data()), end_(line.data() + line.size()) {}
+  // Empty at the end of the line.
+  std::string_view token() {
+    skip_blanks();
+    const char* begin = at_;
+    while (at_ != end_ && !is_blank(*at_)) ++at_;
+    return {begin, static_cast<size_t>(at_ - begin)};
+  }
+  // What is left, trimmed.
+  std::string_view rest() {
+    const std::string_view text(at_, static_cast<size_t>(end_ - at_));
+    at_ = end_;
+    return trimmed(text);
+  }
+  bool at_end() {
+    skip_blanks();
+    return at_ == end_;
+  }
+
+ private:
+  void skip_blanks() {
+    while (at_ != end_ && is_blank(*at_)) ++at_;
+  }
+  const char* at_;
+  const char* end_;
+};
+
+// Reads the words of a text across lines and knows the line of each.
+class TextCursor {
+ public:
+  // `comment`: a character that starts a comment to the end of the line; '\0' for none.
+  explicit TextCursor(std::string_view text, char comment = '\0', int64_t first_line = 1)
+      : at_(text.empty() ? "" : text.data()),  // memchr must not see a null pointer
+        end_(at_ + text.size()),
+        line_(first_line),
+        token_line_(first_line),
+        comment_(comment) {}
+
+  // The next word on this line or a later one; empty at the end of the text.
+  std::string_view token();
+  // The next word on this line; empty at its end.
+  std::string_view token_on_line();
+  // The rest of this line, trimmed; goes on to the next line.
+  std::string_view rest_of_line();
+  // Line of the last word, from 1.
+  int64_t line() const { return token_line_; }
+  size_t bytes_left() const { return static_cast<size_t>(end_ - at_); }
+
+ private:
+  void skip_comment();
+  std::string_view take_word();
+  const char* at_;
+  const char* end_;
+  int64_t line_;
+  int64_t token_line_;
+  char comment_;
+};
+
+}  // namespace voxeld

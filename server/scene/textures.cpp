@@ -1,0 +1,65 @@
+#include "server/scene/textures.h"
+
+#include <utility>
+
+#include "server/scene/image.h"
+#include "server/scene/mesh_error.h"
+
+namespace voxeld {
+namespace {
+
+// The index of an image that is found but whose pixels nobody asked for: inspection.
+int add_image(Scene& scene, Image image) {
+  scene.images.push_back(std::move(image));
+  return static_cast<int>(scene.images.size()) - 1;
+}
+
+void add_missing(Scene& scene, const std::string& reference, std::string_view needed_by) {
+  if (scene.missing_files.size() < kSceneWarningsMax) {
+    scene.missing_files.push_back({reference, std::string(needed_by)});
+  }
+}
+
+}  // namespace
+
+int TextureSet::image_index(std::string_view reference, std::string_view needed_by) {
+  const auto found = loaded_.find(reference);
+  if (found != loaded_.end()) return found->second;
+  const std::string name(reference);
+  const int index = load(name, needed_by);
+  loaded_.emplace(name, index);
+  return index;
+}
+
+int TextureSet::load(const std::string& reference, std::string_view needed_by) {
+  const std::string where = reference + ", named by " + std::string(needed_by);
+  const auto bytes = bundle_.find(reference, from_);
+  if (!bytes || !*bytes) {
+    add_missing(scene_, reference, needed_by);
+    if (!bytes) {
+      add_warning(scene_, "broken-texture", where + ": " + bytes.error().message());
+    } else {
+      add_warning(scene_, "missing-texture", where + ", is not in the upload");
+    }
+    return -1;
+  }
+  if (!options_.decode_images) return add_image(scene_, {.name = reference, .rgba = {}});
+  auto image = decode_image(reference, **bytes);
+  if (!image) {
+    add_missing(scene_, reference, needed_by);
+    add_warning(scene_, "broken-texture", where + ": " + image.error().message());
+    return -1;
+  }
+  pixels_ += int64_t{image->width} * image->height;
+  if (pixels_ > kScenePixelsMax) {
+    pixels_ -= int64_t{image->width} * image->height;
+    add_missing(scene_, reference, needed_by);
+    add_warning(scene_, "too-many-pixels",
+                where + ", is left out: the textures of one scene have at most " +
+                    std::to_string(kScenePixelsMax) + " pixels");
+    return -1;
+  }
+  return add_image(scene_, *std::move(image));
+}
+
+}  // namespace voxeld

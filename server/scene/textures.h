@@ -1,0 +1,40 @@
+// Textures that a mesh file names, out of its bundle into its scene.
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "server/scene/load.h"
+#include "server/scene/scene.h"
+
+namespace voxeld {
+
+// Pixels of all textures of one scene together; further ones are named in a warning and left out.
+// 268 Mpx are 1 GiB as RGBA8.
+inline constexpr int64_t kScenePixelsMax = int64_t{1} << 28;
+
+// Decodes each texture once. One per load; not thread-safe; scene and bundle must outlive it.
+class TextureSet {
+ public:
+  // `from`: the file whose folder references are relative to.
+  TextureSet(Scene& scene, const Bundle& bundle, std::string from, const LoadOptions& options)
+      : scene_(scene), bundle_(bundle), from_(std::move(from)), options_(options) {}
+
+  // Index into scene.images; -1 for one that is missing or broken, which adds a warning
+  // ("missing-texture", "broken-texture") and an entry of missing_files. `needed_by` names the
+  // material or file.
+  int image_index(std::string_view reference, std::string_view needed_by);
+
+ private:
+  int load(const std::string& reference, std::string_view needed_by);
+
+  Scene& scene_;
+  const Bundle& bundle_;
+  std::string from_;
+  LoadOptions options_;
+  int64_t pixels_ = 0;
+  std::map<std::string, int, std::less<>> loaded_;
+};
+
+}  // namespace voxeld

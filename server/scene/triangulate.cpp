@@ -1,0 +1,229 @@
+#include "server/scene/triangulate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
+
+namespace voxeld {
+namespace {
+
+// Twice the signed area of the polygon's projections (Newell; Sutherland, Sproull & Schumacker
+// 1974), relative to the first corner so that far polygons keep their precision.
+glm::dvec3 newell_normal(std::span<const glm::dvec3> corners) {
+  glm::dvec3 normal{0.0};
+  glm::dvec3 previous{0.0};
+  for (size_t i = 1; i < corners.size(); ++i) {
+    const glm::dvec3 current = corners[i] - corners[0];
+    normal += glm::cross(previous, current);
+    previous = current;
+  }
+  return normal;
+}
+
+// Drops the axis along which the normal is longest; the result turns counter-clockwise. Dropping
+// keeps the coordinates as they are, so corners that are collinear stay so.
+std::vector<glm::dvec2> project(std::span<const glm::dvec3> corners, const glm::dvec3& normal) {
+  const glm::dvec3 size = glm::abs(normal);
+  const int dropped = size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
+  int u = (dropped + 1) % 3, v = (dropped + 2) % 3;
+  if (normal[dropped] < 0.0) std::swap(u, v);
+  std::vector<glm::dvec2> points(corners.size());
+  for (size_t i = 0; i < corners.size(); ++i) points[i] = {corners[i][u], corners[i][v]};
+  return points;
+}
+
+// Positive where a, b, c turn left.
+double orient(const glm::dvec2& a, const glm::dvec2& b, const glm::dvec2& c) {
+  return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
+
+// Ear clipping (Meisters 1975, "Polygons have ears") with two additions: corners that cannot be
+// inside any ear (the convex ones) are never looked at, and the others stand in a grid of cells, so
+// that an ear looks only at those near it. Exact duplicates of an ear's corners (the bridges
+// of polygons with holes) block it only where their edges enter it.
+class EarClipper {
+ public:
+  EarClipper(std::span<const glm::dvec2> points, std::vector<uint32_t>& out)
+      : points_(points), out_(out) {
+    const auto count = static_cast<uint32_t>(points.size());
+    previous_.resize(count);
+    next_.resize(count);
+    for (uint32_t i = 0; i < count; ++i) {
+      previous_[i] = i == 0 ? count - 1 : i - 1;
+      next_[i] = i + 1 == count ? 0 : i + 1;
+    }
+    make_cells();
+  }
+
+  void run() {
+    auto left = static_cast<uint32_t>(points_.size());
+    uint32_t ear = 0;
+    // Without an ear in a whole round, touching corners stop blocking; without one again, the
+    // polygon crosses itself.
+    bool strict = false;
+    for (uint32_t looked_at = 0; left > 3;) {
+      if (is_ear(ear, strict)) {
+        ear = clip(ear);
+        --left;
+        looked_at = 0;
+        strict = false;
+        continue;
+      }
+      ear = next_[ear];
+      if (++looked_at < left) continue;
+      if (strict) break;
+      strict = true;
+      looked_at = 0;
+    }
+    for (uint32_t b = next_[ear]; next_[b] != ear; b = next_[b]) emit(ear, b, next_[b]);
+  }
+
+ private:
+  static constexpr uint32_t kCellsPerSideMax = 256;
+
+  void make_cells() {
+    min_ = max_ = points_[0];
+    for (const glm::dvec2& p : points_) {
+      min_ = glm::min(min_, p);
+      max_ = glm::max(max_, p);
+    }
+    const double side = std::sqrt(static_cast<double>(points_.size()) / 4.0);
+    cells_per_side_ = std::clamp(static_cast<uint32_t>(side), 1u, kCellsPerSideMax);
+    cells_.resize(static_cast<size_t>(cells_per_side_) * cells_per_side_);
+    for (uint32_t i = 0; i < points_.size(); ++i) {
+      if (corner_turn(i) <= 0.0) {
+        cells_[cell_index(cell_of(points_[i].x, 0), cell_of(points_[i].y, 1))].push_back(i);
+      }
+    }
+  }
+
+  uint32_t cell_of(double x, int axis) const {
+    const double extent = max_[axis] - min_[axis];
+    if (!(extent > 0.0)) return 0;
+    const double cell = (x - min_[axis]) / extent * cells_per_side_;
+    return std::min(static_cast<uint32_t>(std::max(cell, 0.0)), cells_per_side_ - 1);
+  }
+  size_t cell_index(uint32_t x, uint32_t y) const {
+    return static_cast<size_t>(y) * cells_per_side_ + x;
+  }
+  double corner_turn(uint32_t b) const {
+    return orient(points_[previous_[b]], points_[b], points_[next_[b]]);
+  }
+
+  bool is_ear(uint32_t b, bool strict) {
+    const uint32_t a = previous_[b], c = next_[b];
+    const double turn = corner_turn(b);
+    // A corner on the line through its neighbours takes no area with it.
+    if (turn == 0.0) return true;
+    if (!(turn > 0.0)) return false;
+    const glm::dvec2 low = glm::min(points_[a], glm::min(points_[b], points_[c]));
+    const glm::dvec2 high = glm::max(points_[a], glm::max(points_[b], points_[c]));
+    const uint32_t x_end = cell_of(high.x, 0), y_end = cell_of(high.y, 1);
+    for (uint32_t y = cell_of(low.y, 1); y <= y_end; ++y) {
+      for (uint32_t x = cell_of(low.x, 0); x <= x_end; ++x) {
+        if (cell_blocks(cells_[cell_index(x, y)], a, b, c, low, high, strict)) return false;
+      }
+    }
+    return true;
+  }
+
+  // Whether a corner of the cell lies in the ear. Corners that were clipped or have become convex
+  // leave the cell on the way: they never matter again.
+  bool cell_blocks(std::vector<uint32_t>& cell, uint32_t a, uint32_t b, uint32_t c,
+                   const glm::dvec2& low, const glm::dvec2& high, bool strict) {
+    for (size_t i = 0; i < cell.size();) {
+      const uint32_t p = cell[i];
+      const glm::dvec2& point = points_[p];
+      if (point.x < low.x || point.x > high.x || point.y < low.y || point.y > high.y) {
+        ++i;
+        continue;
+      }
+      if (is_clipped(p) || corner_turn(p) > 0.0) {
+        cell[i] = cell.back();
+        cell.pop_back();
+        continue;
+      }
+      if (p != a && p != b && p != c && blocks(p, a, b, c, strict)) return true;
+      ++i;
+    }
+    return false;
+  }
+
+  bool blocks(uint32_t p, uint32_t a, uint32_t b, uint32_t c, bool strict) const {
+    const glm::dvec2 &pp = points_[p], &pa = points_[a], &pb = points_[b], &pc = points_[c];
+    const double ab = orient(pa, pb, pp), bc = orient(pb, pc, pp), ca = orient(pc, pa, pp);
+    if (strict) return ab > 0.0 && bc > 0.0 && ca > 0.0;
+    // An edge that leaves from a or c into the ear ends in it or crosses the edge opposite.
+    if (pp == pa || pp == pc) return false;
+    if (pp == pb) return in_cone(previous_[p], a, b, c) || in_cone(next_[p], a, b, c);
+    return ab >= 0.0 && bc >= 0.0 && ca >= 0.0;
+  }
+  // Whether q is seen from b strictly between c and a.
+  bool in_cone(uint32_t q, uint32_t a, uint32_t b, uint32_t c) const {
+    return orient(points_[a], points_[b], points_[q]) > 0.0 &&
+           orient(points_[b], points_[c], points_[q]) > 0.0;
+  }
+
+  bool is_clipped(uint32_t p) const { return next_[p] == p; }
+  // Emits the ear and answers with the corner to look at next: two further on, so that a convex
+  // polygon gives no sliver fan.
+  uint32_t clip(uint32_t b) {
+    const uint32_t a = previous_[b], c = next_[b];
+    emit(a, b, c);
+    next_[a] = c;
+    previous_[c] = a;
+    next_[b] = b;
+    return next_[c];
+  }
+  void emit(uint32_t a, uint32_t b, uint32_t c) {
+    out_.push_back(a);
+    out_.push_back(b);
+    out_.push_back(c);
+  }
+
+  std::span<const glm::dvec2> points_;
+  std::vector<uint32_t>& out_;
+  std::vector<uint32_t> previous_, next_;     // the ring of corners that are left
+  std::vector<std::vector<uint32_t>> cells_;  // reflex and flat corners
+  uint32_t cells_per_side_ = 1;
+  glm::dvec2 min_{0.0}, max_{0.0};
+};
+
+void append_fan(size_t count, std::vector<uint32_t>& out) {
+  for (uint32_t i = 2; i < count; ++i) {
+    out.push_back(0);
+    out.push_back(i - 1);
+    out.push_back(i);
+  }
+}
+
+// The diagonal 0-2, or 1-3 where 0-2 would leave a concave quadrilateral.
+void append_quad(std::span<const glm::dvec3> corners, const glm::dvec3& normal,
+                 std::vector<uint32_t>& out) {
+  const auto turn = [&](size_t a, size_t b, size_t c) {
+    return glm::dot(glm::cross(corners[b] - corners[a], corners[c] - corners[a]), normal);
+  };
+  if (turn(0, 1, 2) < 0.0 || turn(2, 3, 0) < 0.0) {
+    out.insert(out.end(), {1, 2, 3, 1, 3, 0});
+  } else {
+    out.insert(out.end(), {0, 1, 2, 0, 2, 3});
+  }
+}
+
+}  // namespace
+
+void triangulate_polygon(std::span<const glm::dvec3> corners, std::vector<uint32_t>& out) {
+  if (corners.size() < 3) return;
+  if (corners.size() == 3) return append_fan(3, out);
+  const glm::dvec3 normal = newell_normal(corners);
+  if (corners.size() == 4) return append_quad(corners, normal, out);
+  if (normal == glm::dvec3(0.0)) return append_fan(corners.size(), out);
+  const std::vector<glm::dvec2> points = project(corners, normal);
+  EarClipper(points, out).run();
+}
+
+}  // namespace voxeld
