@@ -8,40 +8,40 @@
 namespace voxeld {
 
 enum class ErrorCode {
-  kBadRequest,          // 400 bad-request: the HTTP request itself is malformed
-  kUnknownOption,       // 400 unknown-option: a parameter that does not exist
-  kInvalidOption,       // 400 invalid-option: a parameter with a value it cannot take
-  kUnauthorized,        // 401 unauthorized (reserved for API keys)
-  kNotFound,            // 404 not-found
-  kMethodNotAllowed,    // 405 method-not-allowed
-  kNotAcceptable,       // 406 not-acceptable: no format that the Accept header allows
-  kConflict,            // 409 conflict: e.g. the result of a job that has not finished
-  kGone,                // 410 gone: an asset that was deleted
-  kLengthRequired,      // 411 length-required
-  kPayloadTooLarge,     // 413 payload-too-large
-  kUnsupportedMedia,    // 415 unsupported-media-type: not a format that voxeld reads
-  kRangeNotSatisfiable, // 416 range-not-satisfiable
-  kMalformedMesh,       // 422 malformed-mesh: the file breaks its format's rules
-  kEmptyMesh,           // 422 empty-mesh: a valid file without any triangle
-  kUnsupportedFeature,  // 422 unsupported-feature: e.g. a required glTF extension
-  kMalformedImage,      // 422 malformed-image: a texture that cannot be decoded, when asked for
-  kMalformedBundle,     // 422 malformed-bundle: a zip that is broken or hostile
-  kIdempotencyMismatch, // 422 idempotency-mismatch: same key, other request
-  kGridTooLarge,        // 422 grid-too-large: over a limit; told before anything is computed
-  kTooManyRequests,     // 429 too-many-requests
-  kCancelled,           // 409 cancelled: the job was cancelled
-  kInternal,            // 500 internal: a bug, or a driver that failed
-  kWorkerCrashed,       // 500 worker-crashed: the job ended three workers
-  kDeviceUnavailable,   // 503 device-unavailable: no worker can run it now
-  kShuttingDown,        // 503 shutting-down
-  kQueueFull,           // 503 queue-full
-  kDeadlineExceeded,    // 504 deadline-exceeded
-  kStorageFull,         // 507 storage-full
+  kBadRequest,           // 400 bad-request: the HTTP request itself is malformed
+  kUnknownOption,        // 400 unknown-option: a parameter that does not exist
+  kInvalidOption,        // 400 invalid-option: a parameter with a value it cannot take
+  kUnauthorized,         // 401 unauthorized (reserved for API keys)
+  kNotFound,             // 404 not-found
+  kMethodNotAllowed,     // 405 method-not-allowed
+  kNotAcceptable,        // 406 not-acceptable: no format that the Accept header allows
+  kConflict,             // 409 conflict: e.g. the result of a job that has not finished
+  kGone,                 // 410 gone: an asset that was deleted
+  kLengthRequired,       // 411 length-required
+  kPayloadTooLarge,      // 413 payload-too-large
+  kUnsupportedMedia,     // 415 unsupported-media-type: not a format that voxeld reads
+  kRangeNotSatisfiable,  // 416 range-not-satisfiable
+  kMalformedMesh,        // 422 malformed-mesh: the file breaks its format's rules
+  kEmptyMesh,            // 422 empty-mesh: a valid file without any triangle
+  kUnsupportedFeature,   // 422 unsupported-feature: e.g. a required glTF extension
+  kMalformedImage,       // 422 malformed-image: a texture that cannot be decoded, when asked for
+  kMalformedBundle,      // 422 malformed-bundle: a zip that is broken or hostile
+  kIdempotencyMismatch,  // 422 idempotency-mismatch: same key, other request
+  kGridTooLarge,         // 422 grid-too-large: over a limit; told before anything is computed
+  kTooManyRequests,      // 429 too-many-requests
+  kCancelled,            // 409 cancelled: the job was cancelled
+  kInternal,             // 500 internal: a bug, or a driver that failed
+  kWorkerCrashed,        // 500 worker-crashed: the job ended three workers
+  kDeviceUnavailable,    // 503 device-unavailable: no worker can run it now
+  kShuttingDown,         // 503 shutting-down
+  kQueueFull,            // 503 queue-full
+  kDeadlineExceeded,     // 504 deadline-exceeded
+  kStorageFull,          // 507 storage-full
 };
 
 struct ErrorCodeInfo {
   ErrorCode code;
-  std::string_view name;   // wire name, stable
+  std::string_view name;  // wire name, stable
   int http_status;
   std::string_view title;  // short human sentence for problem+json
 };

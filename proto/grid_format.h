@@ -18,12 +18,12 @@ namespace voxeld {
 
 // What a container says of the grid as a whole.
 struct GridHeader {
-  std::array<int32_t, 3> dims{};        // cells
-  std::array<double, 3> origin{};       // world position of the min corner of cell 0,0,0
-  std::array<double, 3> voxel_size{};   // world units
+  std::array<int32_t, 3> dims{};       // cells
+  std::array<double, 3> origin{};      // world position of the min corner of cell 0,0,0
+  std::array<double, 3> voxel_size{};  // world units
   bool has_color = false;
   bool has_normal = false;
-  std::string meta_json = "{}";         // free JSON object: source, options, pipeline, units, ...
+  std::string meta_json = "{}";  // free JSON object: source, options, pipeline, units, ...
 };
 
 // Writes a whole container. Tiles must have distinct coords inside dims; their order does not

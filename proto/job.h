@@ -48,27 +48,27 @@ using StageTimes = std::vector<std::pair<std::string, double>>;
 
 // What finished work left behind.
 struct JobResult {
-  std::string blob;        // id of the result's bytes
+  std::string blob;  // id of the result's bytes
   int64_t bytes = 0;
   std::string media_type;
-  std::string filename;    // suggested, e.g. "bunny.npy"
-  std::string grid;        // id of the grid's container, for voxelize and render from an asset
-  std::string meta_json;   // object: dims, origin, voxel_size, voxel_count, pipeline, device,
-                           // driver, content_hash, source_hash, …
+  std::string filename;   // suggested, e.g. "bunny.npy"
+  std::string grid;       // id of the grid's container, for voxelize and render from an asset
+  std::string meta_json;  // object: dims, origin, voxel_size, voxel_count, pipeline, device,
+                          // driver, content_hash, source_hash, …
   std::vector<Warning> warnings;
 };
 
 struct JobStatus {
-  std::string id;           // "j-" + 32 hex digits
+  std::string id;  // "j-" + 32 hex digits
   JobKind kind = JobKind::kVoxelize;
   JobState state = JobState::kQueued;
   std::string asset, grid, filename;
-  std::string options_json;   // canonical
-  int64_t version = 0;        // grows with every change: ETag, long poll, event id
-  int attempt = 0;            // 1 while the first worker runs it
+  std::string options_json;  // canonical
+  int64_t version = 0;       // grows with every change: ETag, long poll, event id
+  int attempt = 0;           // 1 while the first worker runs it
   int64_t tiles_done = 0, tiles_total = 0;
-  std::string stage;          // "parse", "voxelize", …, while running
-  int64_t queue_position = 0; // 0 when it is running or ended
+  std::string stage;                                     // "parse", "voxelize", …, while running
+  int64_t queue_position = 0;                            // 0 when it is running or ended
   int64_t created_ms = 0, started_ms = 0, ended_ms = 0;  // Unix time
   StageTimes timings;
   std::optional<JobResult> result;  // kDone
@@ -93,7 +93,8 @@ Result<JobStatus> parse_job_status(const nlohmann::json& body);
 
 // application/problem+json, RFC 9457: type, title, status, code, detail, expected, got, instance.
 nlohmann::json problem_json(const Error& error, std::string_view instance);
-Result<Error> parse_problem(const nlohmann::json& body);
+// The error of a problem document; what is not one gives `internal` with its text.
+Error parse_problem(const nlohmann::json& body);
 
 // parse() with a cap on depth and size, without duplicate keys: nlohmann's own recursion in
 // copy and dump overflows the stack on deep input. Errors: bad-request.

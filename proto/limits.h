@@ -38,9 +38,9 @@ inline constexpr int kImageSideMax = 32'768;
 inline constexpr int kRenderSideMax = 4096;
 
 // Jobs.
-inline constexpr int kJobAttemptsMax = 3;        // then worker-crashed
-inline constexpr int kQueuedJobsMax = 10'000;    // queue-full
-inline constexpr int kPreferWaitSecondsMax = 60; // longer waits are clamped
+inline constexpr int kJobAttemptsMax = 3;         // then worker-crashed
+inline constexpr int kQueuedJobsMax = 10'000;     // queue-full
+inline constexpr int kPreferWaitSecondsMax = 60;  // longer waits are clamped
 
 // Voxels to a side of a tile, the unit of work, progress and cancel; a power of two.
 inline constexpr int kTileSide = 256;

@@ -18,8 +18,8 @@
 
 namespace voxeld {
 
-enum class UpAxis { kY, kZ };                        // which axis of the input points up
-enum class Rule { kTouch };                          // see DESIGN of server/voxel/README
+enum class UpAxis { kY, kZ };  // which axis of the input points up
+enum class Rule { kTouch };    // see DESIGN of server/voxel/README
 enum class Fill { kSurface };
 enum class ColorMode { kAverage, kShaded, kAxis, kNone };
 enum class PipelineChoice { kAuto, kRaster, kCompute };
@@ -34,15 +34,17 @@ enum class Light { kFlat, kPhong };
 
 // Where the grid lies. At most one of size, dims and voxel_size is set; none means size = 128.
 struct PlacementOptions {
-  std::optional<int> size;                         // voxels on the longest side, 1..2048
-  std::optional<std::array<int, 3>> dims;          // cells in x, y, z
-  std::optional<std::array<double, 3>> voxel_size; // world units; one number on the wire = cubic
-  int padding = 0;                                 // empty voxels on each side, part of dims
-  std::optional<std::array<double, 6>> bounds;     // x0,y0,z0,x1,y1,z1 in world units
-  UpAxis up = UpAxis::kY;                          // kZ: the input is turned so that +z becomes +y
-  std::string units;                               // m cm mm in ft or empty; a label of the result
-  std::optional<std::array<double, 16>> transform; // row-major 4x4, applied to the input first
+  std::optional<int> size;                          // voxels on the longest side, 1..2048
+  std::optional<std::array<int, 3>> dims;           // cells in x, y, z
+  std::optional<std::array<double, 3>> voxel_size;  // world units; one number on the wire = cubic
+  int padding = 0;                                  // empty voxels on each side, part of dims
+  std::optional<std::array<double, 6>> bounds;      // x0,y0,z0,x1,y1,z1 in world units
+  UpAxis up = UpAxis::kY;                           // kZ: the input is turned so that +z becomes +y
+  std::string units;                                // m cm mm in ft or empty; a label of the result
+  std::optional<std::array<double, 16>> transform;  // row-major 4x4, applied to the input first
 };
+
+inline constexpr int kDefaultSize = 128;  // where a request names neither size, dims nor voxel_size
 
 struct VoxelizeOptions {
   PlacementOptions placement;
@@ -66,12 +68,12 @@ struct OutputOptions {
 };
 
 struct RenderOptions {
-  int width = 512;   // pixels, 1..4096
+  int width = 512;  // pixels, 1..4096
   int height = 512;
   Projection projection = Projection::kPerspective;
-  double azimuth_deg = 30.0;    // around +y; 0 looks along -z from +z
-  double elevation_deg = 20.0;  // -90..90
-  double zoom = 1.0;            // > 1 is closer; 1 fits the occupied box
+  double azimuth_deg = 30.0;                     // around +y; 0 looks along -z from +z
+  double elevation_deg = 20.0;                   // -90..90
+  double zoom = 1.0;                             // > 1 is closer; 1 fits the occupied box
   std::optional<std::array<double, 16>> matrix;  // row-major clip_from_world; replaces the above
   // "transparent", or sRGB #rrggbb / #rrggbbaa.
   std::array<uint8_t, 4> background = {255, 255, 255, 255};
@@ -85,8 +87,8 @@ struct RequestOptions {
   VoxelizeOptions voxelize;
   OutputOptions output;
   RenderOptions render;
-  bool use_cache = true;   // cache=yes|no
-  std::string filename;    // names the input's format; empty: Content-Type, then first bytes
+  bool use_cache = true;  // cache=yes|no
+  std::string filename;   // names the input's format; empty: Content-Type, then first bytes
 };
 
 // Which groups of parameters a request takes; others are unknown-option.
@@ -108,8 +110,8 @@ std::string canonical_json(const RequestOptions& options, OptionScope scope);
 
 // One row of the table, for help texts, completion and the test that docs name every option.
 struct OptionInfo {
-  std::string_view name;      // "voxel_size"; as a flag --voxel-size
-  std::string_view value;     // "S | X,Y,Z"
+  std::string_view name;   // "voxel_size"; as a flag --voxel-size
+  std::string_view value;  // "S | X,Y,Z"
   std::string_view help;
   bool for_voxelize = false;  // placement and voxelization
   bool for_output = false;

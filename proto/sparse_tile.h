@@ -29,11 +29,11 @@ struct BrickMask {
 // in ascending Morton order of their position in the tile, so voxels in storage order are in Morton
 // order of the tile. Attributes are stored for occupied voxels alone, in that order.
 struct SparseTile {
-  std::array<int32_t, 3> coord{};         // in tiles
-  std::vector<uint32_t> brick_morton;     // ascending; < (kTileSide/kBrickSide)^3
-  std::vector<BrickMask> masks;           // same length
-  std::vector<uint8_t> color;             // empty, or 4 per voxel: sRGB R, G, B and linear A
-  std::vector<int8_t> normal;             // empty, or 3 per voxel: unit normal times 127, rounded
+  std::array<int32_t, 3> coord{};      // in tiles
+  std::vector<uint32_t> brick_morton;  // ascending; < (kTileSide/kBrickSide)^3
+  std::vector<BrickMask> masks;        // same length
+  std::vector<uint8_t> color;          // empty, or 4 per voxel: sRGB R, G, B and linear A
+  std::vector<int8_t> normal;          // empty, or 3 per voxel: unit normal times 127, rounded
 
   size_t voxel_count() const;
   bool operator==(const SparseTile&) const = default;

@@ -40,21 +40,21 @@ struct WorkerHello {
 
 // One attempt at one job.
 struct Task {
-  std::string id;         // job id
-  int64_t fence = 0;      // grows with each claim of the job; late reports with an old one are void
+  std::string id;     // job id
+  int64_t fence = 0;  // grows with each claim of the job; late reports with an old one are void
   int attempt = 1;
   JobKind kind = JobKind::kVoxelize;
-  std::string input_path;   // the asset's or grid's blob, read-only
-  std::string input_hash;   // "sha256-…"
+  std::string input_path;  // the asset's or grid's blob, read-only
+  std::string input_hash;  // "sha256-…"
   bool input_is_grid = false;
   std::string filename;
-  std::string options_json; // canonical JSON in the scope of the kind
+  std::string options_json;  // canonical JSON in the scope of the kind
 };
 
 // role: "result" (the answer's bytes), "grid" (the native container).
 struct TaskOutput {
   std::string role;
-  std::string path;        // in scratch_dir; the gateway hashes, syncs and moves it into the store
+  std::string path;  // in scratch_dir; the gateway hashes, syncs and moves it into the store
   std::string media_type;
   std::string filename;
 };

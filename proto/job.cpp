@@ -1,0 +1,285 @@
+#include "proto/job.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "proto/job_json.h"
+#include "proto/json_fields.h"
+
+namespace voxeld {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr std::array<std::string_view, 4> kKinds = {"voxelize", "render", "export", "inspect"};
+constexpr std::array<std::string_view, 5> kStates = {"queued", "running", "done", "failed",
+                                                     "cancelled"};
+
+// The object that a text holds, or {} where it holds none: meta and options are written by voxeld.
+Json object_of(const std::string& text) {
+  Json value = Json::parse(text, nullptr, false);
+  return value.is_object() ? value : Json::object();
+}
+
+Json result_json(const JobResult& result) {
+  return {{"blob", result.blob},
+          {"bytes", result.bytes},
+          {"media_type", result.media_type},
+          {"filename", result.filename},
+          {"grid", result.grid},
+          {"meta", object_of(result.meta_json)},
+          {"warnings", warnings_json(result.warnings)}};
+}
+
+Result<JobResult> parse_result(const Json& body) {
+  JobResult result;
+  JsonFields fields(body, "result");
+  fields.read("blob", result.blob);
+  fields.read("bytes", result.bytes);
+  fields.read("media_type", result.media_type);
+  fields.read("filename", result.filename);
+  fields.read("grid", result.grid);
+  if (const Json* meta = fields.member("meta")) result.meta_json = meta->dump();
+  const Json* warnings = fields.member("warnings");
+  VOXELD_TRY(fields.finish());
+  if (warnings != nullptr) {
+    VOXELD_ASSIGN(result.warnings, parse_warnings(*warnings));
+  }
+  return result;
+}
+
+Status check_members(const Json& body) {
+  for (const auto& [name, value] : body.items()) {
+    if (name != "kind" && name != "asset" && name != "grid" && name != "filename" &&
+        name != "options") {
+      return Error{ErrorCode::kBadRequest, "job: no such member",
+                   "kind, asset, grid, filename, options", "\"" + name.substr(0, 40) + "\""};
+    }
+  }
+  return {};
+}
+
+Status check_input(const JobRequest& request) {
+  const bool asset = !request.asset.empty(), grid = !request.grid.empty();
+  const bool takes_asset = request.kind != JobKind::kExport;
+  const bool takes_grid = request.kind == JobKind::kRender || request.kind == JobKind::kExport;
+  if (asset != grid && (asset ? takes_asset : takes_grid)) return {};
+  const std::string_view expected = takes_asset && takes_grid ? "either asset or grid"
+                                    : takes_asset             ? "asset"
+                                                              : "grid";
+  const std::string_view got = asset && grid ? "both" : asset ? "asset" : grid ? "grid" : "neither";
+  return Error{ErrorCode::kBadRequest,
+               "job: input of kind " + std::string(job_kind_name(request.kind)),
+               std::string(expected), std::string(got)};
+}
+
+}  // namespace
+
+std::string_view job_kind_name(JobKind kind) {
+  return kKinds[static_cast<size_t>(kind)];
+}
+std::string_view job_state_name(JobState state) {
+  return kStates[static_cast<size_t>(state)];
+}
+
+std::optional<JobKind> job_kind_from_name(std::string_view name) {
+  const auto it = std::ranges::find(kKinds, name);
+  if (it == kKinds.end()) return std::nullopt;
+  return static_cast<JobKind>(it - kKinds.begin());
+}
+
+std::optional<JobState> job_state_from_name(std::string_view name) {
+  const auto it = std::ranges::find(kStates, name);
+  if (it == kStates.end()) return std::nullopt;
+  return static_cast<JobState>(it - kStates.begin());
+}
+
+OptionScope option_scope(const JobRequest& request) {
+  switch (request.kind) {
+    case JobKind::kRender:
+      return request.grid.empty() ? OptionScope::kRenderMesh : OptionScope::kRenderGrid;
+    case JobKind::kExport:
+      return OptionScope::kExport;
+    case JobKind::kVoxelize:
+    case JobKind::kInspect:
+      break;
+  }
+  return OptionScope::kVoxelize;
+}
+
+Result<JobRequest> parse_job_request(const Json& body) {
+  JobRequest request;
+  JsonFields fields(body, "job");
+  VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_members(body));
+  std::string kind;
+  fields.read("kind", kind);
+  fields.read("asset", request.asset);
+  fields.read("grid", request.grid);
+  fields.read("filename", request.filename);
+  VOXELD_TRY(fields.finish());
+  const auto known = job_kind_from_name(kind);
+  if (!known) {
+    return Error{ErrorCode::kBadRequest, "job.kind", "voxelize | render | export | inspect",
+                 "\"" + kind.substr(0, 40) + "\""};
+  }
+  request.kind = *known;
+  VOXELD_TRY(check_input(request));
+  const Json* options = fields.member("options");
+  VOXELD_ASSIGN(request.options, parse_options(options != nullptr ? *options : Json::object(),
+                                               option_scope(request)));
+  if (request.filename.empty()) request.filename = request.options.filename;
+  return request;
+}
+
+Json job_status_json(const JobStatus& status) {
+  Json out = {{"id", status.id},
+              {"kind", job_kind_name(status.kind)},
+              {"state", job_state_name(status.state)},
+              {"asset", status.asset},
+              {"grid", status.grid},
+              {"filename", status.filename},
+              {"options", object_of(status.options_json)},
+              {"version", status.version},
+              {"attempt", status.attempt},
+              {"tiles_done", status.tiles_done},
+              {"tiles_total", status.tiles_total},
+              {"stage", status.stage},
+              {"queue_position", status.queue_position},
+              {"created_ms", status.created_ms},
+              {"started_ms", status.started_ms},
+              {"ended_ms", status.ended_ms},
+              {"cached", status.cached}};
+  Json timings = Json::object();
+  for (const auto& [stage, ms] : status.timings) timings[stage] = ms;
+  out["timings"] = timings;
+  if (status.result) out["result"] = result_json(*status.result);
+  if (status.error) out["error"] = error_json(*status.error);
+  return out;
+}
+
+Result<JobStatus> parse_job_status(const Json& body) {
+  JobStatus status;
+  JsonFields fields(body, "job");
+  std::string kind, state;
+  fields.read("id", status.id);
+  fields.read("kind", kind);
+  fields.read("state", state);
+  fields.read("asset", status.asset);
+  fields.read("grid", status.grid);
+  fields.read("filename", status.filename);
+  fields.read("version", status.version);
+  fields.read("attempt", status.attempt);
+  fields.read("tiles_done", status.tiles_done);
+  fields.read("tiles_total", status.tiles_total);
+  fields.read("stage", status.stage);
+  fields.read("queue_position", status.queue_position);
+  fields.read("created_ms", status.created_ms);
+  fields.read("started_ms", status.started_ms);
+  fields.read("ended_ms", status.ended_ms);
+  fields.read("cached", status.cached);
+  const auto known_kind = job_kind_from_name(kind);
+  const auto known_state = job_state_from_name(state);
+  if (!known_kind) fields.fail("kind", "a kind of job", kind);
+  if (!known_state) fields.fail("state", "a state of a job", state);
+  const Json* options = fields.member("options");
+  const Json* timings = fields.member("timings");
+  const Json* result = fields.member("result");
+  const Json* error = fields.member("error");
+  VOXELD_TRY(fields.finish());
+  status.kind = *known_kind;
+  status.state = *known_state;
+  if (options != nullptr) status.options_json = options->dump();
+  if (timings != nullptr && timings->is_object()) {
+    for (const auto& [stage, ms] : timings->items()) {
+      if (ms.is_number()) status.timings.emplace_back(stage, ms.get<double>());
+    }
+  }
+  if (result != nullptr) {
+    VOXELD_ASSIGN(status.result, parse_result(*result));
+  }
+  if (error != nullptr) {
+    status.error = parse_error_json(*error);
+  }
+  return status;
+}
+
+Json error_json(const Error& error) {
+  Json out = {{"code", info_of(error.code).name}, {"detail", error.detail}};
+  if (!error.expected.empty()) out["expected"] = error.expected;
+  if (!error.got.empty()) out["got"] = error.got;
+  return out;
+}
+
+Error parse_error_json(const Json& body) {
+  Error error;
+  std::string code;
+  JsonFields fields(body, "error");
+  fields.read("code", code);
+  fields.read("detail", error.detail);
+  fields.read("expected", error.expected);
+  fields.read("got", error.got);
+  if (const Status status = fields.finish(); !status) return status.error();
+  error.code = error_code_from_name(code);
+  return error;
+}
+
+Json warnings_json(const std::vector<Warning>& warnings) {
+  Json out = Json::array();
+  for (const Warning& warning : warnings) {
+    out.push_back({{"code", warning.code}, {"detail", warning.detail}});
+  }
+  return out;
+}
+
+Result<std::vector<Warning>> parse_warnings(const Json& body) {
+  std::vector<Warning> warnings;
+  if (!body.is_array()) {
+    return Error{ErrorCode::kBadRequest, "warnings", "a list", body.type_name()};
+  }
+  for (const Json& entry : body) {
+    Warning warning;
+    JsonFields fields(entry, "warning");
+    fields.read("code", warning.code);
+    fields.read("detail", warning.detail);
+    VOXELD_TRY(fields.finish());
+    warnings.push_back(std::move(warning));
+  }
+  return warnings;
+}
+
+Json timings_json(const StageTimes& timings) {
+  Json out = Json::array();
+  for (const auto& [stage, ms] : timings) out.push_back(Json::array({stage, ms}));
+  return out;
+}
+
+Result<StageTimes> parse_timings(const Json& body) {
+  StageTimes timings;
+  if (!body.is_array()) {
+    return Error{ErrorCode::kBadRequest, "timings", "a list", body.type_name()};
+  }
+  for (const Json& entry : body) {
+    if (!entry.is_array() || entry.size() != 2 || !entry[0].is_string() || !entry[1].is_number()) {
+      return Error{ErrorCode::kBadRequest, "timings", "pairs of stage and milliseconds", ""};
+    }
+    timings.emplace_back(entry[0].get<std::string>(), entry[1].get<double>());
+  }
+  return timings;
+}
+
+Json problem_json(const Error& error, std::string_view instance) {
+  const ErrorCodeInfo& info = info_of(error.code);
+  Json out = error_json(error);
+  out["type"] = "urn:voxeld:error:" + std::string(info.name);
+  out["title"] = info.title;
+  out["status"] = info.http_status;
+  if (!instance.empty()) out["instance"] = instance;
+  return out;
+}
+
+Error parse_problem(const Json& body) {
+  return parse_error_json(body);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,103 @@
+// Canonical JSON of options: what result names are made of. Every default is spelled out, so that a
+// changed default in a later version cannot give an old result to a new request.
+#include <nlohmann/json.hpp>
+
+#include "proto/option_values.h"
+#include "proto/option_words.h"
+#include "proto/options.h"
+
+namespace voxeld {
+namespace {
+
+using namespace option_values;
+namespace words = option_words;
+using Json = nlohmann::ordered_json;
+
+template <typename Enum, size_t N>
+std::string word(Enum value, const std::array<Word<Enum>, N>& list) {
+  return std::string(word_of<Enum>(value, list));
+}
+
+template <size_t N>
+void add_numbers(Json& out, const char* name, const std::optional<std::array<double, N>>& values) {
+  if (values) out[name] = to_text(*values);
+}
+
+void add_placement(Json& out, const PlacementOptions& p) {
+  if (p.dims) {
+    out["dims"] = std::to_string((*p.dims)[0]) + "," + std::to_string((*p.dims)[1]) + "," +
+                  std::to_string((*p.dims)[2]);
+  } else if (p.voxel_size) {
+    add_numbers(out, "voxel_size", p.voxel_size);
+  } else {
+    out["size"] = p.size.value_or(kDefaultSize);
+  }
+  out["padding"] = p.padding;
+  add_numbers(out, "bounds", p.bounds);
+  out["up"] = word(p.up, words::kUp);
+  if (!p.units.empty()) out["units"] = p.units;
+  add_numbers(out, "transform", p.transform);
+}
+
+void add_voxelize(Json& out, const VoxelizeOptions& v) {
+  add_placement(out, v.placement);
+  out["rule"] = word(v.rule, words::kRule);
+  out["fill"] = word(v.fill, words::kFill);
+  out["color"] = word(v.color, words::kColor);
+  if (v.channels_given) {
+    std::string channels = "occupancy";
+    if (v.channel_color) channels += ",color";
+    if (v.channel_normal) channels += ",normal";
+    out["channels"] = channels;
+  }
+  out["pipeline"] = word(v.pipeline, words::kPipeline);
+}
+
+void add_output(Json& out, const OutputOptions& o) {
+  out["format"] = word(o.format, words::kFormat);
+  out["codec"] = word(o.codec, words::kCodec);
+  out["axes"] = word(o.axes, words::kAxes);
+  out["dtype"] = word(o.dtype, words::kDType);
+  out["palette"] = o.palette_max;
+}
+
+std::string hex_color(const std::array<uint8_t, 4>& color) {
+  static constexpr char kHex[] = "0123456789abcdef";
+  std::string text = "#";
+  for (const uint8_t byte : color) {
+    text += kHex[byte >> 4];
+    text += kHex[byte & 15];
+  }
+  return text;
+}
+
+void add_render(Json& out, const RenderOptions& r) {
+  out["width"] = r.width;
+  out["height"] = r.height;
+  out["projection"] = word(r.projection, words::kProjection);
+  out["azimuth"] = to_text(r.azimuth_deg);
+  out["elevation"] = to_text(r.elevation_deg);
+  out["zoom"] = to_text(r.zoom);
+  add_numbers(out, "matrix", r.matrix);
+  out["background"] = hex_color(r.background);
+  out["light"] = word(r.light, words::kLight);
+  add_numbers(out, "section", r.section);
+}
+
+}  // namespace
+
+std::string canonical_json(const RequestOptions& options, OptionScope scope) {
+  Json out = Json::object();
+  if (scope == OptionScope::kVoxelize || scope == OptionScope::kRenderMesh) {
+    add_voxelize(out, options.voxelize);
+  }
+  if (scope == OptionScope::kVoxelize || scope == OptionScope::kExport) {
+    add_output(out, options.output);
+  }
+  if (scope == OptionScope::kRenderMesh || scope == OptionScope::kRenderGrid) {
+    add_render(out, options.render);
+  }
+  return out.dump();
+}
+
+}  // namespace voxeld

@@ -1,0 +1,56 @@
+// The table of all options: names, value texts and help. Order is the order of help texts.
+#include "proto/options.h"
+
+namespace voxeld {
+namespace {
+
+constexpr bool kYes = true;
+
+constexpr OptionInfo kTable[] = {
+    {"size", "N", "voxels on the longest side, 1 to 2048 (default 128)", kYes},
+    {"dims", "NX,NY,NZ", "cells in x, y and z: cubic voxels that fit; with bounds, that box", kYes},
+    {"voxel_size", "S | X,Y,Z", "edge of a voxel in world units", kYes},
+    {"padding", "N", "empty voxels on each side, part of the size (default 0)", kYes},
+    {"bounds", "X0,Y0,Z0,X1,Y1,Z1", "box of the world to voxelize (default: the mesh's)", kYes},
+    {"up", "y | z", "axis of the input that points up (default y)", kYes},
+    {"units", "m | cm | mm | in | ft", "unit of the mesh's coordinates, a label of the result",
+     kYes},
+    {"transform", "16 numbers", "row-major 4x4 matrix that is applied to the mesh first", kYes},
+    {"rule", "touch", "every voxel that a triangle touches, 26-separating (default)", kYes},
+    {"fill", "surface", "the surface alone (default)", kYes},
+    {"color", "average | shaded | axis | none",
+     "area average in linear light, Phong baked in, or red/green/blue by dominant axis", kYes},
+    {"channels", "occupancy,color,normal", "what a grid holds (default: occupancy and color)",
+     kYes},
+    {"pipeline", "auto | raster | compute", "how it is computed; the same bytes from each", kYes},
+    {"format", "native | npy | npz | vox", "how the grid is written (default native)", false, kYes},
+    {"codec", "fast", "compression of the native container (default fast)", false, kYes},
+    {"axes", "zyx | xyz", "axis order of npy and npz (default zyx)", false, kYes},
+    {"dtype", "uint8 | bool | float32", "type of npy and npz samples (default uint8)", false, kYes},
+    {"palette", "N", "colours of a .vox, 1 to 255 (default 255)", false, kYes},
+    {"width", "N", "pixels, 1 to 4096 (default 512)", false, false, kYes},
+    {"height", "N", "pixels, 1 to 4096 (default 512)", false, false, kYes},
+    {"projection", "perspective | orthographic", "of the camera (default perspective)", false,
+     false, kYes},
+    {"azimuth", "DEGREES", "around +y, 0 looks from +z (default 30)", false, false, kYes},
+    {"elevation", "DEGREES", "above the horizon, -90 to 90 (default 20)", false, false, kYes},
+    {"zoom", "F", "1 fits the picture, more is closer (default 1)", false, false, kYes},
+    {"matrix", "16 numbers", "row-major clip_from_world, instead of the three above", false, false,
+     kYes},
+    {"background", "#RRGGBB[AA] | transparent", "colour behind the grid (default #ffffff)", false,
+     false, kYes},
+    {"light", "flat | phong", "by face, or by stored normals (default phong)", false, false, kYes},
+    {"section", "A,B,C,D", "cuts away where A x + B y + C z + D > 0", false, false, kYes},
+    {"cache", "yes | no", "whether a result that is there already may answer (default yes)", kYes,
+     kYes, kYes},
+    {"filename", "NAME", "names the input's format (default: told from its first bytes)", kYes,
+     kYes, kYes},
+};
+
+}  // namespace
+
+std::span<const OptionInfo> option_table() {
+  return kTable;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,41 @@
+// The words that enumerated options take on the wire.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "proto/option_values.h"
+#include "proto/options.h"
+
+namespace voxeld::option_words {
+
+using option_values::Word;
+
+inline constexpr std::array<Word<UpAxis>, 2> kUp = {{{"y", UpAxis::kY}, {"z", UpAxis::kZ}}};
+inline constexpr std::array<Word<Rule>, 1> kRule = {{{"touch", Rule::kTouch}}};
+inline constexpr std::array<Word<Fill>, 1> kFill = {{{"surface", Fill::kSurface}}};
+inline constexpr std::array<Word<ColorMode>, 4> kColor = {{{"average", ColorMode::kAverage},
+                                                           {"shaded", ColorMode::kShaded},
+                                                           {"axis", ColorMode::kAxis},
+                                                           {"none", ColorMode::kNone}}};
+inline constexpr std::array<Word<PipelineChoice>, 3> kPipeline = {
+    {{"auto", PipelineChoice::kAuto},
+     {"raster", PipelineChoice::kRaster},
+     {"compute", PipelineChoice::kCompute}}};
+inline constexpr std::array<Word<Format>, 4> kFormat = {{{"native", Format::kNative},
+                                                         {"npy", Format::kNpy},
+                                                         {"npz", Format::kNpz},
+                                                         {"vox", Format::kVox}}};
+inline constexpr std::array<Word<Codec>, 1> kCodec = {{{"fast", Codec::kFast}}};
+inline constexpr std::array<Word<AxisOrder>, 2> kAxes = {
+    {{"zyx", AxisOrder::kZyx}, {"xyz", AxisOrder::kXyz}}};
+inline constexpr std::array<Word<DType>, 3> kDType = {
+    {{"uint8", DType::kUint8}, {"bool", DType::kBool}, {"float32", DType::kFloat32}}};
+inline constexpr std::array<Word<Projection>, 2> kProjection = {
+    {{"perspective", Projection::kPerspective}, {"orthographic", Projection::kOrthographic}}};
+inline constexpr std::array<Word<Light>, 2> kLight = {
+    {{"flat", Light::kFlat}, {"phong", Light::kPhong}}};
+inline constexpr std::array<Word<bool>, 2> kYesNo = {{{"yes", true}, {"no", false}}};
+
+}  // namespace voxeld::option_words

@@ -1,0 +1,343 @@
+#include "proto/options.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "proto/limits.h"
+#include "proto/option_values.h"
+#include "proto/option_words.h"
+
+namespace voxeld {
+namespace {
+
+using namespace option_values;
+namespace words = option_words;
+
+template <typename Enum, size_t N>
+Status set_word(Enum& field, std::string_view name, std::string_view text,
+                const std::array<Word<Enum>, N>& list) {
+  VOXELD_ASSIGN(field, (one_of<Enum>(name, text, list)));
+  return {};
+}
+
+Status set_int(int& field, std::string_view name, std::string_view text, int min, int max) {
+  VOXELD_ASSIGN(field, int_between(name, text, min, max));
+  return {};
+}
+
+template <size_t N>
+Status set_numbers(std::optional<std::array<double, N>>& field, std::string_view name,
+                   std::string_view text) {
+  VOXELD_ASSIGN(field, numbers<N>(name, text));
+  return {};
+}
+
+Status set_dims(PlacementOptions& placement, std::string_view text) {
+  const auto parts = split(text);
+  const std::string expected =
+      "three integers from 1 to " + std::to_string(limits::kGridSideMax) + ", as in 64,128,32";
+  if (parts.size() != 3) return invalid("dims", expected, text);
+  std::array<int, 3> dims{};
+  for (size_t i = 0; i < 3; ++i) {
+    const auto value = parse_int(parts[i]);
+    if (!value || *value < 1 || *value > limits::kGridSideMax) {
+      return invalid("dims", expected, text);
+    }
+    dims[i] = *value;
+  }
+  placement.dims = dims;
+  return {};
+}
+
+Status set_voxel_size(PlacementOptions& placement, std::string_view text) {
+  const auto parts = split(text);
+  const std::string_view expected = "one positive number, or three as in 0.1,0.1,0.2";
+  if (parts.size() != 1 && parts.size() != 3) return invalid("voxel_size", expected, text);
+  std::array<double, 3> size{};
+  for (size_t i = 0; i < 3; ++i) {
+    const auto value = parse_double(parts[parts.size() == 1 ? 0 : i]);
+    if (!value || *value <= 0) return invalid("voxel_size", expected, text);
+    size[i] = *value;
+  }
+  placement.voxel_size = size;
+  return {};
+}
+
+Status set_bounds(PlacementOptions& placement, std::string_view text) {
+  VOXELD_ASSIGN(const auto box, numbers<6>("bounds", text));
+  for (size_t i = 0; i < 3; ++i) {
+    if (!(box[i] < box[i + 3])) {
+      return invalid("bounds", "x0,y0,z0,x1,y1,z1 with each minimum below its maximum", text);
+    }
+  }
+  placement.bounds = box;
+  return {};
+}
+
+Status set_channels(VoxelizeOptions& voxelize, std::string_view text) {
+  voxelize.channels_given = true;
+  for (const std::string_view part : split(text)) {
+    if (part == "color") {
+      voxelize.channel_color = true;
+    } else if (part == "normal") {
+      voxelize.channel_normal = true;
+    } else if (part != "occupancy") {
+      return invalid("channels", "a list of occupancy, color and normal", text);
+    }
+  }
+  return {};
+}
+
+Status set_units(PlacementOptions& placement, std::string_view text) {
+  for (const std::string_view unit : {"m", "cm", "mm", "in", "ft"}) {
+    if (text == unit) {
+      placement.units = text;
+      return {};
+    }
+  }
+  return invalid("units", "m | cm | mm | in | ft", text);
+}
+
+Status set_background(RenderOptions& render, std::string_view text) {
+  if (text == "transparent") {
+    render.background = {0, 0, 0, 0};
+    return {};
+  }
+  const std::string_view digits = text.starts_with('#') ? text.substr(1) : text;
+  const Error wrong = invalid("background", "#rrggbb | #rrggbbaa | transparent", text);
+  if (digits.size() != 6 && digits.size() != 8) return wrong;
+  render.background = {0, 0, 0, 255};
+  for (size_t i = 0; i < digits.size() / 2; ++i) {
+    const char* begin = digits.data() + 2 * i;
+    const auto [end, error] = std::from_chars(begin, begin + 2, render.background[i], 16);
+    if (error != std::errc() || end != begin + 2) return wrong;
+  }
+  return {};
+}
+
+Status set_section(RenderOptions& render, std::string_view text) {
+  VOXELD_ASSIGN(const auto plane, numbers<4>("section", text));
+  if (plane[0] == 0 && plane[1] == 0 && plane[2] == 0) {
+    return invalid("section", "a,b,c,d with a normal a,b,c other than 0", text);
+  }
+  render.section = plane;
+  return {};
+}
+
+Status set_placement(PlacementOptions& p, std::string_view name, std::string_view text) {
+  if (name == "size") {
+    VOXELD_ASSIGN(p.size, int_between(name, text, 1, limits::kGridSideMax));
+    return {};
+  }
+  if (name == "dims") return set_dims(p, text);
+  if (name == "voxel_size") return set_voxel_size(p, text);
+  if (name == "padding") return set_int(p.padding, name, text, 0, limits::kPaddingMax);
+  if (name == "bounds") return set_bounds(p, text);
+  if (name == "up") return set_word(p.up, name, text, words::kUp);
+  if (name == "units") return set_units(p, text);
+  return set_numbers(p.transform, name, text);
+}
+
+Status set_voxelize(VoxelizeOptions& v, std::string_view name, std::string_view text) {
+  if (name == "rule") return set_word(v.rule, name, text, words::kRule);
+  if (name == "fill") return set_word(v.fill, name, text, words::kFill);
+  if (name == "color") return set_word(v.color, name, text, words::kColor);
+  if (name == "channels") return set_channels(v, text);
+  if (name == "pipeline") return set_word(v.pipeline, name, text, words::kPipeline);
+  return set_placement(v.placement, name, text);
+}
+
+Status set_output(OutputOptions& o, std::string_view name, std::string_view text) {
+  if (name == "format") return set_word(o.format, name, text, words::kFormat);
+  if (name == "codec") return set_word(o.codec, name, text, words::kCodec);
+  if (name == "axes") return set_word(o.axes, name, text, words::kAxes);
+  if (name == "dtype") return set_word(o.dtype, name, text, words::kDType);
+  return set_int(o.palette_max, name, text, 1, 255);
+}
+
+Status set_number(double& field, std::string_view name, std::string_view text, double min,
+                  double max) {
+  VOXELD_ASSIGN(field, number_between(name, text, min, max));
+  return {};
+}
+
+Status set_render(RenderOptions& r, std::string_view name, std::string_view text) {
+  if (name == "width") return set_int(r.width, name, text, 1, limits::kRenderSideMax);
+  if (name == "height") return set_int(r.height, name, text, 1, limits::kRenderSideMax);
+  if (name == "projection") return set_word(r.projection, name, text, words::kProjection);
+  if (name == "azimuth") return set_number(r.azimuth_deg, name, text, -3600, 3600);
+  if (name == "elevation") return set_number(r.elevation_deg, name, text, -90, 90);
+  if (name == "zoom") return set_number(r.zoom, name, text, 0.01, 1000);
+  if (name == "matrix") return set_numbers(r.matrix, name, text);
+  if (name == "background") return set_background(r, text);
+  if (name == "light") return set_word(r.light, name, text, words::kLight);
+  return set_section(r, text);
+}
+
+bool in_scope(const OptionInfo& option, OptionScope scope) {
+  switch (scope) {
+    case OptionScope::kVoxelize:
+      return option.for_voxelize || option.for_output;
+    case OptionScope::kRenderMesh:
+      return option.for_voxelize || option.for_render;
+    case OptionScope::kRenderGrid:
+      return option.for_render;
+    case OptionScope::kExport:
+      return option.for_output;
+  }
+  return false;
+}
+
+// Levenshtein distance, for suggestions.
+size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<size_t> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0 : 1)});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+Error unknown_option(std::string_view name, OptionScope scope) {
+  const std::string_view shown = name.substr(0, 40);
+  std::vector<std::pair<size_t, std::string_view>> near;
+  bool elsewhere = false;
+  for (const OptionInfo& option : option_table()) {
+    if (in_scope(option, scope)) near.emplace_back(edit_distance(shown, option.name), option.name);
+    elsewhere = elsewhere || option.name == name;
+  }
+  std::ranges::stable_sort(near, {}, [](const auto& entry) { return entry.first; });
+  std::string expected = "one of";
+  for (size_t i = 0; i < near.size() && i < 3; ++i) {
+    expected += (i == 0 ? " " : ", ") + std::string(near[i].second);
+  }
+  return {ErrorCode::kUnknownOption,
+          elsewhere ? "option does not apply to this request" : "no such option", expected + ", …",
+          "\"" + std::string(shown) + "\""};
+}
+
+Status set_option(RequestOptions& options, const OptionInfo& option, std::string_view text) {
+  if (option.name == "cache") {
+    return set_word(options.use_cache, option.name, text, words::kYesNo);
+  }
+  if (option.name == "filename") {
+    if (text.size() > 255 || text.find('\0') != std::string_view::npos) {
+      return invalid("filename", "at most 255 bytes without NUL", text);
+    }
+    options.filename = text;
+    return {};
+  }
+  if (option.for_voxelize) return set_voxelize(options.voxelize, option.name, text);
+  if (option.for_output) return set_output(options.output, option.name, text);
+  return set_render(options.render, option.name, text);
+}
+
+Status check_combinations(const RequestOptions& options) {
+  const PlacementOptions& p = options.voxelize.placement;
+  const int given = (p.size ? 1 : 0) + (p.dims ? 1 : 0) + (p.voxel_size ? 1 : 0);
+  if (given > 1) {
+    return Error{ErrorCode::kInvalidOption, "size, dims and voxel_size exclude each other",
+                 "at most one of them", std::to_string(given)};
+  }
+  const int side = p.size.value_or(limits::kGridSideMax);
+  if (2 * p.padding >= side) {
+    return invalid("padding", "less than half of size " + std::to_string(side),
+                   std::to_string(p.padding));
+  }
+  return {};
+}
+
+Result<std::string> text_of(const std::string& name, const nlohmann::json& value) {
+  if (value.is_string()) return value.get<std::string>();
+  if (value.is_boolean()) return std::string(value.get<bool>() ? "yes" : "no");
+  if (value.is_number_integer()) return value.dump();
+  if (value.is_number()) return to_text(value.get<double>());
+  if (value.is_array()) {
+    std::string text;
+    for (const auto& element : value) {
+      if (element.is_array() || element.is_object()) break;
+      VOXELD_ASSIGN(const std::string part, text_of(name, element));
+      text += (text.empty() ? "" : ",") + part;
+    }
+    if (!text.empty()) return text;
+  }
+  return Error{ErrorCode::kInvalidOption, name, "a text, a number or a list of them",
+               std::string(value.type_name())};
+}
+
+}  // namespace
+
+Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope) {
+  RequestOptions options;
+  std::set<std::string_view> seen;
+  for (const auto& [name, text] : pairs) {
+    const auto row = std::ranges::find(option_table(), std::string_view(name), &OptionInfo::name);
+    if (row == option_table().end() || !in_scope(*row, scope)) return unknown_option(name, scope);
+    if (!seen.insert(name).second) {
+      return Error{ErrorCode::kInvalidOption, name, "to be given once", "it twice"};
+    }
+    VOXELD_TRY(set_option(options, *row, text));
+  }
+  VOXELD_TRY(check_combinations(options));
+  return options;
+}
+
+Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope scope) {
+  if (!object.is_object()) {
+    return Error{ErrorCode::kInvalidOption, "options", "an object", object.type_name()};
+  }
+  OptionPairs pairs;
+  for (const auto& [name, value] : object.items()) {
+    VOXELD_ASSIGN(std::string text, text_of(name, value));
+    pairs.emplace_back(name, std::move(text));
+  }
+  return parse_options(pairs, scope);
+}
+
+std::string_view format_name(Format format) {
+  return word_of<Format>(format, words::kFormat);
+}
+
+std::optional<Format> format_from_name(std::string_view name) {
+  for (const auto& word : words::kFormat) {
+    if (word.text == name) return word.value;
+  }
+  return std::nullopt;
+}
+
+std::string_view format_media_type(Format format) {
+  switch (format) {
+    case Format::kNpy:
+      return "application/x-npy";
+    case Format::kNpz:
+      return "application/x-npz";
+    case Format::kVox:
+      return "model/x-magicavoxel-vox";
+    case Format::kNative:
+      return "application/vnd.voxeld.grid";
+  }
+  return {};
+}
+
+std::string_view format_extension(Format format) {
+  switch (format) {
+    case Format::kNpy:
+      return ".npy";
+    case Format::kNpz:
+      return ".npz";
+    case Format::kVox:
+      return ".vox";
+    case Format::kNative:
+      return ".voxg";
+  }
+  return {};
+}
+
+}  // namespace voxeld

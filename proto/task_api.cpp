@@ -1,0 +1,170 @@
+#include "proto/task_api.h"
+
+#include <nlohmann/json.hpp>
+
+#include "proto/job_json.h"
+#include "proto/json_fields.h"
+
+namespace voxeld {
+namespace {
+
+using Json = nlohmann::json;
+
+Status check_type(const Json& message, std::string_view expected) {
+  std::string type;
+  JsonFields fields(message, "message");
+  fields.read("type", type);
+  VOXELD_TRY(fields.finish());
+  if (type == expected) return {};
+  return Error{ErrorCode::kBadRequest, "message.type", std::string(expected), type};
+}
+
+}  // namespace
+
+Json to_json_message(const WorkerHello& hello) {
+  return {{"type", "hello"},
+          {"protocol", hello.protocol},
+          {"pid", hello.pid},
+          {"device", hello.device},
+          {"renderer", hello.renderer},
+          {"driver", hello.driver},
+          {"device_json", hello.device_json}};
+}
+
+Result<WorkerHello> parse_worker_hello(const Json& message) {
+  VOXELD_TRY(check_type(message, "hello"));
+  WorkerHello hello;
+  JsonFields fields(message, "hello");
+  fields.read("protocol", hello.protocol);
+  fields.read("pid", hello.pid);
+  fields.read("device", hello.device);
+  fields.read("renderer", hello.renderer);
+  fields.read("driver", hello.driver);
+  fields.read("device_json", hello.device_json);
+  VOXELD_TRY(fields.finish());
+  return hello;
+}
+
+Json to_json_message(const Task& task) {
+  return {{"type", "task"},
+          {"id", task.id},
+          {"fence", task.fence},
+          {"attempt", task.attempt},
+          {"kind", job_kind_name(task.kind)},
+          {"input_path", task.input_path},
+          {"input_hash", task.input_hash},
+          {"input_is_grid", task.input_is_grid},
+          {"filename", task.filename},
+          {"options_json", task.options_json}};
+}
+
+Result<Task> parse_task(const Json& message) {
+  VOXELD_TRY(check_type(message, "task"));
+  Task task;
+  std::string kind;
+  JsonFields fields(message, "task");
+  fields.read("id", task.id);
+  fields.read("fence", task.fence);
+  fields.read("attempt", task.attempt);
+  fields.read("kind", kind);
+  fields.read("input_path", task.input_path);
+  fields.read("input_hash", task.input_hash);
+  fields.read("input_is_grid", task.input_is_grid);
+  fields.read("filename", task.filename);
+  fields.read("options_json", task.options_json);
+  const auto known = job_kind_from_name(kind);
+  if (!known) fields.fail("kind", "a kind of job", kind);
+  VOXELD_TRY(fields.finish());
+  task.kind = *known;
+  return task;
+}
+
+Json to_json_message(const TaskProgress& progress) {
+  return {{"type", "progress"},
+          {"task", progress.task},
+          {"fence", progress.fence},
+          {"stage", progress.stage},
+          {"tiles_done", progress.tiles_done},
+          {"tiles_total", progress.tiles_total}};
+}
+
+Result<TaskProgress> parse_task_progress(const Json& message) {
+  VOXELD_TRY(check_type(message, "progress"));
+  TaskProgress progress;
+  JsonFields fields(message, "progress");
+  fields.read("task", progress.task);
+  fields.read("fence", progress.fence);
+  fields.read("stage", progress.stage);
+  fields.read("tiles_done", progress.tiles_done);
+  fields.read("tiles_total", progress.tiles_total);
+  VOXELD_TRY(fields.finish());
+  return progress;
+}
+
+Json to_json_message(const TaskCompletion& completion) {
+  Json outputs = Json::array();
+  for (const TaskOutput& output : completion.outputs) {
+    outputs.push_back({{"role", output.role},
+                       {"path", output.path},
+                       {"media_type", output.media_type},
+                       {"filename", output.filename}});
+  }
+  return {{"type", "complete"},
+          {"task", completion.task},
+          {"fence", completion.fence},
+          {"outputs", std::move(outputs)},
+          {"timings", timings_json(completion.timings)},
+          {"meta_json", completion.meta_json},
+          {"warnings", warnings_json(completion.warnings)}};
+}
+
+Result<TaskCompletion> parse_task_completion(const Json& message) {
+  VOXELD_TRY(check_type(message, "complete"));
+  TaskCompletion completion;
+  JsonFields fields(message, "complete");
+  fields.read("task", completion.task);
+  fields.read("fence", completion.fence);
+  fields.read("meta_json", completion.meta_json);
+  const Json* outputs = fields.member("outputs");
+  const Json* timings = fields.member("timings");
+  const Json* warnings = fields.member("warnings");
+  VOXELD_TRY(fields.finish());
+  if (outputs == nullptr || !outputs->is_array() || timings == nullptr || warnings == nullptr) {
+    return Error{ErrorCode::kBadRequest, "complete", "outputs, timings and warnings", ""};
+  }
+  for (const Json& entry : *outputs) {
+    TaskOutput output;
+    JsonFields output_fields(entry, "complete.outputs");
+    output_fields.read("role", output.role);
+    output_fields.read("path", output.path);
+    output_fields.read("media_type", output.media_type);
+    output_fields.read("filename", output.filename);
+    VOXELD_TRY(output_fields.finish());
+    completion.outputs.push_back(std::move(output));
+  }
+  VOXELD_ASSIGN(completion.timings, parse_timings(*timings));
+  VOXELD_ASSIGN(completion.warnings, parse_warnings(*warnings));
+  return completion;
+}
+
+Json to_json_message(const TaskFailure& failure) {
+  return {{"type", "fail"},
+          {"task", failure.task},
+          {"fence", failure.fence},
+          {"error", error_json(failure.error)}};
+}
+
+Result<TaskFailure> parse_task_failure(const Json& message) {
+  VOXELD_TRY(check_type(message, "fail"));
+  TaskFailure failure;
+  JsonFields fields(message, "fail");
+  fields.read("task", failure.task);
+  fields.read("fence", failure.fence);
+  const Json* error = fields.member("error");
+  VOXELD_TRY(fields.finish());
+  if (error == nullptr) return Error{ErrorCode::kBadRequest, "fail.error", "an object", "none"};
+  failure.error = parse_error_json(*error);
+  return failure;
+}
+
+}  // namespace voxeld
