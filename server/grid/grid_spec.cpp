@@ -1,0 +1,158 @@
+#include "server/grid/grid_spec.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "proto/limits.h"
+#include "proto/option_values.h"
+
+namespace voxeld {
+namespace {
+
+// Extents beyond these leave no precision for 1/256 of a voxel, or overflow.
+constexpr double kExtentMax = 1e30;
+constexpr double kExtentMin = 1e-30;
+// A side that is longer than N voxels by less than this is rounding, not another cell.
+constexpr double kCellTolerance = 1.0 / 4096;
+
+Error invalid(std::string detail, std::string expected, std::string got) {
+  return {ErrorCode::kInvalidOption, std::move(detail), std::move(expected), std::move(got)};
+}
+
+// Cells to cover `extent`; at least 1. Large numbers stay doubles so that nothing overflows.
+double cells_for(double extent, double voxel_size) {
+  return std::max(1.0, std::ceil(extent / voxel_size - kCellTolerance));
+}
+
+struct Box {
+  glm::dvec3 min, max;
+  glm::dvec3 extent() const { return max - min; }
+  double longest() const { return std::max({extent().x, extent().y, extent().z}); }
+};
+
+Result<Box> box_to_place(const PlacementOptions& options, const glm::dvec3& min,
+                         const glm::dvec3& max) {
+  Box box{min, max};
+  if (options.bounds) {
+    const auto& b = *options.bounds;
+    box = {{b[0], b[1], b[2]}, {b[3], b[4], b[5]}};
+  }
+  const double longest = box.longest();
+  if (!std::isfinite(longest) || longest < 0 || longest > kExtentMax) {
+    return invalid("extent of the box to voxelize", "a finite number of at most 1e30",
+                   option_values::to_text(longest));
+  }
+  const double reach = std::max({std::abs(box.min.x), std::abs(box.min.y), std::abs(box.min.z),
+                                 std::abs(box.max.x), std::abs(box.max.y), std::abs(box.max.z)});
+  if (longest > 0 && (longest < kExtentMin || longest < reach * 1e-9)) {
+    return invalid("the mesh is too small for its distance from the origin to be placed exactly",
+                   "an extent of at least a billionth of its largest coordinate",
+                   option_values::to_text(longest) + " at " + option_values::to_text(reach));
+  }
+  return box;
+}
+
+// Centres the box in the grid.
+GridSpec centred(const Box& box, const glm::dvec3& cells, const glm::dvec3& voxel_size) {
+  GridSpec spec;
+  spec.dims = glm::ivec3(cells);
+  spec.voxel_size = voxel_size;
+  spec.origin_world = (box.min + box.max) * 0.5 - cells * voxel_size * 0.5;
+  return spec;
+}
+
+Result<GridSpec> checked(const Box& box, const glm::dvec3& cells, const glm::dvec3& voxel_size) {
+  constexpr double kMax = limits::kGridSideMax;
+  if (cells.x > kMax || cells.y > kMax || cells.z > kMax) {
+    const auto count = [](double v) {
+      return v < 1e15 ? std::to_string(static_cast<int64_t>(v)) : std::string("over 1e15");
+    };
+    return Error{ErrorCode::kGridTooLarge, "grid dims",
+                 "at most " + std::to_string(limits::kGridSideMax) + " cells on a side",
+                 count(cells.x) + " x " + count(cells.y) + " x " + count(cells.z)};
+  }
+  return centred(box, cells, voxel_size);
+}
+
+Result<GridSpec> place_by_size(const Box& box, int size, double padding) {
+  const double longest = box.longest();
+  const double inner = size - 2 * padding;
+  const double voxel = longest > 0 ? longest / inner : 1.0;
+  glm::dvec3 cells;
+  for (int c = 0; c < 3; ++c) {
+    // The longest side is N by definition, not by division.
+    cells[c] = (box.extent()[c] == longest && longest > 0
+                    ? inner
+                    : std::min(inner, cells_for(box.extent()[c], voxel))) +
+               2 * padding;
+  }
+  return checked(box, cells, glm::dvec3(voxel));
+}
+
+Result<GridSpec> place_by_dims(const Box& box, const std::array<int, 3>& dims, double padding,
+                               bool exact_box) {
+  const glm::dvec3 cells(dims[0], dims[1], dims[2]);
+  const glm::dvec3 inner = cells - 2 * padding;
+  if (inner.x < 1 || inner.y < 1 || inner.z < 1) {
+    return invalid("padding", "less than half of each of dims",
+                   std::to_string(static_cast<int>(padding)));
+  }
+  const glm::dvec3 extent = box.extent();
+  glm::dvec3 voxel = extent / inner;
+  if (!exact_box) voxel = glm::dvec3(std::max({voxel.x, voxel.y, voxel.z}));
+  for (int c = 0; c < 3; ++c) {
+    if (!(voxel[c] > 0)) voxel[c] = 1.0;
+  }
+  return checked(box, cells, voxel);
+}
+
+Result<GridSpec> place_by_voxel_size(const Box& box, const std::array<double, 3>& size,
+                                     double padding) {
+  const glm::dvec3 voxel(size[0], size[1], size[2]);
+  glm::dvec3 cells;
+  for (int c = 0; c < 3; ++c) cells[c] = cells_for(box.extent()[c], voxel[c]) + 2 * padding;
+  return checked(box, cells, voxel);
+}
+
+}  // namespace
+
+glm::ivec3 GridSpec::tile_dims() const {
+  return (dims + limits::kTileSide - 1) / limits::kTileSide;
+}
+
+glm::dmat4 world_from_file(const PlacementOptions& options) {
+  glm::dmat4 world_from_turned(1.0);
+  if (options.transform) {
+    for (int row = 0; row < 4; ++row) {
+      for (int column = 0; column < 4; ++column) {
+        world_from_turned[column][row] =
+            (*options.transform)[static_cast<size_t>(4 * row + column)];
+      }
+    }
+  }
+  glm::dmat4 turned_from_file(1.0);
+  if (options.up == UpAxis::kZ) {
+    // (x, y, z) -> (x, z, -y)
+    turned_from_file = glm::dmat4(1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1);
+  }
+  return world_from_turned * turned_from_file;
+}
+
+Result<GridSpec> place_grid(const PlacementOptions& options, const glm::dvec3& bounds_min,
+                            const glm::dvec3& bounds_max) {
+  VOXELD_ASSIGN(const Box box, box_to_place(options, bounds_min, bounds_max));
+  const double padding = options.padding;
+  if (options.dims) {
+    return place_by_dims(box, *options.dims, padding, options.bounds.has_value());
+  }
+  if (options.voxel_size) return place_by_voxel_size(box, *options.voxel_size, padding);
+  const int size = options.size.value_or(kDefaultSize);
+  if (2 * options.padding >= size) {
+    return invalid("padding", "less than half of size " + std::to_string(size),
+                   std::to_string(options.padding));
+  }
+  return place_by_size(box, size, padding);
+}
+
+}  // namespace voxeld
