@@ -1,4 +1,4 @@
-// Grid -> picture by ray marching on a GL context.
+// Grid -> picture by ray marching on a GL context. A renderer belongs to its context's thread.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include <glm/mat4x4.hpp>
 #include <glm/vec3.hpp>
 
 #include "proto/options.h"
@@ -15,6 +14,7 @@
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/grid/grid.h"
+#include "server/render/camera.h"
 
 namespace voxeld {
 
@@ -23,18 +23,19 @@ struct Picture {
   std::vector<uint8_t> rgba;  // top row first, sRGB, straight alpha
 };
 
-// world space -> clip space of OpenGL (y up, z in -1..1).
-struct Camera {
-  glm::dmat4 clip_from_world{1.0};
-};
-// Frames the occupied box: at zoom 1 its bounding sphere fits the smaller side of the picture.
-Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_world,
-                   const glm::dvec3& occupied_max_world);
-
 // What a pixel's ray hit; for tests and picking.
 struct Hit {
   glm::ivec3 cell{-1};  // -1,-1,-1: nothing
   int face = -1;        // 0..5: -x +x -y +y -z +z face through which the ray entered the cell
+};
+
+// How much work a pixel gets; apart from the request because it changes no geometry.
+struct RenderQuality {
+  // Rays along each side of a pixel, averaged in linear light; 1..4. Fewer are taken where the
+  // device's loop limit demands it.
+  int samples_per_side = 2;
+  // Pictures with more pixels than this get one ray per pixel: time grows with the product.
+  int64_t supersampled_pixels_max = int64_t{1024} * 1024;
 };
 
 // Called between picture blocks (at most 512x512 pixels); false cancels.
@@ -48,8 +49,14 @@ class Renderer {
   // Uploads the grid; it stays resident until the next call. Errors: grid-too-large with bytes and
   // the device's limit.
   Status set_grid(const Grid& grid);
+  // Without a grid, or of an empty one: the background. Voxels are drawn opaque, whatever their
+  // alpha. Errors: cancelled when `progress` says false, invalid-option for a matrix that cannot be
+  // inverted, internal and device-unavailable with the driver's words.
   Result<Picture> render(const RenderOptions& options, const BlockProgress& progress);
-  // width*height hits, top row first.
+  void set_quality(const RenderQuality& quality);
+  // width*height hits, top row first; one ray through the middle of each pixel. A ray that starts
+  // inside a voxel (camera in the grid, section plane) hits it through the face of the ray's
+  // longest axis.
   Result<std::vector<Hit>> render_hits(const RenderOptions& options);
 
  private:
@@ -57,7 +64,7 @@ class Renderer {
   std::unique_ptr<Impl> impl_;
 };
 
-// PNG by OpenImageIO. Errors: internal.
+// PNG by OpenImageIO, 8 bits RGBA, marked sRGB. Errors: internal.
 Result<std::vector<uint8_t>> encode_png(const Picture& picture);
 
 }  // namespace voxeld

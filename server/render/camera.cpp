@@ -1,0 +1,121 @@
+#include "server/render/camera.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <glm/gtc/constants.hpp>
+#include <glm/gtc/matrix_access.hpp>
+#include <glm/gtc/matrix_transform.hpp>
+#include <glm/matrix.hpp>
+
+namespace voxeld {
+namespace {
+
+// A little more than the bounding sphere, so that no corner is cut by the near or far plane.
+constexpr double kDepthMargin = 1.01;
+
+glm::dmat4 from_row_major(const std::array<double, 16>& rows) {
+  glm::dmat4 matrix;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) {
+      matrix[column][row] = rows[static_cast<size_t>(4 * row + column)];
+    }
+  }
+  return matrix;
+}
+
+// Orthonormal, right-handed; also at the poles, where "up" is taken as the limit.
+glm::dmat4 view_from_world(double azimuth, double elevation, const glm::dvec3& eye) {
+  const double sa = std::sin(azimuth), ca = std::cos(azimuth);
+  const double se = std::sin(elevation), ce = std::cos(elevation);
+  const glm::dvec3 right(ca, 0.0, -sa);
+  const glm::dvec3 up(-sa * se, ce, -ca * se);
+  const glm::dvec3 back(sa * ce, se, ca * ce);
+  glm::dmat4 view(1.0);
+  view = glm::row(view, 0, glm::dvec4(right, -glm::dot(right, eye)));
+  view = glm::row(view, 1, glm::dvec4(up, -glm::dot(up, eye)));
+  view = glm::row(view, 2, glm::dvec4(back, -glm::dot(back, eye)));
+  return view;
+}
+
+}  // namespace
+
+Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_world,
+                   const glm::dvec3& occupied_max_world) {
+  if (options.matrix) return Camera{from_row_major(*options.matrix)};
+  const glm::dvec3 center = 0.5 * (occupied_min_world + occupied_max_world);
+  const double radius =
+      std::max(0.5 * glm::length(occupied_max_world - occupied_min_world), 1e-300);
+  const double azimuth = glm::radians(options.azimuth_deg);
+  const double elevation = glm::radians(options.elevation_deg);
+  const bool is_perspective = options.projection == Projection::kPerspective;
+  const double half_angle = glm::radians(0.5 * kFieldOfViewDeg);
+  // A sphere fills the angle where its tangents are the sides of the frustum.
+  const double distance = is_perspective ? radius / std::sin(half_angle) : 2.0 * radius;
+  const glm::dvec3 back(std::sin(azimuth) * std::cos(elevation), std::sin(elevation),
+                        std::cos(azimuth) * std::cos(elevation));
+  const double near = distance - kDepthMargin * radius, far = distance + kDepthMargin * radius;
+  const double shorter = std::min(options.width, options.height);
+  const double scale_x = options.zoom * shorter / options.width;
+  const double scale_y = options.zoom * shorter / options.height;
+
+  glm::dmat4 clip_from_view(0.0);
+  if (is_perspective) {
+    const double focal = 1.0 / std::tan(half_angle);
+    clip_from_view[0][0] = focal * scale_x;
+    clip_from_view[1][1] = focal * scale_y;
+    clip_from_view[2][2] = (far + near) / (near - far);
+    clip_from_view[3][2] = 2.0 * far * near / (near - far);
+    clip_from_view[2][3] = -1.0;
+  } else {
+    clip_from_view[0][0] = scale_x / radius;
+    clip_from_view[1][1] = scale_y / radius;
+    clip_from_view[2][2] = 2.0 / (near - far);
+    clip_from_view[3][2] = (far + near) / (near - far);
+    clip_from_view[3][3] = 1.0;
+  }
+  return Camera{clip_from_view * view_from_world(azimuth, elevation, center + distance * back)};
+}
+
+Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
+                                 const glm::dvec3& subject_world) {
+  const glm::dmat4 world_from_grid =
+      glm::scale(glm::translate(glm::dmat4(1.0), spec.origin_world), spec.voxel_size);
+  const glm::dmat4 clip_from_grid = camera.clip_from_world * world_from_grid;
+  const glm::dmat4 grid_from_clip = glm::inverse(clip_from_grid);
+  const glm::dmat4 product = clip_from_grid * grid_from_clip;
+  for (int column = 0; column < 4; ++column) {
+    for (int row = 0; row < 4; ++row) {
+      const double wanted = column == row ? 1.0 : 0.0;
+      // NaN and infinity fail this as well.
+      if (!(std::abs(product[column][row] - wanted) < 1e-3)) {
+        return Error{ErrorCode::kInvalidOption, "matrix cannot be inverted",
+                     "an invertible clip_from_world of moderate numbers", "a singular matrix"};
+      }
+    }
+  }
+  const auto at = [&](double x, double y, double z, double w) {
+    return grid_from_clip * glm::dvec4(x, y, z, w);
+  };
+  PictureRays rays{{at(0, 0, -1, 1), at(1, 0, 0, 0), at(0, 1, 0, 0)},
+                   {at(0, 0, 1, 1), at(1, 0, 0, 0), at(0, 1, 0, 0)},
+                   {},
+                   {},
+                   {},
+                   1.0};
+  const auto world_at = [&](double x, double y, double z) {
+    const glm::dvec4 p = world_from_grid * at(x, y, z, 1);
+    return glm::dvec3(p) / p.w;
+  };
+  // Points away from the planes, where a perspective far plane may be at infinity.
+  const glm::dvec3 middle = world_at(0, 0, 0);
+  rays.to_eye = glm::normalize(world_at(0, 0, -1) - middle);
+  rays.right = glm::normalize(world_at(1e-3, 0, 0) - middle);
+  rays.up = glm::normalize(world_at(0, 1e-3, 0) - middle);
+  const glm::dvec4 subject_clip = camera.clip_from_world * glm::dvec4(subject_world, 1.0);
+  const double depth = std::clamp(subject_clip.z / subject_clip.w, -1.0, 1.0);
+  rays.width_world = glm::length(world_at(1, 0, depth) - world_at(-1, 0, depth));
+  return rays;
+}
+
+}  // namespace voxeld

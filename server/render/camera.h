@@ -1,0 +1,42 @@
+// Where a picture is taken from.
+#pragma once
+
+#include <glm/mat4x4.hpp>
+#include <glm/vec3.hpp>
+
+#include "proto/options.h"
+#include "proto/result.h"
+#include "server/grid/grid_spec.h"
+
+namespace voxeld {
+
+// Perspective pictures show this angle over their smaller side, in degrees.
+inline constexpr double kFieldOfViewDeg = 35.0;
+
+// world space -> clip space of OpenGL (y up, z in -1..1).
+struct Camera {
+  glm::dmat4 clip_from_world{1.0};
+};
+
+// Frames the occupied box: at zoom 1 its bounding sphere fits the smaller side of the picture. Zoom
+// magnifies about the middle of the picture and moves nothing, so perspective does not change and
+// the camera never enters the grid. A matrix in the options is taken as it is.
+Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_world,
+                   const glm::dvec3& occupied_max_world);
+
+// What the ray march needs of a camera, in grid space; see shaders/shared/raymarch.h.
+struct PictureRays {
+  // Homogeneous points of the near and far plane: at[0] + x * at[1] + y * at[2], clip x and y.
+  glm::dvec4 near_plane[3], far_plane[3];
+  // World-space unit vectors at the middle of the picture.
+  glm::dvec3 right{1, 0, 0}, up{0, 1, 0}, to_eye{0, 0, 1};
+  // World units from side to side of the picture, at the depth of the subject.
+  double width_world = 1.0;
+  double world_per_pixel(int width_pixels) const { return width_world / width_pixels; }
+};
+// `subject_world` is the point that sizes are told for. Errors: invalid-option when the matrix
+// cannot be inverted.
+Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
+                                 const glm::dvec3& subject_world);
+
+}  // namespace voxeld
