@@ -1,0 +1,165 @@
+#include "server/jobs/database.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/jobs/schema.h"
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+class DatabaseTest : public ::testing::Test {
+ protected:
+  std::unique_ptr<Database> open() {
+    auto database = Database::open(path());
+    EXPECT_TRUE(database) << database.error().message();
+    return *std::move(database);
+  }
+  std::filesystem::path path() const { return dir_.path() / "jobs.sqlite"; }
+  static Status add_key(SqlConnection& connection, const std::string& key) {
+    return connection.run(
+        "INSERT INTO idempotency_keys (idempotency_key, request_hash, job_id, created_ms)"
+        " VALUES ($1, 'h', 'j', $2)",
+        key, int64_t{1});
+  }
+  static int64_t count_keys(Database& database) {
+    auto reader = database.read();
+    EXPECT_TRUE(reader);
+    auto rows = (*reader)->query("SELECT COUNT(*) FROM idempotency_keys");
+    EXPECT_TRUE(rows && rows->step());
+    return rows->int64(0);
+  }
+  testing::TemporaryDir dir_;
+};
+
+TEST_F(DatabaseTest, a_committed_write_is_seen_by_readers_and_after_reopening) {
+  {
+    auto database = open();
+    ASSERT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "a"); }));
+    EXPECT_EQ(count_keys(*database), 1);
+  }
+  EXPECT_EQ(count_keys(*open()), 1);
+}
+
+TEST_F(DatabaseTest, parameters_bind_by_their_number_not_by_their_place) {
+  auto database = open();
+  auto reader = database->read();
+  ASSERT_TRUE(reader);
+  auto row = (*reader)->query("SELECT $2, $1, $2", std::string("one"), int64_t{2});
+  ASSERT_TRUE(row && row->step());
+  EXPECT_EQ(row->int64(0), 2);
+  EXPECT_EQ(row->text(1), "one");
+  EXPECT_EQ(row->int64(2), 2);
+}
+
+TEST_F(DatabaseTest, an_operation_that_fails_undoes_its_own_changes_alone) {
+  auto database = open();
+  std::vector<std::thread> threads;
+  std::atomic<int> refused{0};
+  for (int i = 0; i < 40; ++i) {
+    threads.emplace_back([&, i] {
+      const Status status = database->write([&](SqlConnection& c) -> Status {
+        VOXELD_TRY(add_key(c, "key " + std::to_string(i)));
+        if (i % 4 == 0) return Error{ErrorCode::kConflict, "no", "", ""};
+        return {};
+      });
+      EXPECT_EQ(status.ok(), i % 4 != 0);
+      if (!status) {
+        EXPECT_EQ(status.error().code, ErrorCode::kConflict);
+        ++refused;
+      }
+    });
+  }
+  for (auto& thread : threads) thread.join();
+  EXPECT_EQ(refused, 10);
+  EXPECT_EQ(count_keys(*database), 30);
+}
+
+TEST_F(DatabaseTest, an_exception_in_an_operation_is_an_error) {
+  auto database = open();
+  const Status status =
+      database->write([](SqlConnection&) -> Status { throw std::runtime_error("thrown"); });
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().detail, "job database: thrown");
+  EXPECT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "after"); }));
+}
+
+TEST_F(DatabaseTest, readers_cannot_write) {
+  auto database = open();
+  auto reader = database->read();
+  ASSERT_TRUE(reader);
+  EXPECT_FALSE(add_key(**reader, "x"));
+}
+
+TEST_F(DatabaseTest, a_full_disk_is_storage_full_and_the_database_goes_on) {
+  auto database = open();
+  ASSERT_TRUE(
+      database->write([](SqlConnection& c) { return c.run("PRAGMA max_page_count = 40"); }));
+  Status status;
+  for (int i = 0; status.ok() && i < 1000; ++i) {
+    status = database->write(
+        [&](SqlConnection& c) { return add_key(c, std::to_string(i) + std::string(4000, 'x')); });
+  }
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, ErrorCode::kStorageFull);
+  EXPECT_EQ(status.error().detail,
+            "job database cannot grow, the disk is full: run: database or disk is full");
+  ASSERT_TRUE(
+      database->write([](SqlConnection& c) { return c.run("PRAGMA max_page_count = 1000000"); }));
+  EXPECT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "space again"); }));
+}
+
+TEST_F(DatabaseTest, a_file_that_is_no_database_is_refused) {
+  std::ofstream(path()) << "this is not a database, whatever its name says, and long enough";
+  const auto database = Database::open(path());
+  ASSERT_FALSE(database);
+  EXPECT_EQ(database.error().code, ErrorCode::kInternal);
+  EXPECT_EQ(database.error().detail, "job database is corrupt: run: file is not a database");
+}
+
+TEST_F(DatabaseTest, a_damaged_database_is_refused_at_start) {
+  {
+    auto database = open();
+    ASSERT_TRUE(database->write([](SqlConnection& c) -> Status {
+      for (int i = 0; i < 500; ++i) {
+        VOXELD_TRY(add_key(c, std::to_string(i) + std::string(200, 'k')));
+      }
+      return {};
+    }));
+  }
+  {
+    std::fstream file(path(), std::ios::in | std::ios::out | std::ios::binary);
+    const auto size = static_cast<std::streamoff>(std::filesystem::file_size(path()));
+    const std::string garbage(4096, '\x5a');
+    for (std::streamoff at = 4096 * 8; at + 4096 < size; at += 4096 * 3) {
+      file.seekp(at);
+      file.write(garbage.data(), static_cast<std::streamsize>(garbage.size()));
+    }
+  }
+  const auto database = Database::open(path());
+  ASSERT_FALSE(database);
+  EXPECT_NE(database.error().detail.find("job database is corrupt"), std::string::npos)
+      << database.error().message();
+}
+
+TEST_F(DatabaseTest, a_database_of_a_newer_program_is_refused) {
+  {
+    auto database = open();
+    ASSERT_TRUE(
+        database->write([](SqlConnection& c) { return c.run("PRAGMA user_version = 999"); }));
+  }
+  const auto database = Database::open(path());
+  ASSERT_FALSE(database);
+  EXPECT_EQ(database.error().message(),
+            "job database was written by a newer voxeld: schema version: expected at most " +
+                std::to_string(schema_version()) + ", got 999");
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,114 @@
+#include "tests/unit/jobs/fake_worker.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <span>
+#include <thread>
+
+#include "server/base/check.h"
+#include "server/base/file.h"
+
+namespace voxeld::testing {
+
+using nlohmann::json;
+
+FakeWorker::FakeWorker(const std::filesystem::path& socket, const std::string& device) {
+  auto fd = connect_unix(socket);
+  VOXELD_CHECK(fd.ok(), fd.error().detail);
+  socket_ = std::make_unique<FrameSocket>(*std::move(fd), kTaskFrameBytesMax);
+  WorkerHello hello;
+  hello.pid = ::getpid();
+  hello.device = device;
+  hello.renderer = "fake renderer";
+  hello.driver = "fake driver 1.0";
+  hello.device_json = "{}";
+  const auto reply = call(to_json_message(hello));
+  VOXELD_CHECK(reply.has_value(), "hello was not answered");
+  scratch_ = reply->value("scratch_dir", "");
+}
+
+std::optional<json> FakeWorker::call(const json& request) {
+  if (!socket_->send(request.dump())) return std::nullopt;
+  const auto frame = socket_->receive();
+  if (!frame) return std::nullopt;
+  return json::parse(*frame);
+}
+
+std::optional<Task> FakeWorker::claim() {
+  const auto reply = call({{"type", "claim"}});
+  if (!reply || !reply->contains("task")) return std::nullopt;
+  auto task = parse_task((*reply)["task"]);
+  VOXELD_CHECK(task.ok(), task.error().detail);
+  return *std::move(task);
+}
+
+TaskProgressReply FakeWorker::progress(const Task& task, const std::string& stage, int64_t done,
+                                       int64_t total) {
+  const auto reply = call(to_json_message(TaskProgress{task.id, task.fence, stage, done, total}));
+  if (!reply) return {false, true};
+  return {reply->value("cancel", false), reply->value("fenced", false)};
+}
+
+json FakeWorker::complete_with(const TaskCompletion& completion) {
+  return call(to_json_message(completion)).value_or(json::object());
+}
+
+bool FakeWorker::complete(const Task& task, const std::string& text) {
+  const auto path = scratch_ / "result.bin";
+  const auto written =
+      write_file(path, std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
+  VOXELD_CHECK(written.ok(), written.error().detail);
+  TaskCompletion completion;
+  completion.task = task.id;
+  completion.fence = task.fence;
+  completion.outputs = {{"result", path.string(), "application/octet-stream", "result.bin"},
+                        {"grid", path.string(), "application/octet-stream", "result.bin"}};
+  completion.timings = {{"parse", 1.5}, {"voxelize", 2.5}};
+  completion.meta_json = R"({"voxel_count":7})";
+  completion.warnings = {{"missing-texture", "a.png"}};
+  return complete_with(completion).value("ok", false);
+}
+
+bool FakeWorker::fail(const Task& task, const Error& error) {
+  const auto reply = call(to_json_message(TaskFailure{task.id, task.fence, error}));
+  return reply && reply->value("ok", false);
+}
+
+namespace {
+
+// Reports until it is cancelled (or, when deaf, for ever). Returns false when the gateway is gone.
+bool run_slowly(FakeWorker& worker, const Task& task, bool deaf) {
+  for (int64_t tile = 0;; ++tile) {
+    const TaskProgressReply reply = worker.progress(task, "voxelize", tile, 1'000'000);
+    if (reply.fenced) return false;
+    if (reply.cancel && !deaf) {
+      return worker.fail(task, {ErrorCode::kCancelled, "the job was cancelled", "", ""});
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
+
+}  // namespace
+
+int fake_worker_main(const std::string& gateway, const std::string& device) {
+  if (device == "broken") return 3;
+  FakeWorker worker(gateway.substr(std::string("unix:").size()), device);
+  while (auto task = worker.claim()) {
+    const std::string& name = task->filename;
+    if (name.starts_with("crash")) {
+      ::kill(::getpid(), SIGKILL);
+    } else if (name.starts_with("fail")) {
+      worker.fail(*task, {ErrorCode::kMalformedMesh, name + " line 1: no", "yes", "no"});
+    } else if (name.starts_with("slow") || name.starts_with("deaf")) {
+      if (!run_slowly(worker, *task, name.starts_with("deaf"))) return 0;
+    } else {
+      worker.complete(*task, "result of " + task->id);
+    }
+  }
+  return 0;
+}
+
+}  // namespace voxeld::testing

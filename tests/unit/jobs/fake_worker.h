@@ -1,0 +1,46 @@
+// A worker without a GPU: speaks the task API and does what the test, or the task's file name,
+// says.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/task_api.h"
+#include "server/base/frame_socket.h"
+
+namespace voxeld::testing {
+
+class FakeWorker {
+ public:
+  // Connects and says hello. Aborts when it cannot.
+  FakeWorker(const std::filesystem::path& socket, const std::string& device);
+
+  // Sends one request and returns the reply; nullopt when the gateway has closed the connection.
+  std::optional<nlohmann::json> call(const nlohmann::json& request);
+  // Blocks until there is a task; nullopt when the gateway stops.
+  std::optional<Task> claim();
+  TaskProgressReply progress(const Task& task, const std::string& stage, int64_t done,
+                             int64_t total);
+  // Writes `text` as the result (and as the grid) and completes. Returns false when fenced.
+  bool complete(const Task& task, const std::string& text);
+  bool fail(const Task& task, const Error& error);
+  // Sends `completion` as it is.
+  nlohmann::json complete_with(const TaskCompletion& completion);
+  const std::filesystem::path& scratch() const { return scratch_; }
+
+ private:
+  std::unique_ptr<FrameSocket> socket_;
+  std::filesystem::path scratch_;
+};
+
+// Claims and runs until the gateway stops. A task's file name decides: "crash…" kills the process
+// (SIGKILL), "fail…" fails, "slow…" reports progress until it is cancelled, "deaf…" reports and
+// ignores the cancel, anything else completes at once.
+int fake_worker_main(const std::string& gateway, const std::string& device);
+
+}  // namespace voxeld::testing

@@ -1,0 +1,69 @@
+#include "server/jobs/job_metrics.h"
+
+#include <gtest/gtest.h>
+#include <prometheus/registry.h>
+#include <prometheus/text_serializer.h>
+
+#include <string>
+
+namespace voxeld {
+namespace {
+
+std::string text_of(const prometheus::Registry& registry) {
+  return prometheus::TextSerializer().Serialize(registry.Collect());
+}
+
+TEST(JobMetrics, an_ended_job_counts_by_kind_and_outcome_with_its_stages) {
+  auto registry = std::make_shared<prometheus::Registry>();
+  JobMetrics metrics(registry);
+  JobStatus status;
+  status.state = JobState::kDone;
+  status.timings = {{"queue", 10.0}, {"voxelize", 250.0}};
+  metrics.ended(status);
+  status.cached = true;
+  metrics.ended(status);
+  const std::string text = text_of(*registry);
+  EXPECT_NE(text.find("voxeld_jobs_ended_total{kind=\"voxelize\",outcome=\"done\"} 1"),
+            std::string::npos)
+      << text;
+  EXPECT_NE(text.find("voxeld_jobs_ended_total{kind=\"voxelize\",outcome=\"cached\"} 1"),
+            std::string::npos);
+  EXPECT_NE(text.find("voxeld_job_stage_seconds_count{stage=\"voxelize\"} 1"), std::string::npos);
+  EXPECT_NE(text.find("voxeld_job_stage_seconds_sum{stage=\"voxelize\"} 0.25"), std::string::npos);
+}
+
+TEST(JobMetrics, live_jobs_waits_and_workers_are_shown) {
+  auto registry = std::make_shared<prometheus::Registry>();
+  JobMetrics metrics(registry);
+  metrics.set_jobs(3, 1);
+  metrics.set_worker_up("llvmpipe", true);
+  metrics.worker_restarted("llvmpipe");
+  JobStatus status;
+  status.attempt = 1;
+  status.created_ms = 1000;
+  status.started_ms = 1500;
+  metrics.submitted(status);
+  metrics.claimed(status);
+  status.attempt = 2;
+  metrics.claimed(status);  // a second attempt did not wait from its creation
+  metrics.requeued(status);
+  const std::string text = text_of(*registry);
+  for (const char* line : {"voxeld_jobs{state=\"queued\"} 3", "voxeld_jobs{state=\"running\"} 1",
+                           "voxeld_worker_up{device=\"llvmpipe\"} 1",
+                           "voxeld_worker_restarts_total{device=\"llvmpipe\"} 1",
+                           "voxeld_jobs_submitted_total{kind=\"voxelize\"} 1",
+                           "voxeld_jobs_requeued_total{kind=\"voxelize\"} 1",
+                           "voxeld_job_queue_seconds_count{kind=\"voxelize\"} 1",
+                           "voxeld_job_queue_seconds_sum{kind=\"voxelize\"} 0.5"}) {
+    EXPECT_NE(text.find(line), std::string::npos) << line << "\n" << text;
+  }
+}
+
+TEST(JobMetrics, without_a_registry_nothing_happens) {
+  JobMetrics metrics(nullptr);
+  metrics.ended({});
+  metrics.set_jobs(1, 1);
+}
+
+}  // namespace
+}  // namespace voxeld

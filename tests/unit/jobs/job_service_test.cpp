@@ -1,0 +1,152 @@
+// The service with supervised worker processes (the helper's fake ones).
+#include "server/jobs/job_service.h"
+
+#include <gtest/gtest.h>
+#include <prometheus/registry.h>
+#include <signal.h>
+
+#include <chrono>
+#include <string>
+#include <thread>
+
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+using Clock = JobService::Clock;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+class JobServiceTest : public ::testing::Test {
+ protected:
+  void start(const std::vector<std::string>& devices = {"llvmpipe"}) {
+    service_.reset();
+    JobServiceConfig config;
+    config.data_dir = dir_.path() / "data";
+    config.devices = devices;
+    config.worker_executable = VOXELD_JOBS_HELPER;
+    auto service = start_job_service(config, std::make_shared<prometheus::Registry>());
+    ASSERT_TRUE(service) << service.error().message();
+    service_ = *std::move(service);
+  }
+  std::string submit(const std::string& filename) {
+    auto writer = service_->blobs().begin(1 << 20);
+    EXPECT_TRUE(writer);
+    EXPECT_TRUE(
+        writer->append({reinterpret_cast<const uint8_t*>(filename.data()), filename.size()}));
+    JobRequest request;
+    request.asset = service_->put_asset(writer->finish().value(), filename, "").value().id;
+    auto status = service_->submit(request, {});
+    EXPECT_TRUE(status) << status.error().message();
+    return status->id;
+  }
+  JobStatus wait_end(const std::string& id) {
+    return service_->wait_end(id, Clock::now() + seconds(60), nullptr).value();
+  }
+  JobStatus wait_running(const std::string& id) {
+    const auto deadline = Clock::now() + seconds(30);
+    JobStatus status = service_->get(id).value();
+    while (status.state != JobState::kRunning && Clock::now() < deadline) {
+      status = service_->wait_change(id, status.version, Clock::now() + milliseconds(100)).value();
+    }
+    return status;
+  }
+  int64_t worker_pid() {
+    for (int i = 0; i < 1000; ++i) {
+      for (const WorkerState& worker : service_->workers()) {
+        if (worker.connected) return worker.pid;
+      }
+      std::this_thread::sleep_for(milliseconds(10));
+    }
+    return 0;
+  }
+  testing::TemporaryDir dir_;
+  std::unique_ptr<JobService> service_;
+};
+
+TEST_F(JobServiceTest, jobs_run_on_a_supervised_worker) {
+  start();
+  const std::string good = submit("bunny.ply");
+  const std::string bad = submit("fail.ply");
+  const JobStatus done = wait_end(good);
+  EXPECT_EQ(done.state, JobState::kDone);
+  EXPECT_EQ(done.attempt, 1);
+  const JobStatus failed = wait_end(bad);
+  EXPECT_EQ(failed.state, JobState::kFailed);
+  EXPECT_EQ(failed.error->message(), "fail.ply line 1: no: expected yes, got no");
+}
+
+TEST_F(JobServiceTest, a_worker_killed_in_a_job_is_restarted_and_the_job_still_ends) {
+  start();
+  const std::string id = submit("slow.ply");
+  wait_running(id);
+  const int64_t pid = worker_pid();
+  ASSERT_GT(pid, 0);
+  ASSERT_EQ(::kill(static_cast<pid_t>(pid), SIGKILL), 0);
+  const auto deadline = Clock::now() + seconds(30);
+  while (service_->get(id).value().attempt < 2 && Clock::now() < deadline) {
+    std::this_thread::sleep_for(milliseconds(10));
+  }
+  EXPECT_EQ(wait_running(id).attempt, 2);
+  EXPECT_NE(worker_pid(), pid);
+  ASSERT_TRUE(service_->cancel(id));
+  EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
+  EXPECT_EQ(service_->workers()[0].restarts, 1);
+}
+
+TEST_F(JobServiceTest, a_job_that_kills_three_workers_fails_with_their_signals_and_others_go_on) {
+  start();
+  const std::string id = submit("crash.ply");
+  const std::string after = submit("bunny.ply");
+  const JobStatus status = wait_end(id);
+  EXPECT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.attempt, 3);
+  ASSERT_TRUE(status.error);
+  EXPECT_EQ(status.error->code, ErrorCode::kWorkerCrashed);
+  EXPECT_EQ(status.error->detail,
+            "the job ended 3 workers: signal 9 (Killed), signal 9 (Killed), signal 9 (Killed)");
+  EXPECT_EQ(wait_end(after).state, JobState::kDone);
+}
+
+TEST_F(JobServiceTest, a_restarted_service_finishes_what_was_running) {
+  start();
+  const std::string id = submit("slow.ply");
+  wait_running(id);
+  start();
+  EXPECT_EQ(wait_running(id).attempt, 1);
+  ASSERT_TRUE(service_->cancel(id));
+  EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
+}
+
+TEST_F(JobServiceTest, a_device_that_cannot_be_opened_leaves_the_service_up_and_not_ready) {
+  start({"broken"});
+  submit("bunny.ply");
+  EXPECT_EQ(service_->ready().error().code, ErrorCode::kDeviceUnavailable);
+  EXPECT_EQ(service_->queued_jobs(), 1);
+  const auto workers = service_->workers();
+  ASSERT_EQ(workers.size(), 1u);
+  EXPECT_EQ(workers[0].device, "broken");
+  EXPECT_FALSE(workers[0].connected);
+}
+
+TEST_F(JobServiceTest, workers_of_several_devices_share_the_queue) {
+  start({"llvmpipe", "osmesa"});
+  const std::string slow = submit("slow.ply");
+  wait_running(slow);
+  EXPECT_EQ(wait_end(submit("bunny.ply")).state, JobState::kDone);
+  EXPECT_EQ(service_->get(slow).value().state, JobState::kRunning);
+}
+
+TEST_F(JobServiceTest, a_second_daemon_on_the_same_data_is_refused) {
+  start();
+  JobServiceConfig config;
+  config.data_dir = dir_.path() / "data";
+  const auto second = start_job_service(config, nullptr);
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, ErrorCode::kConflict);
+  EXPECT_NE(second.error().detail.find("is in use by process"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,52 @@
+#include "server/jobs/request_hash.h"
+
+#include <gtest/gtest.h>
+
+#include "server/base/sha256.h"
+
+namespace voxeld {
+namespace {
+
+JobRequest request() {
+  JobRequest request;
+  request.asset = sha256_id("asset");
+  request.filename = "bunny.ply";
+  return request;
+}
+
+TEST(RequestHash, the_stem_of_the_file_name_does_not_matter_but_its_extension_does) {
+  JobRequest other = request();
+  other.filename = "Kaninchen.PLY";
+  EXPECT_EQ(request_hash(other), request_hash(request()));
+  other.filename = "bunny.obj";
+  EXPECT_NE(request_hash(other), request_hash(request()));
+}
+
+TEST(RequestHash, the_file_inside_a_bundle_matters) {
+  JobRequest a = request(), b = request();
+  a.filename = "x.zip!a.obj";
+  b.filename = "x.zip!b.obj";
+  EXPECT_NE(request_hash(a), request_hash(b));
+}
+
+TEST(RequestHash, input_kind_and_options_matter) {
+  JobRequest other = request();
+  other.asset = sha256_id("another");
+  EXPECT_NE(request_hash(other), request_hash(request()));
+  other = request();
+  other.kind = JobKind::kRender;
+  EXPECT_NE(request_hash(other), request_hash(request()));
+  other = request();
+  other.options.voxelize.placement.size = 64;
+  EXPECT_NE(request_hash(other), request_hash(request()));
+}
+
+TEST(RequestHash, whether_the_cache_is_used_does_not_name_another_result_but_another_request) {
+  JobRequest other = request();
+  other.options.use_cache = false;
+  EXPECT_EQ(request_hash(other), request_hash(request()));
+  EXPECT_NE(idempotency_hash(other), idempotency_hash(request()));
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,331 @@
+// The service with workers that the tests themselves play over the socket.
+#include "server/jobs/task_server.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "server/base/sha256.h"
+#include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/jobs/fake_worker.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+using testing::FakeWorker;
+using Clock = JobService::Clock;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+class TaskServerTest : public ::testing::Test {
+ protected:
+  void SetUp() override { start(); }
+  void start() {
+    service_.reset();
+    JobServiceConfig config;
+    config.data_dir = dir_.path() / "data";
+    config.start_workers = false;
+    auto service = start_job_service(config, nullptr);
+    ASSERT_TRUE(service) << service.error().message();
+    service_ = *std::move(service);
+  }
+  std::filesystem::path socket() const { return dir_.path() / "data/run/tasks.sock"; }
+  FakeWorker connect(const std::string& device = "llvmpipe") { return {socket(), device}; }
+  std::string put_asset(const std::string& text) {
+    auto writer = service_->blobs().begin(1 << 20);
+    EXPECT_TRUE(writer);
+    EXPECT_TRUE(writer->append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
+    return service_->put_asset(writer->finish().value(), "bunny.ply", "").value().id;
+  }
+  std::string submit(const std::string& text = "mesh") {
+    JobRequest request;
+    request.asset = put_asset(text);
+    request.options.use_cache = false;
+    auto status = service_->submit(request, {});
+    EXPECT_TRUE(status) << status.error().message();
+    return status->id;
+  }
+  JobStatus wait_end(const std::string& id) {
+    return service_->wait_end(id, Clock::now() + seconds(20), nullptr).value();
+  }
+  JobStatus wait_for(const std::string& id, JobState state) {
+    const auto deadline = Clock::now() + seconds(20);
+    JobStatus status = service_->get(id).value();
+    while (status.state != state && Clock::now() < deadline) {
+      status = service_->wait_change(id, status.version, Clock::now() + milliseconds(100)).value();
+    }
+    EXPECT_EQ(status.state, state);
+    return status;
+  }
+  testing::TemporaryDir dir_;
+  std::unique_ptr<JobService> service_;
+};
+
+TEST_F(TaskServerTest, a_task_names_its_input_and_ends_with_the_outputs_in_the_store) {
+  const std::string id = submit();
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  EXPECT_EQ(task->id, id);
+  EXPECT_EQ(task->fence, 1);
+  EXPECT_EQ(task->attempt, 1);
+  EXPECT_EQ(task->filename, "bunny.ply");
+  EXPECT_EQ(task->input_hash, sha256_id("mesh"));
+  EXPECT_FALSE(task->input_is_grid);
+  EXPECT_EQ(read_file(task->input_path).value().size(), 4u);
+  EXPECT_TRUE(worker.complete(*task, "voxels"));
+  const JobStatus status = wait_end(id);
+  ASSERT_EQ(status.state, JobState::kDone);
+  EXPECT_EQ(status.result->blob, sha256_id("voxels"));
+  EXPECT_EQ(status.result->grid, sha256_id("voxels"));
+  EXPECT_EQ(service_->get_grid(sha256_id("voxels")).value().bytes, 6);
+  EXPECT_EQ(service_->get_grid(sha256_id("mesh")).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(status.timings.back().first, "store");
+  EXPECT_TRUE(std::filesystem::is_empty(worker.scratch()));
+}
+
+TEST_F(TaskServerTest, a_worker_that_waits_gets_a_job_as_soon_as_it_is_submitted) {
+  FakeWorker worker = connect();
+  std::thread submitter([&] {
+    std::this_thread::sleep_for(milliseconds(300));
+    submit();
+  });
+  EXPECT_TRUE(worker.claim());
+  submitter.join();
+}
+
+TEST_F(TaskServerTest, a_connection_that_ends_puts_its_task_back_at_once) {
+  const std::string id = submit();
+  {
+    FakeWorker dying = connect();
+    ASSERT_TRUE(dying.claim());
+  }
+  FakeWorker next = connect();
+  const auto task = next.claim();
+  ASSERT_TRUE(task);
+  EXPECT_EQ(task->id, id);
+  EXPECT_EQ(task->attempt, 2);
+  EXPECT_EQ(task->fence, 2);
+  EXPECT_TRUE(next.complete(*task, "second time"));
+  EXPECT_EQ(wait_end(id).state, JobState::kDone);
+}
+
+TEST_F(TaskServerTest, three_lost_workers_fail_the_job) {
+  const std::string id = submit();
+  for (int i = 0; i < 3; ++i) {
+    FakeWorker dying = connect();
+    ASSERT_TRUE(dying.claim());
+  }
+  const JobStatus status = wait_end(id);
+  EXPECT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.error->code, ErrorCode::kWorkerCrashed);
+  EXPECT_EQ(status.error->detail,
+            "the job ended 3 workers: connection lost, connection lost, connection lost");
+}
+
+TEST_F(TaskServerTest, a_worker_that_died_while_it_waited_costs_no_attempt) {
+  {
+    auto fd = connect_unix(socket());
+    ASSERT_TRUE(fd);
+    FrameSocket dying(*std::move(fd), kTaskFrameBytesMax);
+    WorkerHello hello;
+    hello.pid = ::getpid();
+    hello.device = "llvmpipe";
+    hello.renderer = "r";
+    hello.device_json = "{}";
+    ASSERT_TRUE(dying.send(to_json_message(hello).dump()));
+    ASSERT_TRUE(dying.receive());
+    ASSERT_TRUE(dying.send(json{{"type", "claim"}}.dump()));
+    std::this_thread::sleep_for(milliseconds(50));  // the gateway waits for a job on its behalf
+  }
+  const std::string id = submit();
+  FakeWorker next = connect();
+  EXPECT_EQ(next.claim()->attempt, 1);
+  EXPECT_EQ(service_->get(id).value().attempt, 1);
+}
+
+TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
+  const std::string id = submit();
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  const int64_t version = wait_for(id, JobState::kRunning).version;
+  std::thread reporter([&] {
+    std::this_thread::sleep_for(milliseconds(50));
+    EXPECT_FALSE(worker.progress(*task, "voxelize", 2, 8).cancel);
+  });
+  const JobStatus status = service_->wait_change(id, version, Clock::now() + seconds(10)).value();
+  reporter.join();
+  EXPECT_EQ(status.version, version + 1);
+  EXPECT_EQ(status.stage, "voxelize");
+  EXPECT_EQ(status.tiles_done, 2);
+  const auto events = service_->wait_events(id, 0, Clock::now() + seconds(10)).value();
+  ASSERT_EQ(events.size(), 3u);
+  EXPECT_EQ(events[0].type, "state");
+  EXPECT_EQ(events[2].type, "progress");
+  EXPECT_EQ(events[2].id, version + 1);
+  EXPECT_EQ(json::parse(events[2].data_json)["id"], id);
+  ASSERT_TRUE(worker.complete(*task, "x"));
+  const auto last = service_->wait_events(id, events[2].id, Clock::now() + seconds(10)).value();
+  ASSERT_EQ(last.size(), 1u);
+  EXPECT_EQ(last[0].type, "state");
+  EXPECT_GT(last[0].id, events[2].id);
+}
+
+TEST_F(TaskServerTest, waiting_for_events_that_do_not_come_ends_at_the_deadline) {
+  const std::string id = submit();
+  EXPECT_TRUE(service_->wait_events(id, 1, Clock::now() + milliseconds(50)).value().empty());
+}
+
+TEST_F(TaskServerTest, a_cancel_reaches_the_worker_with_its_next_report) {
+  const std::string id = submit();
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  EXPECT_FALSE(worker.progress(*task, "voxelize", 1, 8).cancel);
+  EXPECT_EQ(service_->cancel(id).value().state, JobState::kRunning);
+  EXPECT_TRUE(worker.progress(*task, "voxelize", 2, 8).cancel);
+  EXPECT_TRUE(worker.fail(*task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
+  EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
+  EXPECT_EQ(service_->cancel(id).value().state, JobState::kCancelled);
+}
+
+TEST_F(TaskServerTest, an_abandoned_one_shot_job_is_cancelled_and_an_abandoned_wait_is_not) {
+  JobRequest request;
+  request.asset = put_asset("mesh");
+  SubmitOptions transient;
+  transient.transient = true;
+  const std::string one_shot = service_->submit(request, transient).value().id;
+  const std::string kept = submit();
+  const auto abandoned = [] { return true; };
+  EXPECT_EQ(service_->wait_end(one_shot, Clock::now() + seconds(20), abandoned).value().state,
+            JobState::kCancelled);
+  EXPECT_EQ(service_->wait_end(kept, Clock::now() + seconds(20), abandoned).value().state,
+            JobState::kQueued);
+}
+
+TEST_F(TaskServerTest, reports_about_another_task_or_fence_are_fenced) {
+  submit();
+  FakeWorker worker = connect();
+  auto task = worker.claim();
+  ASSERT_TRUE(task);
+  Task wrong = *task;
+  wrong.fence = 7;
+  EXPECT_TRUE(worker.progress(wrong, "voxelize", 1, 2).fenced);
+  EXPECT_FALSE(worker.complete(wrong, "zombie"));
+  EXPECT_FALSE(worker.fail(wrong, {ErrorCode::kInternal, "zombie", "", ""}));
+  EXPECT_TRUE(worker.complete(*task, "good"));
+}
+
+TEST_F(TaskServerTest, an_output_outside_the_scratch_directory_fails_the_job) {
+  for (const char* name : {"/etc/hostname", "%s/../secret", "%s/..", "relative"}) {
+    const std::string id = submit();
+    FakeWorker worker = connect();
+    const auto task = worker.claim();
+    ASSERT_TRUE(task);
+    std::string path = name;
+    if (const size_t at = path.find("%s"); at != std::string::npos) {
+      path.replace(at, 2, worker.scratch().string());
+    }
+    TaskCompletion completion;
+    completion.task = task->id;
+    completion.fence = task->fence;
+    completion.outputs = {{"result", path, "text/plain", "x"}};
+    worker.complete_with(completion);
+    const JobStatus status = wait_end(id);
+    EXPECT_EQ(status.state, JobState::kFailed) << path;
+    EXPECT_EQ(status.error->detail, "worker names an output outside its scratch directory");
+  }
+}
+
+TEST_F(TaskServerTest, a_worker_of_another_protocol_is_turned_away) {
+  auto fd = connect_unix(socket());
+  ASSERT_TRUE(fd);
+  FrameSocket raw(*std::move(fd), kTaskFrameBytesMax);
+  WorkerHello hello;
+  hello.protocol = 99;
+  hello.pid = 1;
+  hello.device = "llvmpipe";
+  hello.renderer = "r";
+  hello.device_json = "{}";
+  ASSERT_TRUE(raw.send(to_json_message(hello).dump()));
+  EXPECT_EQ(raw.receive().error().code, ErrorCode::kGone);
+}
+
+TEST_F(TaskServerTest, nonsense_on_the_socket_ends_that_connection_alone) {
+  for (const char* text : {"", "{", "[]", "{\"type\":\"nothing\"}", "{\"type\":7}"}) {
+    FakeWorker bad = connect();
+    auto fd = connect_unix(socket());
+    ASSERT_TRUE(fd);
+    FrameSocket raw(*std::move(fd), kTaskFrameBytesMax);
+    ASSERT_TRUE(raw.send(text));
+    EXPECT_FALSE(raw.receive()) << text;
+  }
+  const std::string id = submit();
+  FakeWorker good = connect();
+  const auto task = good.claim();
+  ASSERT_TRUE(task);
+  EXPECT_TRUE(good.complete(*task, "fine"));
+  EXPECT_EQ(wait_end(id).state, JobState::kDone);
+}
+
+TEST_F(TaskServerTest, connected_workers_and_their_tasks_are_shown) {
+  EXPECT_EQ(service_->ready().error().code, ErrorCode::kDeviceUnavailable);
+  const std::string id = submit();
+  FakeWorker worker = connect("egl:0");
+  ASSERT_TRUE(worker.claim());
+  const auto workers = service_->workers();
+  ASSERT_EQ(workers.size(), 1u);
+  EXPECT_EQ(workers[0].device, "egl:0");
+  EXPECT_EQ(workers[0].renderer, "fake renderer");
+  EXPECT_EQ(workers[0].pid, ::getpid());
+  EXPECT_TRUE(workers[0].connected);
+  EXPECT_EQ(workers[0].task, id);
+  EXPECT_TRUE(service_->ready()) << service_->ready().error().message();
+  service_->drain();
+  EXPECT_EQ(service_->ready().error().code, ErrorCode::kShuttingDown);
+}
+
+TEST_F(TaskServerTest, a_device_that_cannot_be_opened_is_named_in_ready) {
+  auto fd = connect_unix(socket());
+  ASSERT_TRUE(fd);
+  FrameSocket raw(*std::move(fd), kTaskFrameBytesMax);
+  WorkerHello hello;
+  hello.pid = 1;
+  hello.device = "egl:7";
+  hello.device_json = "{}";
+  ASSERT_TRUE(raw.send(to_json_message(hello).dump()));
+  ASSERT_TRUE(raw.receive());
+  const Error error{ErrorCode::kDeviceUnavailable, "egl:7: no such EGL device", "", ""};
+  ASSERT_TRUE(raw.send(to_json_message(TaskFailure{"", 0, error}).dump()));
+  ASSERT_TRUE(raw.receive());
+  EXPECT_EQ(service_->ready().error().detail,
+            "no worker is connected: egl:7: egl:7: no such EGL device");
+  EXPECT_EQ(service_->workers()[0].last_error, "egl:7: no such EGL device");
+}
+
+TEST_F(TaskServerTest, a_draining_service_takes_no_new_jobs) {
+  JobRequest request;
+  request.asset = put_asset("mesh");
+  service_->drain();
+  EXPECT_EQ(service_->submit(request, {}).error().code, ErrorCode::kShuttingDown);
+}
+
+TEST_F(TaskServerTest, a_stopping_service_puts_running_tasks_back_uncounted) {
+  const std::string id = submit();
+  FakeWorker worker = connect();
+  ASSERT_TRUE(worker.claim());
+  start();
+  const JobStatus status = service_->get(id).value();
+  EXPECT_EQ(status.state, JobState::kQueued);
+  EXPECT_EQ(status.attempt, 0);
+}
+
+}  // namespace
+}  // namespace voxeld
