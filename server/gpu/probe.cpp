@@ -164,14 +164,14 @@ ProbeOutcome probe_one(const std::string& self_executable, const DeviceId& devic
       run_child({self_executable, "probe-device", "--device", device_name(device)}, timeout);
   const json object = parse_answer(answer.text);
   if (!object.is_object()) {
-    outcome.probe.reason = answer.failure.empty() ? "the probe gave no answer"
-                                                  : device_name(device) + ": " + answer.failure;
+    outcome.probe.reason = device_name(device) + ": " +
+                           (answer.failure.empty() ? "the probe gave no answer" : answer.failure);
     return outcome;
   }
   try {
     outcome.egl_device_count = object.value("egl_device_count", -1);
     outcome.probe.works = object.value("works", false) && answer.failure.empty();
-    outcome.probe.reason = object.value("reason", answer.failure);
+    outcome.probe.reason = object.value("reason", "");
     outcome.probe.context_ms = object.value("context_ms", 0.0);
     if (outcome.probe.works) outcome.probe.info = info_from_json(device, object.at("info"));
   } catch (const json::exception& error) {

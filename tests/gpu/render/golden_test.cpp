@@ -1,0 +1,149 @@
+// Small pictures against stored ones. VOXELD_UPDATE_GOLDEN=1 renews them (look at each before it is
+// committed); on failure the actual and the difference are kept in the build folder.
+#include <OpenImageIO/imageio.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "server/render/render.h"
+#include "tests/gpu/context/test_device.h"
+#include "tests/gpu/render/test_grids.h"
+
+namespace voxeld {
+namespace {
+
+// Levels of 255. One of the four samples of a pixel at an edge may fall on the other side of it on
+// another driver: a quarter of full contrast, more in sRGB's dark part.
+constexpr int kLevelMax = 96;
+// Levels, over all pixels and channels: allows 30 such pixels of 4096; a light or a colour that is
+// off by 1% of full brightness exceeds it. Mesa's three software drivers give 0.
+constexpr double kMeanMax = 0.3;
+
+const std::filesystem::path kGoldenDir = VOXELD_GOLDEN_DIR;
+const std::filesystem::path kOutDir = VOXELD_GOLDEN_OUT;
+
+std::optional<Picture> read_picture(const std::filesystem::path& path) {
+  const auto input = OIIO::ImageInput::open(path.string());
+  if (input == nullptr) return std::nullopt;
+  Picture picture;
+  picture.width = input->spec().width;
+  picture.height = input->spec().height;
+  picture.rgba.resize(size_t{4} * picture.width * picture.height);
+  // Straight alpha must come back as it was stored.
+  OIIO::ImageSpec config;
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  const auto straight = OIIO::ImageInput::open(path.string(), &config);
+  if (!straight->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, picture.rgba.data())) {
+    return std::nullopt;
+  }
+  return picture;
+}
+
+void write_picture(const std::filesystem::path& path, const Picture& picture) {
+  std::filesystem::create_directories(path.parent_path());
+  const auto png = encode_png(picture);
+  ASSERT_TRUE(png.ok()) << png.error().message();
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(png->data()), static_cast<std::streamsize>(png->size()));
+}
+
+void expect_golden(const std::string& name, const Picture& actual) {
+  const std::filesystem::path golden_path = kGoldenDir / (name + ".png");
+  const char* update = std::getenv("VOXELD_UPDATE_GOLDEN");
+  if (update != nullptr && std::string_view(update) == "1") {
+    write_picture(golden_path, actual);
+    return;
+  }
+  const auto golden = read_picture(golden_path);
+  ASSERT_TRUE(golden.has_value()) << golden_path;
+  ASSERT_EQ(golden->width, actual.width);
+  ASSERT_EQ(golden->height, actual.height);
+  Picture difference = actual;
+  int level_max = 0;
+  double sum = 0;
+  for (size_t i = 0; i < actual.rgba.size(); ++i) {
+    const int level = std::abs(actual.rgba[i] - golden->rgba[i]);
+    level_max = std::max(level_max, level);
+    sum += level;
+    difference.rgba[i] = i % 4 == 3 ? 255 : static_cast<uint8_t>(std::min(255, 8 * level));
+  }
+  const double mean = sum / static_cast<double>(actual.rgba.size());
+  if (level_max <= kLevelMax && mean <= kMeanMax) return;
+  const std::string device = gpu::device_name(gpu::test_context().info().device);
+  const auto kept = kOutDir / (name + "." + device + ".actual.png");
+  write_picture(kept, actual);
+  write_picture(kOutDir / (name + "." + device + ".difference.png"), difference);
+  ADD_FAILURE() << name << ": max " << level_max << " (limit " << kLevelMax << "), mean " << mean
+                << " (limit " << kMeanMax << "), see " << kept;
+}
+
+struct GoldenCase {
+  const char* name;
+  Grid (*grid)();
+  void (*adjust)(RenderOptions&);
+};
+
+Grid colored_sphere() {
+  return sphere_grid(24, true, false);
+}
+Grid smooth_sphere() {
+  return sphere_grid(24, true, true);
+}
+Grid plain_sphere() {
+  return sphere_grid(48, false, false);
+}
+Grid few_voxels() {
+  GridSpec spec;
+  spec.dims = {3, 3, 3};
+  spec.voxel_size = {1.0, 0.5, 2.0};
+  return make_test_grid(spec, true, false, [](const glm::ivec3& c) -> std::optional<TestVoxel> {
+    if ((c.x + c.y + c.z) % 2 != 0) return std::nullopt;
+    const auto level = [](int i) { return static_cast<uint8_t>(60 + 90 * i); };
+    return TestVoxel{{level(c.x), level(c.y), level(c.z), 255}, {}};
+  });
+}
+
+const GoldenCase kCases[] = {
+    {"flat_colored_sphere", colored_sphere, [](RenderOptions& o) { o.light = Light::kFlat; }},
+    {"phong_estimated_normals", plain_sphere, [](RenderOptions&) {}},
+    {"phong_stored_normals", smooth_sphere, [](RenderOptions& o) { o.azimuth_deg = 200; }},
+    {"orthographic_transparent", few_voxels,
+     [](RenderOptions& o) {
+       o.projection = Projection::kOrthographic;
+       o.background = {0, 0, 0, 0};
+     }},
+    {"section_of_a_sphere", colored_sphere,
+     [](RenderOptions& o) {
+       o.section = {0.2, 0.1, 1.0, -0.2};
+     }},
+    {"wide_and_zoomed_from_below", few_voxels,
+     [](RenderOptions& o) {
+       o.width = 96;
+       o.height = 48;
+       o.elevation_deg = -35;
+       o.zoom = 1.6;
+       o.background = {30, 60, 90, 255};
+     }},
+};
+
+class Golden : public ::testing::TestWithParam<GoldenCase> {};
+
+TEST_P(Golden, picture_is_as_it_was) {
+  static gpu::ShaderLibrary shaders(gpu::test_context());
+  Renderer renderer(gpu::test_context(), shaders);
+  ASSERT_TRUE(renderer.set_grid(GetParam().grid()).ok());
+  RenderOptions options;
+  options.width = options.height = 64;
+  GetParam().adjust(options);
+  const auto picture = renderer.render(options, {});
+  ASSERT_TRUE(picture.ok()) << picture.error().message();
+  expect_golden(GetParam().name, *picture);
+}
+
+INSTANTIATE_TEST_SUITE_P(Pictures, Golden, ::testing::ValuesIn(kCases),
+                         [](const auto& one) { return std::string(one.param.name); });
+
+}  // namespace
+}  // namespace voxeld

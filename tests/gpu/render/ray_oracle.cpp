@@ -1,0 +1,113 @@
+#include "tests/gpu/render/ray_oracle.h"
+
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <limits>
+
+namespace voxeld {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// [enter, leave] of the ray in the box; empty when enter > leave.
+struct Interval {
+  double enter = -kInfinity, leave = kInfinity;
+  int enter_axis = -1;
+};
+
+Interval slab(const OracleRay& ray, const glm::dvec3& low, const glm::dvec3& high) {
+  Interval result;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (std::abs(ray.direction[axis]) < 1e-12 * glm::length(ray.direction)) {
+      if (ray.origin[axis] < low[axis] || ray.origin[axis] >= high[axis]) result.enter = kInfinity;
+      continue;
+    }
+    double first = (low[axis] - ray.origin[axis]) / ray.direction[axis];
+    double last = (high[axis] - ray.origin[axis]) / ray.direction[axis];
+    if (first > last) std::swap(first, last);
+    if (first > result.enter) {
+      result.enter = first;
+      result.enter_axis = axis;
+    }
+    result.leave = std::min(result.leave, last);
+  }
+  return result;
+}
+
+}  // namespace
+
+OracleRay oracle_ray(const RenderOptions& options, const glm::dmat4& clip_from_world,
+                     const GridSpec& spec, int x, int y) {
+  const glm::dmat4 world_from_clip = glm::inverse(clip_from_world);
+  const double clip_x = (x + 0.5) / options.width * 2.0 - 1.0;
+  const double clip_y = 1.0 - (y + 0.5) / options.height * 2.0;
+  const auto grid_at = [&](double z) {
+    const glm::dvec4 world = world_from_clip * glm::dvec4(clip_x, clip_y, z, 1.0);
+    return spec.grid_from_world(glm::dvec3(world) / world.w);
+  };
+  OracleRay ray;
+  ray.origin = grid_at(-1.0);
+  ray.direction = grid_at(1.0) - ray.origin;
+  if (options.section) {
+    const auto& s = *options.section;
+    const auto side = [&](double t) {
+      const glm::dvec3 p = spec.world_from_grid(ray.origin + t * ray.direction);
+      return s[0] * p.x + s[1] * p.y + s[2] * p.z + s[3];
+    };
+    const double at_0 = side(0.0), at_1 = side(1.0);
+    const double crossing = at_0 / (at_0 - at_1);
+    if (at_0 > 0.0) ray.t_min = at_1 < 0.0 ? crossing : kInfinity;
+    if (at_0 <= 0.0 && at_1 > 0.0) ray.t_max = crossing;
+  }
+  return ray;
+}
+
+OracleGrid::OracleGrid(const Grid& grid) : dims_(grid.spec.dims) {
+  cells_.resize(static_cast<size_t>(grid.spec.cell_count()));
+  for (const SparseTile& tile : grid.tiles) {
+    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+      cells_[static_cast<size_t>(x + dims_.x * (y + dims_.y * z))] = true;
+    });
+  }
+}
+
+bool OracleGrid::occupied(const glm::ivec3& cell) const {
+  return cells_[static_cast<size_t>(cell.x + dims_.x * (cell.y + dims_.y * cell.z))];
+}
+
+Hit OracleGrid::march(const OracleRay& ray) const {
+  const Interval box = slab(ray, glm::dvec3(0.0), glm::dvec3(dims_));
+  const double start = std::max(ray.t_min, box.enter);
+  if (!(start <= box.leave) || start > ray.t_max) return {};
+  const glm::dvec3 size = glm::abs(ray.direction);
+  int axis = size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
+  glm::ivec3 cell(glm::floor(ray.origin + start * ray.direction));
+  cell = glm::clamp(cell, glm::ivec3(0), dims_ - 1);
+  if (box.enter >= ray.t_min) axis = box.enter_axis;
+  while (!occupied(cell)) {
+    double next = kInfinity;
+    for (int i = 0; i < 3; ++i) {
+      if (size[i] < 1e-12 * glm::length(ray.direction)) continue;
+      const double plane = cell[i] + (ray.direction[i] > 0 ? 1 : 0);
+      const double t = (plane - ray.origin[i]) / ray.direction[i];
+      if (t < next) {
+        next = t;
+        axis = i;
+      }
+    }
+    if (next > ray.t_max) return {};
+    cell[axis] += ray.direction[axis] > 0 ? 1 : -1;
+    if (cell[axis] < 0 || cell[axis] >= dims_[axis]) return {};
+  }
+  return {cell, 2 * axis + (ray.direction[axis] > 0 ? 0 : 1)};
+}
+
+double chord(const OracleRay& ray, const glm::ivec3& cell, double margin) {
+  const Interval inside = slab(ray, glm::dvec3(cell) - margin, glm::dvec3(cell) + 1.0 + margin);
+  const double enter = std::max(inside.enter, ray.t_min);
+  const double leave = std::min(inside.leave, ray.t_max);
+  return (leave - enter) * glm::length(ray.direction);
+}
+
+}  // namespace voxeld

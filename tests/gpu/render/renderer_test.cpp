@@ -1,0 +1,220 @@
+// What Renderer promises besides hits: blocks and cancelling, backgrounds, errors, big grids.
+#include "server/render/render.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "server/gpu/objects.h"
+#include "shaders/shared/raymarch.h"
+#include "tests/gpu/context/test_device.h"
+#include "tests/gpu/render/test_grids.h"
+
+namespace voxeld {
+namespace {
+
+using ::testing::Each;
+using ::testing::ElementsAre;
+
+gpu::ShaderLibrary& shaders() {
+  static gpu::ShaderLibrary one(gpu::test_context());
+  return one;
+}
+
+RenderOptions small_options() {
+  RenderOptions options;
+  options.width = options.height = 32;
+  return options;
+}
+
+std::array<uint8_t, 4> pixel(const Picture& picture, int x, int y) {
+  const size_t i = size_t{4} * static_cast<size_t>(y * picture.width + x);
+  return {picture.rgba[i], picture.rgba[i + 1], picture.rgba[i + 2], picture.rgba[i + 3]};
+}
+
+TEST(Renderer, an_empty_grid_gives_the_background_alone) {
+  Renderer renderer(gpu::test_context(), shaders());
+  RenderOptions options = small_options();
+  options.background = {10, 200, 30, 255};
+  const auto before = renderer.render(options, {});
+  ASSERT_TRUE(before.ok()) << before.error().message();
+  EXPECT_THAT(pixel(*before, 16, 16), ElementsAre(10, 200, 30, 255));
+  Grid grid;
+  grid.spec.dims = {100, 3, 50};
+  ASSERT_TRUE(renderer.set_grid(grid).ok());
+  options.background = {0, 0, 0, 0};
+  const auto picture = renderer.render(options, {});
+  ASSERT_TRUE(picture.ok()) << picture.error().message();
+  EXPECT_THAT(picture->rgba, Each(0));
+}
+
+TEST(Renderer, half_transparent_backgrounds_keep_their_colour_and_alpha) {
+  Renderer renderer(gpu::test_context(), shaders());
+  ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
+  RenderOptions options = small_options();
+  options.background = {200, 100, 50, 128};
+  const auto picture = renderer.render(options, {});
+  ASSERT_TRUE(picture.ok());
+  EXPECT_THAT(pixel(*picture, 0, 0), ElementsAre(200, 100, 50, 128));
+  EXPECT_EQ(pixel(*picture, 16, 16)[3], 255);
+}
+
+TEST(Renderer, colours_come_out_as_they_are_stored_where_the_light_is_full) {
+  GridSpec spec;
+  spec.dims = {4, 1, 4};
+  Renderer renderer(gpu::test_context(), shaders());
+  ASSERT_TRUE(renderer
+                  .set_grid(make_test_grid(spec, true, false,
+                                           [](const glm::ivec3& c) {
+                                             const auto r = static_cast<uint8_t>(60 * c.x);
+                                             const auto b = static_cast<uint8_t>(60 * c.z);
+                                             return TestVoxel{{r, 128, b, 255}, {}};
+                                           }))
+                  .ok());
+  RenderOptions options = small_options();
+  options.light = Light::kFlat;  // tops are drawn at full brightness
+  // From above, x to the right, z down.
+  options.matrix = {0.5, 0, 0, -1, 0, 0, -0.5, 1, 0, -0.1, 0, 0, 0, 0, 0, 1};
+  const auto picture = renderer.render(options, {});
+  ASSERT_TRUE(picture.ok());
+  for (int z = 0; z < 4; ++z) {
+    for (int x = 0; x < 4; ++x) {
+      const auto got = pixel(*picture, 8 * x + 4, 8 * z + 4);
+      // One level: linear light in between rounds.
+      EXPECT_NEAR(got[0], 60 * x, 1);
+      EXPECT_NEAR(got[1], 128, 1);
+      EXPECT_NEAR(got[2], 60 * z, 1);
+    }
+  }
+}
+
+TEST(Renderer, the_cut_face_shows_the_voxel_that_the_plane_passes) {
+  GridSpec spec;
+  spec.dims = {8, 8, 8};
+  Renderer renderer(gpu::test_context(), shaders());
+  const auto block = [](const glm::ivec3& c) {
+    return TestVoxel{{0, static_cast<uint8_t>(30 * c.z), 255, 255}, {}};
+  };
+  ASSERT_TRUE(renderer.set_grid(make_test_grid(spec, true, false, block)).ok());
+  RenderOptions options = small_options();
+  options.azimuth_deg = options.elevation_deg = 0;
+  options.light = Light::kFlat;
+  options.section = {0, 0, 1, -3.5};
+  const auto hits = renderer.render_hits(options);
+  ASSERT_TRUE(hits.ok());
+  const Hit middle = (*hits)[16 * 32 + 16];
+  EXPECT_EQ(middle.cell.z, 3);
+  EXPECT_EQ(middle.face, 5);
+  const auto picture = renderer.render(options, {});
+  ASSERT_TRUE(picture.ok());
+  // +z faces are drawn at 0.64 of full brightness: sRGB 90 becomes 72, 255 becomes 210.
+  const auto got = pixel(*picture, 16, 16);
+  EXPECT_NEAR(got[1], 72, 2);
+  EXPECT_NEAR(got[2], 210, 2);
+}
+
+TEST(Renderer, pictures_are_drawn_in_blocks_and_can_be_cancelled_between_them) {
+  Renderer renderer(gpu::test_context(), shaders());
+  ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
+  RenderOptions options;
+  options.width = 1025;
+  options.height = 600;
+  std::vector<int64_t> done;
+  const auto whole = renderer.render(options, [&](int64_t blocks_done, int64_t blocks_total) {
+    EXPECT_EQ(blocks_total, 6);
+    done.push_back(blocks_done);
+    return true;
+  });
+  ASSERT_TRUE(whole.ok()) << whole.error().message();
+  EXPECT_THAT(done, ElementsAre(1, 2, 3, 4, 5, 6));
+  const auto cancelled =
+      renderer.render(options, [](int64_t blocks_done, int64_t) { return blocks_done < 2; });
+  ASSERT_FALSE(cancelled.ok());
+  EXPECT_EQ(cancelled.error().code, ErrorCode::kCancelled);
+  // The seams between blocks do not show.
+  const auto again = renderer.render(options, {});
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(again->rgba, whole->rgba);
+}
+
+TEST(Renderer, a_singular_matrix_is_an_invalid_option) {
+  Renderer renderer(gpu::test_context(), shaders());
+  RenderOptions options = small_options();
+  options.matrix.emplace();
+  const auto picture = renderer.render(options, {});
+  ASSERT_FALSE(picture.ok());
+  EXPECT_EQ(picture.error().code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(picture.error().message(),
+            "matrix cannot be inverted: expected an invertible clip_from_world of moderate "
+            "numbers, got a singular matrix");
+}
+
+TEST(Renderer, a_grid_of_1024_cells_a_side_renders) {
+  GridSpec spec;
+  spec.dims = glm::ivec3(1024);
+  // A plate and a column: millions of voxels without a test of a billion cells.
+  const auto at = [](const glm::ivec3& c) {
+    const bool on = c.y == 5 || (c.x / 8 == 64 && c.z / 8 == 64 && c.y < 1000);
+    return on ? std::optional(TestVoxel{{255, 255, 255, 255}, {}}) : std::nullopt;
+  };
+  Grid grid;
+  grid.spec = spec;
+  grid.has_color = true;
+  for (int x = 0; x < 4; ++x) {
+    for (int z = 0; z < 4; ++z) {
+      GridSpec layer;  // the lowest eight cells of one column of tiles
+      layer.dims = {256, 8, 256};
+      Grid part = make_test_grid(layer, true, false, [&](const glm::ivec3& c) {
+        return at({c.x + 256 * x, c.y, c.z + 256 * z});
+      });
+      part.tiles[0].coord = {x, 0, z};
+      grid.tiles.push_back(std::move(part.tiles[0]));
+    }
+  }
+  EXPECT_GT(grid.voxel_count(), 1'000'000u);
+  Renderer renderer(gpu::test_context(), shaders());
+  const Status uploaded = renderer.set_grid(grid);
+  ASSERT_TRUE(uploaded.ok()) << uploaded.error().message();
+  RenderOptions options = small_options();
+  options.elevation_deg = 90;
+  options.projection = Projection::kOrthographic;
+  const auto hits = renderer.render_hits(options);
+  ASSERT_TRUE(hits.ok()) << hits.error().message();
+  EXPECT_EQ((*hits)[16 * 32 + 8].cell.y, 5);
+  EXPECT_EQ((*hits)[16 * 32 + 8].face, 3);
+}
+
+TEST(RaymarchParams, lie_where_the_driver_puts_them) {
+  using shared::RaymarchParams;
+  const struct {
+    const char* name;
+    size_t offset;
+  } kMembers[] = {
+      {"params.near_0", offsetof(RaymarchParams, near_0)},
+      {"params.near_y", offsetof(RaymarchParams, near_y)},
+      {"params.far_0", offsetof(RaymarchParams, far_0)},
+      {"params.section", offsetof(RaymarchParams, section)},
+      {"params.voxel_size", offsetof(RaymarchParams, voxel_size)},
+      {"params.light_world", offsetof(RaymarchParams, light_world)},
+      {"params.background", offsetof(RaymarchParams, background)},
+      {"params.dims", offsetof(RaymarchParams, dims)},
+      {"params.brick_dims", offsetof(RaymarchParams, brick_dims)},
+      {"params.block_dims", offsetof(RaymarchParams, block_dims)},
+      {"params.picture", offsetof(RaymarchParams, picture)},
+  };
+  const auto program = shaders().get({{"raymarch.vert"}, {"raymarch.frag"}});
+  ASSERT_TRUE(program.ok()) << program.error().message();
+  const gpu::GlApi& gl = gpu::test_context().gl();
+  for (const auto& member : kMembers) {
+    const GLuint index = gl.GetProgramResourceIndex((*program)->id(), GL_UNIFORM, member.name);
+    ASSERT_NE(index, GL_INVALID_INDEX) << member.name;
+    const GLenum property = GL_OFFSET;
+    GLint offset = -1;
+    gl.GetProgramResourceiv((*program)->id(), GL_UNIFORM, index, 1, &property, 1, nullptr, &offset);
+    EXPECT_EQ(static_cast<size_t>(offset), member.offset) << member.name;
+  }
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,94 @@
+// probe_devices() against programs that answer, crash, hang and babble as drivers do.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "server/gpu/device.h"
+
+namespace voxeld::gpu {
+namespace {
+
+// A shell script that plays the part of `voxeld probe-device --device NAME`; $3 is NAME.
+class FakeProbe {
+ public:
+  explicit FakeProbe(const std::string& body) {
+    std::string pattern = (std::filesystem::temp_directory_path() / "voxeld-XXXXXX").string();
+    folder_ = ::mkdtemp(pattern.data());
+    std::ofstream(path()) << "#!/bin/sh\n" << body;
+    ::chmod(path().c_str(), 0700);
+  }
+  ~FakeProbe() { std::filesystem::remove_all(folder_); }
+  std::string path() const { return (folder_ / "probe").string(); }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+TEST(ProbeDevices, asks_for_as_many_egl_devices_as_there_are_then_the_software_drivers) {
+  const FakeProbe fake(R"(echo driver noise
+echo '{"works":true,"egl_device_count":2,"context_ms":1.5,"info":{"renderer":"'$3'"}}')");
+  const auto probes = probe_devices(fake.path());
+  ASSERT_EQ(probes.size(), 5u);
+  const char* names[] = {"egl:0", "egl:1", "llvmpipe", "lavapipe", "osmesa"};
+  for (size_t i = 0; i < 5; ++i) {
+    EXPECT_TRUE(probes[i].works) << probes[i].reason;
+    EXPECT_EQ(device_name(probes[i].device), names[i]);
+    EXPECT_EQ(probes[i].info.renderer, names[i]);
+    EXPECT_EQ(probes[i].info.device, probes[i].device);
+    EXPECT_EQ(probes[i].context_ms, 1.5);
+  }
+}
+
+TEST(ProbeDevices, a_machine_without_egl_keeps_egl_0_with_its_reason) {
+  const FakeProbe fake(R"(echo '{"works":false,"egl_device_count":0,"reason":"no libEGL"}')");
+  const auto probes = probe_devices(fake.path());
+  ASSERT_EQ(probes.size(), 4u);
+  EXPECT_FALSE(probes[0].works);
+  EXPECT_EQ(probes[0].reason, "no libEGL");
+}
+
+TEST(ProbeDevices, a_driver_that_crashes_ends_only_its_child) {
+  const FakeProbe fake(R"(case $3 in
+egl:*) echo '{"works":false,"egl_device_count":0,"reason":"none"}';;
+llvmpipe) kill -SEGV $$;;
+lavapipe) exit 7;;
+*) echo 'no json';;
+esac)");
+  const auto probes = probe_devices(fake.path());
+  ASSERT_EQ(probes.size(), 4u);
+  EXPECT_EQ(probes[1].reason, "llvmpipe: the driver crashed: Segmentation fault");
+  EXPECT_EQ(probes[2].reason, "lavapipe: the probe ended with status 7");
+  EXPECT_EQ(probes[3].reason, "osmesa: the probe gave no answer");
+}
+
+TEST(ProbeDevices, a_driver_that_crashes_after_its_answer_does_not_work) {
+  const FakeProbe fake(R"(echo '{"works":true,"egl_device_count":0,"info":{}}'; kill -ABRT $$)");
+  const auto probes = probe_devices(fake.path());
+  EXPECT_FALSE(probes[0].works);
+  EXPECT_EQ(probes[0].reason, "egl:0: the driver crashed: Aborted");
+}
+
+TEST(ProbeDevices, a_driver_that_hangs_is_killed) {
+  const FakeProbe fake("exec sleep 60");
+  const auto probes = probe_devices(fake.path(), std::chrono::milliseconds(50));
+  ASSERT_GE(probes.size(), 4u);
+  EXPECT_EQ(probes[0].reason, "egl:0: the driver did not answer within 50 ms");
+}
+
+TEST(ProbeDevices, a_program_that_cannot_be_run_is_told) {
+  const auto probes = probe_devices("/nonexistent/voxeld");
+  ASSERT_GE(probes.size(), 4u);
+  EXPECT_EQ(probes[0].reason, "egl:0: cannot run /nonexistent/voxeld: No such file or directory");
+}
+
+TEST(ProbeDevices, an_answer_of_the_wrong_types_is_not_understood) {
+  const FakeProbe fake(R"(echo '{"works":"perhaps","egl_device_count":0}')");
+  const auto probes = probe_devices(fake.path());
+  EXPECT_FALSE(probes[0].works);
+  EXPECT_NE(probes[0].reason.find("the probe's answer is not understood"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace voxeld::gpu
