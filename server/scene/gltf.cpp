@@ -1,0 +1,84 @@
+// load_gltf: the story of one glTF file. Not read, as a grid has no use for it: doubleSided,
+// alphaMode, metal and roughness, cameras, lights, and motion. Skins and morph targets stand in the
+// pose in which the file leaves them.
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "server/scene/gltf_accessor.h"
+#include "server/scene/gltf_buffers.h"
+#include "server/scene/gltf_container.h"
+#include "server/scene/gltf_document.h"
+#include "server/scene/gltf_extensions.h"
+#include "server/scene/gltf_json.h"
+#include "server/scene/gltf_nodes.h"
+#include "server/scene/gltf_primitive.h"
+#include "server/scene/gltf_textures.h"
+#include "server/scene/load.h"
+#include "server/scene/mesh_error.h"
+
+namespace voxeld {
+namespace {
+
+void warn_about_unread(std::string_view name, const nlohmann::json& json, Scene& scene) {
+  const auto used = json.find("extensionsUsed");
+  if (used != json.end()) {
+    for (const nlohmann::json& extension : *used) {
+      const auto& text = extension.get_ref<const std::string&>();
+      if (is_read_extension(text)) continue;
+      add_warning(scene, "ignored-extension",
+                  std::string(name) + ": the glTF extension " + shown(text) + " is not read");
+    }
+  }
+  const auto animations = json.find("animations");
+  if (animations != json.end() && !animations->empty()) {
+    add_warning(scene, "static-pose",
+                std::string(name) + ": animations are left out; the mesh has the file's own pose");
+  }
+}
+
+Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
+                   const LoadOptions& options) {
+  VOXELD_ASSIGN(const GltfContainer container, open_gltf_container(name, bytes));
+  VOXELD_ASSIGN(nlohmann::json json, parse_gltf_json(name, container.json));
+  VOXELD_TRY(check_gltf_version(name, json));
+  VOXELD_TRY(check_gltf_schema(name, json));
+  Scene scene;
+  scene.format = container.is_glb ? "glb" : "gltf";
+  warn_about_unread(name, json, scene);
+  VOXELD_ASSIGN(const std::vector<GltfBuffer> buffers,
+                load_gltf_buffers(name, json, container, bundle));
+  std::vector<GltfImage> images = take_gltf_images(json);
+  VOXELD_ASSIGN(const GltfDocument document, read_gltf_document(name, std::move(json)));
+  VOXELD_ASSIGN(const GltfNodes nodes, walk_gltf_nodes(name, document));
+
+  GltfAccessors accessors(name, document, buffers);
+  GltfTextures textures(name, document, std::move(images), accessors, bundle, options, scene);
+  GltfMeshes meshes(name, document, nodes, accessors, textures, scene);
+  for (const int node : nodes.shown) VOXELD_TRY(meshes.add_node(node));
+  if (meshes.skipped_primitive_count() > 0) {
+    add_warning(scene, "skipped-primitive",
+                std::string(name) + ": " + std::to_string(meshes.skipped_primitive_count()) +
+                    " primitives of points or lines were left out");
+  }
+  if (scene.triangle_count() == 0) {
+    return empty_mesh(name, meshes.skipped_primitive_count() > 0
+                                ? "the scene has points or lines alone"
+                                : "no node of the scene has a mesh with triangles");
+  }
+  return scene;
+}
+
+}  // namespace
+
+Result<Scene> load_gltf(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
+                        const LoadOptions& options) {
+  // What is left of exceptions: nlohmann's, where a check of ours has a hole.
+  try {
+    return load(name, bytes, bundle, options);
+  } catch (const nlohmann::json::exception& e) {
+    return malformed_mesh(name, "", printable(e.what()));
+  }
+}
+
+}  // namespace voxeld

@@ -1,0 +1,23 @@
+// The node tree of a glTF document: which nodes the scene shows, and where they stand.
+#pragma once
+
+#include <string_view>
+#include <vector>
+
+#include <glm/mat4x4.hpp>
+
+#include "proto/result.h"
+#include "server/scene/gltf_document.h"
+
+namespace voxeld {
+
+struct GltfNodes {
+  std::vector<glm::dmat4> world_from_node;  // of every node, for joints may stand outside the scene
+  std::vector<int> shown;                   // nodes of the scene, parents before children
+};
+
+// Errors: malformed-mesh for a node with two parents, a cycle, or a tree deeper than
+// limits::kGltfNodeDepthMax.
+Result<GltfNodes> walk_gltf_nodes(std::string_view name, const GltfDocument& document);
+
+}  // namespace voxeld

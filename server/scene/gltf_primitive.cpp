@@ -1,0 +1,178 @@
+#include "server/scene/gltf_primitive.h"
+
+#include <glm/geometric.hpp>
+#include <utility>
+
+#include "proto/limits.h"
+#include "server/scene/mesh_error.h"
+#include "server/scene/vertex_table.h"
+
+namespace voxeld {
+namespace {
+
+enum Mode { kTriangles = 4, kStrip = 5, kFan = 6 };
+
+// Gives the vertices of a file new numbers in the order of their first use. A plain array where
+// most are used; a hash table where a primitive uses few of many.
+class Renumbering {
+ public:
+  Renumbering(uint64_t vertex_count, size_t corner_count)
+      : is_dense_(vertex_count <= 8 * static_cast<uint64_t>(corner_count) + 1024) {
+    if (is_dense_) dense_.assign(vertex_count, kNone);
+  }
+  // The number of `vertex`, or `next`, which it has from then on; second: whether it is new.
+  std::pair<uint32_t, bool> number_of(uint32_t vertex, uint32_t next) {
+    if (!is_dense_) return table_.find_or_add({vertex, 0, 0, 0}, next);
+    uint32_t& number = dense_[vertex];
+    if (number != kNone) return {number, false};
+    number = next;
+    return {next, true};
+  }
+
+ private:
+  static constexpr uint32_t kNone = UINT32_MAX;
+  bool is_dense_;
+  std::vector<uint32_t> dense_;
+  VertexTable table_;
+};
+
+// Replaces normals that have no direction by that of a triangle of theirs.
+void repair_normals(MeshPart& part, size_t first_corner) {
+  for (size_t i = first_corner; i + 2 < part.indices.size() && !part.normals.empty(); i += 3) {
+    const uint32_t* corner = &part.indices[i];
+    for (int c = 0; c < 3; ++c) {
+      if (part.normals[corner[c]] != glm::vec3(0.0f)) continue;
+      const glm::dvec3& a = part.positions[corner[0]];
+      const glm::dvec3 n = glm::cross(part.positions[corner[1]] - a, part.positions[corner[2]] - a);
+      const double length = glm::length(n);
+      part.normals[corner[c]] = length > 0.0 && length <= kCoordinateAbsMax * kCoordinateAbsMax
+                                    ? glm::vec3(n / length)
+                                    : glm::vec3(0.0f, 0.0f, 1.0f);
+    }
+  }
+}
+
+}  // namespace
+
+Status GltfMeshes::add_node(int node) {
+  const int mesh = document_.nodes[static_cast<size_t>(node)].mesh;
+  if (mesh < 0) return {};
+  const GltfMesh& from = document_.meshes[static_cast<size_t>(mesh)];
+  for (size_t i = 0; i < from.primitives.size(); ++i) {
+    const int mode = from.primitives[i].mode;
+    if (mode < kTriangles) {
+      ++skipped_primitive_count_;
+      continue;
+    }
+    VOXELD_TRY(add_primitive(
+        node, from.primitives[i],
+        "meshes[" + std::to_string(mesh) + "].primitives[" + std::to_string(i) + "]"));
+  }
+  return {};
+}
+
+// A new part, or a full scene's last one with the same material and attributes.
+MeshPart& GltfMeshes::part_for(int node_index, int material, const GltfVertexSource& source) {
+  const auto layout = std::make_tuple(material, source.normal.has_value(), source.uv.has_value(),
+                                      source.color.has_value());
+  const auto found = part_of_layout_.find(layout);
+  if (scene_.parts.size() >= kScenePartsMax && found != part_of_layout_.end()) {
+    return scene_.parts[found->second];
+  }
+  const GltfNode& node = document_.nodes[static_cast<size_t>(node_index)];
+  MeshPart part;
+  part.name = node.name.empty() ? document_.meshes[static_cast<size_t>(node.mesh)].name : node.name;
+  part.material = material;
+  part_of_layout_[layout] = scene_.parts.size();
+  return scene_.parts.emplace_back(std::move(part));
+}
+
+Status GltfMeshes::add_primitive(int node, const GltfPrimitive& primitive,
+                                 const std::string& path) {
+  VOXELD_ASSIGN(const GltfVertexSource source, vertices_.open(node, primitive, path));
+  VOXELD_ASSIGN(std::vector<uint32_t> corners,
+                triangles_of(primitive, path, source.position.count()));
+  if (corners.empty()) return {};
+  VOXELD_ASSIGN(const bool is_mirrored, vertices_.is_mirrored(source, corners[0]));
+  const int material = textures_.use_material(primitive.material);
+  MeshPart& part = part_for(node, material, source);
+  if (material >= 0 && scene_.materials[static_cast<size_t>(material)].image >= 0 && !source.uv) {
+    add_warning(scene_, "no-texture-coordinates",
+                std::string(name_) + " " + path + ": has no coordinates for its texture");
+  }
+  const size_t first_corner = part.indices.size();
+  Renumbering renumbering(source.position.count(), corners.size());
+  part.indices.reserve(first_corner + corners.size());
+  for (const uint32_t corner : corners) {
+    const auto next = static_cast<uint32_t>(part.positions.size());
+    const auto [number, is_new] = renumbering.number_of(corner, next);
+    part.indices.push_back(number);
+    if (!is_new) continue;
+    if (++vertex_count_ > limits::kVerticesMax) {
+      return over_limit(name_, path, "vertices of the scene", limits::kVerticesMax, vertex_count_);
+    }
+    VOXELD_TRY(vertices_.append(source, corner, part));
+  }
+  for (size_t i = first_corner; i + 2 < part.indices.size() && is_mirrored; i += 3) {
+    std::swap(part.indices[i + 1], part.indices[i + 2]);
+  }
+  repair_normals(part, first_corner);
+  return {};
+}
+
+Result<uint64_t> GltfMeshes::count_triangles(int mode, uint64_t corner_count,
+                                             const std::string& path) {
+  if (mode > kFan) {
+    return malformed_mesh(name_, path + ".mode", "unknown mode", "0 to 6", std::to_string(mode));
+  }
+  if (mode == kTriangles && corner_count % 3 != 0) {
+    return malformed_mesh(name_, path, "corners of triangles", "a multiple of 3",
+                          std::to_string(corner_count));
+  }
+  const uint64_t count =
+      mode == kTriangles ? corner_count / 3 : (corner_count < 3 ? 0 : corner_count - 2);
+  triangle_count_ += static_cast<int64_t>(count);
+  if (triangle_count_ > limits::kTrianglesMax) {
+    return over_limit(name_, path, "triangles of the scene", limits::kTrianglesMax,
+                      triangle_count_);
+  }
+  return count;
+}
+
+Result<std::vector<uint32_t>> GltfMeshes::triangles_of(const GltfPrimitive& primitive,
+                                                       const std::string& path,
+                                                       uint64_t vertex_count) {
+  std::optional<GltfReader> indices;
+  if (primitive.indices >= 0) {
+    VOXELD_ASSIGN(indices,
+                  accessors_.open(primitive.indices, {"indices", 1, 1, GltfExpected::kUnsigned}));
+  }
+  const uint64_t corner_count = indices ? indices->count() : vertex_count;
+  VOXELD_ASSIGN(const uint64_t count, count_triangles(primitive.mode, corner_count, path));
+  std::vector<uint32_t> corners;
+  corners.reserve(3 * count);
+  const auto add = [&](uint64_t a, uint64_t b, uint64_t c) {
+    const auto at = [&](uint64_t k) {
+      return indices ? indices->index(k) : static_cast<uint32_t>(k);
+    };
+    const uint32_t triangle[3] = {at(a), at(b), at(c)};
+    // Strips repeat corners to turn or to jump.
+    const bool is_bridge =
+        primitive.mode == kStrip &&
+        (triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0]);
+    if (!is_bridge) corners.insert(corners.end(), triangle, triangle + 3);
+  };
+  for (uint64_t i = 0; i < count; ++i) {  // glTF 2.0, 3.7.2.1
+    if (primitive.mode == kTriangles) add(3 * i, 3 * i + 1, 3 * i + 2);
+    if (primitive.mode == kStrip) add(i, i + 1 + i % 2, i + 2 - i % 2);
+    if (primitive.mode == kFan) add(i + 1, i + 2, 0);
+  }
+  for (const uint32_t corner : corners) {
+    if (corner < vertex_count) continue;
+    return malformed_mesh(name_, path + ".indices", "index out of range",
+                          "less than " + std::to_string(vertex_count), std::to_string(corner));
+  }
+  return corners;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,61 @@
+// Triangles of glTF primitives into mesh parts, in world space.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <vector>
+
+#include <glm/mat4x4.hpp>
+
+#include "proto/result.h"
+#include "server/scene/gltf_accessor.h"
+#include "server/scene/gltf_document.h"
+#include "server/scene/gltf_nodes.h"
+#include "server/scene/gltf_textures.h"
+#include "server/scene/gltf_vertex.h"
+#include "server/scene/scene.h"
+
+namespace voxeld {
+
+// Adds the meshes of nodes to a scene. Vertices that no triangle uses are left out: files share one
+// vertex array among many primitives.
+class GltfMeshes {
+ public:
+  GltfMeshes(std::string_view name, const GltfDocument& document, const GltfNodes& nodes,
+             GltfAccessors& accessors, GltfTextures& textures, Scene& scene)
+      : name_(name),
+        document_(document),
+        accessors_(accessors),
+        textures_(textures),
+        vertices_(name, document, nodes, accessors),
+        scene_(scene) {}
+
+  // The mesh of a node, if it has one. Errors: malformed-mesh.
+  Status add_node(int node);
+  // Primitives of points and lines, which have no surface.
+  int64_t skipped_primitive_count() const { return skipped_primitive_count_; }
+
+ private:
+  Status add_primitive(int node, const GltfPrimitive& primitive, const std::string& path);
+  // Vertex numbers of the file, 3 per triangle.
+  Result<std::vector<uint32_t>> triangles_of(const GltfPrimitive& primitive,
+                                             const std::string& path, uint64_t vertex_count);
+  Result<uint64_t> count_triangles(int mode, uint64_t corner_count, const std::string& path);
+  MeshPart& part_for(int node, int material, const GltfVertexSource& source);
+
+  std::string_view name_;
+  const GltfDocument& document_;
+  GltfAccessors& accessors_;
+  GltfTextures& textures_;
+  GltfVertices vertices_;
+  Scene& scene_;
+  int64_t skipped_primitive_count_ = 0;
+  int64_t triangle_count_ = 0, vertex_count_ = 0;
+  // Material and which attributes there are, to the last part with them.
+  std::map<std::tuple<int, bool, bool, bool>, size_t> part_of_layout_;
+};
+
+}  // namespace voxeld

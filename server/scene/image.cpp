@@ -1,0 +1,147 @@
+#include "server/scene/image.h"
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "server/scene/image_tga.h"
+#include "server/scene/mesh_error.h"
+#include "server/scene/text_cursor.h"
+
+namespace voxeld {
+namespace {
+
+// One reader of OpenImageIO per format, found by the first bytes. The many others that Debian links
+// (ffmpeg, libraw, DICOM, …) are never offered a file.
+struct ImageFormat {
+  std::string_view magic;
+  size_t magic_at;
+  const char* file_name;  // tells OpenImageIO the reader; no such file is opened
+};
+
+constexpr ImageFormat kFormats[] = {
+    {"\x89PNG\r\n\x1a\n", 0, "image.png"},
+    {"\xff\xd8\xff", 0, "image.jpg"},
+    {"BM", 0, "image.bmp"},
+    {"DDS ", 0, "image.dds"},
+    {"WEBP", 8, "image.webp"},
+    {"#?", 0, "image.hdr"},
+    {std::string_view("II*\0", 4), 0, "image.tif"},
+    {std::string_view("MM\0*", 4), 0, "image.tif"},
+    {"GIF8", 0, "image.gif"},
+};
+
+const ImageFormat* format_of(std::span<const uint8_t> bytes) {
+  const std::string_view text = as_text(bytes);
+  for (const ImageFormat& format : kFormats) {
+    if (text.size() > format.magic_at && text.substr(format.magic_at).starts_with(format.magic)) {
+      return &format;
+    }
+  }
+  return nullptr;
+}
+
+Error malformed(std::string_view name, std::string what) {
+  std::replace(what.begin(), what.end(), '\n', ' ');
+  for (char& c : what) {
+    if (c < 0x20 || c > 0x7e) c = '?';  // the libraries quote the file
+  }
+  return {ErrorCode::kMalformedImage, std::string(name) + ": " + what.substr(0, 200), "", ""};
+}
+
+uint8_t srgb_byte(float linear) {
+  if (!(linear > 0.0f)) return 0;
+  const float c = std::min(linear, 1.0f);
+  const float encoded = c <= 0.0031308f ? 12.92f * c : 1.055f * std::pow(c, 1 / 2.4f) - 0.055f;
+  return static_cast<uint8_t>(std::lround(255.0f * encoded));
+}
+
+// One row of 1 to 4 channels: grey, grey and alpha, RGB, RGBA.
+void expand_row(const uint8_t* from, int channel_count, int width, uint8_t* to) {
+  for (int x = 0; x < width; ++x, from += channel_count, to += 4) {
+    const bool is_grey = channel_count < 3;
+    to[0] = from[0];
+    to[1] = from[is_grey ? 0 : 1];
+    to[2] = from[is_grey ? 0 : 2];
+    to[3] = channel_count % 2 == 0 ? from[channel_count - 1] : uint8_t{255};
+  }
+}
+
+// Radiance pictures are linear and have no upper end: clamped to 1, then encoded as sRGB.
+bool read_linear(OIIO::ImageInput& input, int channel_count, Image& image) {
+  std::vector<float> row(static_cast<size_t>(image.width) * channel_count);
+  std::vector<uint8_t> bytes(row.size());
+  for (int y = 0; y < image.height; ++y) {
+    if (!input.read_scanline(y + input.spec().y, 0, OIIO::TypeFloat, row.data())) return false;
+    std::transform(row.begin(), row.end(), bytes.begin(), srgb_byte);
+    expand_row(bytes.data(), channel_count, image.width,
+               &image.rgba[4 * static_cast<size_t>(y) * image.width]);
+  }
+  return true;
+}
+
+// Decodes in place: the rows of fewer channels stand at the end of the pixels and are expanded from
+// the front, which never overtakes them.
+bool read_bytes(OIIO::ImageInput& input, int channel_count, Image& image) {
+  const size_t row_bytes = static_cast<size_t>(image.width) * channel_count;
+  uint8_t* packed = image.rgba.data() + image.rgba.size() - row_bytes * image.height;
+  if (!input.read_image(0, 0, 0, channel_count, OIIO::TypeUInt8, packed)) return false;
+  std::vector<uint8_t> row(row_bytes);
+  for (int y = 0; y < image.height; ++y) {
+    std::copy_n(packed + row_bytes * y, row_bytes, row.data());
+    expand_row(row.data(), channel_count, image.width,
+               &image.rgba[4 * static_cast<size_t>(y) * image.width]);
+  }
+  return true;
+}
+
+Result<Image> decode(std::string_view name, const ImageFormat& format,
+                     std::span<const uint8_t> bytes) {
+  static const bool is_set = OIIO::attribute("try_all_readers", 0);
+  (void)is_set;
+  OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
+  OIIO::ImageSpec config;
+  config["oiio:UnassociatedAlpha"] = 1;
+  const auto input = OIIO::ImageInput::open(format.file_name, &config, &memory);
+  if (!input) return malformed(name, OIIO::geterror());
+  input->threads(1);  // else it makes a pool of its own
+  const OIIO::ImageSpec& spec = input->spec();
+  VOXELD_TRY(check_image_size(name, spec.width, spec.height));
+  if (spec.depth > 1 || spec.nchannels < 1 || spec.nchannels > 4) {
+    return Error{ErrorCode::kMalformedImage, std::string(name) + ": channels of the image",
+                 "1 to 4", std::to_string(spec.nchannels)};
+  }
+  Image image{.name = std::string(name), .width = spec.width, .height = spec.height, .rgba = {}};
+  image.rgba.resize(4 * static_cast<size_t>(spec.width) * spec.height);
+  const int channel_count = spec.nchannels;
+  const bool is_linear = std::string_view(format.file_name) == "image.hdr";
+  const bool ok = is_linear ? read_linear(*input, channel_count, image)
+                            : read_bytes(*input, channel_count, image);
+  if (!ok) return malformed(name, input->geterror());
+  return image;
+}
+
+}  // namespace
+
+Result<Image> decode_image(std::string_view name, std::span<const uint8_t> bytes) {
+  const ImageFormat* format = format_of(bytes);
+  if (!format) {
+    if (looks_like_tga(bytes)) return decode_tga(name, bytes);
+    return Error{
+        ErrorCode::kUnsupportedMedia, std::string(name) + ": not an image that voxeld reads",
+        "PNG, JPEG, TGA, BMP, DDS, WebP, HDR, TIFF or GIF", shown(as_text(bytes).substr(0, 8))};
+  }
+  try {
+    return decode(name, *format, bytes);
+  } catch (const std::exception& e) {
+    return malformed(name, e.what());
+  }
+}
+
+}  // namespace voxeld

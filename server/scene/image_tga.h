@@ -1,0 +1,25 @@
+// Truevision TGA, read by ourselves: it is what MD5 models come with, and the reader of Debian 12's
+// OpenImageIO has memory errors that were never fixed there (CVE-2023-22845, CVE-2023-24473).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "proto/result.h"
+#include "server/scene/scene.h"
+
+namespace voxeld {
+
+// Whether the first 18 bytes can be a TGA header; the format has no magic number.
+bool looks_like_tga(std::span<const uint8_t> bytes);
+
+// Types 1, 2, 3 and their run-length forms 9, 10, 11; 8, 15, 16, 24 and 32 bits; any origin. Errors:
+// malformed-image with the byte, payload-too-large over limits::kImagePixelsMax.
+Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes);
+
+// payload-too-large over limits::kImagePixelsMax and kImageSideMax, malformed-image for empty
+// images. For every reader, before it allocates pixels.
+Status check_image_size(std::string_view name, int64_t width, int64_t height);
+
+}  // namespace voxeld
