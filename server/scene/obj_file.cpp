@@ -67,6 +67,8 @@ class ObjReader {
     return joined_;
   }
 
+  std::string where() const { return "line " + std::to_string(statement_line_); }
+
   Error malformed(std::string_view what, std::string expected, std::string got) const {
     return malformed_line(name_, statement_line_, what, std::move(expected), std::move(got));
   }
@@ -109,7 +111,7 @@ class ObjReader {
     size_t count = 0;
     while (count < values.size()) {
       const std::string_view word = line.token();
-      if (word.empty()) break;
+      if (word.empty() || word[0] == '#') break;
       const auto number = parse_number(word);
       if (!number || !is_coordinate(*number)) {
         return malformed(what, "finite numbers up to 1e30", shown(word));
@@ -125,8 +127,7 @@ class ObjReader {
 
   Status check_count(std::string_view what, size_t count) const {
     if (count < limits::kVerticesMax) return {};
-    return over_limit(name_, "line " + std::to_string(statement_line_), what, limits::kVerticesMax,
-                      limits::kVerticesMax + 1);
+    return over_limit(name_, where(), what, limits::kVerticesMax, limits::kVerticesMax + 1);
   }
 
   // "v x y z", "v x y z w" (the weight is for curves), "v x y z r g b", "v x y z r g b a".
@@ -218,14 +219,14 @@ class ObjReader {
     }
     const size_t count = file_.corners.size() - first;
     if (count < 3) return malformed("face", "at least 3 corners", std::to_string(count));
-    const std::string where = "line " + std::to_string(statement_line_);
     if (count > limits::kPolygonCornersMax) {
-      return over_limit(name_, where, "too many corners of a face", limits::kPolygonCornersMax,
+      return over_limit(name_, where(), "too many corners of a face", limits::kPolygonCornersMax,
                         static_cast<int64_t>(count));
     }
     triangle_count_ += static_cast<int64_t>(count) - 2;
     if (triangle_count_ > limits::kTrianglesMax) {
-      return over_limit(name_, where, "too many triangles", limits::kTrianglesMax, triangle_count_);
+      return over_limit(name_, where(), "too many triangles", limits::kTrianglesMax,
+                        triangle_count_);
     }
     file_.faces.push_back(
         {static_cast<uint32_t>(count), current_state(), static_cast<uint32_t>(statement_line_)});
@@ -284,8 +285,8 @@ class ObjReader {
       return {};
     }
     if (list.size() > kNamesMax) {
-      return over_limit(name_, "line " + std::to_string(statement_line_), "too many materials",
-                        static_cast<int64_t>(kNamesMax), static_cast<int64_t>(list.size()));
+      return over_limit(name_, where(), "too many materials", static_cast<int64_t>(kNamesMax),
+                        static_cast<int64_t>(list.size()));
     }
     current = static_cast<uint32_t>(list.size());
     numbers.emplace(text, current);

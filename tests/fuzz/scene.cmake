@@ -1,0 +1,3 @@
+foreach(format obj off ply stl zip)
+  voxeld_fuzzer(scene_${format} scene_${format}.cpp voxeld_scene)
+endforeach()

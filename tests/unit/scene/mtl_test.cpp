@@ -1,0 +1,93 @@
+#include "server/scene/mtl.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace voxeld {
+namespace {
+
+MtlMaterial parse_one(std::string_view statements, Scene* warnings = nullptr) {
+  Scene scene;
+  const auto all = parse_mtl("a.mtl", "newmtl m\n" + std::string(statements), scene);
+  EXPECT_EQ(all.size(), 1u);
+  if (warnings != nullptr) *warnings = scene;
+  return all.empty() ? MtlMaterial() : all[0];
+}
+
+TEST(Mtl, reads_what_exporters_write) {
+  Scene scene;
+  const auto all =
+      parse_mtl("a.mtl",
+                "# Blender\r\nKd 1 1 1\r\nnewmtl first one\r\nNs 1\r\n Kd 0.5 0.25 1 \r\n"
+                "d 0.5\r\nmap_Kd C:\\tex\\my file#1.png\r\nnewmtl b\r\nillum 2\r\n",
+                scene);
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].name, "first one");
+  EXPECT_EQ(all[0].kd, glm::vec3(0.5f, 0.25f, 1.0f));
+  EXPECT_EQ(all[0].dissolve, 0.5);
+  EXPECT_EQ(all[0].map_kd, "C:\\tex\\my file#1.png");
+  EXPECT_FALSE(all[1].kd);
+  EXPECT_THAT(scene.warnings, testing::IsEmpty());
+}
+
+TEST(Mtl, options_of_maps_are_read_or_skipped) {
+  const MtlMaterial m = parse_one(
+      "map_Kd -blendu on -bm 0.5 -mm 0 1 -s 2 3 4 -o 0.5 -t 1 1 1 -texres 8 -clamp on -imfchan r "
+      "-cc off a b.png\n");
+  EXPECT_EQ(m.map_kd, "a b.png");
+  EXPECT_EQ(m.map_scale, glm::vec2(2, 3));
+  EXPECT_EQ(m.map_offset, glm::vec2(0.5f, 0.0f));
+  EXPECT_TRUE(m.map_clamp);
+}
+
+TEST(Mtl, names_that_look_like_options_are_names) {
+  EXPECT_EQ(parse_one("map_Kd -my-texture.png").map_kd, "-my-texture.png");
+  EXPECT_EQ(parse_one("map_Kd").map_kd, "");
+  EXPECT_EQ(parse_one("map_Kd -clamp").map_kd, "");
+  EXPECT_EQ(parse_one("map_Kd -s 1").map_kd, "");
+}
+
+TEST(Mtl, one_number_of_kd_stands_for_three) {
+  EXPECT_EQ(parse_one("Kd 0.5\n").kd, glm::vec3(0.5f));
+}
+
+TEST(Mtl, what_cannot_be_read_is_a_warning) {
+  Scene scene;
+  EXPECT_FALSE(parse_one("Kd spectral file.rfl\nd\nTr x\n", &scene).kd);
+  ASSERT_EQ(scene.warnings.size(), 3u);
+  EXPECT_EQ(scene.warnings[0].code, "bad-material");
+  EXPECT_EQ(scene.warnings[0].detail, "a.mtl line 2: Kd: expected numbers, got \"spectral\"");
+  EXPECT_EQ(scene.warnings[2].detail, "a.mtl line 4: Tr: expected numbers, got \"x\"");
+}
+
+TEST(Mtl, kd_is_srgb) {
+  Scene scene;
+  const Material m = material_of(parse_one("Kd 0.5 0 1\n"), scene);
+  EXPECT_NEAR(m.base_color.x, 0.21404f, 1e-4f);
+  EXPECT_EQ(m.base_color.z, 1.0f);
+}
+
+TEST(Mtl, black_under_a_texture_is_taken_as_white) {
+  Scene scene;
+  EXPECT_EQ(material_of(parse_one("Kd 0 0 0\nmap_Kd a.png\n"), scene).base_color, glm::vec4(1.0f));
+  EXPECT_EQ(material_of(parse_one("Kd 0 0 0\n"), scene).base_color, glm::vec4(0, 0, 0, 1));
+}
+
+TEST(Mtl, dissolve_wins_over_transparency) {
+  Scene scene;
+  EXPECT_EQ(material_of(parse_one("d 0.25\nTr 0.9\n"), scene).base_color.w, 0.25f);
+  EXPECT_EQ(material_of(parse_one("Tr 0.75\n"), scene).base_color.w, 0.25f);
+  EXPECT_EQ(material_of(parse_one("d -halo 0.5\n"), scene).base_color.w, 0.5f);
+  EXPECT_EQ(material_of(parse_one(""), scene).base_color.w, 1.0f);
+  EXPECT_THAT(scene.warnings, testing::IsEmpty());
+}
+
+TEST(Mtl, wholly_transparent_materials_are_taken_as_opaque) {
+  Scene scene;
+  EXPECT_EQ(material_of(parse_one("Tr 1\n"), scene).base_color.w, 1.0f);
+  ASSERT_EQ(scene.warnings.size(), 1u);
+  EXPECT_EQ(scene.warnings[0].code, "assumed-opaque");
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,284 @@
+#include <gmock/gmock.h>
+
+#include "proto/limits.h"
+#include "tests/unit/scene/scene_test_util.h"
+#include "tests/unit/scene/zip_maker.h"
+
+namespace voxeld {
+namespace {
+
+using test::load_text;
+using test::MapBundle;
+using test::message_of;
+
+constexpr char kSquare[] = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+Result<Scene> load_with(const MapBundle& bundle, std::string_view text) {
+  return load_obj("a.obj", test::bytes_of(text), bundle, {.decode_images = false});
+}
+
+TEST(Obj, all_forms_of_corners_are_read) {
+  const auto scene = load_text("a.obj", std::string(kSquare) +
+                                            "vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 2\n"
+                                            "f 1 2 3\nf 1/1 2/2 3/3\nf 1//1 2//1 3//1\n"
+                                            "f 1/1/1 2/2/1 3/3/1\nf -4/-3/-1 -3/-2/-1 -2/-1/-1\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  test::expect_consistent(*scene);
+  // One part for each kind of corner; the last two faces are one kind, and share all vertices.
+  ASSERT_EQ(scene->parts.size(), 4u);
+  EXPECT_TRUE(scene->parts[0].uvs.empty());
+  EXPECT_TRUE(scene->parts[0].normals.empty());
+  EXPECT_EQ(scene->parts[1].uvs[0], glm::vec2(0, 1)) << "the bottom left is (0, 1) here";
+  EXPECT_EQ(scene->parts[1].uvs[2], glm::vec2(1, 0));
+  EXPECT_EQ(scene->parts[2].normals[0], glm::vec3(0, 0, 1));
+  EXPECT_EQ(scene->parts[3].positions.size(), 3u);
+  EXPECT_EQ(scene->parts[3].indices.size(), 6u);
+}
+
+TEST(Obj, vertices_are_shared_where_all_their_numbers_agree) {
+  const auto scene = load_text("a.obj", std::string(kSquare) +
+                                            "vt 0 0\nvt 1 1\nf 1/1 2/1 3/1\nf 1/1 3/1 4/1\n"
+                                            "f 1/2 3/1 4/1\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->vertex_count(), 5u);
+  EXPECT_EQ(scene->triangle_count(), 3u);
+}
+
+TEST(Obj, concave_polygons_keep_their_area) {
+  const auto scene = load_text("a.obj",
+                               "v 0 0 0\nv 6 0 0\nv 6 2 0\nv 2 2 0\nv 2 6 0\nv 0 6 0\n"
+                               "f 1 2 3 4 5 6\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->triangle_count(), 4u);
+  EXPECT_DOUBLE_EQ(test::area_of(*scene), 20.0);
+}
+
+TEST(Obj, triangles_that_repeat_a_corner_are_kept_as_segments) {
+  EXPECT_EQ(load_text("a.obj", std::string(kSquare) + "f 1 2 2\n")->triangle_count(), 1u);
+}
+
+TEST(Obj, indices_may_point_forward) {
+  EXPECT_EQ(load_text("a.obj", std::string("f 1 2 3 4\n") + kSquare)->triangle_count(), 2u);
+}
+
+TEST(Obj, continued_lines_carriage_returns_comments_and_a_byte_order_mark_are_read) {
+  const auto scene = load_text("a.obj",
+                               "\xef\xbb\xbf# made by hand\r\n\r\nv 0 0 0\r\nv 1 0 \\\r\n 0\r\n"
+                               "v 1 1 0 # up\r\nf 1 2 \\\r\n3\r\n\tg x\r\nf 3 2 1 # back\\");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->triangle_count(), 2u);
+}
+
+TEST(Obj, groups_and_objects_name_parts) {
+  const auto scene = load_text("a.obj", std::string(kSquare) +
+                                            "o left hand\nf 1 2 3\ng arm\nf 1 3 4\no left hand\n"
+                                            "f 2 3 4\ng\nf 1 2 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->parts.size(), 3u);
+  EXPECT_EQ(scene->parts[0].name, "left hand");
+  EXPECT_EQ(scene->parts[0].indices.size(), 6u);
+  EXPECT_EQ(scene->parts[1].name, "arm");
+  EXPECT_EQ(scene->parts[2].name, "");
+}
+
+TEST(Obj, more_groups_than_parts_may_be_go_together) {
+  std::string text = kSquare;
+  for (int i = 0; i < 70'000; ++i) text += "g g" + std::to_string(i) + "\nf 1 2 3\n";
+  const auto scene = load_text("a.obj", text);
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->triangle_count(), 70'000u);
+  EXPECT_LE(scene->parts.size(), 65'537u);
+}
+
+TEST(Obj, vertex_colours_are_srgb) {
+  const auto scene = load_text("a.obj", "v 0 0 0 1 0.5 0\nv 1 0 0\nv 1 1 0 0 0 1 0.25\nf 1 2 3\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_TRUE(scene->has_colors());
+  const auto& colors = scene->parts[0].colors;
+  EXPECT_NEAR(colors[0].y, 0.21404f, 1e-4f);
+  EXPECT_EQ(colors[1], glm::vec4(1.0f)) << "no colour is white";
+  EXPECT_EQ(colors[2], glm::vec4(0, 0, 1, 0.25f));
+}
+
+TEST(Obj, vertex_colours_above_one_are_bytes) {
+  const auto scene =
+      load_text("a.obj", "v 0 0 0 255 0 0\nv 1 0 0 0 128 0\nv 1 1 0 1 1 1\nf 1 2 3\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->parts[0].colors[0], glm::vec4(1, 0, 0, 1));
+  EXPECT_NEAR(scene->parts[0].colors[1].y, 0.2158605f, 1e-5f);
+}
+
+TEST(Obj, a_weight_is_no_colour) {
+  EXPECT_FALSE(load_text("a.obj", "v 0 0 0 1\nv 1 0 0 1\nv 1 1 0 1\nf 1 2 3\n")->has_colors());
+}
+
+TEST(Obj, statements_that_say_nothing_of_polygons_are_left_out) {
+  const auto scene = load_text("a.obj", std::string(kSquare) +
+                                            "s off\np 1\nl 1 2\nsurf 0 1\nsurf 0 1\n"
+                                            "f 1 2 3\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->warnings.size(), 1u);
+  EXPECT_EQ(scene->warnings[0].code, "ignored-statement");
+  EXPECT_EQ(scene->warnings[0].detail, "a.obj: statements \"surf\" were left out");
+}
+
+TEST(Obj, mistakes_are_told_with_line_and_expectation) {
+  struct Case {
+    std::string text;
+    const char* message;
+  };
+  const std::string square = kSquare;
+  const Case cases[] = {
+      {"v 0 0\n", "a.obj line 1: vertex: expected at least 3 numbers, got 2"},
+      {"v 0 0 nan\n", "a.obj line 1: vertex: expected finite numbers up to 1e30, got \"nan\""},
+      {"\nv 0 1e31 0\n", "a.obj line 2: vertex: expected finite numbers up to 1e30, got \"1e31\""},
+      {"v 0 0 0 red\n", "a.obj line 1: vertex: expected finite numbers up to 1e30, got \"red\""},
+      {"vt\n", "a.obj line 1: texture coordinate: expected at least 1 numbers, got 0"},
+      {square + "f 1 2\n", "a.obj line 5: face: expected at least 3 corners, got 2"},
+      {square + "f 1 2 9\n",
+       "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 9"},
+      {square + "f 1 2 -5\n",
+       "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got -5"},
+      {square + "f 1 2 0\n",
+       "a.obj line 5: vertex index: expected a number other than 0, got \"0\""},
+      {square + "f 1 2 x\n",
+       "a.obj line 5: vertex index: expected a number other than 0, got \"x\""},
+      {square + "f 1 2 99999999999999999999\n",
+       "a.obj line 5: vertex index: expected a number other than 0, got \"99999999999999999999\""},
+      {square + "f 1 2 4294967295\n",
+       "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 4294967295"},
+      {square + "f 1 2 4294967296\n",
+       "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 4294967296"},
+      {"f -9 -2 -1\n",
+       "a.obj line 1: vertex index out of range: expected none, as none are given, got -9"},
+      {square + "vt 0 0\nf 1/1 2/1 3/2\n",
+       "a.obj line 6: texture coordinate index out of range: expected 1..1 or -1..-1, got 2"},
+      {square + "f 1//1 2//1 3//1\n",
+       "a.obj line 5: normal index out of range: expected none, as none are given, got 1"},
+      {square + "f 1 2 \\\n\\\n 7\n",
+       "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 7"},
+      {square, "a.obj: no faces"},
+      {"", "a.obj: no faces"},
+      {"<html>\n",
+       "a.obj line 1: not an OBJ statement: expected a keyword such as v or f, got "
+       "\"<html>\""},
+      {std::string("\x89PNG\0\1", 6),
+       "a.obj line 1: not an OBJ statement: expected a keyword such as v or f, got "
+       "\"\\x89PNG\\x00\\x01\""}};
+  for (const Case& c : cases)
+    EXPECT_EQ(message_of(load_text("a.obj", c.text)), c.message) << c.text;
+}
+
+TEST(Obj, a_face_of_too_many_corners_is_refused) {
+  std::string text = kSquare;
+  text += "f";
+  for (int i = 0; i <= limits::kPolygonCornersMax; ++i) text += " 1";
+  EXPECT_EQ(message_of(load_text("a.obj", text)),
+            "a.obj line 5: too many corners of a face: expected at most 65536, got 65537");
+}
+
+TEST(Obj, materials_give_colour_and_texture) {
+  MapBundle bundle;
+  bundle.add("two words.mtl",
+             "newmtl red paint\nKd 1 0 0\nmap_Kd -s 2 3 -o 0.5 0 -clamp on tex.png\n"
+             "newmtl unused\nmap_Kd other.png\n");
+  bundle.add("tex.png", "x");
+  const auto scene = load_with(bundle, std::string("mtllib two words.mtl\n") + kSquare +
+                                           "vt 1 1\nusemtl red paint\nf 1/1 2/1 3/1\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_THAT(scene->warnings, testing::IsEmpty());
+  ASSERT_EQ(scene->materials.size(), 1u);
+  EXPECT_EQ(scene->materials[0].name, "red paint");
+  EXPECT_EQ(scene->materials[0].base_color, glm::vec4(1, 0, 0, 1));
+  EXPECT_EQ(scene->materials[0].wrap_u, Wrap::kClamp);
+  ASSERT_EQ(scene->materials[0].image, 0);
+  EXPECT_EQ(scene->images[0].name, "tex.png");
+  EXPECT_EQ(scene->parts[0].uvs[0], glm::vec2(2.5f, -2.0f));
+  EXPECT_TRUE(scene->has_colors());
+}
+
+TEST(Obj, one_line_may_name_several_material_files) {
+  MapBundle bundle;
+  bundle.add("a.mtl", "newmtl a\nKd 1 0 0\n");
+  bundle.add("b.mtl", "newmtl b\nKd 0 1 0\n");
+  const auto scene = load_with(bundle, std::string("mtllib a.mtl b.mtl\n") + kSquare +
+                                           "usemtl b\nf 1 2 3\nusemtl a\nf 1 2 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_THAT(scene->warnings, testing::IsEmpty());
+  EXPECT_EQ(scene->materials[0].base_color, glm::vec4(0, 1, 0, 1));
+  EXPECT_EQ(scene->materials[1].base_color, glm::vec4(1, 0, 0, 1));
+}
+
+TEST(Obj, what_is_missing_is_named_once) {
+  MapBundle bundle;
+  bundle.add("a.mtl", "newmtl a\nmap_Kd .\\gone.png\nnewmtl b\nmap_Kd .\\gone.png\n");
+  const auto scene =
+      load_with(bundle, std::string("mtllib a.mtl none.mtl\n") + kSquare +
+                            "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\nusemtl c\nf 1 3 4\n"
+                            "usemtl a\nf 2 3 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->warnings.size(), 3u);
+  EXPECT_EQ(scene->warnings[0].code, "missing-material-file");
+  EXPECT_EQ(scene->warnings[0].detail, "none.mtl, named by a.obj, is not in the upload");
+  EXPECT_EQ(scene->warnings[1].code, "missing-texture");
+  EXPECT_EQ(scene->warnings[1].detail,
+            ".\\gone.png, named by material \"a\", is not in the upload");
+  EXPECT_EQ(scene->warnings[2].code, "missing-material");
+  EXPECT_EQ(scene->warnings[2].detail,
+            "a.obj: material \"c\" is in none of its material files; taken as white");
+  ASSERT_EQ(scene->missing_files.size(), 2u);
+  EXPECT_EQ(scene->missing_files[1].name, ".\\gone.png");
+  EXPECT_EQ(scene->missing_files[1].needed_by, "material \"a\"");
+  EXPECT_FALSE(scene->has_colors()) << "no Kd, no texture: no colour";
+}
+
+TEST(Obj, warnings_are_capped) {
+  std::string text = kSquare;
+  for (int i = 0; i < 500; ++i) text += "usemtl m" + std::to_string(i) + "\nf 1 2 3\n";
+  const auto scene = load_text("a.obj", text);
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->warnings.size(), 100u);
+  EXPECT_EQ(scene->warnings.back().code, "more-warnings");
+}
+
+TEST(Obj, a_broken_texture_is_a_warning) {
+  MapBundle bundle;
+  bundle.add("a.mtl", "newmtl a\nmap_Kd t.png\n");
+  bundle.add("t.png", "");
+  const auto scene = load_obj(
+      "a.obj", test::bytes_of(std::string("mtllib a.mtl\n") + kSquare + "usemtl a\nf 1 2 3\n"),
+      bundle, {});
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->warnings.size(), 1u);
+  EXPECT_EQ(scene->warnings[0].code, "broken-texture");
+  EXPECT_THAT(scene->warnings[0].detail, testing::StartsWith("t.png, named by material \"a\": "));
+  ASSERT_EQ(scene->missing_files.size(), 1u);
+}
+
+TEST(Obj, the_only_image_of_a_bundle_is_taken_where_no_texture_is_named) {
+  MapBundle bundle;
+  bundle.add("spot.obj", "");
+  bundle.add("__MACOSX/._t.png", "");
+  bundle.add("Texture.PNG", "x");
+  const std::string mesh = std::string(kSquare) + "vt 0 0\nf 1/1 2/1 3/1\nf 1 2 4\n";
+  const auto scene = load_with(bundle, mesh);
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->warnings.size(), 1u);
+  EXPECT_EQ(scene->warnings[0].code, "assumed-texture");
+  EXPECT_EQ(scene->warnings[0].detail,
+            "a.obj names no texture; Texture.PNG, the only image of the upload, is used");
+  ASSERT_EQ(scene->parts.size(), 2u);
+  EXPECT_EQ(scene->parts[0].material, 0);
+  EXPECT_EQ(scene->parts[1].material, -1) << "no texture coordinates";
+  EXPECT_EQ(scene->materials[0].image, 0);
+  bundle.add("second.jpg", "x");
+  EXPECT_THAT(load_with(bundle, mesh)->warnings, testing::IsEmpty());
+}
+
+TEST(Obj, every_truncation_is_an_error_or_a_mesh) {
+  test::expect_truncations_survive(
+      "a.obj", std::string(kSquare) + "vt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1 4/1/1\n");
+}
+
+}  // namespace
+}  // namespace voxeld

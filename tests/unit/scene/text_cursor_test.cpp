@@ -1,0 +1,57 @@
+#include "server/scene/text_cursor.h"
+
+#include <gtest/gtest.h>
+
+namespace voxeld {
+namespace {
+
+TEST(ParseNumber, reads_what_exporters_write) {
+  EXPECT_EQ(parse_number("1"), 1.0);
+  EXPECT_EQ(parse_number("-0.5"), -0.5);
+  EXPECT_EQ(parse_number("+.5"), 0.5);
+  EXPECT_EQ(parse_number("5."), 5.0);
+  EXPECT_EQ(parse_number("1e-3"), 0.001);
+  EXPECT_EQ(parse_number("1E+03"), 1000.0);
+  EXPECT_EQ(parse_number("1e-999"), 0.0);
+}
+
+TEST(ParseNumber, refuses_everything_else) {
+  for (const char* word : {"", "+", "-", ".", "+-1", "1,5", "0x10", "1 ", "1e", "nan", "-inf",
+                           "inf", "1e999", "1.#QNAN", "abc", "1/2"}) {
+    EXPECT_EQ(parse_number(word), std::nullopt) << word;
+  }
+}
+
+TEST(ParseInteger, takes_whole_numbers_in_any_notation) {
+  EXPECT_EQ(parse_integer("42"), 42);
+  EXPECT_EQ(parse_integer("-1"), -1);
+  EXPECT_EQ(parse_integer("+7"), 7);
+  EXPECT_EQ(parse_integer("3.0"), 3);
+  for (const char* word : {"", "3.5", "x", "1e300", "99999999999999999999"}) {
+    EXPECT_EQ(parse_integer(word), std::nullopt) << word;
+  }
+}
+
+TEST(TextCursor, counts_lines_and_skips_comments) {
+  TextCursor cursor("a b # not this\n\n  c\r\nd", '#');
+  EXPECT_EQ(cursor.token(), "a");
+  EXPECT_EQ(cursor.token_on_line(), "b");
+  EXPECT_EQ(cursor.token_on_line(), "");
+  EXPECT_EQ(cursor.token(), "c");
+  EXPECT_EQ(cursor.line(), 3);
+  EXPECT_EQ(cursor.rest_of_line(), "");
+  EXPECT_EQ(cursor.token(), "d");
+  EXPECT_EQ(cursor.line(), 4);
+  EXPECT_EQ(cursor.token(), "");
+  EXPECT_EQ(cursor.rest_of_line(), "");
+}
+
+TEST(TextCursor, an_empty_text_has_no_words) {
+  TextCursor cursor({});
+  EXPECT_EQ(cursor.token(), "");
+  EXPECT_EQ(cursor.token_on_line(), "");
+  EXPECT_EQ(cursor.rest_of_line(), "");
+}
+
+}  // namespace
+}  // namespace voxeld
