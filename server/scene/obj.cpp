@@ -42,7 +42,8 @@ class ObjLoader {
         file_(std::move(file)),
         bundle_(bundle),
         textures_(scene_, bundle, std::string(name), options),
-        sink_(name) {}
+        sink_(name),
+        table_(file_.positions.size()) {}
 
   Result<Scene> load() {
     scene_.format = "obj";

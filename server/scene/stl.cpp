@@ -137,7 +137,7 @@ Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> by
   const FacetColors colors(bytes, count);
   MeshPart& part = scene.parts.emplace_back();
   part.indices.reserve(size_t{count} * 3);
-  VertexTable table;
+  VertexTable table(count / 2);  // a closed mesh has half as many vertices as triangles
   for (uint32_t i = 0; i < count; ++i) {
     const uint8_t* facet = bytes.data() + kFirstTriangle + size_t{i} * kTriangleBytes;
     VOXELD_TRY(add_facet(name, i, facet, colors, table, part));

@@ -1,11 +1,18 @@
 #include "server/scene/vertex_table.h"
 
+#include <algorithm>
+#include <bit>
 #include <random>
 
 namespace voxeld {
 namespace {
 
 constexpr size_t kFirstSlots = 256;
+constexpr size_t kExpectedMax = size_t{1} << 24;
+
+bool same(const VertexTable::Key& a, const VertexTable::Key& b) {
+  return a[0] == b[0] && a[1] == b[1] && a[2] == b[2] && a[3] == b[3];
+}
 
 // One round of SplitMix64 (Steele, Lea & Flood 2014).
 uint64_t mix(uint64_t x) {
@@ -24,7 +31,9 @@ uint64_t process_seed() {
 
 }  // namespace
 
-VertexTable::VertexTable() : slots_(kFirstSlots, Slot{{}, kEmpty}) {}
+VertexTable::VertexTable(size_t expected_count)
+    : slots_(std::max(kFirstSlots, std::bit_ceil(2 * std::min(expected_count, kExpectedMax) + 1)),
+             Slot{{}, kEmpty}) {}
 
 size_t VertexTable::start_of(const Key& key) const {
   const uint64_t low = uint64_t{key[1]} << 32 | key[0];
@@ -41,7 +50,7 @@ std::pair<uint32_t, bool> VertexTable::find_or_add(const Key& key, uint32_t valu
       ++count_;
       return {value, true};
     }
-    if (slot.key == key) return {slot.value, false};
+    if (same(slot.key, key)) return {slot.value, false};
   }
 }
 

@@ -16,7 +16,8 @@ class VertexTable {
  public:
   using Key = std::array<uint32_t, 4>;
 
-  VertexTable();
+  // `expected_count`: of keys; only a hint.
+  explicit VertexTable(size_t expected_count = 0);
   // The value stored for `key`, or `value`, which is stored then; second: whether it is new.
   std::pair<uint32_t, bool> find_or_add(const Key& key, uint32_t value);
 
