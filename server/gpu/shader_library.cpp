@@ -134,12 +134,25 @@ Result<uint32_t> ShaderLibrary::link(const std::vector<ShaderStage>& stages,
 Result<const Program*> ShaderLibrary::get(std::vector<ShaderStage> stages, const Defines& defines) {
   const std::string name = program_name(stages, defines);
   if (const auto found = programs_.find(name); found != programs_.end()) {
-    return static_cast<const Program*>(found->second.get());
+    return static_cast<const Program*>(found->second.program.get());
   }
   VOXELD_ASSIGN(const uint32_t id, link(stages, defines));
   auto program = std::make_unique<Program>(*context_, id);
   VOXELD_TRY(context_->check("building " + name));
-  return static_cast<const Program*>((programs_[name] = std::move(program)).get());
+  const Program* pointer = program.get();
+  programs_[name] = Entry{std::move(stages), defines, std::move(program)};
+  return pointer;
+}
+
+Status ShaderLibrary::reload() {
+  std::map<std::string, Program> built;
+  for (const auto& [name, entry] : programs_) {
+    VOXELD_ASSIGN(const uint32_t id, link(entry.stages, entry.defines));
+    built[name] = Program(*context_, id);
+  }
+  VOXELD_TRY(context_->check("reloading shaders"));
+  for (auto& [name, program] : built) *programs_[name].program = std::move(program);
+  return {};
 }
 
 }  // namespace voxeld::gpu

@@ -49,6 +49,11 @@ class ShaderLibrary {
   // back to "lib/dda.glsl:17".
   Result<const Program*> get(std::vector<ShaderStage> stages, const Defines& defines = {});
 
+  // Builds every program anew from the sources as they are now, and takes the new ones only when
+  // all of them build: a mistake in a shader that is being edited keeps the old picture. The
+  // pointers from get() stay valid. Call between jobs. Errors: as get().
+  Status reload();
+
   // Source with #include expanded, as the compiler gets it. Public for tests.
   using Resolved = ResolvedShader;
   Result<Resolved> resolve(std::string_view file, const Defines& defines) const;
@@ -60,7 +65,12 @@ class ShaderLibrary {
 
   const Context* context_;
   std::string shader_dir_;
-  std::map<std::string, std::unique_ptr<Program>> programs_;
+  struct Entry {
+    std::vector<ShaderStage> stages;
+    Defines defines;
+    std::unique_ptr<Program> program;
+  };
+  std::map<std::string, Entry> programs_;
 };
 
 }  // namespace voxeld::gpu
