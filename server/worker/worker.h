@@ -8,7 +8,7 @@
 namespace voxeld {
 
 struct WorkerConfig {
-  std::string gateway;     // "unix:/path/to/tasks.sock"
+  std::string gateway;  // "unix:/path/to/tasks.sock"
   gpu::DeviceId device;
   std::string shader_dir;  // empty: embedded
 };

@@ -1,0 +1,122 @@
+#include "server/worker/run_task.h"
+
+#include <new>
+#include <utility>
+
+#include "server/base/check.h"
+#include "server/base/sha256.h"
+#include "server/formats/formats.h"
+#include "server/worker/inspect.h"
+#include "server/worker/task_run.h"
+
+namespace voxeld {
+namespace {
+
+constexpr std::string_view kPngMediaType = "image/png";
+constexpr std::string_view kJsonMediaType = "application/json";
+
+// Writes the native container, and the same bytes as the answer where they are what was asked for.
+// Returns the container's id.
+Result<std::string> write_grid(TaskRun& run, const Grid& grid, bool is_result) {
+  const StageTimer stage(run, "encode");
+  VOXELD_ASSIGN(const std::vector<uint8_t> container, encode_native(grid, OutputOptions{}));
+  VOXELD_TRY(add_output(run, is_result ? "grid result" : "grid", container,
+                        format_media_type(Format::kNative), format_extension(Format::kNative)));
+  return sha256_id(container);
+}
+
+// Writes the grid in the format asked for.
+Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output) {
+  const StageTimer stage(run, "encode");
+  VOXELD_ASSIGN(const std::vector<uint8_t> bytes, encode(grid, output));
+  return add_output(run, "result", bytes, format_media_type(output.format),
+                    format_extension(output.format));
+}
+
+// asset -> scene -> grid -> native container, and the answer's format
+Status voxelize(TaskRun& run) {
+  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kVoxelize));
+  VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
+  run.engine.cache.grid.reset();
+  VOXELD_ASSIGN(LoadedGrid made, voxelize_scene(run, *scene, options, &options.output));
+  const bool native = options.output.format == Format::kNative;
+  VOXELD_ASSIGN(const std::string id, write_grid(run, made.grid, native));
+  if (!native) VOXELD_TRY(write_result(run, made.grid, options.output));
+  // Who has voxelized a mesh mostly looks at it next.
+  run.engine.cache.grid = std::make_shared<const LoadedGrid>(std::move(made));
+  run.engine.cache.grid_key = id;
+  return {};
+}
+
+// asset -> scene -> grid -> picture; or grid -> picture
+Status render(TaskRun& run) {
+  const OptionScope scope =
+      run.task.input_is_grid ? OptionScope::kRenderGrid : OptionScope::kRenderMesh;
+  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, scope));
+  VOXELD_ASSIGN(const auto grid,
+                run.task.input_is_grid ? load_input_grid(run) : grid_to_render(run, options));
+  if (!run.task.input_is_grid) VOXELD_TRY(write_grid(run, grid->grid, false));
+  VOXELD_ASSIGN(const Picture picture,
+                render_picture(run, *grid, run.engine.cache.grid_key, options.render));
+  const StageTimer stage(run, "encode");
+  VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
+  add_meta(run, grid_facts(*grid));
+  add_meta(run, {{"width", picture.width}, {"height", picture.height}});
+  return add_output(run, "result", png, kPngMediaType, ".png");
+}
+
+// grid -> the grid in another format
+Status export_grid(TaskRun& run) {
+  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kExport));
+  VOXELD_ASSIGN(const auto grid, load_input_grid(run));
+  VOXELD_TRY(check_encodable(grid->grid.spec, options.output));
+  add_meta(run, grid_facts(*grid));
+  return write_result(run, grid->grid, options.output);
+}
+
+// asset -> description
+Status inspect(TaskRun& run) {
+  VOXELD_ASSIGN(const auto scene, load_input_scene(run, false));
+  const StageTimer stage(run, "inspect");
+  add_meta(run, describe_scene(*scene));
+  const std::string& text = run.completion.meta_json;
+  return add_output(run, "result", {reinterpret_cast<const uint8_t*>(text.data()), text.size()},
+                    kJsonMediaType, ".json");
+}
+
+Status run_kind(TaskRun& run) {
+  switch (run.task.kind) {
+    case JobKind::kVoxelize:
+      return voxelize(run);
+    case JobKind::kRender:
+      return render(run);
+    case JobKind::kExport:
+      return export_grid(run);
+    case JobKind::kInspect:
+      return inspect(run);
+  }
+  VOXELD_CHECK(false, "job kinds are checked when the task is parsed");
+}
+
+}  // namespace
+
+Result<TaskCompletion> run_task(Engine& engine, const Task& task,
+                                const std::filesystem::path& scratch, TaskMonitor& monitor) {
+  TaskRun run{engine, task, scratch, monitor, {}};
+  run.completion.task = task.id;
+  run.completion.fence = task.fence;
+  try {
+    add_meta(run, {{"source_hash", task.input_hash}, {"filename", task.filename}});
+    VOXELD_TRY(run_kind(run));
+    return std::move(run.completion);
+  } catch (const std::bad_alloc&) {
+    engine.cache = {};  // gives back what it can
+    return Error{ErrorCode::kGridTooLarge, "the server ran out of memory for this request", "", ""};
+  } catch (const std::exception& failure) {
+    engine.cache = {};
+    return Error{ErrorCode::kInternal, std::string("unexpected failure: ") + failure.what(), "",
+                 ""};
+  }
+}
+
+}  // namespace voxeld

@@ -1,0 +1,17 @@
+// The story of one task.
+#pragma once
+
+#include <filesystem>
+
+#include "proto/task_api.h"
+#include "server/worker/engine.h"
+#include "server/worker/task_monitor.h"
+
+namespace voxeld {
+
+// Reads the input, computes, and writes the outputs to `scratch`. Errors: those of loading,
+// voxelizing, rendering and encoding; cancelled; grid-too-large when memory runs out.
+Result<TaskCompletion> run_task(Engine& engine, const Task& task,
+                                const std::filesystem::path& scratch, TaskMonitor& monitor);
+
+}  // namespace voxeld

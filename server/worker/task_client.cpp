@@ -1,0 +1,61 @@
+#include "server/worker/task_client.h"
+
+#include <nlohmann/json.hpp>
+
+namespace voxeld {
+
+using nlohmann::json;
+
+namespace {
+constexpr std::string_view kUnixScheme = "unix:";
+}  // namespace
+
+Result<std::unique_ptr<TaskClient>> TaskClient::connect(const std::string& gateway) {
+  if (!gateway.starts_with(kUnixScheme)) {
+    return Error{ErrorCode::kInvalidOption, "cannot reach this gateway", "unix:/path/to/tasks.sock",
+                 gateway};
+  }
+  VOXELD_ASSIGN(UniqueFd fd, connect_unix(gateway.substr(kUnixScheme.size())));
+  return std::unique_ptr<TaskClient>(new TaskClient(std::move(fd)));
+}
+
+Result<json> TaskClient::call(const json& request) {
+  std::string frame;
+  {
+    MutexLock lock(mutex_);
+    VOXELD_TRY(socket_.send(request.dump(-1, ' ', false, json::error_handler_t::replace)));
+    VOXELD_ASSIGN(frame, socket_.receive());
+  }
+  VOXELD_ASSIGN(json reply, parse_json_bounded(frame));
+  if (!reply.is_object()) {
+    return Error{ErrorCode::kInternal, "the gateway's reply is not an object", "", ""};
+  }
+  return reply;
+}
+
+Result<std::string> TaskClient::hello(const WorkerHello& hello) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(hello)));
+  return reply.value("scratch_dir", "");
+}
+
+Result<Task> TaskClient::claim() {
+  VOXELD_ASSIGN(const json reply, call({{"type", "claim"}}));
+  return parse_task(reply.value("task", json::object()));
+}
+
+Result<TaskProgressReply> TaskClient::progress(const TaskProgress& progress) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(progress)));
+  return TaskProgressReply{reply.value("cancel", false), reply.value("fenced", false)};
+}
+
+Result<bool> TaskClient::complete(const TaskCompletion& completion) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(completion)));
+  return reply.value("ok", false);
+}
+
+Result<bool> TaskClient::fail(const TaskFailure& failure) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(failure)));
+  return reply.value("ok", false);
+}
+
+}  // namespace voxeld

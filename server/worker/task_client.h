@@ -1,0 +1,42 @@
+// The worker's side of the task API.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/task_api.h"
+#include "server/base/frame_socket.h"
+#include "server/base/thread_annotations.h"
+
+namespace voxeld {
+
+// One connection to the gateway. Thread-safe: each call is one request and its reply. All calls
+// give the error `gone` once the gateway has closed the connection.
+class TaskClient {
+ public:
+  // `gateway` is "unix:/path". Errors: invalid-option for other forms, internal.
+  static Result<std::unique_ptr<TaskClient>> connect(const std::string& gateway);
+
+  // Returns the directory for outputs.
+  Result<std::string> hello(const WorkerHello& hello);
+  // Blocks until there is a task.
+  Result<Task> claim();
+  Result<TaskProgressReply> progress(const TaskProgress& progress);
+  // True when the report counted; false when another worker owns the task.
+  Result<bool> complete(const TaskCompletion& completion);
+  Result<bool> fail(const TaskFailure& failure);
+  // For a signal handler: shutdown(2) on it makes every call end.
+  int fd() const { return fd_; }
+
+ private:
+  explicit TaskClient(UniqueFd fd) : fd_(fd.get()), socket_(std::move(fd), kTaskFrameBytesMax) {}
+  Result<nlohmann::json> call(const nlohmann::json& request) EXCLUDES(mutex_);
+
+  const int fd_;
+  Mutex mutex_;
+  FrameSocket socket_ GUARDED_BY(mutex_);
+};
+
+}  // namespace voxeld

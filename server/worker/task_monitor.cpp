@@ -1,0 +1,71 @@
+#include "server/worker/task_monitor.h"
+
+#include <chrono>
+#include <utility>
+
+namespace voxeld {
+
+TaskMonitor::TaskMonitor(TaskClient& client, const Task& task) : client_(client) {
+  {
+    MutexLock lock(mutex_);
+    progress_.task = task.id;
+    progress_.fence = task.fence;
+    progress_.stage = "parse";
+  }
+  thread_ = std::thread([this] { run(); });
+}
+
+TaskMonitor::~TaskMonitor() {
+  {
+    MutexLock lock(mutex_);
+    ending_ = true;
+    wake_.notify_all();
+  }
+  thread_.join();
+}
+
+void TaskMonitor::set_stage(std::string_view stage) {
+  MutexLock lock(mutex_);
+  progress_.stage = stage;
+  progress_.tiles_done = progress_.tiles_total = 0;
+}
+
+bool TaskMonitor::set_progress(int64_t tiles_done, int64_t tiles_total) {
+  {
+    MutexLock lock(mutex_);
+    progress_.tiles_done = tiles_done;
+    progress_.tiles_total = tiles_total;
+  }
+  return !cancelled_;
+}
+
+Status TaskMonitor::check() const {
+  if (!cancelled_) return {};
+  return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};
+}
+
+void TaskMonitor::run() {
+  while (true) {
+    {
+      const auto deadline = std::chrono::steady_clock::now() + kPeriod;
+      MutexLock lock(mutex_);
+      while (!ending_ && wake_.wait_until(lock, deadline) != std::cv_status::timeout) {
+      }
+      if (ending_) return;
+    }
+    report();
+  }
+}
+
+void TaskMonitor::report() {
+  TaskProgress progress;
+  {
+    MutexLock lock(mutex_);
+    progress = progress_;
+  }
+  const auto reply = client_.progress(progress);
+  if (!reply || reply->fenced) dropped_ = true;
+  if (dropped_ || reply->cancel) cancelled_ = true;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,46 @@
+// What the gateway hears while a task runs, and what the task hears from it.
+#pragma once
+
+#include <atomic>
+#include <string>
+#include <thread>
+
+#include "proto/task_api.h"
+#include "server/base/thread_annotations.h"
+#include "server/worker/task_client.h"
+
+namespace voxeld {
+
+// Lives as long as one task. A thread of its own reports every kPeriod, so that a long pass is not
+// taken for a dead worker, and learns whether to stop. The task's thread calls the rest.
+class TaskMonitor {
+ public:
+  static constexpr std::chrono::milliseconds kPeriod{200};
+
+  TaskMonitor(TaskClient& client, const Task& task);
+  // Ends the reports; no message about the task is sent after this.
+  ~TaskMonitor();
+
+  void set_stage(std::string_view stage) EXCLUDES(mutex_);
+  // False: stop, the result is not wanted.
+  bool set_progress(int64_t tiles_done, int64_t tiles_total) EXCLUDES(mutex_);
+  // Errors: cancelled.
+  Status check() const;
+  // True when nobody waits for a report on this task any more: fenced, or the gateway is gone.
+  bool dropped() const { return dropped_; }
+
+ private:
+  void run();
+  void report() EXCLUDES(mutex_);
+
+  TaskClient& client_;
+  std::atomic<bool> cancelled_{false};
+  std::atomic<bool> dropped_{false};
+  Mutex mutex_;
+  CondVar wake_;
+  bool ending_ GUARDED_BY(mutex_) = false;
+  TaskProgress progress_ GUARDED_BY(mutex_);
+  std::thread thread_;  // last: it uses all of the above
+};
+
+}  // namespace voxeld

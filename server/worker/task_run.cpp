@@ -1,0 +1,239 @@
+#include "server/worker/task_run.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
+#include "server/base/algorithm_version.h"
+#include "server/base/file.h"
+#include "server/base/sha256.h"
+#include "server/formats/formats.h"
+#include "server/scene/load.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+// A hostile mesh can give any number of warnings, of any length; the answer lists some.
+constexpr size_t kWarningsMax = 100;
+constexpr size_t kWarningBytesMax = 500;
+
+// "models/bunny.ply" -> "bunny"; "bundle.zip!a/spot.obj" -> "spot"; "" -> "voxels"
+std::string output_stem(const std::string& filename) {
+  const size_t member = filename.rfind('!');
+  const std::string name = member == std::string::npos ? filename : filename.substr(member + 1);
+  const std::string stem = fs::path(name).stem().string();
+  return stem.empty() ? "voxels" : stem;
+}
+
+// What of the input decides the scene: its bytes, and the file name where that names the format.
+std::string scene_key(const Task& task, bool decode_images) {
+  const size_t member = task.filename.find('!');
+  return task.input_hash + (decode_images ? " images " : " names ") +
+         fs::path(task.filename.substr(0, member)).extension().string() +
+         (member == std::string::npos ? "" : task.filename.substr(member));
+}
+
+size_t scene_bytes(const Scene& scene) {
+  size_t bytes = 0;
+  for (const MeshPart& part : scene.parts) {
+    bytes += part.positions.size() * sizeof(part.positions[0]) +
+             part.normals.size() * sizeof(part.normals[0]) + part.uvs.size() * sizeof(part.uvs[0]) +
+             part.colors.size() * sizeof(part.colors[0]) +
+             part.indices.size() * sizeof(part.indices[0]);
+  }
+  for (const Image& image : scene.images) bytes += image.rgba.size();
+  return bytes;
+}
+
+void add_warnings(TaskRun& run, const std::vector<Warning>& warnings) {
+  for (const Warning& warning : warnings) {
+    if (run.completion.warnings.size() == kWarningsMax) {
+      run.completion.warnings.push_back(
+          {"more-warnings", std::to_string(warnings.size()) + " warnings in all"});
+      return;
+    }
+    run.completion.warnings.push_back({warning.code, warning.detail.substr(0, kWarningBytesMax)});
+  }
+}
+
+// The options that make a grid what it is: neither how it is written down nor what computes it,
+// for equal grids shall have equal containers.
+json grid_options(const RequestOptions& options) {
+  json named = json::parse(canonical_json(options, OptionScope::kVoxelize), nullptr, false);
+  json kept = json::object();
+  for (const OptionInfo& info : option_table()) {
+    const std::string name(info.name);
+    if (info.for_voxelize && name != "pipeline" && named.contains(name)) kept[name] = named[name];
+  }
+  return kept;
+}
+
+std::string render_key(const Task& task, const RequestOptions& options) {
+  return scene_key(task, true) + " " + grid_options(options).dump() + " " +
+         std::to_string(static_cast<int>(options.voxelize.pipeline));
+}
+
+json device_facts(const Engine& engine) {
+  const gpu::DeviceInfo& info = engine.context->info();
+  return {{"device", gpu::device_name(info.device)},
+          {"renderer", info.renderer},
+          {"driver", info.version}};
+}
+
+// The object that the container carries. It says nothing of pipeline, device or time.
+std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
+                           const std::string& content_hash) {
+  const json meta = {{"source_hash", task.input_hash},
+                     {"source_format", scene.format},
+                     {"source_triangles", scene.triangle_count()},
+                     {"units", options.voxelize.placement.units},
+                     {"options", grid_options(options)},
+                     {"algorithm_version", kAlgorithmVersion},
+                     {"content_hash", content_hash}};
+  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+}  // namespace
+
+Result<RequestOptions> task_options(const Task& task, OptionScope scope) {
+  VOXELD_ASSIGN(const json object, parse_json_bounded(task.options_json));
+  return parse_options(object, scope);
+}
+
+Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images) {
+  const StageTimer stage(run, "parse");
+  InputCache& cache = run.engine.cache;
+  const std::string key = scene_key(run.task, decode_images);
+  if (cache.scene == nullptr || cache.scene_key != key) {
+    cache.scene.reset();  // before the next one is made: both may not fit
+    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(run.task.input_path));
+    LoadOptions load;
+    load.decode_images = decode_images;
+    VOXELD_ASSIGN(Scene scene, load_scene(run.task.filename, file.bytes(), load));
+    cache.scene = std::make_shared<const Scene>(std::move(scene));
+    cache.scene_key = key;
+  }
+  std::shared_ptr<const Scene> scene = cache.scene;
+  if (scene_bytes(*scene) > kCachedSceneBytesMax) cache.scene.reset();
+  add_warnings(run, scene->warnings);
+  VOXELD_TRY(run.monitor.check());
+  return scene;
+}
+
+Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
+  const StageTimer stage(run, "parse");
+  InputCache& cache = run.engine.cache;
+  if (cache.grid == nullptr || cache.grid_key != run.task.input_hash) {
+    cache.grid.reset();
+    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(run.task.input_path));
+    VOXELD_ASSIGN(Grid grid, grid_from_container(file.bytes()));
+    std::string hash = content_hash(grid);
+    cache.grid = std::make_shared<const LoadedGrid>(LoadedGrid{std::move(grid), std::move(hash)});
+    cache.grid_key = run.task.input_hash;
+  }
+  const json meta = json::parse(cache.grid->grid.meta_json, nullptr, false);
+  if (meta.is_object()) add_meta(run, meta);
+  add_meta(run, device_facts(run.engine));
+  VOXELD_TRY(run.monitor.check());
+  return cache.grid;
+}
+
+Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options,
+                                  const OutputOptions* output) {
+  const StageTimer stage(run, "voxelize");
+  Voxelizer& voxelizer = run.engine.voxelizer;
+  VOXELD_ASSIGN(const VoxelizeEstimate estimate, voxelizer.estimate(scene, options.voxelize));
+  if (output != nullptr) VOXELD_TRY(check_encodable(estimate.spec, *output));
+  run.monitor.set_progress(0, estimate.tiles);
+  VoxelizeStats stats;
+  LoadedGrid made;
+  VOXELD_ASSIGN(made.grid, voxelizer.voxelize(
+                               scene, options.voxelize,
+                               [&](int64_t done, int64_t total) {
+                                 return run.monitor.set_progress(done, total);
+                               },
+                               &stats));
+  made.content_hash = content_hash(made.grid);
+  made.grid.meta_json = container_meta(run.task, scene, options, made.content_hash);
+  add_meta(run, json::parse(made.grid.meta_json));
+  add_meta(run, grid_facts(made));
+  add_meta(run, device_facts(run.engine));
+  add_meta(run, {{"triangles", stats.triangles},
+                 {"tiles", stats.tiles},
+                 {"pipeline", pipeline_name(stats.pipeline)},
+                 {"pipeline_reason", stats.pipeline_reason},
+                 {"device_bytes_peak", stats.device_bytes_peak}});
+  json passes = json::object();
+  for (const auto& [name, ms] : stats.passes) passes[name] = ms;
+  add_meta(run, {{"passes_ms", passes}});
+  return made;
+}
+
+Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
+                                                         const RequestOptions& options) {
+  InputCache& cache = run.engine.cache;
+  const std::string key = render_key(run.task, options);
+  if (cache.grid != nullptr && cache.grid_key == key) {
+    add_meta(run, json::parse(cache.grid->grid.meta_json));
+    add_meta(run, device_facts(run.engine));
+    return cache.grid;
+  }
+  VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
+  cache.grid.reset();
+  VOXELD_ASSIGN(LoadedGrid made, voxelize_scene(run, *scene, options, nullptr));
+  cache.grid = std::make_shared<const LoadedGrid>(std::move(made));
+  cache.grid_key = key;
+  return cache.grid;
+}
+
+Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
+                               const RenderOptions& options) {
+  const StageTimer stage(run, "render");
+  InputCache& cache = run.engine.cache;
+  if (cache.resident_key != grid_key) {
+    cache.resident_key.clear();
+    VOXELD_TRY(run.engine.renderer.set_grid(grid.grid));
+    cache.resident_key = grid_key;
+  }
+  return run.engine.renderer.render(
+      options, [&](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); });
+}
+
+Status add_output(TaskRun& run, std::string_view roles, std::span<const uint8_t> bytes,
+                  std::string_view media_type, std::string_view extension) {
+  const size_t number = run.completion.outputs.size();
+  const fs::path path = run.scratch / (run.task.id + "-" + std::to_string(number));
+  VOXELD_TRY(write_file(path, bytes));
+  while (!roles.empty()) {
+    const std::string_view role = roles.substr(0, roles.find(' '));
+    roles.remove_prefix(std::min(role.size() + 1, roles.size()));
+    run.completion.outputs.push_back({std::string(role), path.string(), std::string(media_type),
+                                      output_stem(run.task.filename) + std::string(extension)});
+  }
+  return run.monitor.check();
+}
+
+json grid_facts(const LoadedGrid& loaded) {
+  const Grid& grid = loaded.grid;
+  json channels = json::array({"occupancy"});
+  if (grid.has_color) channels.push_back("color");
+  if (grid.has_normal) channels.push_back("normal");
+  const GridSpec& spec = grid.spec;
+  return {{"dims", {spec.dims.x, spec.dims.y, spec.dims.z}},
+          {"origin", {spec.origin_world.x, spec.origin_world.y, spec.origin_world.z}},
+          {"voxel_size", {spec.voxel_size.x, spec.voxel_size.y, spec.voxel_size.z}},
+          {"voxel_count", grid.voxel_count()},
+          {"channels", channels},
+          {"content_hash", loaded.content_hash}};
+}
+
+void add_meta(TaskRun& run, const json& facts) {
+  json meta = json::parse(run.completion.meta_json, nullptr, false);
+  meta.update(facts);
+  run.completion.meta_json = meta.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,75 @@
+// The steps that run_task.cpp's stories are made of.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include <nlohmann/json.hpp>
+
+#include "proto/options.h"
+#include "proto/task_api.h"
+#include "server/base/stopwatch.h"
+#include "server/worker/engine.h"
+#include "server/worker/task_monitor.h"
+
+namespace voxeld {
+
+// One task while it runs.
+struct TaskRun {
+  Engine& engine;
+  const Task& task;
+  const std::filesystem::path& scratch;
+  TaskMonitor& monitor;
+  TaskCompletion completion;  // filled in step by step
+};
+
+// Measures one stage and tells the monitor of it.
+class StageTimer {
+ public:
+  StageTimer(TaskRun& run, std::string_view stage) : run_(run), stage_(stage) {
+    run_.monitor.set_stage(stage);
+  }
+  ~StageTimer() { add_stage(run_.completion.timings, stage_, watch_.ms()); }
+  StageTimer(const StageTimer&) = delete;
+  StageTimer& operator=(const StageTimer&) = delete;
+
+ private:
+  TaskRun& run_;
+  const std::string stage_;
+  const Stopwatch watch_;
+};
+
+Result<RequestOptions> task_options(const Task& task, OptionScope scope);
+
+// The asset as a scene, from the cache where it is the same as last time. Adds the loader's
+// warnings to the completion. Stage: parse.
+Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images);
+// The native container as a grid, from the cache likewise. Stage: parse.
+Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run);
+
+// Checks that the grid can be made (and written as `output`, when given), makes it, and puts what
+// is known of its making into the completion's meta. Stage: voxelize.
+Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options,
+                                  const OutputOptions* output);
+// As voxelize_scene for a picture; from the cache when the last render of this mesh used the same
+// placement.
+Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
+                                                         const RequestOptions& options);
+// Stage: render.
+Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
+                               const RenderOptions& options);
+
+// Writes bytes to the scratch directory and lists them under `roles` (space-separated).
+Status add_output(TaskRun& run, std::string_view roles, std::span<const uint8_t> bytes,
+                  std::string_view media_type, std::string_view extension);
+
+// The part of the meta object that every grid has: dims, origin, voxel_size, voxel_count, channels,
+// content_hash.
+nlohmann::json grid_facts(const LoadedGrid& grid);
+// Adds the members of `facts` to the completion's meta.
+void add_meta(TaskRun& run, const nlohmann::json& facts);
+
+}  // namespace voxeld

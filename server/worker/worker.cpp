@@ -1,0 +1,148 @@
+#include "server/worker/worker.h"
+
+#include <signal.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <exception>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+
+#include "server/base/log.h"
+#include "server/base/stopwatch.h"
+#include "server/worker/engine.h"
+#include "server/worker/run_task.h"
+#include "server/worker/task_client.h"
+#include "server/worker/task_monitor.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kExitClean = 0;
+constexpr int kExitNoGateway = 2;
+constexpr int kExitDeviceUnavailable = 3;  // Supervisor::kExitDeviceUnavailable
+constexpr int kExitContextLost = 4;
+
+// The gateway's socket, for the signal handler.
+std::atomic<int> gateway_fd{-1};
+
+// SIGTERM closes the connection: a claim that waits returns, a task that runs is cancelled by its
+// monitor, and the gateway puts it back.
+extern "C" void close_gateway(int) {
+  ::shutdown(gateway_fd.load(), SHUT_RDWR);
+}
+
+void handle_signals(int fd) {
+  gateway_fd = fd;
+  struct sigaction action {};
+  action.sa_handler = close_gateway;
+  action.sa_flags = SA_RESTART;
+  ::sigaction(SIGTERM, &action, nullptr);
+  ::signal(SIGINT, SIG_IGN);  // Ctrl-C is the daemon's; it sends SIGTERM
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+json device_json(const gpu::DeviceInfo& info) {
+  return {{"vendor", info.vendor},
+          {"renderer", info.renderer},
+          {"version", info.version},
+          {"glsl_version", info.glsl_version},
+          {"is_software", info.is_software},
+          {"has_int64", info.has_int64},
+          {"ssbo_bytes_max", info.ssbo_bytes_max},
+          {"texture_side_max", info.texture_side_max},
+          {"texture3d_side_max", info.texture3d_side_max},
+          {"framebuffer_side_max", info.framebuffer_side_max},
+          {"dispatch_groups_max", info.dispatch_groups_max},
+          {"loop_iterations_max", info.loop_iterations_max}};
+}
+
+WorkerHello make_hello(const gpu::DeviceId& device) {
+  WorkerHello hello;
+  hello.pid = ::getpid();
+  hello.device = gpu::device_name(device);
+  hello.device_json = "{}";
+  return hello;
+}
+
+// Tells the gateway why there will be no worker, so that /readyz can say it.
+int report_unavailable(TaskClient& client, const gpu::DeviceId& device, const Error& error) {
+  log::error("cannot open the device", {{"error", error.message()}});
+  if (client.hello(make_hello(device))) (void)client.fail({"", 0, error}).ok();
+  return kExitDeviceUnavailable;
+}
+
+// Runs one task and reports on it. Returns an exit status when the process should end.
+std::optional<int> handle_task(Engine& engine, TaskClient& client, const Task& task,
+                               const std::filesystem::path& scratch) {
+  const Stopwatch watch;
+  Result<TaskCompletion> completion = Error{};
+  bool dropped = false;
+  {
+    TaskMonitor monitor(client, task);
+    completion = run_task(engine, task, scratch, monitor);
+    dropped = monitor.dropped();
+  }
+  log::info(completion ? "task done" : "task failed",
+            {{"job", task.id},
+             {"kind", job_kind_name(task.kind)},
+             {"ms", watch.ms()},
+             {"error", completion ? "" : completion.error().message()}});
+  if (!dropped) {
+    const auto counted = completion ? client.complete(*completion)
+                                    : client.fail({task.id, task.fence, completion.error()});
+    if (!counted) return kExitClean;  // the gateway has gone
+  }
+  if (completion || completion.error().code != ErrorCode::kInternal) return std::nullopt;
+  // After a driver's failure the next task gets a fresh process unless the context is still good.
+  const Status context = engine.context->check("after a failed task");
+  if (context) return std::nullopt;
+  log::error("the context is lost", {{"error", context.error().message()}});
+  return kExitContextLost;
+}
+
+int serve_tasks(Engine& engine, TaskClient& client, const std::string& scratch) {
+  while (true) {
+    const auto task = client.claim();
+    if (!task) {
+      const bool gone = task.error().code == ErrorCode::kGone;
+      if (!gone) log::error("cannot claim", {{"error", task.error().message()}});
+      return gone ? kExitClean : kExitNoGateway;
+    }
+    if (const auto exit = handle_task(engine, client, *task, scratch)) return *exit;
+  }
+}
+
+Result<int> run_worker(const WorkerConfig& config) {
+  VOXELD_ASSIGN(const auto client, TaskClient::connect(config.gateway));
+  handle_signals(client->fd());
+  auto context = gpu::Context::create(config.device);
+  if (!context) return report_unavailable(*client, config.device, context.error());
+  Engine engine(*std::move(context), config.shader_dir);
+  const gpu::DeviceInfo& info = engine.context->info();
+  WorkerHello hello = make_hello(config.device);
+  hello.renderer = info.renderer;
+  hello.driver = info.version;
+  hello.device_json = device_json(info).dump(-1, ' ', false, json::error_handler_t::replace);
+  VOXELD_ASSIGN(const std::string scratch, client->hello(hello));
+  return serve_tasks(engine, *client, scratch);
+}
+
+}  // namespace
+
+int worker_main(const WorkerConfig& config) {
+  try {
+    const auto status = run_worker(config);
+    if (status) return *status;
+    log::error("worker ends", {{"error", status.error().message()}});
+  } catch (const std::exception& failure) {
+    log::error("worker ends", {{"error", failure.what()}});
+  }
+  return kExitNoGateway;
+}
+
+}  // namespace voxeld
