@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <filesystem>
 #include <fstream>
 #include <string>
 #include <thread>
@@ -47,8 +48,15 @@ TEST(ChildProcess, no_signal_is_sent_once_the_child_was_reaped) {
 }
 
 TEST(ChildProcess, the_child_ends_with_the_thread_that_started_it) {
+  testing::TemporaryDir dir;
+  const std::string ready = (dir.path() / "ready").native();
   ChildProcess child;
-  std::thread([&] { ASSERT_TRUE(child.spawn("/bin/sleep", {"100"})); }).join();
+  std::thread([&] {
+    ASSERT_TRUE(child.spawn("/bin/sh", {"-c", "touch '" + ready + "'; exec sleep 100"}));
+    while (!std::filesystem::exists(ready)) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }).join();
   EXPECT_EQ(child.wait().text(), "signal 9 (Killed)");
 }
 

@@ -1,0 +1,171 @@
+#include "server/config.h"
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdlib>
+#include <map>
+#include <utility>
+
+namespace voxeld {
+namespace {
+
+const std::map<std::string, log::Level>& log_levels() {
+  static const std::map<std::string, log::Level> levels = {{"debug", log::Level::kDebug},
+                                                           {"info", log::Level::kInfo},
+                                                           {"warn", log::Level::kWarn},
+                                                           {"error", log::Level::kError}};
+  return levels;
+}
+
+std::filesystem::path default_data_dir() {
+  if (const char* state = std::getenv("XDG_STATE_HOME"); state != nullptr && *state == '/') {
+    return std::filesystem::path(state) / "voxeld";
+  }
+  const char* home = std::getenv("HOME");
+  return std::filesystem::path(home != nullptr && *home == '/' ? home : "/tmp") /
+         ".local/state/voxeld";
+}
+
+// Loopback by its number or name; a name that only resolves to it does not count.
+bool is_loopback(std::string_view host) {
+  return host == "localhost" || host == "[::1]" || host == "::1" || host.starts_with("127.");
+}
+
+void add_log_level(CLI::App& command, log::Level& level) {
+  command.add_option("--log-level", level, "Lowest level that is logged: debug, info, warn, error")
+      ->transform(CLI::CheckedTransformer(log_levels(), CLI::ignore_case))
+      ->envname("VOXELD_LOG_LEVEL");
+}
+
+CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
+  CLI::App* serve = app.add_subcommand(
+      "serve", "Answer HTTP and run jobs on one worker process per device (the default)");
+  serve->add_option("--listen", config.listen, "HOST:PORT of the API; port 0 takes a free one")
+      ->envname("VOXELD_LISTEN")
+      ->capture_default_str();
+  serve
+      ->add_option("--admin-listen", config.admin_listen,
+                   "HOST:PORT of /livez, /readyz and /metrics")
+      ->envname("VOXELD_ADMIN_LISTEN")
+      ->capture_default_str();
+  serve
+      ->add_flag("--allow-remote", config.allow_remote,
+                 "Listen on other addresses than loopback. There is no access control")
+      ->envname("VOXELD_ALLOW_REMOTE");
+  serve->add_option("--data", config.data_dir, "Directory of the database and of all files")
+      ->envname("VOXELD_DATA")
+      ->capture_default_str();
+  serve
+      ->add_option("--device", config.devices,
+                   "auto, egl:N, llvmpipe, lavapipe or osmesa; several give one worker each")
+      ->delimiter(',')
+      ->envname("VOXELD_DEVICE")
+      ->capture_default_str();
+  serve
+      ->add_option("--upload-bytes-max", config.upload_bytes_max,
+                   "Largest upload, with an optional unit (500M, 4G)")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::PositiveNumber)
+      ->envname("VOXELD_UPLOAD_BYTES_MAX")
+      ->capture_default_str();
+  serve->add_option("--queued-jobs-max", config.queued_jobs_max, "Jobs that may wait")
+      ->check(CLI::PositiveNumber)
+      ->envname("VOXELD_QUEUED_JOBS_MAX")
+      ->capture_default_str();
+  serve
+      ->add_option("--request-threads", config.request_threads,
+                   "Requests that are answered at a time")
+      ->check(CLI::Range(1, 4096))
+      ->envname("VOXELD_REQUEST_THREADS")
+      ->capture_default_str();
+  serve
+      ->add_option("--drain-seconds", config.drain_seconds,
+                   "How long running answers may go on after SIGTERM")
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_DRAIN_SECONDS")
+      ->capture_default_str();
+  serve
+      ->add_option("--shader-dir", config.shader_dir,
+                   "Read shaders from here instead of the ones built in")
+      ->check(CLI::ExistingDirectory)
+      ->envname("VOXELD_SHADER_DIR");
+  add_log_level(*serve, config.log_level);
+  return serve;
+}
+
+CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
+  CLI::App* worker =
+      app.add_subcommand("worker", "Run tasks of a gateway on one device (serve starts these)");
+  worker->add_option("--gateway", command.gateway, "unix:/path/to/tasks.sock")->required();
+  worker->add_option("--device", command.device, "egl:N, llvmpipe, lavapipe or osmesa")->required();
+  worker->add_option("--shader-dir", command.shader_dir, "As of serve");
+  add_log_level(*worker, command.log_level);
+  return worker;
+}
+
+// `voxeld --listen …` means `voxeld serve --listen …`.
+std::vector<std::string> with_default_subcommand(int argc, const char* const* argv) {
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  const std::string first = arguments.empty() ? "" : arguments.front();
+  const bool for_all = first == "-h" || first == "--help" || first == "--version";
+  if (first.empty() || (first.starts_with('-') && !for_all)) {
+    arguments.insert(arguments.begin(), "serve");
+  }
+  return {arguments.rbegin(), arguments.rend()};  // CLI11 takes them from the back
+}
+
+}  // namespace
+
+Command parse_command_line(int argc, const char* const* argv) {
+  CLI::App app("voxeld turns meshes into voxels and pictures, over HTTP.", "voxeld");
+  app.require_subcommand(0, 1);
+  bool print_version = false;
+  app.add_flag("--version", print_version, "Print the version");
+  ServeConfig serve_config;
+  serve_config.data_dir = default_data_dir();
+  WorkerCommand worker_command;
+  DoctorCommand doctor_command;
+  ProbeDeviceCommand probe_command;
+  const CLI::App* serve = add_serve(app, serve_config);
+  const CLI::App* worker = add_worker(app, worker_command);
+  CLI::App* doctor =
+      app.add_subcommand("doctor", "Tell which devices work here, and what auto chooses");
+  doctor->add_flag("--json", doctor_command.json, "One JSON object instead of a table");
+  CLI::App* probe = app.add_subcommand("probe-device", "Open one device and describe it as JSON");
+  probe->add_option("--device", probe_command.device)->required();
+  const CLI::App* version = app.add_subcommand("version", "Print the version");
+  try {
+    app.parse(with_default_subcommand(argc, argv));
+  } catch (const CLI::ParseError& error) {
+    return ExitCommand{app.exit(error) == 0 ? 0 : 64};  // EX_USAGE of sysexits.h
+  }
+  if (serve->parsed()) return serve_config;
+  if (worker->parsed()) return worker_command;
+  if (doctor->parsed()) return doctor_command;
+  if (probe->parsed()) return probe_command;
+  if (version->parsed() || print_version) return VersionCommand{};
+  return ExitCommand{64};
+}
+
+std::string_view log_level_name(log::Level level) {
+  for (const auto& [name, value] : log_levels()) {
+    if (value == level) return name;
+  }
+  return "info";
+}
+
+Status check_listen_address(const std::string& flag, const std::string& address,
+                            bool allow_remote) {
+  const size_t colon = address.rfind(':');
+  if (colon == std::string::npos || colon == 0) {
+    return Error{ErrorCode::kInvalidOption, flag, "HOST:PORT", address};
+  }
+  if (allow_remote || is_loopback(std::string_view(address).substr(0, colon))) return {};
+  return Error{ErrorCode::kInvalidOption,
+               flag + " " + address +
+                   " can be reached from other machines, and voxeld has no access control: put a "
+                   "proxy that has in front of it, or pass --allow-remote",
+               "127.0.0.1, [::1] or localhost", address};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,65 @@
+// The command line and the environment as plain data.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "proto/limits.h"
+#include "proto/result.h"
+#include "server/base/log.h"
+
+namespace voxeld {
+
+struct ServeConfig {
+  std::string listen = "127.0.0.1:8080";
+  std::string admin_listen = "127.0.0.1:8081";
+  bool allow_remote = false;
+  std::filesystem::path data_dir;  // default: $XDG_STATE_HOME or ~/.local/state, then /voxeld
+  std::vector<std::string> devices = {"auto"};
+  int64_t upload_bytes_max = limits::kUploadBytesMax;
+  int queued_jobs_max = limits::kQueuedJobsMax;
+  int request_threads = 64;
+  double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
+  std::string shader_dir;
+  log::Level log_level = log::Level::kInfo;
+};
+
+struct WorkerCommand {
+  std::string gateway;
+  std::string device;
+  std::string shader_dir;
+  log::Level log_level = log::Level::kInfo;
+};
+
+struct DoctorCommand {
+  bool json = false;
+};
+
+struct ProbeDeviceCommand {
+  std::string device;
+};
+
+struct VersionCommand {};
+
+// Help was printed, or an error: end with this status.
+struct ExitCommand {
+  int status = 0;
+};
+
+using Command = std::variant<ServeConfig, WorkerCommand, DoctorCommand, ProbeDeviceCommand,
+                             VersionCommand, ExitCommand>;
+
+// Parses arguments, then VOXELD_… variables for flags that are not given, then defaults. Prints
+// help and errors itself. Without a subcommand: serve.
+Command parse_command_line(int argc, const char* const* argv);
+
+std::string_view log_level_name(log::Level level);
+
+// voxeld has no access control of its own, so it listens on loopback unless told otherwise. Errors:
+// invalid-option with the reason.
+Status check_listen_address(const std::string& flag, const std::string& address, bool allow_remote);
+
+}  // namespace voxeld

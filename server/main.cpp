@@ -1,0 +1,72 @@
+// voxeld: serve, worker, doctor, version. What each does stands in its own file.
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <system_error>
+#include <type_traits>
+#include <variant>
+
+#include "server/base/log.h"
+#include "server/config.h"
+#include "server/doctor.h"
+#include "server/gpu/device.h"
+#include "server/serve.h"
+#include "server/worker/worker.h"
+
+#ifndef VOXELD_VERSION
+#define VOXELD_VERSION "0.1.0"
+#endif
+
+namespace voxeld {
+namespace {
+
+constexpr int kExitUsage = 64;
+
+// The file that runs, for starting it again: argv[0] may be a name that was found in PATH.
+std::string self_executable(const char* argv0) {
+  std::error_code failed;
+  const auto path = std::filesystem::read_symlink("/proc/self/exe", failed);
+  return failed ? argv0 : path.string();
+}
+
+int usage_error(const Error& error) {
+  std::fprintf(stderr, "voxeld: %s\n", error.message().c_str());
+  return kExitUsage;
+}
+
+int run_worker(const WorkerCommand& command) {
+  const auto device = gpu::parse_device(command.device);
+  if (!device) return usage_error(device.error());
+  log::configure(command.log_level, "worker " + gpu::device_name(*device));
+  return worker_main({command.gateway, *device, command.shader_dir});
+}
+
+int run_probe(const ProbeDeviceCommand& command) {
+  const auto device = gpu::parse_device(command.device);
+  if (!device) return usage_error(device.error());
+  return gpu::probe_device_main(*device);
+}
+
+int run(const Command& command, const std::string& self) {
+  return std::visit(
+      [&](const auto& chosen) -> int {
+        using Chosen = std::decay_t<decltype(chosen)>;
+        if constexpr (std::is_same_v<Chosen, ServeConfig>) return serve_main(chosen, self);
+        if constexpr (std::is_same_v<Chosen, WorkerCommand>) return run_worker(chosen);
+        if constexpr (std::is_same_v<Chosen, DoctorCommand>) return doctor_main(self, chosen.json);
+        if constexpr (std::is_same_v<Chosen, ProbeDeviceCommand>) return run_probe(chosen);
+        if constexpr (std::is_same_v<Chosen, ExitCommand>) return chosen.status;
+        if constexpr (std::is_same_v<Chosen, VersionCommand>) {
+          std::printf("voxeld %s\n", VOXELD_VERSION);
+          return 0;
+        }
+      },
+      command);
+}
+
+}  // namespace
+}  // namespace voxeld
+
+int main(int argc, char** argv) {
+  return voxeld::run(voxeld::parse_command_line(argc, argv), voxeld::self_executable(argv[0]));
+}

@@ -1,0 +1,163 @@
+#include "server/serve.h"
+
+#include <prometheus/registry.h>
+#include <pthread.h>
+#include <signal.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <utility>
+
+#include "server/base/log.h"
+#include "server/base/stopwatch.h"
+#include "server/gpu/device.h"
+#include "server/http/server.h"
+#include "server/jobs/job_service.h"
+
+namespace voxeld {
+namespace {
+
+constexpr int kExitFailure = 1;
+// How long the line that says "ready" waits for a worker; the daemon listens before that.
+constexpr double kReadySecondsMax = 60.0;
+
+sigset_t ending_signals() {
+  sigset_t set;
+  ::sigemptyset(&set);
+  ::sigaddset(&set, SIGTERM);
+  ::sigaddset(&set, SIGINT);
+  return set;
+}
+
+// Blocks them for this thread and all that it starts; wait_for_signal takes them.
+void block_ending_signals() {
+  const sigset_t set = ending_signals();
+  ::pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  ::signal(SIGPIPE, SIG_IGN);
+}
+
+// The signal, or 0 after `seconds` (negative: waits for ever).
+int wait_for_signal(double seconds) {
+  const sigset_t set = ending_signals();
+  if (seconds < 0) {
+    int signal = 0;
+    while (::sigwait(&set, &signal) != 0) {
+    }
+    return signal;
+  }
+  timespec limit{};
+  limit.tv_sec = static_cast<time_t>(seconds);
+  limit.tv_nsec = static_cast<long>((seconds - static_cast<double>(limit.tv_sec)) * 1e9);
+  return std::max(0, ::sigtimedwait(&set, nullptr, &limit));
+}
+
+// A second signal ends the process at once; its workers end with it.
+void let_next_signal_kill() {
+  const sigset_t set = ending_signals();
+  ::pthread_sigmask(SIG_UNBLOCK, &set, nullptr);
+}
+
+// "auto" becomes the device that this machine runs best; the others are checked.
+Result<std::vector<std::string>> resolve_devices(const std::vector<std::string>& wanted,
+                                                 const std::string& self_executable) {
+  std::vector<std::string> devices;
+  for (const std::string& name : wanted) {
+    if (name != "auto") {
+      VOXELD_ASSIGN(const gpu::DeviceId device, gpu::parse_device(name));
+      devices.push_back(gpu::device_name(device));
+      continue;
+    }
+    const Stopwatch watch;
+    VOXELD_ASSIGN(const gpu::AutoChoice choice,
+                  gpu::choose_device(gpu::probe_devices(self_executable)));
+    log::info(
+        "device chosen",
+        {{"device", gpu::device_name(choice.device)}, {"why", choice.why}, {"ms", watch.ms()}});
+    devices.push_back(gpu::device_name(choice.device));
+  }
+  return devices;
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ",") + name;
+  return text;
+}
+
+// "127.0.0.1:0" and the port that was taken -> "http://127.0.0.1:43210"
+std::string url_of(const std::string& listen, int port) {
+  return "http://" + listen.substr(0, listen.rfind(':')) + ":" + std::to_string(port);
+}
+
+// Returns the signal that came meanwhile, or 0.
+int wait_for_worker(JobService& jobs) {
+  const Stopwatch watch;
+  while (watch.ms() < kReadySecondsMax * 1000.0) {
+    if (jobs.ready()) return 0;
+    if (const int signal = wait_for_signal(0.02); signal != 0) return signal;
+  }
+  log::error("no worker yet; jobs wait", {{"reason", jobs.ready().error().message()}});
+  return 0;
+}
+
+JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> devices,
+                            const std::string& self_executable) {
+  JobServiceConfig jobs;
+  jobs.data_dir = config.data_dir;
+  jobs.devices = std::move(devices);
+  jobs.worker_executable = self_executable;
+  jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level))};
+  if (!config.shader_dir.empty()) {
+    jobs.worker_arguments.insert(jobs.worker_arguments.end(), {"--shader-dir", config.shader_dir});
+  }
+  jobs.queued_jobs_max = config.queued_jobs_max;
+  return jobs;
+}
+
+Status serve(const ServeConfig& config, const std::string& self_executable) {
+  VOXELD_TRY(check_listen_address("--listen", config.listen, config.allow_remote));
+  VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen, config.allow_remote));
+  VOXELD_ASSIGN(const auto devices, resolve_devices(config.devices, self_executable));
+  block_ending_signals();
+  auto metrics = std::make_shared<prometheus::Registry>();
+  VOXELD_ASSIGN(const auto jobs,
+                start_job_service(job_config(config, devices, self_executable), metrics));
+  http::ServerConfig http_config;
+  http_config.listen = config.listen;
+  http_config.admin_listen = config.admin_listen;
+  http_config.upload_bytes_max = config.upload_bytes_max;
+  http_config.request_threads = config.request_threads;
+  VOXELD_ASSIGN(const auto server, http::start_server(http_config, *jobs, metrics));
+  log::info("listening", {{"url", url_of(config.listen, server->port())},
+                          {"admin", url_of(config.admin_listen, server->admin_port())},
+                          {"data", config.data_dir.string()}});
+  int signal = wait_for_worker(*jobs);
+  if (signal == 0) {
+    std::printf("ready %s admin=%s device=%s\n", url_of(config.listen, server->port()).c_str(),
+                url_of(config.admin_listen, server->admin_port()).c_str(), joined(devices).c_str());
+    std::fflush(stdout);
+    signal = wait_for_signal(-1);
+  }
+  log::info("stopping", {{"signal", signal}});
+  let_next_signal_kill();
+  jobs->drain();
+  server->stop(config.drain_seconds);
+  return {};
+}
+
+}  // namespace
+
+int serve_main(const ServeConfig& config, const std::string& self_executable) {
+  log::configure(config.log_level, "gateway");
+  const Status status = serve(config, self_executable);
+  if (status) {
+    log::info("stopped");
+    return 0;
+  }
+  std::fprintf(stderr, "voxeld: %s\n", status.error().message().c_str());
+  return kExitFailure;
+}
+
+}  // namespace voxeld
