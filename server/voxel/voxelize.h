@@ -24,12 +24,12 @@ using TileProgress = std::function<bool(int64_t tiles_done, int64_t tiles_total)
 
 struct VoxelizeStats {
   Pipeline pipeline = Pipeline::kCompute;
-  std::string pipeline_reason;   // why `auto` took it
-  int64_t triangles = 0;         // after clipping to the grid's box
-  int64_t tiles = 0;             // that triangles reach
+  std::string pipeline_reason;  // why `auto` took it
+  int64_t triangles = 0;        // after clipping to the grid's box
+  int64_t tiles = 0;            // that triangles reach
   int64_t work_items = 0;
   int64_t device_bytes_peak = 0;
-  StageTimes passes;             // milliseconds by pass: snap bin upload occupancy attributes …
+  StageTimes passes;  // milliseconds by pass: snap bin upload occupancy attributes …
 };
 
 // What a request will cost, before anything is computed.
@@ -54,8 +54,9 @@ class Voxelizer {
   // Places the grid and checks limits only.
   Result<VoxelizeEstimate> estimate(const Scene& scene, const VoxelizeOptions& options) const;
 
- private:
   struct Impl;
+
+ private:
   std::unique_ptr<Impl> impl_;
 };
 

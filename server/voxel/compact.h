@@ -1,0 +1,18 @@
+// The mask of a tile as the device left it -> sparse bricks.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "proto/sparse_tile.h"
+
+namespace voxeld {
+
+// Appends the occupied bricks of `blocks` (TileWindow::blocks) to `tile`. Returns the number of
+// voxels. Where `word_offsets` is not empty (kTileMaskWords), sets it for every word that is not 0
+// to the number of voxels before it.
+uint64_t compact_mask(std::span<const uint32_t> mask, uint64_t blocks, SparseTile& tile,
+                      std::span<uint32_t> word_offsets);
+
+}  // namespace voxeld

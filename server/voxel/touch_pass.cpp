@@ -1,0 +1,39 @@
+#include "server/voxel/touch_pass.h"
+
+namespace voxeld {
+
+gpu::Defines touch_class_defines(TouchClass touch_class) {
+  switch (touch_class) {
+    case TouchClass::kRows:
+      return {{"TOUCH_ROWS", "1"}};
+    case TouchClass::kSmall:
+      return {{"TOUCH_INT", "int"}, {"TOUCH_INT3", "ivec3"}};
+    case TouchClass::kLarge:
+      break;
+  }
+  return {{"TOUCH_INT", "int64_t"}, {"TOUCH_INT3", "i64vec3"}};
+}
+
+Status TouchPass::run(const TileWindow& window, Pipeline pipeline) {
+  if (pipeline == Pipeline::kRaster) {
+    VOXELD_ASSIGN(const gpu::Program* program,
+                  shaders_->get({{"voxelize.vert"}, {"voxelize.geom"}, {"voxelize_touch.frag"}}));
+    VOXELD_TRY(device_->run_triangles(*program, 0, window.triangle_count(), {}));
+    return device_->context().check("finding touched cells");
+  }
+  // Ranges of one class lie side by side, whatever their images: one dispatch takes them all.
+  for (size_t r = 0; r < window.ranges.size();) {
+    const TouchClass touch_class = window.ranges[r].touch_class;
+    const size_t first = window.ranges[r].first;
+    size_t count = 0;
+    for (; r < window.ranges.size() && window.ranges[r].touch_class == touch_class; ++r) {
+      count += window.ranges[r].count;
+    }
+    VOXELD_ASSIGN(const gpu::Program* program,
+                  shaders_->get({{"voxelize_touch.comp"}}, touch_class_defines(touch_class)));
+    device_->run_items(*program, first, count, {});
+  }
+  return device_->context().check("finding touched cells");
+}
+
+}  // namespace voxeld

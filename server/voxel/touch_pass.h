@@ -1,0 +1,26 @@
+// The pass that finds the occupied cells of a tile.
+#pragma once
+
+#include "server/gpu/shader_library.h"
+#include "server/voxel/tile_device.h"
+#include "server/voxel/voxelize.h"
+
+namespace voxeld {
+
+// The defines that make a compute program for a class of triangles.
+gpu::Defines touch_class_defines(TouchClass touch_class);
+
+class TouchPass {
+ public:
+  TouchPass(TileDevice& device, gpu::ShaderLibrary& shaders)
+      : device_(&device), shaders_(&shaders) {}
+
+  // Sets the bits of the window's triangles. The window is uploaded and its blocks are cleared.
+  Status run(const TileWindow& window, Pipeline pipeline);
+
+ private:
+  TileDevice* device_;
+  gpu::ShaderLibrary* shaders_;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,38 @@
+// Visits what a triangle touches in a block of columns, for every pass over (triangle, cell) pairs.
+// The including file defines the two functions that are declared here.
+
+// Column (i, j) will be visited; s = touch_height(t, i, j).
+void begin_column(TouchTriangle t, int i, int j);
+// The triangle touches cell (i, j, k) of the column begun last; k ascends.
+void visit_cell(int i, int j, int k);
+
+// first, last: estimates of touch_depth.
+void visit_column(TouchTriangle t, int i, int j, TOUCH_INT s, float low, float high) {
+  if (!touch_column(t, i, j)) return;
+  ivec2 depth = touch_depth(t, s, low, high);
+  begin_column(t, i, j);
+  for (int k = depth.x; k <= depth.y; ++k) {
+    if (touch_sides(t, i, j, k)) visit_cell(i, j, k);
+  }
+}
+
+// Columns [first, last] in both directions.
+void visit_block(TouchTriangle t, ivec2 first, ivec2 last) {
+  float slope = -float(t.normal.x) * t.inverse_z;
+  for (int j = first.y; j <= last.y; ++j) {
+    ivec2 span = touch_row_span(t, j, first.x, last.x);
+    TOUCH_INT s = touch_height(t, span.x, j);
+    float low = -float(s + t.above) * t.inverse_z;
+    float high = float(t.below - s) * t.inverse_z;
+    for (int i = span.x; i <= span.y; ++i) {
+      float at = slope * float(i - span.x);
+      visit_column(t, i, j, s, low + at, high + at);
+      s += t.normal.x;
+    }
+  }
+}
+
+void visit_one_column(TouchTriangle t, int i, int j) {
+  TOUCH_INT s = touch_height(t, i, j);
+  visit_column(t, i, j, s, -float(s + t.above) * t.inverse_z, float(t.below - s) * t.inverse_z);
+}

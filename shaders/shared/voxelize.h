@@ -1,0 +1,52 @@
+// Parameters, bindings and work items of the voxelizing passes, read by C++ (server/voxel) and GLSL.
+#ifdef __cplusplus
+#pragma once
+#endif
+#include "shaders/shared/types.h"
+
+// Storage buffers.
+#define VOXELIZE_TRIANGLES 0     // 9 ints per triangle: x y z of three vertices, see VoxelizeParams
+#define VOXELIZE_ITEMS 1         // VoxelizeItem per work item; pipeline compute alone
+#define VOXELIZE_MASK 2          // bit per cell of the tile in Morton order, proto/sparse_tile.h
+#define VOXELIZE_ATTRIBUTES 3    // ATTRIBUTE_WORDS uints per triangle, attributes.h
+#define VOXELIZE_WORD_OFFSETS 4  // uint per mask word: number of the word's first voxel in the tile
+#define VOXELIZE_SUMS 5          // uint: sums of the attributes, attributes.h
+#define VOXELIZE_LINEAR 6        // 256 uints: 16-bit linear light of an sRGB byte
+// Uniform buffer.
+#define VOXELIZE_PARAMS 0
+// Texture unit.
+#define VOXELIZE_TEXTURE 0
+
+#define VOXELIZE_GROUP_SIZE 64   // invocations of a work group
+#define VOXELIZE_TILE_CELLS 256  // to a side
+#define VOXELIZE_BLOCK_COLUMNS 16 // most columns to a side of one work item
+
+// A work item: x = triangle, y = its columns in the plane across the triangle's dominant axis.
+//   bits  0..7   first column i        bits 16..19  columns in i, less 1
+//   bits  8..15  first column j        bits 20..23  columns in j, less 1
+//   bits 24..25  dominant axis
+#define VOXELIZE_ITEM_J_SHIFT 8
+#define VOXELIZE_ITEM_NI_SHIFT 16
+#define VOXELIZE_ITEM_NJ_SHIFT 20
+#define VOXELIZE_ITEM_AXIS_SHIFT 24
+
+VOXELD_SHARED_BEGIN
+
+// Vertices are integers q, in 1/256 voxel from the tile's min corner; the vertex stands at q + 1/2.
+struct VoxelizeParams {
+  ivec4 cell_max;      // xyz: last cell of the tile that is inside the grid; w unused
+  uint item_first;     // index of this dispatch's first work item
+  uint item_count;
+  uint triangle_first; // raster: index of this draw's first triangle
+  uint voxel_first;    // attributes: voxels [voxel_first, voxel_first + voxel_count) of the tile
+  uint voxel_count;
+  uint padding0, padding1, padding2;
+};
+
+VOXELD_SHARED_END
+
+#ifdef __cplusplus
+static_assert(offsetof(voxeld::shared::VoxelizeParams, item_first) == 16);
+static_assert(offsetof(voxeld::shared::VoxelizeParams, voxel_count) == 32);
+static_assert(sizeof(voxeld::shared::VoxelizeParams) == 48);
+#endif
