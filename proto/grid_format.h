@@ -1,20 +1,60 @@
-// The native container: see the byte map in this file (written by the codec's author) and, for
-// outsiders, proto/README.md. Breadth-first octree of child masks and attribute streams in Morton
-// order, per tile, each zstd-compressed; a directory gives random access by tile.
+// The native container: a sparse grid as breadth-first octrees and attribute streams, by tile.
+//
+// All numbers are little-endian; every reserved byte is zero. [n] is an array of n.
+//
+//   byte  size  header
+//      0     8  magic "VOXGRID" and a zero byte
+//      8     4  u32 version, 1
+//     12     4  u32 channels: bit 0 colour, bit 1 normal
+//     16    12  i32[3] dims: cells in x, y, z, each 1..2048
+//     28     4  u32 tile side as a power of two: 8 (256 cells)
+//     32    24  f64[3] origin: world position of the min corner of cell 0,0,0
+//     56    24  f64[3] voxel size: world units, > 0
+//     80     4  u32 tile count
+//     84     4  u32 meta bytes
+//     88     8  u64 voxel count of all tiles
+//     96     8  u64 bytes of the whole container
+//    104    24  reserved
+//    128     m  meta: a JSON object in UTF-8, then zeros up to a multiple of 8
+//
+//   directory: 48 bytes per tile, in ascending Morton order of its coord
+//      0    12  u32[3] coord, in tiles
+//     12     4  u32 brick count: occupied bricks of 8x8x8 cells
+//     16     8  u64 voxel count
+//     24     8  u64 offset of the tile's data in the container
+//     32     4  u32 octree bytes  \
+//     36     4  u32 colour bytes   | as stored, one after the other from offset on; tiles follow
+//     40     4  u32 normal bytes  /  each other without gaps to the end of the container
+//     44     4  reserved
+//
+// Each stream is one zstd frame with content size and checksum. Contents:
+//   octree  child masks, breadth first: the root (256 cells), then all nodes of 128, 64, ... 2
+//   cells
+//           in Morton order. Bit i of a byte: child i = x | y<<1 | z<<2 is occupied; at 2 cells the
+//           children are the cells. Only nodes that are not empty appear, so a level has as many
+//           bytes as the level above has set bits.
+//   colour  4 planes (R, G, B as sRGB, A linear) of one byte per voxel in Morton order; each byte
+//   is
+//           the difference to the one before it in its plane, modulo 256
+//   normal  3 planes (x, y, z; signed, unit normal times 127) in the same way
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
 
 namespace voxeld {
+
+inline constexpr uint32_t kGridVersion = 1;
+inline constexpr size_t kGridHeaderBytes = 128;
+inline constexpr size_t kGridEntryBytes = 48;
 
 // What a container says of the grid as a whole.
 struct GridHeader {
@@ -23,16 +63,17 @@ struct GridHeader {
   std::array<double, 3> voxel_size{};  // world units
   bool has_color = false;
   bool has_normal = false;
-  std::string meta_json = "{}";  // free JSON object: source, options, pipeline, units, ...
+  std::string meta_json = "{}";  // JSON object: source, options, pipeline, units, ...
 };
 
 // Writes a whole container. Tiles must have distinct coords inside dims; their order does not
-// matter (they are stored in Morton order of coord), so equal grids give equal bytes.
+// matter (they are stored in Morton order of coord), so equal grids give equal bytes. Empty tiles
+// are left out. Errors: internal, for tiles that break SparseTile's rules or the header's.
 Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
                                          std::span<const SparseTile> tiles);
 
-// Reads a container; every length is checked, so hostile bytes give an Error (malformed-bundle is
-// not used: the code is bad-request with "grid container, byte N: ...").
+// Reads a container. Every length is checked before memory is taken; hostile bytes give an Error
+// of code bad-request: "grid container, byte N: ...".
 class GridReader {
  public:
   // `bytes` must outlive the reader.
@@ -40,21 +81,29 @@ class GridReader {
 
   const GridHeader& header() const { return header_; }
   size_t tile_count() const { return entries_.size(); }
-  std::array<int32_t, 3> tile_coord(size_t index) const;
-  uint64_t tile_voxel_count(size_t index) const;
-  uint64_t voxel_count() const;
-  // Byte range of a tile's data in the container, for range requests.
+  std::array<int32_t, 3> tile_coord(size_t index) const { return entries_[index].coord; }
+  uint64_t tile_voxel_count(size_t index) const { return entries_[index].voxel_count; }
+  uint64_t voxel_count() const { return voxel_count_; }
+  // First byte and number of bytes of a tile's data in the container, for range requests.
   std::pair<uint64_t, uint64_t> tile_byte_range(size_t index) const;
   Result<SparseTile> decode_tile(size_t index) const;
 
  private:
   struct Entry {
-    std::array<int32_t, 3> coord;
-    uint64_t offset, octree_bytes, color_bytes, normal_bytes, voxel_count, brick_count;
+    std::array<int32_t, 3> coord{};
+    uint64_t offset = 0, voxel_count = 0;
+    uint32_t octree_bytes = 0, color_bytes = 0, normal_bytes = 0, brick_count = 0;
   };
+  GridReader() = default;
+  Status read_header();
+  Status read_directory(size_t directory);
+
   GridHeader header_;
   std::span<const uint8_t> bytes_;
   std::vector<Entry> entries_;
+  uint64_t voxel_count_ = 0;
+  size_t meta_bytes_ = 0;
+  size_t tile_count_ = 0;
 };
 
 }  // namespace voxeld

@@ -1,0 +1,22 @@
+// One stream of the native container: a zstd frame with content size and checksum; attribute planes
+// are stored as differences.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "proto/result.h"
+
+namespace voxeld {
+
+Result<std::vector<uint8_t>> compress_stream(std::span<const uint8_t> raw);
+// Errors: bad-request, when the frame is broken, says no size, says more than `raw_max` (before any
+// memory is taken), or is followed by more bytes.
+Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max);
+
+// Interleaved samples (channels per voxel) to planes of differences, and back.
+std::vector<uint8_t> planes_from_samples(std::span<const uint8_t> samples, size_t channels);
+std::vector<uint8_t> samples_from_planes(std::span<const uint8_t> planes, size_t channels);
+
+}  // namespace voxeld
