@@ -112,6 +112,7 @@ Status Service::start() {
   TaskServerConfig server;
   server.socket = config_.data_dir / "run" / "tasks.sock";
   server.scratch_root = config_.data_dir / "run" / "scratch";
+  server.limits = config_.limits;
   server.exit_reason = [this](int64_t pid) -> std::string {
     Supervisor* supervisor = supervising_;
     if (supervisor == nullptr) return "";

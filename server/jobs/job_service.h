@@ -101,6 +101,16 @@ class JobService {
   virtual void drain() = 0;
 };
 
+// When a worker that runs a task is taken for lost, and killed if it is ours. Seconds.
+struct TaskLimits {
+  // Workers report at least every 200 ms; one that is silent for so long is stopped or stuck.
+  double silence_seconds_max = 30.0;
+  // A cancel takes effect within a tile, or the worker ends.
+  double cancel_seconds_max = 10.0;
+  // It reports, but says the same each time: a shader or a parser that never ends.
+  double stall_seconds_max = 600.0;
+};
+
 struct JobServiceConfig {
   std::filesystem::path data_dir;
   std::vector<std::string> devices;           // one worker each
@@ -108,6 +118,7 @@ struct JobServiceConfig {
   std::vector<std::string> worker_arguments;  // extra, e.g. --shader-dir
   int queued_jobs_max = limits::kQueuedJobsMax;
   bool start_workers = true;  // tests connect their own
+  TaskLimits limits;
 };
 
 // Opens the store (recovering what an earlier process left: running jobs are queued again), starts

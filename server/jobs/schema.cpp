@@ -26,7 +26,7 @@ CREATE TABLE assets (
   description_json TEXT NOT NULL DEFAULT ''
 );
 CREATE INDEX assets_live ON assets (created_ms) WHERE deleted_ms = 0;
-CREATE INDEX assets_deleted ON assets (deleted_ms) WHERE deleted_ms <> 0;
+CREATE INDEX assets_to_remove ON assets (deleted_ms) WHERE deleted_ms <> 0 AND bytes >= 0;
 
 CREATE TABLE results (
   seq INTEGER PRIMARY KEY AUTOINCREMENT,

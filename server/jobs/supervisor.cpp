@@ -43,6 +43,7 @@ void Supervisor::run(Slot& slot) {
         log::error("cannot start a worker",
                    {{"device", slot.device}, {"error", started.error().message()}});
       }
+      slot.pid = slot.child.pid();
     }
     const Stopwatch watch;
     ExitReason reason;
@@ -64,6 +65,7 @@ void Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
     MutexLock lock(mutex_);
     exits_.push_back(reason);
     if (exits_.size() > kExitsKept) exits_.pop_front();
+    slot.pid = 0;
     stopping = stopping_;
     if (!stopping) ++slot.restarts;
     changed_.notify_all();
@@ -122,7 +124,7 @@ std::optional<ExitReason> Supervisor::exit_reason(int64_t pid, std::chrono::mill
 
 bool Supervisor::is_ours(int64_t pid) const {
   return std::any_of(slots_.begin(), slots_.end(),
-                     [pid](const auto& slot) { return slot->child.pid() == pid; });
+                     [pid](const auto& slot) { return slot->pid == pid; });
 }
 
 bool Supervisor::kill_worker(int64_t pid) {

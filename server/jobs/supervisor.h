@@ -52,13 +52,16 @@ class Supervisor {
   struct Slot {
     std::string device;
     ChildProcess child;
-    int64_t restarts = 0;  // guarded by the supervisor's mutex_
+    // Guarded by the supervisor's mutex_. The number stays until the exit is on record, so that
+    // exit_reason() sees one or the other.
+    int64_t pid = 0;
+    int64_t restarts = 0;
     std::thread thread;
   };
   void run(Slot& slot);
   // False when stopping.
   bool pause(double seconds) EXCLUDES(mutex_);
-  bool is_ours(int64_t pid) const;
+  bool is_ours(int64_t pid) const REQUIRES(mutex_);
   void note_exit(Slot& slot, const ExitReason& reason) EXCLUDES(mutex_);
 
   const SupervisorConfig config_;

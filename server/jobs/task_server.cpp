@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -56,6 +57,9 @@ struct TaskServer::Connection {
   int64_t fence = 0;
   std::string device;
   int64_t pid = 0;
+  TaskProgress progress;     // the last report that said something new …
+  Stopwatch since_progress;  // … and its age
+  std::string kill_reason;   // why the worker was killed from here, once it was
   std::atomic<bool> ended{false};
   std::thread thread;
   Mutex mutex;
@@ -281,8 +285,31 @@ Status TaskServer::send_task(Connection& connection, const JobRecord& record) {
   task.input_path = context_.blobs.path_of(task.input_hash).string();
   task.filename = status.filename;
   task.options_json = status.options_json;
-  VOXELD_TRY(connection.socket.set_receive_timeout(kSilenceSecondsMax));
+  connection.progress = {};
+  connection.since_progress.lap();
+  connection.kill_reason.clear();
+  VOXELD_TRY(connection.socket.set_receive_timeout(config_.limits.silence_seconds_max));
   return connection.socket.send(dump({{"task", to_json_message(task)}}));
+}
+
+// Why a worker that still reports has to go; empty while all is well.
+std::string TaskServer::overdue(Connection& connection, const TaskProgress& progress,
+                                double cancel_age) {
+  const TaskProgress& last = connection.progress;
+  if (progress.stage != last.stage || progress.tiles_done != last.tiles_done ||
+      progress.tiles_total != last.tiles_total) {
+    connection.progress = progress;
+    connection.since_progress.lap();
+  }
+  const auto seconds = [](double value) { return std::to_string(std::lround(value)) + " s"; };
+  if (cancel_age > config_.limits.cancel_seconds_max) {
+    return "ignored a cancel for " + seconds(cancel_age);
+  }
+  if (connection.since_progress.ms() > config_.limits.stall_seconds_max * 1000.0) {
+    return "no progress in stage " + progress.stage + " for " +
+           seconds(connection.since_progress.ms() / 1000.0);
+  }
+  return "";
 }
 
 Status TaskServer::take_progress(Connection& connection, const json& message) {
@@ -293,10 +320,14 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
     context_.board.progress(progress.task, progress.stage, progress.tiles_done,
                             progress.tiles_total);
   }
-  if (cancel_age > kCancelSecondsMax && config_.kill_worker) {
-    log::warn("worker ignores a cancel and is ended",
-              {{"job", progress.task}, {"pid", connection.pid}});
-    config_.kill_worker(connection.pid);
+  if (connection.kill_reason.empty() && !fenced) {
+    connection.kill_reason = overdue(connection, progress, cancel_age);
+    if (!connection.kill_reason.empty() && config_.kill_worker) {
+      log::warn(
+          "worker is ended",
+          {{"job", progress.task}, {"pid", connection.pid}, {"reason", connection.kill_reason}});
+      config_.kill_worker(connection.pid);
+    }
   }
   return connection.socket.send(dump({{"cancel", cancel_age >= 0}, {"fenced", fenced}}));
 }
@@ -389,11 +420,12 @@ void TaskServer::put_back(Connection& connection, const Error& why) {
   const std::string task = connection.task();
   if (task.empty()) return;
   const bool counts = !stopping_;
-  std::string reason;
-  if (counts && why.code == ErrorCode::kDeadlineExceeded && config_.kill_worker) {
-    config_.kill_worker(connection.pid);  // stopped or stuck: it may not go on with this task
-    reason = "no sign of life for " + std::to_string(static_cast<int>(kSilenceSecondsMax)) + " s";
-  } else if (counts && config_.exit_reason) {
+  std::string reason = connection.kill_reason;
+  if (counts && why.code == ErrorCode::kDeadlineExceeded) {
+    reason = "no sign of life";
+    if (config_.kill_worker)
+      config_.kill_worker(connection.pid);  // it may not go on with this task
+  } else if (counts && reason.empty() && config_.exit_reason) {
     reason = config_.exit_reason(connection.pid);
   }
   if (reason.empty()) {

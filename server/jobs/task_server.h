@@ -29,6 +29,7 @@ struct TaskServerConfig {
   // How the process ended ("signal 9 (Killed)"), waiting a moment for it; empty: unknown.
   std::function<std::string(int64_t pid)> exit_reason;
   std::function<void(int64_t pid)> kill_worker;
+  TaskLimits limits;
 };
 
 // What the connections work on; all of it outlives the server.
@@ -44,12 +45,6 @@ struct TaskServerContext {
 // Thread-safe. A connection that ends puts its task back at once.
 class TaskServer {
  public:
-  // A worker reports at least every 200 ms while it runs a task; one that is silent for so long is
-  // stopped or stuck, and its task is put back.
-  static constexpr double kSilenceSecondsMax = 30.0;
-  // A cancel that has no effect for so long ends the worker.
-  static constexpr double kCancelSecondsMax = 10.0;
-
   static Result<std::unique_ptr<TaskServer>> start(TaskServerConfig config,
                                                    TaskServerContext context);
   // As stop().
@@ -73,6 +68,7 @@ class TaskServer {
   Status answer(Connection& connection, const std::string& frame);
   Status give_task(Connection& connection);
   Status send_task(Connection& connection, const JobRecord& record);
+  std::string overdue(Connection& connection, const TaskProgress& progress, double cancel_age);
   Status take_progress(Connection& connection, const nlohmann::json& message);
   Status take_completion(Connection& connection, const nlohmann::json& message);
   Status take_failure(Connection& connection, const nlohmann::json& message);

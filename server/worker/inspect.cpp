@@ -11,14 +11,20 @@ namespace {
 
 using nlohmann::json;
 
-// Thousands of parts would make a description that nobody reads; the counts are of all.
-constexpr size_t kListedMax = 1000;
+// Thousands of parts would make a description that nobody reads, and one that no task message
+// (1 MiB) holds; the counts are of all.
+constexpr size_t kListedMax = 200;
+constexpr size_t kNameBytesMax = 200;
+
+std::string short_name(const std::string& name) {
+  return name.substr(0, kNameBytesMax);
+}
 
 json describe_parts(const Scene& scene) {
   json list = json::array();
   for (size_t i = 0; i < std::min(scene.parts.size(), kListedMax); ++i) {
     const MeshPart& part = scene.parts[i];
-    json item = {{"name", part.name},
+    json item = {{"name", short_name(part.name)},
                  {"triangles", part.indices.size() / 3},
                  {"vertices", part.positions.size()},
                  {"material", nullptr}};
@@ -32,13 +38,13 @@ json describe_materials(const Scene& scene) {
   json list = json::array();
   for (size_t i = 0; i < std::min(scene.materials.size(), kListedMax); ++i) {
     const Material& material = scene.materials[i];
-    json item = {{"name", material.name},
+    json item = {{"name", short_name(material.name)},
                  {"base_color",
                   {material.base_color.r, material.base_color.g, material.base_color.b,
                    material.base_color.a}},
                  {"texture", nullptr}};
     if (material.image >= 0 && static_cast<size_t>(material.image) < scene.images.size()) {
-      item["texture"] = scene.images[static_cast<size_t>(material.image)].name;
+      item["texture"] = short_name(scene.images[static_cast<size_t>(material.image)].name);
     }
     list.push_back(std::move(item));
   }
@@ -47,8 +53,10 @@ json describe_materials(const Scene& scene) {
 
 json describe_missing(const Scene& scene) {
   json list = json::array();
-  for (const MissingFile& missing : scene.missing_files) {
-    list.push_back({{"name", missing.name}, {"needed_by", missing.needed_by}});
+  for (size_t i = 0; i < std::min(scene.missing_files.size(), kListedMax); ++i) {
+    const MissingFile& missing = scene.missing_files[i];
+    list.push_back(
+        {{"name", short_name(missing.name)}, {"needed_by", short_name(missing.needed_by)}});
   }
   return list;
 }

@@ -79,9 +79,12 @@ bool FakeWorker::fail(const Task& task, const Error& error) {
 
 namespace {
 
-// Reports until it is cancelled (or, when deaf, for ever). Returns false when the gateway is gone.
-bool run_slowly(FakeWorker& worker, const Task& task, bool deaf) {
-  for (int64_t tile = 0;; ++tile) {
+// Reports until it is cancelled (or, when deaf, for ever), with progress unless it is stuck.
+// Returns false when the gateway is gone.
+bool run_slowly(FakeWorker& worker, const Task& task) {
+  const bool deaf = task.filename.starts_with("deaf");
+  const int64_t step = task.filename.starts_with("stuck") ? 0 : 1;
+  for (int64_t tile = 0;; tile += step) {
     const TaskProgressReply reply = worker.progress(task, "voxelize", tile, 1'000'000);
     if (reply.fenced) return false;
     if (reply.cancel && !deaf) {
@@ -102,8 +105,8 @@ int fake_worker_main(const std::string& gateway, const std::string& device) {
       ::kill(::getpid(), SIGKILL);
     } else if (name.starts_with("fail")) {
       worker.fail(*task, {ErrorCode::kMalformedMesh, name + " line 1: no", "yes", "no"});
-    } else if (name.starts_with("slow") || name.starts_with("deaf")) {
-      if (!run_slowly(worker, *task, name.starts_with("deaf"))) return 0;
+    } else if (name.starts_with("slow") || name.starts_with("deaf") || name.starts_with("stuck")) {
+      if (!run_slowly(worker, *task)) return 0;
     } else {
       worker.complete(*task, "result of " + task->id);
     }

@@ -40,7 +40,7 @@ class FakeWorker {
 
 // Claims and runs until the gateway stops. A task's file name decides: "crash…" kills the process
 // (SIGKILL), "fail…" fails, "slow…" reports progress until it is cancelled, "deaf…" reports and
-// ignores the cancel, anything else completes at once.
+// ignores the cancel, "stuck…" reports the same for ever, anything else completes at once.
 int fake_worker_main(const std::string& gateway, const std::string& device);
 
 }  // namespace voxeld::testing

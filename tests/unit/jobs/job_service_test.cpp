@@ -26,6 +26,7 @@ class JobServiceTest : public ::testing::Test {
     config.data_dir = dir_.path() / "data";
     config.devices = devices;
     config.worker_executable = VOXELD_JOBS_HELPER;
+    config.limits = limits_;
     auto service = start_job_service(config, std::make_shared<prometheus::Registry>());
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
@@ -62,6 +63,7 @@ class JobServiceTest : public ::testing::Test {
     return 0;
   }
   testing::TemporaryDir dir_;
+  TaskLimits limits_;
   std::unique_ptr<JobService> service_;
 };
 
@@ -107,6 +109,28 @@ TEST_F(JobServiceTest, a_job_that_kills_three_workers_fails_with_their_signals_a
   EXPECT_EQ(status.error->detail,
             "the job ended 3 workers: signal 9 (Killed), signal 9 (Killed), signal 9 (Killed)");
   EXPECT_EQ(wait_end(after).state, JobState::kDone);
+}
+
+TEST_F(JobServiceTest, a_worker_that_ignores_a_cancel_is_ended_and_the_job_is_cancelled) {
+  limits_.cancel_seconds_max = 0.2;
+  start();
+  const std::string id = submit("deaf.ply");
+  wait_running(id);
+  ASSERT_TRUE(service_->cancel(id));
+  EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
+  EXPECT_EQ(wait_end(submit("bunny.ply")).state, JobState::kDone);
+}
+
+TEST_F(JobServiceTest, a_job_that_makes_no_progress_fails_after_three_workers) {
+  limits_.stall_seconds_max = 0.2;
+  start();
+  const std::string id = submit("stuck.ply");
+  const JobStatus status = wait_end(id);
+  EXPECT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.error->code, ErrorCode::kWorkerCrashed);
+  EXPECT_EQ(status.error->detail,
+            "the job ended 3 workers: no progress in stage voxelize for 0 s, no progress in stage "
+            "voxelize for 0 s, no progress in stage voxelize for 0 s");
 }
 
 TEST_F(JobServiceTest, a_restarted_service_finishes_what_was_running) {

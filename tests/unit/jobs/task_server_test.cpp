@@ -31,6 +31,7 @@ class TaskServerTest : public ::testing::Test {
     JobServiceConfig config;
     config.data_dir = dir_.path() / "data";
     config.start_workers = false;
+    config.limits = limits_;
     auto service = start_job_service(config, nullptr);
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
@@ -64,6 +65,7 @@ class TaskServerTest : public ::testing::Test {
     return status;
   }
   testing::TemporaryDir dir_;
+  TaskLimits limits_;
   std::unique_ptr<JobService> service_;
 };
 
@@ -194,6 +196,20 @@ TEST_F(TaskServerTest, a_cancel_reaches_the_worker_with_its_next_report) {
   EXPECT_TRUE(worker.fail(*task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
   EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
   EXPECT_EQ(service_->cancel(id).value().state, JobState::kCancelled);
+}
+
+TEST_F(TaskServerTest, a_worker_that_falls_silent_loses_its_task) {
+  limits_.silence_seconds_max = 0.2;
+  start();
+  const std::string id = submit();
+  FakeWorker silent = connect();
+  ASSERT_TRUE(silent.claim());
+  const JobStatus status = wait_for(id, JobState::kQueued);
+  EXPECT_EQ(status.attempt, 1);
+  FakeWorker next = connect();
+  const auto task = next.claim();
+  ASSERT_TRUE(task);
+  EXPECT_EQ(task->attempt, 2);
 }
 
 TEST_F(TaskServerTest, an_abandoned_one_shot_job_is_cancelled_and_an_abandoned_wait_is_not) {

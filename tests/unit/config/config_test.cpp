@@ -1,0 +1,104 @@
+#include "server/config.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+namespace voxeld {
+namespace {
+
+Command parse(std::vector<const char*> arguments) {
+  arguments.insert(arguments.begin(), "voxeld");
+  return parse_command_line(static_cast<int>(arguments.size()), arguments.data());
+}
+
+// Sets a variable for one test.
+class Variable {
+ public:
+  Variable(const char* name, const char* value) : name_(name) { ::setenv(name, value, 1); }
+  ~Variable() { ::unsetenv(name_); }
+
+ private:
+  const char* name_;
+};
+
+TEST(Config, without_arguments_serve_listens_on_loopback_with_a_state_directory) {
+  Variable state("XDG_STATE_HOME", "/state");
+  const auto config = std::get<ServeConfig>(parse({}));
+  EXPECT_EQ(config.listen, "127.0.0.1:8080");
+  EXPECT_EQ(config.admin_listen, "127.0.0.1:8081");
+  EXPECT_EQ(config.data_dir, "/state/voxeld");
+  EXPECT_EQ(config.devices, std::vector<std::string>{"auto"});
+  EXPECT_FALSE(config.allow_remote);
+}
+
+TEST(Config, flags_without_a_subcommand_are_those_of_serve) {
+  EXPECT_EQ(std::get<ServeConfig>(parse({"--listen", "127.0.0.1:9"})).listen, "127.0.0.1:9");
+}
+
+TEST(Config, devices_come_repeated_or_with_commas) {
+  const std::vector<std::string> both = {"egl:0", "llvmpipe"};
+  EXPECT_EQ(std::get<ServeConfig>(parse({"serve", "--device", "egl:0,llvmpipe"})).devices, both);
+  EXPECT_EQ(
+      std::get<ServeConfig>(parse({"serve", "--device", "egl:0", "--device", "llvmpipe"})).devices,
+      both);
+}
+
+TEST(Config, variables_stand_in_for_flags_and_flags_win) {
+  Variable listen("VOXELD_LISTEN", "127.0.0.1:1");
+  Variable device("VOXELD_DEVICE", "osmesa");
+  Variable bytes("VOXELD_UPLOAD_BYTES_MAX", "2M");
+  EXPECT_EQ(std::get<ServeConfig>(parse({"serve"})).listen, "127.0.0.1:1");
+  EXPECT_EQ(std::get<ServeConfig>(parse({"serve"})).devices, std::vector<std::string>{"osmesa"});
+  EXPECT_EQ(std::get<ServeConfig>(parse({"serve"})).upload_bytes_max, 2 << 20);
+  EXPECT_EQ(std::get<ServeConfig>(parse({"serve", "--listen", "127.0.0.1:2"})).listen,
+            "127.0.0.1:2");
+}
+
+TEST(Config, the_log_level_goes_by_name) {
+  EXPECT_EQ(std::get<ServeConfig>(parse({"serve", "--log-level", "debug"})).log_level,
+            log::Level::kDebug);
+  EXPECT_EQ(log_level_name(log::Level::kWarn), "warn");
+  EXPECT_EQ(std::get<ExitCommand>(parse({"serve", "--log-level", "loud"})).status, 64);
+}
+
+TEST(Config, the_other_commands_take_their_arguments) {
+  const auto worker =
+      std::get<WorkerCommand>(parse({"worker", "--gateway", "unix:/s", "--device", "osmesa"}));
+  EXPECT_EQ(worker.gateway, "unix:/s");
+  EXPECT_EQ(worker.device, "osmesa");
+  EXPECT_TRUE(std::get<DoctorCommand>(parse({"doctor", "--json"})).json);
+  EXPECT_EQ(std::get<ProbeDeviceCommand>(parse({"probe-device", "--device", "egl:1"})).device,
+            "egl:1");
+  EXPECT_TRUE(std::holds_alternative<VersionCommand>(parse({"version"})));
+  EXPECT_TRUE(std::holds_alternative<VersionCommand>(parse({"--version"})));
+}
+
+TEST(Config, what_is_not_understood_ends_with_the_usage_status_and_help_with_0) {
+  EXPECT_EQ(std::get<ExitCommand>(parse({"dance"})).status, 64);
+  EXPECT_EQ(std::get<ExitCommand>(parse({"serve", "--lisen", "x"})).status, 64);
+  EXPECT_EQ(std::get<ExitCommand>(parse({"worker"})).status, 64);
+  EXPECT_EQ(std::get<ExitCommand>(parse({"serve", "--upload-bytes-max", "-1"})).status, 64);
+  EXPECT_EQ(std::get<ExitCommand>(parse({"--help"})).status, 0);
+  EXPECT_EQ(std::get<ExitCommand>(parse({"serve", "--help"})).status, 0);
+}
+
+TEST(Config, other_addresses_than_loopback_need_a_flag_and_the_reason_is_told) {
+  for (const char* address : {"127.0.0.1:8080", "127.1.2.3:0", "localhost:80", "[::1]:8080"}) {
+    EXPECT_TRUE(check_listen_address("--listen", address, false)) << address;
+  }
+  for (const char* address : {"0.0.0.0:8080", "[::]:8080", "192.168.0.1:80", "example.org:80"}) {
+    const Status refused = check_listen_address("--listen", address, false);
+    ASSERT_FALSE(refused) << address;
+    EXPECT_NE(refused.error().detail.find("voxeld has no access control"), std::string::npos);
+    EXPECT_NE(refused.error().detail.find("--allow-remote"), std::string::npos);
+    EXPECT_TRUE(check_listen_address("--listen", address, true));
+  }
+  EXPECT_EQ(check_listen_address("--listen", "8080", true).error().message(),
+            "--listen: expected HOST:PORT, got 8080");
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,112 @@
+// The worker's half of the task API against a gateway that the test plays.
+#include "server/worker/task_monitor.h"
+
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+// Accepts one connection and answers each message as `answer` says, until the worker closes.
+class Gateway {
+ public:
+  explicit Gateway(std::function<std::string(const json&)> answer) : answer_(std::move(answer)) {
+    listener_ = listen_unix(path()).value();
+    thread_ = std::thread([this] { run(); });
+  }
+  ~Gateway() { thread_.join(); }
+  std::string address() const { return "unix:" + path().string(); }
+
+ private:
+  std::filesystem::path path() const { return dir_.path() / "s"; }
+  void run() {
+    FrameSocket socket(UniqueFd(::accept(listener_.get(), nullptr, nullptr)), kTaskFrameBytesMax);
+    while (auto frame = socket.receive()) {
+      const std::string reply = answer_(json::parse(*frame));
+      if (reply.empty() || !socket.send(reply)) return;
+    }
+  }
+  testing::TemporaryDir dir_;
+  std::function<std::string(const json&)> answer_;
+  UniqueFd listener_;
+  std::thread thread_;
+};
+
+Task a_task() {
+  Task task;
+  task.id = "j-1";
+  task.fence = 3;
+  return task;
+}
+
+void wait_until(const std::function<bool()>& condition) {
+  for (int i = 0; i < 500 && !condition(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(condition());
+}
+
+TEST(TaskMonitor, reports_go_out_while_the_task_is_busy_and_a_cancel_stops_it) {
+  std::atomic<int> reports{0};
+  Gateway gateway([&](const json& message) {
+    EXPECT_EQ(message["type"], "progress");
+    EXPECT_EQ(message["fence"], 3);
+    EXPECT_EQ(message["stage"], "voxelize");
+    return ++reports < 2 ? R"({"cancel":false,"fenced":false})"
+                         : R"({"cancel":true,"fenced":false})";
+  });
+  auto client = TaskClient::connect(gateway.address());
+  ASSERT_TRUE(client);
+  TaskMonitor monitor(**client, a_task());
+  monitor.set_stage("voxelize");
+  EXPECT_TRUE(monitor.set_progress(1, 8));
+  EXPECT_TRUE(monitor.check());
+  wait_until([&] { return !monitor.check(); });
+  EXPECT_FALSE(monitor.set_progress(2, 8));
+  EXPECT_EQ(monitor.check().error().code, ErrorCode::kCancelled);
+  EXPECT_FALSE(monitor.dropped());
+  EXPECT_EQ(reports, 2);
+}
+
+TEST(TaskMonitor, a_fenced_task_is_dropped) {
+  Gateway gateway([](const json&) { return R"({"cancel":false,"fenced":true})"; });
+  auto client = TaskClient::connect(gateway.address());
+  TaskMonitor monitor(**client, a_task());
+  wait_until([&] { return monitor.dropped(); });
+  EXPECT_FALSE(monitor.check());
+}
+
+TEST(TaskMonitor, a_gateway_that_goes_away_drops_the_task) {
+  Gateway gateway([](const json&) { return ""; });
+  auto client = TaskClient::connect(gateway.address());
+  TaskMonitor monitor(**client, a_task());
+  wait_until([&] { return monitor.dropped(); });
+}
+
+TEST(TaskClient, other_gateways_than_a_unix_socket_are_refused_by_name) {
+  const auto client = TaskClient::connect("http://example.org");
+  ASSERT_FALSE(client);
+  EXPECT_EQ(client.error().message(),
+            "cannot reach this gateway: expected unix:/path/to/tasks.sock, got http://example.org");
+}
+
+TEST(TaskClient, a_reply_without_a_task_is_an_error_and_not_a_task) {
+  Gateway gateway([](const json&) { return R"({"ok":true})"; });
+  auto client = TaskClient::connect(gateway.address());
+  EXPECT_FALSE((*client)->claim());
+}
+
+}  // namespace
+}  // namespace voxeld
