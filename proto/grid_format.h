@@ -22,20 +22,18 @@
 //     12     4  u32 brick count: occupied bricks of 8x8x8 cells
 //     16     8  u64 voxel count
 //     24     8  u64 offset of the tile's data in the container
-//     32     4  u32 octree bytes  \
-//     36     4  u32 colour bytes   | as stored, one after the other from offset on; tiles follow
-//     40     4  u32 normal bytes  /  each other without gaps to the end of the container
+//     32     4  u32 octree bytes, stored one after the
+//     36     4  u32 colour bytes, other from offset on; tiles
+//     40     4  u32 normal bytes, follow each other without gaps to the end of the container
 //     44     4  reserved
 //
 // Each stream is one zstd frame with content size and checksum. Contents:
 //   octree  child masks, breadth first: the root (256 cells), then all nodes of 128, 64, ... 2
-//   cells
-//           in Morton order. Bit i of a byte: child i = x | y<<1 | z<<2 is occupied; at 2 cells the
+//           cells in Morton order. Bit i of a byte: child i = x | y<<1 | z<<2 is occupied; at 2 cells the
 //           children are the cells. Only nodes that are not empty appear, so a level has as many
 //           bytes as the level above has set bits.
 //   colour  4 planes (R, G, B as sRGB, A linear) of one byte per voxel in Morton order; each byte
-//   is
-//           the difference to the one before it in its plane, modulo 256
+//           is the difference to the one before it in its plane, modulo 256
 //   normal  3 planes (x, y, z; signed, unit normal times 127) in the same way
 #pragma once
 

@@ -18,6 +18,9 @@ Result<std::vector<uint8_t>> encode(const Grid& grid, const OutputOptions& optio
 // The check alone, before anything is computed.
 Status check_encodable(const GridSpec& spec, const OutputOptions& options);
 
+// Whether the grid fits MagicaVoxel's world. Errors: grid-too-large.
+Status check_vox_size(const GridSpec& spec);
+
 Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options);
 Result<std::vector<uint8_t>> encode_npz(const Grid& grid, const OutputOptions& options);
 Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options);

@@ -1,0 +1,158 @@
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include "server/formats/formats.h"
+#include "server/formats/npy_array.h"
+
+namespace voxeld {
+namespace {
+
+float linear_from_srgb(uint8_t byte) {
+  static const std::array<float, 256> table = [] {
+    std::array<float, 256> made{};
+    for (size_t i = 0; i < made.size(); ++i) {
+      const double s = static_cast<double>(i) / 255;
+      made[i] = static_cast<float>(s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4));
+    }
+    return made;
+  }();
+  return table[byte];
+}
+
+// Offset of a cell's first sample: x fastest; the channels of a C-ordered array are inside the
+// cell, those of a Fortran-ordered one are whole arrays after each other.
+struct Layout {
+  size_t nx, ny, cells, channels;
+  bool fortran;
+  size_t at(int x, int y, int z, size_t channel) const {
+    const size_t cell =
+        static_cast<size_t>(x) + nx * (static_cast<size_t>(y) + ny * static_cast<size_t>(z));
+    return fortran ? cell + channel * cells : cell * channels + channel;
+  }
+};
+
+// Header and zeroed samples; `data` is where the samples begin.
+struct Array {
+  std::vector<uint8_t> bytes;
+  size_t data = 0;
+  Layout layout{};
+
+  template <typename T>
+  void set(size_t index, T value) {
+    std::memcpy(bytes.data() + data + index * sizeof(T), &value, sizeof(T));
+  }
+};
+
+Array make_array(const Grid& grid, const OutputOptions& options, std::string_view descr,
+                 size_t sample_bytes, size_t channels) {
+  const glm::ivec3 dims = grid.spec.dims;
+  const bool fortran = options.axes == AxisOrder::kXyz;
+  std::vector<int64_t> shape = fortran ? std::vector<int64_t>{dims.x, dims.y, dims.z}
+                                       : std::vector<int64_t>{dims.z, dims.y, dims.x};
+  if (channels > 1) shape.push_back(static_cast<int64_t>(channels));
+  Array array;
+  const std::vector<uint8_t> header = npy_header(descr, fortran, shape);
+  const auto cells = static_cast<size_t>(grid.spec.cell_count());
+  array.bytes.resize(header.size() + cells * channels * sample_bytes);
+  std::memcpy(array.bytes.data(), header.data(), header.size());
+  array.data = header.size();
+  array.layout = {static_cast<size_t>(dims.x), static_cast<size_t>(dims.y), cells, channels,
+                  fortran};
+  return array;
+}
+
+template <typename Visit>
+void for_each_cell(const Grid& grid, Visit&& visit) {
+  for (const SparseTile& tile : grid.tiles) {
+    for_each_voxel(tile,
+                   [&](size_t, int x, int y, int z, size_t voxel) { visit(tile, x, y, z, voxel); });
+  }
+}
+
+}  // namespace
+
+std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
+                                std::span<const int64_t> shape) {
+  constexpr size_t kPrefix = 10, kAlignment = 64;
+  std::string text = "{'descr': '" + std::string(descr) +
+                     "', 'fortran_order': " + (fortran_order ? "True" : "False") + ", 'shape': (";
+  for (const int64_t side : shape) text += std::to_string(side) + ", ";
+  text += "), }";
+  while ((kPrefix + text.size() + 1) % kAlignment != 0) text += ' ';
+  text += '\n';
+  std::vector<uint8_t> header = {0x93,
+                                 'N',
+                                 'U',
+                                 'M',
+                                 'P',
+                                 'Y',
+                                 1,
+                                 0,
+                                 static_cast<uint8_t>(text.size() & 0xff),
+                                 static_cast<uint8_t>(text.size() >> 8)};
+  header.insert(header.end(), text.begin(), text.end());
+  return header;
+}
+
+std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options) {
+  const bool is_float = options.dtype == DType::kFloat32;
+  const std::string_view descr = is_float ? "<f4" : options.dtype == DType::kBool ? "|b1" : "|u1";
+  Array array = make_array(grid, options, descr, is_float ? 4 : 1, 1);
+  for_each_cell(grid, [&](const SparseTile&, int x, int y, int z, size_t) {
+    const size_t at = array.layout.at(x, y, z, 0);
+    is_float ? array.set(at, 1.0f) : array.set(at, uint8_t{1});
+  });
+  return std::move(array.bytes);
+}
+
+std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options) {
+  const bool is_float = options.dtype == DType::kFloat32;
+  Array array = make_array(grid, options, is_float ? "<f4" : "|u1", is_float ? 4 : 1, 4);
+  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
+    for (size_t c = 0; c < 4; ++c) {
+      const uint8_t sample = tile.color[4 * voxel + c];
+      const size_t at = array.layout.at(x, y, z, c);
+      if (!is_float) {
+        array.set(at, sample);
+      } else {
+        array.set(at, c == 3 ? static_cast<float>(sample) / 255 : linear_from_srgb(sample));
+      }
+    }
+  });
+  return std::move(array.bytes);
+}
+
+std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options) {
+  const bool is_float = options.dtype == DType::kFloat32;
+  Array array = make_array(grid, options, is_float ? "<f4" : "|i1", is_float ? 4 : 1, 3);
+  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
+    for (size_t c = 0; c < 3; ++c) {
+      const int8_t sample = tile.normal[3 * voxel + c];
+      const size_t at = array.layout.at(x, y, z, c);
+      is_float ? array.set(at, static_cast<float>(sample) / 127) : array.set(at, sample);
+    }
+  });
+  return std::move(array.bytes);
+}
+
+std::vector<uint8_t> npy_doubles(std::span<const double> values) {
+  const int64_t shape[] = {static_cast<int64_t>(values.size())};
+  std::vector<uint8_t> bytes = npy_header("<f8", false, shape);
+  const auto* data = reinterpret_cast<const uint8_t*>(values.data());
+  bytes.insert(bytes.end(), data, data + values.size_bytes());
+  return bytes;
+}
+
+std::vector<uint8_t> npy_text(std::string_view text) {
+  const int64_t shape[] = {static_cast<int64_t>(text.size())};
+  std::vector<uint8_t> bytes = npy_header("|u1", false, shape);
+  bytes.insert(bytes.end(), text.begin(), text.end());
+  return bytes;
+}
+
+Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options) {
+  return npy_occupancy(grid, options);
+}
+
+}  // namespace voxeld

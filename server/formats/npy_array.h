@@ -1,0 +1,30 @@
+// NumPy's .npy, format version 1.0: magic, header, raw samples. Used by npy and npz.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/options.h"
+#include "server/grid/grid.h"
+
+namespace voxeld {
+
+// Header of an array: 10 + n bytes, a multiple of 64, ended by a newline. `descr` is NumPy's type
+// text ("|u1", "<f8").
+std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
+                                std::span<const int64_t> shape);
+
+// Whole .npy files. The memory is the same for both axis orders, x fastest: C order (z, y, x) or
+// Fortran order (x, y, z); channels of a sample are last and fastest in C order.
+std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options);
+// (z, y, x, 4) or (x, y, z, 4): sRGB bytes and alpha; float32: linear light, 0..1.
+std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options);
+// (z, y, x, 3) or (x, y, z, 3): int8 unit normal times 127; float32: -1..1.
+std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options);
+std::vector<uint8_t> npy_doubles(std::span<const double> values);
+std::vector<uint8_t> npy_text(std::string_view text);
+
+}  // namespace voxeld

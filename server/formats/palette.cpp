@@ -1,0 +1,176 @@
+#include "server/formats/palette.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace voxeld {
+namespace {
+
+constexpr int kRefinements = 8;
+
+using Lab = std::array<double, 3>;
+
+double linear_from_srgb(double s) {
+  return s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4);
+}
+
+// OKLab of an sRGB colour; coefficients of Ottosson, "A perceptual color space for image
+// processing", 2020.
+Lab oklab(uint32_t key) {
+  const double r = linear_from_srgb((key & 255) / 255.0);
+  const double g = linear_from_srgb((key >> 8 & 255) / 255.0);
+  const double b = linear_from_srgb((key >> 16 & 255) / 255.0);
+  const double l = std::cbrt(0.4122214708 * r + 0.5363325363 * g + 0.0514459929 * b);
+  const double m = std::cbrt(0.2119034982 * r + 0.6806995451 * g + 0.1073969566 * b);
+  const double s = std::cbrt(0.0883024619 * r + 0.2817188376 * g + 0.6299787005 * b);
+  return {0.2104542553 * l + 0.7936177850 * m - 0.0040720468 * s,
+          1.9779984951 * l - 2.4285922050 * m + 0.4505937099 * s,
+          0.0259040371 * l + 0.7827717662 * m - 0.8086757660 * s};
+}
+
+struct Sample {
+  uint32_t key;
+  double weight;
+  Lab lab;
+};
+
+struct Cluster {
+  size_t first, last;  // of the samples, half-open
+  int axis = 0;
+  double spread = 0;  // weighted variance along axis: what a cut can gain
+};
+
+double distance2(const Lab& a, const Lab& b) {
+  double sum = 0;
+  for (size_t c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]);
+  return sum;
+}
+
+Cluster measured(const std::vector<Sample>& samples, size_t first, size_t last) {
+  Cluster cluster{first, last};
+  for (size_t c = 0; c < 3; ++c) {
+    double weight = 0, sum = 0, square = 0;
+    for (size_t i = first; i < last; ++i) {
+      const double v = samples[i].lab[c];
+      weight += samples[i].weight;
+      sum += samples[i].weight * v;
+      square += samples[i].weight * v * v;
+    }
+    const double spread = square - sum * sum / weight;
+    if (spread > cluster.spread) {
+      cluster.spread = spread;
+      cluster.axis = static_cast<int>(c);
+    }
+  }
+  return cluster;
+}
+
+// Where the weight is halved along the widest axis; both parts keep at least one sample.
+size_t cut_of(std::vector<Sample>& samples, const Cluster& cluster) {
+  const auto axis = static_cast<size_t>(cluster.axis);
+  const auto begin = samples.begin() + static_cast<std::ptrdiff_t>(cluster.first);
+  const auto end = samples.begin() + static_cast<std::ptrdiff_t>(cluster.last);
+  std::sort(begin, end, [&](const Sample& a, const Sample& b) {
+    return a.lab[axis] != b.lab[axis] ? a.lab[axis] < b.lab[axis] : a.key < b.key;
+  });
+  double total = 0, sum = 0;
+  for (auto it = begin; it != end; ++it) total += it->weight;
+  for (size_t i = cluster.first; i + 1 < cluster.last; ++i) {
+    sum += samples[i].weight;
+    if (2 * sum >= total) return i + 1;
+  }
+  return cluster.last - 1;
+}
+
+std::vector<Lab> median_cut(std::vector<Sample>& samples, size_t colors_max) {
+  std::vector<Cluster> clusters = {measured(samples, 0, samples.size())};
+  while (clusters.size() < colors_max) {
+    const auto widest = std::ranges::max_element(clusters, {}, &Cluster::spread);
+    if (widest->last - widest->first < 2) break;
+    const Cluster whole = *widest;
+    const size_t cut = cut_of(samples, whole);
+    *widest = measured(samples, whole.first, cut);
+    clusters.push_back(measured(samples, cut, whole.last));
+  }
+  std::vector<Lab> centers;
+  for (const Cluster& cluster : clusters) {
+    Lab sum{};
+    double weight = 0;
+    for (size_t i = cluster.first; i < cluster.last; ++i) {
+      weight += samples[i].weight;
+      for (size_t c = 0; c < 3; ++c) sum[c] += samples[i].weight * samples[i].lab[c];
+    }
+    for (double& v : sum) v /= weight;
+    centers.push_back(sum);
+  }
+  return centers;
+}
+
+size_t nearest(const std::vector<Lab>& centers, const Lab& lab) {
+  size_t best = 0;
+  double best_distance = 1e30;
+  for (size_t i = 0; i < centers.size(); ++i) {
+    const double d = distance2(centers[i], lab);
+    if (d < best_distance) best = i, best_distance = d;
+  }
+  return best;
+}
+
+// The mean sRGB of each cluster's colours, in linear light.
+Rgb mean_color(const std::array<double, 4>& linear_sum) {
+  Rgb color{};
+  for (size_t c = 0; c < 3; ++c) {
+    const double v = linear_sum[3] > 0 ? linear_sum[c] / linear_sum[3] : 0;
+    const double s = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055;
+    color[c] = static_cast<uint8_t>(std::lround(255 * std::clamp(s, 0.0, 1.0)));
+  }
+  return color;
+}
+
+}  // namespace
+
+Palette make_palette(const ColorCounts& counts, int colors_max) {
+  std::vector<Sample> samples;
+  for (const auto& [key, count] : counts) {
+    samples.push_back({key, static_cast<double>(count), oklab(key)});
+  }
+  std::ranges::sort(samples, {}, &Sample::key);
+  Palette palette;
+  if (samples.size() <= static_cast<size_t>(colors_max)) {
+    for (const Sample& sample : samples) {
+      palette.index_of[sample.key] = static_cast<uint8_t>(palette.colors.size());
+      palette.colors.push_back({static_cast<uint8_t>(sample.key),
+                                static_cast<uint8_t>(sample.key >> 8),
+                                static_cast<uint8_t>(sample.key >> 16)});
+    }
+    return palette;
+  }
+  std::vector<Lab> centers = median_cut(samples, static_cast<size_t>(colors_max));
+  std::vector<size_t> cluster_of(samples.size());
+  for (int round = 0; round < kRefinements; ++round) {
+    std::vector<std::array<double, 4>> sums(centers.size());
+    for (size_t i = 0; i < samples.size(); ++i) {
+      cluster_of[i] = nearest(centers, samples[i].lab);
+      auto& sum = sums[cluster_of[i]];
+      for (size_t c = 0; c < 3; ++c) sum[c] += samples[i].weight * samples[i].lab[c];
+      sum[3] += samples[i].weight;
+    }
+    for (size_t k = 0; k < centers.size(); ++k) {
+      if (sums[k][3] <= 0) continue;
+      for (size_t c = 0; c < 3; ++c) centers[k][c] = sums[k][c] / sums[k][3];
+    }
+  }
+  std::vector<std::array<double, 4>> linear(centers.size());
+  for (size_t i = 0; i < samples.size(); ++i) {
+    auto& sum = linear[cluster_of[i]];
+    for (size_t c = 0; c < 3; ++c) {
+      sum[c] += samples[i].weight * linear_from_srgb((samples[i].key >> (8 * c) & 255) / 255.0);
+    }
+    sum[3] += samples[i].weight;
+    palette.index_of[samples[i].key] = static_cast<uint8_t>(cluster_of[i]);
+  }
+  for (const auto& sum : linear) palette.colors.push_back(mean_color(sum));
+  return palette;
+}
+
+}  // namespace voxeld
