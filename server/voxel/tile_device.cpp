@@ -35,7 +35,7 @@ Status TileDevice::clear_mask(uint64_t blocks) {
 }
 
 void TileDevice::read_mask(uint64_t blocks, std::span<uint32_t> out) const {
-  context_->gl().MemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
+  context_->gl().MemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
   for_each_block_run(blocks, [&](size_t first_word, size_t word_count) {
     mask_.read(first_word * 4, out.subspan(first_word, word_count));
   });

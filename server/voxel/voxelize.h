@@ -51,12 +51,15 @@ class Voxelizer {
   Result<Grid> voxelize(const Scene& scene, const VoxelizeOptions& options,
                         const TileProgress& progress, VoxelizeStats* stats);
 
-  // Places the grid and checks limits only.
+  // Places the grid, snaps the mesh and checks limits. Errors: as voxelize().
   Result<VoxelizeEstimate> estimate(const Scene& scene, const VoxelizeOptions& options) const;
 
-  struct Impl;
+  // Requests that are estimated to need more memory of the machine are grid-too-large. Default:
+  // three quarters of it.
+  void set_host_bytes_max(int64_t bytes);
 
  private:
+  struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 

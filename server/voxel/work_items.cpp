@@ -127,13 +127,10 @@ void ItemMaker::add(const std::array<glm::ivec3, 3>& q, int axis, uint32_t trian
   const Rectangle all = {first[x], first[y], last[x], last[y]};
   const glm::ivec3 cells = (high >> 8) - (low >> 8);
   const glm::ivec3 extent = high - low;
-  const bool one_item =
-      last[x] - first[x] < VOXELIZE_BLOCK_COLUMNS && last[y] - first[y] < VOXELIZE_BLOCK_COLUMNS;
   auto touch_class = TouchClass::kLarge;
-  if (one_item && (cells.x != 0) + (cells.y != 0) + (cells.z != 0) <= 1) {
-    touch_class = TouchClass::kRows;
-  } else if (std::max({extent.x, extent.y, extent.z}) <= kSmallExtent) {
-    touch_class = TouchClass::kSmall;
+  if (std::max({extent.x, extent.y, extent.z}) <= kSmallExtent) {
+    const bool is_row = (cells.x != 0) + (cells.y != 0) + (cells.z != 0) <= 1;
+    touch_class = is_row ? TouchClass::kRows : TouchClass::kSmall;
   }
   const size_t group = static_cast<size_t>(touch_class) * image_runs_ + image_run;
   const Target target = {axis, triangle, group * kItemCostBuckets, &out};

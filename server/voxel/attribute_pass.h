@@ -1,0 +1,56 @@
+// The pass that sums the attributes of a tile's occupied cells.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "server/gpu/shader_library.h"
+#include "server/voxel/attribute_records.h"
+#include "server/voxel/tile_device.h"
+#include "server/voxel/voxelize.h"
+
+namespace voxeld {
+
+// One buffer of sums; a tile with more voxels is summed in several runs. 2 million voxels with all
+// channels, 64 MiB.
+inline constexpr size_t kSumsBytesMax = size_t{64} << 20;
+
+class AttributePass {
+ public:
+  AttributePass(TileDevice& device, gpu::ShaderLibrary& shaders)
+      : device_(&device), shaders_(&shaders) {}
+
+  // Uploads the levels of the scene's images that triangles use.
+  Status begin_job(const Scene& scene, const AttributeRecords& records,
+                   const AttributeChannels& channels);
+  // Frees the images.
+  void end_job() { textures_.clear(); }
+
+  // Number of each mask word's first voxel, for the words of `blocks`.
+  Status begin_tile(std::span<const uint32_t> word_offsets, uint64_t blocks);
+  // Voxels that one run can sum.
+  size_t voxels_max() const;
+  // The following run() calls sum voxels [first, first + count), from 0.
+  Status begin_voxels(size_t first, size_t count);
+  // `words`: AttributeRecords::fill() of the window, which is the one uploaded.
+  Status run(const TileWindow& window, std::span<const uint32_t> words, Pipeline pipeline);
+  // channels.count() words per voxel; `carries` stays empty when no sum carried.
+  void read(std::vector<uint32_t>& sums, std::vector<uint32_t>& carries);
+
+  int64_t bytes() const;
+
+ private:
+  Status run_image(const TileWindow& window, int image, Pipeline pipeline);
+  gpu::Defines defines(bool textured) const;
+  void bind() const;
+
+  TileDevice* device_;
+  gpu::ShaderLibrary* shaders_;
+  gpu::Buffer attributes_, word_offsets_, sums_, carries_, linear_;
+  std::vector<gpu::Texture2D> textures_;  // per image of the scene; empty where unused
+  AttributeChannels channels_;
+  shared::VoxelizeParams params_;
+};
+
+}  // namespace voxeld

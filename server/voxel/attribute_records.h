@@ -1,0 +1,79 @@
+// The words of shared/attributes.h for each triangle: what the attribute pass needs to know of its
+// corners, computed once per triangle and window. Definition: README.md.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <glm/mat3x3.hpp>
+#include <glm/mat4x4.hpp>
+
+#include "proto/options.h"
+#include "server/grid/grid_spec.h"
+#include "server/scene/scene.h"
+#include "server/voxel/snap.h"
+#include "server/voxel/tile_window.h"
+
+namespace voxeld {
+
+// Channels that are summed; their order in the sums is weight, R G B, alpha, normal X Y Z.
+struct AttributeChannels {
+  bool color = false;
+  bool alpha = false;  // only with color: some colour is not opaque
+  bool normal = false;
+  uint32_t count() const {
+    return 1u + (color ? 3u : 0u) + (color && alpha ? 1u : 0u) + (normal ? 3u : 0u);
+  }
+};
+
+// Levels of an image that triangles sample.
+struct ImageLevels {
+  int first = 16, last = -1;  // last < first: none
+  bool used() const { return first <= last; }
+};
+
+class AttributeRecords {
+ public:
+  // All must outlive it. texture_side_max: texels; larger levels are passed over.
+  AttributeRecords(const Scene& scene, const SnappedMesh& mesh, const GridSpec& spec,
+                   const glm::dmat4& world_from_file, ColorMode mode, AttributeChannels channels,
+                   int texture_side_max);
+
+  const std::vector<ImageLevels>& image_levels() const { return image_levels_; }
+  // ATTRIBUTE_WORDS per triangle of the window that was filled from `triangles`.
+  void fill(std::span<const uint32_t> triangles, const TileWindow& window,
+            std::vector<uint32_t>& words) const;
+
+ private:
+  // Of one corner; weighted means for corners that clipping made.
+  struct Corner {
+    glm::dvec3 p_world{0.0}, normal_world{0.0};
+    glm::dvec4 color{1.0};
+    glm::dvec2 uv{0.0};
+  };
+  Corner corner_of(const MeshPart& part, uint32_t first_vertex, uint32_t vertex) const;
+  Corner file_corner(const MeshPart& part, uint32_t index) const;
+  void find_levels(int texture_side_max);
+  int level_of(const SnappedTriangle& triangle, const Image& image) const;
+  void write_geometry(const int32_t* vertices, int axis, uint32_t* words) const;
+  void write_colors(const MeshPart& part, const Corner* corners, int axis, uint32_t* words) const;
+  void write_uvs(const Material& material, const Corner* corners, int level, uint32_t* words) const;
+  void write_normals(const MeshPart& part, Corner* corners, bool reversed, uint32_t* words) const;
+
+  const Scene& scene_;
+  const SnappedMesh& mesh_;
+  const GridSpec& spec_;
+  glm::dmat4 world_from_file_;
+  glm::dmat3 world_from_file_normal_;  // inverse transpose
+  bool is_mirrored_;                   // the transform turns faces inside out
+  ColorMode mode_;
+  AttributeChannels channels_;
+  std::vector<uint8_t> levels_;            // per SnappedMesh::triangles; empty without textures
+  std::vector<ImageLevels> image_levels_;  // per image of the scene
+};
+
+// Whether the scene has colours that are not opaque.
+bool has_transparency(const Scene& scene);
+
+}  // namespace voxeld

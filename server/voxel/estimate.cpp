@@ -1,0 +1,115 @@
+#include "server/voxel/estimate.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+
+#include "server/voxel/attribute_pass.h"
+#include "server/voxel/parallel.h"
+#include "server/voxel/tile_device.h"
+#include "server/voxel/tile_window.h"
+#include "shaders/shared/attributes.h"
+
+namespace voxeld {
+namespace {
+
+constexpr size_t kTriangleGrain = 1 << 15;
+
+// Voxels and bricks that one triangle can touch.
+int64_t touched_max(glm::ivec3 extent_q, int q_per_cell) {
+  std::array<int64_t, 3> cells = {extent_q.x / q_per_cell + 2, extent_q.y / q_per_cell + 2,
+                                  extent_q.z / q_per_cell + 2};
+  std::sort(cells.begin(), cells.end());
+  return cells[2] * cells[1] * std::min<int64_t>(cells[0], 4);
+}
+
+}  // namespace
+
+Result<Placed> place_scene(const Scene& scene, const VoxelizeOptions& options) {
+  Placed placed;
+  placed.world_from_file = world_from_file(options.placement);
+  const Box3d box = world_bounds(scene, placed.world_from_file);
+  if (box.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no triangles", "", ""};
+  VOXELD_ASSIGN(placed.spec, place_grid(options.placement, box.min, box.max));
+  return placed;
+}
+
+WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& options) {
+  WantedChannels wanted;
+  const bool has_source = options.color == ColorMode::kAxis ||
+                          options.color == ColorMode::kShaded || scene.has_colors();
+  wanted.color = options.color != ColorMode::kNone && has_source &&
+                 (!options.channels_given || options.channel_color);
+  wanted.normal = options.channels_given && options.channel_normal;
+  wanted.shaded = wanted.color && options.color == ColorMode::kShaded;
+  wanted.summed.color = wanted.color;
+  wanted.summed.alpha =
+      wanted.color && options.color != ColorMode::kAxis && has_transparency(scene);
+  wanted.summed.normal = wanted.normal || wanted.shaded;
+  return wanted;
+}
+
+int64_t mesh_bytes(const Scene& scene) {
+  return static_cast<int64_t>(scene.vertex_count() * sizeof(glm::ivec3) +
+                              scene.triangle_count() * (sizeof(SnappedTriangle) + 2 * 4));
+}
+
+int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
+                     const WantedChannels& channels) {
+  std::vector<std::array<int64_t, 2>> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
+  parallel_chunks(
+      mesh.triangles.size(), kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+        std::array<int64_t, 2> sum{};
+        for (size_t t = begin; t < end; ++t) {
+          const auto& v = mesh.triangles[t].vertices;
+          const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]],
+                           &c = mesh.vertices[v[2]];
+          const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
+          sum[0] += touched_max(extent, kSubVoxelsPerVoxel);
+          sum[1] += touched_max(extent, kSubVoxelsPerVoxel * limits::kBrickSide);
+        }
+        sums[chunk] = sum;
+      });
+  int64_t voxels = 0, bricks = 0;
+  for (const auto& sum : sums) {
+    voxels += sum[0];
+    bricks += sum[1];
+  }
+  constexpr int64_t kBrickCells = limits::kBrickSide * limits::kBrickSide * limits::kBrickSide;
+  const int64_t brick_cells = (spec.cell_count() + kBrickCells - 1) / kBrickCells;
+  voxels = std::min(voxels, spec.cell_count());
+  bricks = std::min({bricks, voxels, brick_cells});
+  return bricks * static_cast<int64_t>(sizeof(BrickMask) + 4) +
+         voxels * ((channels.color ? 4 : 0) + (channels.normal ? 3 : 0));
+}
+
+int64_t device_bytes(const Scene& scene, const WantedChannels& channels, int64_t ssbo_bytes_max) {
+  const auto triangles =
+      static_cast<int64_t>(std::min(scene.triangle_count(), kWindowTrianglesMax));
+  int64_t bytes = static_cast<int64_t>(kTileMaskBytes) + triangles * 9 * 4 +
+                  static_cast<int64_t>(kWindowItemsMax * sizeof(WorkItemWords));
+  if (channels.any()) {
+    bytes += static_cast<int64_t>(kTileMaskBytes) + triangles * ATTRIBUTE_WORDS * 4 +
+             2 * std::min(static_cast<int64_t>(kSumsBytesMax), ssbo_bytes_max);
+  }
+  return bytes;
+}
+
+Status check_host_bytes(const GridSpec& spec, int64_t bytes, int64_t bytes_max) {
+  if (bytes <= bytes_max) return {};
+  return Error{ErrorCode::kGridTooLarge,
+               "a grid of " + std::to_string(spec.dims.x) + " x " + std::to_string(spec.dims.y) +
+                   " x " + std::to_string(spec.dims.z) +
+                   " cells of this mesh needs too much memory",
+               "at most " + std::to_string(bytes_max) + " bytes",
+               "an estimate of " + std::to_string(bytes) + " bytes"};
+}
+
+int64_t default_host_bytes_max() {
+  const long pages = ::sysconf(_SC_PHYS_PAGES), page_bytes = ::sysconf(_SC_PAGESIZE);
+  if (pages <= 0 || page_bytes <= 0) return int64_t{4} << 30;
+  return int64_t{pages} * page_bytes / 4 * 3;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,46 @@
+// What a request costs, and whether it fits, before anything is computed.
+#pragma once
+
+#include <cstdint>
+
+#include "proto/options.h"
+#include "proto/result.h"
+#include "server/voxel/attribute_records.h"
+#include "server/voxel/voxelize.h"
+
+namespace voxeld {
+
+// Where the mesh lies: the first step of every request.
+struct Placed {
+  glm::dmat4 world_from_file{1.0};
+  GridSpec spec;
+};
+// Errors: empty-mesh when there is no triangle, those of place_grid().
+Result<Placed> place_scene(const Scene& scene, const VoxelizeOptions& options);
+
+// What a request's options and a scene's contents give.
+struct WantedChannels {
+  bool color = false, normal = false;  // of the grid
+  bool shaded = false;
+  AttributeChannels summed;
+  bool any() const { return color || normal; }
+};
+WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& options);
+
+// Bytes of the snapped mesh and its bins.
+int64_t mesh_bytes(const Scene& scene);
+
+// Upper estimate of the bytes of the sparse result: a triangle touches at most (a + 2)(b + 2) columns
+// in its two longer directions, and four cells in each, or as many as it is deep.
+int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
+
+// Bytes on the device at the peak, textures at the levels that are used not counted.
+int64_t device_bytes(const Scene& scene, const WantedChannels& channels, int64_t ssbo_bytes_max);
+
+// Errors: grid-too-large.
+Status check_host_bytes(const GridSpec& spec, int64_t bytes, int64_t bytes_max);
+
+// Three quarters of the machine's memory.
+int64_t default_host_bytes_max();
+
+}  // namespace voxeld

@@ -1,0 +1,115 @@
+#include "server/voxel/resolve.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "server/voxel/color_tables.h"
+#include "server/voxel/parallel.h"
+
+namespace voxeld {
+namespace {
+
+constexpr size_t kVoxelGrain = 1 << 13;
+
+// Phong 1975, "Illumination for computer generated pictures", with a white directional light from
+// above and in front, seen from the front (+z), as the thesis bakes it into its grids.
+constexpr std::array<double, 3> kToLight = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0};
+constexpr double kAmbient = 0.2, kDiffuse = 0.8, kSpecular = 0.25;  // exponent 16
+
+struct Unit {
+  double x = 0, y = 0, z = 0;
+  bool valid = false;
+};
+
+struct Shade {
+  double scale, add;  // of linear light
+};
+
+Shade phong(Unit n) {
+  // Faces that cancel out have no direction: they are lit as if they looked at the viewer.
+  if (!n.valid) n = {0.0, 0.0, 1.0, true};
+  const double toward = n.x * kToLight[0] + n.y * kToLight[1] + n.z * kToLight[2];
+  if (toward <= 0.0) return {kAmbient, 0.0};
+  // z of the light's mirror image about n: its cosine with the viewer.
+  const double mirrored = std::max(0.0, 2.0 * toward * n.z - kToLight[2]);
+  const double squared = mirrored * mirrored;
+  const double fourth = squared * squared;
+  const double eighth = fourth * fourth;
+  return {kAmbient + kDiffuse * toward, kSpecular * (eighth * eighth)};
+}
+
+class VoxelSums {
+ public:
+  VoxelSums(std::span<const uint32_t> sums, std::span<const uint32_t> carries, size_t at)
+      : sums_(sums), carries_(carries), at_(at) {}
+  uint64_t operator[](size_t channel) const {
+    const uint64_t high = carries_.empty() ? 0u : carries_[at_ + channel];
+    return sums_[at_ + channel] | high << 32;
+  }
+
+ private:
+  std::span<const uint32_t> sums_, carries_;
+  size_t at_;
+};
+
+uint32_t mean16(uint64_t sum, uint64_t weight) {
+  return static_cast<uint32_t>((sum + weight / 2) / weight);
+}
+
+Unit mean_normal(const VoxelSums& sums, size_t first, uint64_t weight) {
+  std::array<double, 3> v{};
+  for (size_t c = 0; c < 3; ++c) {
+    v[c] = static_cast<double>(static_cast<int64_t>(sums[first + c] - (weight << 15)));
+  }
+  const double length = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  // Shorter than a thousandth: what is left of faces that cancel is rounding.
+  if (length < 32.767 * static_cast<double>(weight)) return {};
+  return {v[0] / length, v[1] / length, v[2] / length, true};
+}
+
+uint8_t shaded_srgb8(uint32_t linear16, const Shade& shade) {
+  const double linear = static_cast<double>(linear16) * shade.scale + 65535.0 * shade.add;
+  return srgb8_from_linear16()[static_cast<size_t>(std::floor(std::min(linear, 65535.0) + 0.5))];
+}
+
+int8_t normal8(double n) {
+  return static_cast<int8_t>(std::floor(127.0 * n + 0.5));
+}
+
+}  // namespace
+
+void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> carries,
+                    const ResolveOptions& options, size_t voxel_first, SparseTile& tile) {
+  const AttributeChannels& channels = options.channels;
+  const size_t stride = channels.count();
+  const size_t normal_first = stride - 3;
+  const auto& srgb8 = srgb8_from_linear16();
+  parallel_chunks(sums.size() / stride, kVoxelGrain, [&](size_t, size_t begin, size_t end) {
+    for (size_t v = begin; v < end; ++v) {
+      const VoxelSums voxel(sums, carries, v * stride);
+      const uint64_t weight = voxel[0];
+      if (weight == 0) continue;  // never for an occupied voxel
+      Unit normal;
+      if (channels.normal) normal = mean_normal(voxel, normal_first, weight);
+      if (options.write_color) {
+        uint8_t* out = &tile.color[4 * (voxel_first + v)];
+        const Shade shade = options.shaded ? phong(normal) : Shade{1.0, 0.0};
+        for (size_t c = 0; c < 3; ++c) {
+          const uint32_t mean = mean16(voxel[1 + c], weight);
+          out[c] = options.shaded ? shaded_srgb8(mean, shade) : srgb8[mean];
+        }
+        out[3] = channels.alpha ? static_cast<uint8_t>((mean16(voxel[4], weight) + 128u) / 257u)
+                                : uint8_t{255};
+      }
+      if (options.write_normal) {
+        int8_t* out = &tile.normal[3 * (voxel_first + v)];
+        out[0] = normal8(normal.x);
+        out[1] = normal8(normal.y);
+        out[2] = normal8(normal.z);
+      }
+    }
+  });
+}
+
+}  // namespace voxeld

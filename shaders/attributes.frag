@@ -1,0 +1,60 @@
+// Pipeline raster: the fragment of a column adds a triangle's attributes to the sums of the cells
+// that it touches there.
+#include "shared/attributes.h"
+#include "lib/touch.glsl"
+#include "lib/touch_mask.glsl"
+#include "lib/attributes.glsl"
+#include "lib/attribute_visit.glsl"
+#include "lib/touch_columns.glsl"
+
+layout(std430, binding = VOXELIZE_TRIANGLES) readonly buffer Triangles { int triangles[]; };
+layout(std430, binding = VOXELIZE_MASK) readonly buffer Mask { uint mask[]; };
+layout(std430, binding = VOXELIZE_ATTRIBUTES) readonly buffer Attributes { uint attributes[]; };
+layout(std430, binding = VOXELIZE_WORD_OFFSETS) readonly buffer Offsets { uint word_offsets[]; };
+layout(std430, binding = VOXELIZE_SUMS) buffer Sums { uint sums[]; };
+layout(std430, binding = ATTRIBUTES_CARRIES) buffer Carries { uint carries[]; };
+layout(std140, binding = VOXELIZE_PARAMS) uniform Params { VoxelizeParams params; };
+#if ATTRIBUTE_TEXTURE
+layout(std430, binding = VOXELIZE_LINEAR) readonly buffer Linear { uint linear_from_srgb[]; };
+layout(binding = VOXELIZE_TEXTURE) uniform usampler2D image;
+
+uint linear_from_srgb8(uint value) { return linear_from_srgb[value]; }
+uvec4 fetch_texel(ivec2 at, int level) { return texelFetch(image, at, level); }
+ivec2 level_size(int level) { return textureSize(image, level); }
+#endif
+
+flat in uint triangle;
+flat in int axis;
+
+uint attribute_word(int word) {
+  return attributes[triangle * uint(ATTRIBUTE_WORDS) + uint(word)];
+}
+
+bool find_voxel(int i, int j, int k, out uint voxel) {
+  uint m = tile_morton(i, j, k, axis);
+  uint below = mask[m >> 5] & ((1u << (m & 31u)) - 1u);
+  voxel = word_offsets[m >> 5] + uint(bitCount(below)) - params.voxel_first;
+  return voxel < params.voxel_count;
+}
+
+void add_to_sum(uint voxel, uint channel, uint value) {
+  uint at = voxel * uint(ATTRIBUTE_CHANNELS) + channel;
+  if (atomicAdd(sums[at], value) + value < value) {
+    atomicAdd(carries[at + 1u], 1u);
+    carries[0] = 1u;
+  }
+}
+
+ivec3 triangle_vertex(uint corner) {
+  uint at = triangle * 9u + corner * 3u;
+  return touch_swizzle(ivec3(triangles[at], triangles[at + 1u], triangles[at + 2u]), axis);
+}
+
+void main() {
+  ivec3 v0 = triangle_vertex(0u), v1 = triangle_vertex(1u), v2 = triangle_vertex(2u);
+  TouchTriangle t = touch_setup(v0, v1, v2, touch_swizzle(params.cell_max.xyz, axis));
+  ivec2 column = ivec2(gl_FragCoord.xy);
+  if (any(lessThan(column, t.cell_min.xy)) || any(greaterThan(column, t.cell_max.xy))) return;
+  read_attributes(v0, v1, v2);
+  visit_one_column(t, column.x, column.y);
+}

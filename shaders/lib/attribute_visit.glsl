@@ -1,0 +1,126 @@
+// Adds a triangle's attributes to the sums of every cell that it touches: the visitor of
+// lib/touch_columns.glsl for the attribute passes of both pipelines. ATTRIBUTE_COLOR,
+// ATTRIBUTE_ALPHA, ATTRIBUTE_NORMAL and ATTRIBUTE_TEXTURE, each 0 or 1, choose the channels; their
+// order is weight, colour R G B, alpha, normal X Y Z.
+#define ATTRIBUTE_CHANNELS \
+  (1 + 3 * ATTRIBUTE_COLOR + ATTRIBUTE_COLOR * ATTRIBUTE_ALPHA + 3 * ATTRIBUTE_NORMAL)
+
+// The including file defines these.
+uint attribute_word(int word);                          // of the triangle at hand
+bool find_voxel(int i, int j, int k, out uint voxel);   // false: in another window
+void add_to_sum(uint voxel, uint channel, uint value);
+uint linear_from_srgb8(uint value);                     // 16 bits
+uvec4 fetch_texel(ivec2 at, int level);
+ivec2 level_size(int level);
+
+// Of the triangle at hand; read once, because it is visited cell by cell.
+AttributeTriangle visited;
+uint visited_flags;
+uvec4 corner_color0, corner_color1, corner_color2;
+uvec3 corner_normal0, corner_normal1, corner_normal2;
+ivec2 corner_uv0, corner_uv1, corner_uv2;
+
+uint column_points;
+int64_t column_depth;
+
+void begin_column(TouchTriangle t, int i, int j) {
+  column_points = lattice_inside(visited, i, j);
+  column_depth = lattice_depth(visited, i, j);
+}
+
+#if ATTRIBUTE_TEXTURE
+uvec4 linear_texel(ivec2 at, int level) {
+  uvec4 texel = fetch_texel(at, level);
+  return uvec4(linear_from_srgb8(texel.x), linear_from_srgb8(texel.y), linear_from_srgb8(texel.z),
+               texel.w * 257u);
+}
+
+// Bilinear, in linear light: 8 bits of fraction on each axis, so that 65535 * 65536 fits.
+uvec4 sample_texture(ivec3 weights) {
+  int u = blend_uv(corner_uv0.x, corner_uv1.x, corner_uv2.x, weights);
+  int v = blend_uv(corner_uv0.y, corner_uv1.y, corner_uv2.y, weights);
+  int level = int(visited_flags >> ATTRIBUTE_LEVEL_SHIFT) & 15;
+  uint wrap_u = (visited_flags >> ATTRIBUTE_WRAP_U_SHIFT) & 3u;
+  uint wrap_v = (visited_flags >> ATTRIBUTE_WRAP_V_SHIFT) & 3u;
+  ivec2 size = level_size(level);
+  int x0 = wrap_texel(u >> 8, size.x, wrap_u), x1 = wrap_texel((u >> 8) + 1, size.x, wrap_u);
+  int y0 = wrap_texel(v >> 8, size.y, wrap_v), y1 = wrap_texel((v >> 8) + 1, size.y, wrap_v);
+  uint fx = uint(u & 255), fy = uint(v & 255);
+  uvec4 sum = linear_texel(ivec2(x0, y0), level) * ((256u - fx) * (256u - fy)) +
+              linear_texel(ivec2(x1, y0), level) * (fx * (256u - fy)) +
+              linear_texel(ivec2(x0, y1), level) * ((256u - fx) * fy) +
+              linear_texel(ivec2(x1, y1), level) * (fx * fy);
+  return sum >> 16;
+}
+#endif
+
+void add_color(uint voxel, uint weight, ivec3 weights) {
+  uvec3 w = weights15(weights);
+  uvec4 color = (corner_color0 * w.x + corner_color1 * w.y + corner_color2 * w.z) >> 15;
+#if ATTRIBUTE_TEXTURE
+  uvec4 texel = sample_texture(weights);
+  color = uvec4(product16(color.x, texel.x), product16(color.y, texel.y),
+                product16(color.z, texel.z), product16(color.w, texel.w));
+#endif
+  add_to_sum(voxel, 1u, weight * color.x);
+  add_to_sum(voxel, 2u, weight * color.y);
+  add_to_sum(voxel, 3u, weight * color.z);
+#if ATTRIBUTE_ALPHA
+  add_to_sum(voxel, 4u, weight * color.w);
+#endif
+}
+
+void add_normal(uint voxel, uint weight, ivec3 weights) {
+  uvec3 w = weights15(weights);
+  uvec3 normal = (corner_normal0 * w.x + corner_normal1 * w.y + corner_normal2 * w.z) >> 15;
+  uint first = uint(ATTRIBUTE_CHANNELS) - 3u;
+  add_to_sum(voxel, first, weight * normal.x);
+  add_to_sum(voxel, first + 1u, weight * normal.y);
+  add_to_sum(voxel, first + 2u, weight * normal.z);
+}
+
+void visit_cell(int i, int j, int k) {
+  uint voxel;
+  if (!find_voxel(i, j, k, voxel)) return;
+  uint points = column_points & lattice_in_cell(visited, column_depth, k);
+  uint weight = points == 0u ? 1u : uint(bitCount(points)) * visited.factor;
+  ivec3 weights = corner_weights(visited, sample_position(visited, i, j, points));
+  add_to_sum(voxel, 0u, weight);
+#if ATTRIBUTE_COLOR
+  add_color(voxel, weight, weights);
+#endif
+#if ATTRIBUTE_NORMAL
+  add_normal(voxel, weight, weights);
+#endif
+}
+
+uvec4 read_color(int word) {
+  uint rg = attribute_word(word), ba = attribute_word(word + 1);
+  return uvec4(rg & 0xffffu, rg >> 16, ba & 0xffffu, ba >> 16);
+}
+uvec3 read_normal(int word) { return read_color(word).xyz; }
+ivec2 read_uv(int word) { return ivec2(int(attribute_word(word)), int(attribute_word(word + 1))); }
+
+// v: corners, swizzled.
+void read_attributes(ivec3 v0, ivec3 v1, ivec3 v2) {
+  visited_flags = attribute_word(ATTRIBUTE_FLAGS);
+  int64_t reciprocal = int64_t(attribute_word(ATTRIBUTE_RECIPROCAL)) |
+                       (int64_t(attribute_word(ATTRIBUTE_RECIPROCAL + 1)) << 32);
+  visited = attribute_setup(v0, v1, v2, int(attribute_word(ATTRIBUTE_SLOPE_I)),
+                            int(attribute_word(ATTRIBUTE_SLOPE_J)), reciprocal, visited_flags);
+#if ATTRIBUTE_COLOR
+  corner_color0 = read_color(ATTRIBUTE_COLORS);
+  corner_color1 = read_color(ATTRIBUTE_COLORS + 2);
+  corner_color2 = read_color(ATTRIBUTE_COLORS + 4);
+#endif
+#if ATTRIBUTE_NORMAL
+  corner_normal0 = read_normal(ATTRIBUTE_NORMALS);
+  corner_normal1 = read_normal(ATTRIBUTE_NORMALS + 2);
+  corner_normal2 = read_normal(ATTRIBUTE_NORMALS + 4);
+#endif
+#if ATTRIBUTE_TEXTURE
+  corner_uv0 = read_uv(ATTRIBUTE_UVS);
+  corner_uv1 = read_uv(ATTRIBUTE_UVS + 2);
+  corner_uv2 = read_uv(ATTRIBUTE_UVS + 4);
+#endif
+}

@@ -1,0 +1,42 @@
+// The attribute pass: words of a triangle and channels of the sums, read by C++ (server/voxel) and
+// GLSL. What the numbers mean: server/voxel/README.md.
+#ifdef __cplusplus
+#pragma once
+#endif
+#include "shaders/shared/voxelize.h"
+
+// Words of one triangle. "Corner" 0..2 is in ascending order of position.
+#define ATTRIBUTE_SLOPE_I 0     // int: depth of the plane per column in i, 2^-24 cells
+#define ATTRIBUTE_SLOPE_J 1     // int: the same in j
+#define ATTRIBUTE_RECIPROCAL 2  // 64 bits, low word first: floor(2^57 / area), see the README
+#define ATTRIBUTE_FLAGS 4       // ATTRIBUTE_FACTOR_MASK and so on
+#define ATTRIBUTE_COLORS 5      // per corner R | G << 16 and B | A << 16: linear light, 16 bits
+#define ATTRIBUTE_UVS 11        // per corner u, v: int, 1/256 texel of its level, from texel centre 0
+#define ATTRIBUTE_NORMALS 17    // per corner X | Y << 16 and Z: n * 32767 + 32768
+#define ATTRIBUTE_WORDS 23
+
+// Flags: bits 0..8 the area factor, 256 |n| / |n_dominant|, 0 for triangles without area;
+// bits 9..10 the form of the weights; 11..12 and 13..14 wrapping in u and v; 15..18 the texture's
+// level, counted from the first that is uploaded.
+#define ATTRIBUTE_FACTOR_MASK 511
+#define ATTRIBUTE_FORM_SHIFT 9
+#define ATTRIBUTE_WRAP_U_SHIFT 11
+#define ATTRIBUTE_WRAP_V_SHIFT 13
+#define ATTRIBUTE_LEVEL_SHIFT 15
+
+// Forms: by area, or along the longest side between two corners.
+#define ATTRIBUTE_FORM_AREA 0
+#define ATTRIBUTE_FORM_01 1
+#define ATTRIBUTE_FORM_02 2
+#define ATTRIBUTE_FORM_12 3
+
+#define ATTRIBUTE_WRAP_REPEAT 0
+#define ATTRIBUTE_WRAP_CLAMP 1
+#define ATTRIBUTE_WRAP_MIRROR 2
+
+#define ATTRIBUTE_DEPTH_BITS 24   // fraction of a depth in cells
+#define ATTRIBUTE_WEIGHT_BITS 24  // fraction of a corner's weight
+
+// Storage buffers besides those of voxelize.h. Sums are 64 bits, in two buffers, so that the upper
+// words need no traffic while nothing carries.
+#define ATTRIBUTES_CARRIES 7  // word 0: not 0 if any sum carried; then the upper words of the sums
