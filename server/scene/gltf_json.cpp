@@ -45,11 +45,12 @@ Status check_shape(std::string_view name, std::string_view text) {
   return {};
 }
 
-// "[json.exception.parse_error.101] parse error at line 1, column 5: syntax error …" without what
-// stands in front of the last part.
+// "[json.exception.parse_error.101] parse error at line 1, column 5: syntax error …" without the
+// brackets and the place.
 std::string short_reason(std::string_view what) {
+  if (const size_t end = what.find("] "); end != what.npos) what.remove_prefix(end + 2);
   const size_t at = what.find("column ");
-  const size_t colon = what.find(": ", at == what.npos ? 0 : at);
+  const size_t colon = at == what.npos ? what.npos : what.find(": ", at);
   return printable(colon == what.npos ? what : what.substr(colon + 2));
 }
 

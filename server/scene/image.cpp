@@ -108,6 +108,8 @@ Result<Image> decode(std::string_view name, const ImageFormat& format,
   OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
   OIIO::ImageSpec config;
   config["oiio:UnassociatedAlpha"] = 1;
+  void* proxy = &memory;
+  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
   const auto input = OIIO::ImageInput::open(format.file_name, &config, &memory);
   if (!input) return malformed(name, OIIO::geterror());
   input->threads(1);  // else it makes a pool of its own

@@ -1,0 +1,216 @@
+// Colours: factors, textures from every place, texture transforms, what is ignored.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/scene/gltf_buffers.h"
+#include "tests/unit/scene_gltf/gltf_builder.h"
+
+namespace voxeld {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+// A triangle with a texture whose image is `image`.
+GltfBuilder textured(const Json& image) {
+  GltfBuilder builder = triangle();
+  builder.attributes()["TEXCOORD_0"] = builder.add_floats({0, 0, 1, 0, 0, 1}, "VEC2");
+  builder.primitive()["material"] = 0;
+  builder.json["materials"] = Json::parse(
+      R"([{"name": "skin", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])");
+  builder.json["textures"] = Json::parse(R"([{"source": 0, "sampler": 0}])");
+  builder.json["samplers"] = Json::parse(R"([{"wrapS": 33071, "wrapT": 33648}])");
+  builder.json["images"] = Json::array({image});
+  return builder;
+}
+
+Json& texture_info(GltfBuilder& builder) {
+  return builder.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+}
+
+TEST(GltfMaterials, base_colour_is_linear_and_counts_as_colour) {
+  GltfBuilder builder = triangle();
+  builder.primitive()["material"] = 0;
+  builder.json["materials"] =
+      Json::parse(R"([{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 2, 1]}}])");
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(scene->materials.at(0).base_color, glm::vec4(0.5f, 0.25f, 1, 1));
+  EXPECT_TRUE(scene->has_colors());
+}
+
+TEST(GltfMaterials, a_material_that_says_no_colour_gives_none) {
+  GltfBuilder builder = triangle();
+  builder.primitive()["material"] = 0;
+  builder.json["materials"] = Json::parse(R"([{"name": "grey", "doubleSided": true}])");
+  EXPECT_FALSE(builder.load()->has_colors());
+}
+
+TEST(GltfMaterials, specular_glossiness_is_read_by_its_diffuse_part) {
+  GltfBuilder builder = textured({{"uri", "gone.png"}});
+  builder.json["materials"] = Json::parse(R"([{"extensions":
+    {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0, 1, 0, 1],
+     "diffuseTexture": {"index": 0}}}}])");
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(scene->materials.at(0).base_color, glm::vec4(0, 1, 0, 1));
+  EXPECT_EQ(scene->missing_files.at(0).name, "gone.png");
+}
+
+TEST(GltfMaterials, a_missing_texture_is_a_warning_that_names_it) {
+  const auto scene = textured({{"uri", "textures/gone.png"}}).load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_THAT(
+      warnings(*scene),
+      ElementsAre("missing-texture: textures/gone.png, named by skin: is not in the upload"));
+  ASSERT_EQ(scene->missing_files.size(), 1u);
+  EXPECT_EQ(scene->missing_files[0].name, "textures/gone.png");
+  EXPECT_EQ(scene->missing_files[0].needed_by, "skin");
+  EXPECT_EQ(scene->materials.at(0).image, -1);
+  EXPECT_FALSE(scene->has_colors());
+}
+
+TEST(GltfMaterials, a_broken_texture_is_a_warning_that_names_it) {
+  FakeBundle bundle;
+  bundle.files["a.png"] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n', 0, 0};
+  const auto scene = textured({{"uri", "a.png"}}).load(&bundle);
+  ASSERT_EQ(outcome(scene), "ok");
+  ASSERT_EQ(scene->warnings.size(), 1u);
+  EXPECT_EQ(scene->warnings[0].code, "bad-texture");
+  EXPECT_THAT(scene->warnings[0].detail, HasSubstr("a.png, named by skin"));
+  EXPECT_EQ(scene->missing_files.at(0).name, "a.png");
+}
+
+TEST(GltfMaterials, a_view_outside_of_its_buffer_is_a_broken_texture) {
+  GltfBuilder builder = textured({{"bufferView", 0}, {"mimeType", "image/png"}});
+  builder.json["bufferViews"].push_back(
+      Json{{"buffer", 0}, {"byteOffset", 40}, {"byteLength", 1'000'000'000}});
+  builder.json["images"][0]["bufferView"] = 2;
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(scene->warnings.at(0).code, "bad-texture");
+  EXPECT_THAT(scene->warnings.at(0).detail, HasSubstr("bufferViews[2]"));
+}
+
+TEST(GltfMaterials, images_come_from_files_views_and_data_uris) {
+  if (!reads_images()) GTEST_SKIP() << "this build reads no images";
+  const Bytes tga = one_pixel_tga(10, 20, 30);
+  FakeBundle bundle;
+  bundle.files["my picture.tga"] = tga;
+  GltfBuilder view = textured({{"mimeType", "image/x"}});
+  view.json["images"][0]["bufferView"] = view.add_view(tga);
+  view.json["bufferViews"].back()["byteLength"] = tga.size();
+  std::string uri = "data:image/x-tga,";
+  for (const uint8_t byte : tga) {
+    char escaped[4];
+    std::snprintf(escaped, sizeof escaped, "%%%02x", byte);
+    uri += escaped;
+  }
+  for (const GltfBuilder& builder :
+       {textured({{"uri", "my picture.tga"}}), view, textured({{"uri", uri}})}) {
+    const auto scene = builder.load(&bundle);
+    ASSERT_EQ(outcome(scene), "ok");
+    EXPECT_THAT(warnings(*scene), ElementsAre());
+    ASSERT_EQ(scene->images.size(), 1u);
+    EXPECT_THAT(scene->images[0].rgba, ElementsAre(10, 20, 30, 255));
+    EXPECT_EQ(scene->materials[0].image, 0);
+    EXPECT_EQ(scene->materials[0].wrap_u, Wrap::kClamp);
+    EXPECT_EQ(scene->materials[0].wrap_v, Wrap::kMirror);
+    EXPECT_TRUE(scene->has_colors());
+  }
+}
+
+TEST(GltfMaterials, inspection_names_images_without_decoding) {
+  FakeBundle bundle;
+  bundle.files["a.png"] = {1, 2, 3};
+  const auto scene = textured({{"uri", "a.png"}}).load(&bundle, {.decode_images = false});
+  ASSERT_EQ(outcome(scene), "ok");
+  EXPECT_EQ(scene->images.at(0).name, "a.png");
+  EXPECT_TRUE(scene->images.at(0).rgba.empty());
+}
+
+TEST(GltfMaterials, webp_takes_the_place_of_the_fallback) {
+  GltfBuilder builder = textured({{"uri", "fallback.png"}});
+  builder.json["images"].push_back(Json{{"uri", "small.webp"}});
+  builder.json["textures"][0]["extensions"]["EXT_texture_webp"]["source"] = 1;
+  builder.json["extensionsRequired"] = Json::array({"EXT_texture_webp"});
+  EXPECT_EQ(builder.load()->missing_files.at(0).name, "small.webp");
+}
+
+TEST(GltfMaterials, a_texture_in_another_format_only_is_missing) {
+  GltfBuilder builder = textured({{"uri", "a.ktx2"}});
+  builder.json["textures"] = Json::array({Json::object()});
+  EXPECT_THAT(warnings(*builder.load()),
+              ElementsAre("missing-texture: textures[0], named by skin: has no image in a format "
+                          "that voxeld reads"));
+}
+
+TEST(GltfMaterials, texture_coordinates_have_their_origin_at_the_top_left) {
+  const auto scene = textured({{"uri", "a.png"}}).load();
+  EXPECT_THAT(scene->parts.at(0).uvs,
+              ElementsAre(glm::vec2(0, 0), glm::vec2(1, 0), glm::vec2(0, 1)));
+}
+
+TEST(GltfMaterials, the_texture_names_its_set_of_coordinates) {
+  GltfBuilder builder = textured({{"uri", "a.png"}});
+  builder.attributes()["TEXCOORD_3"] = builder.add_u16({0, 0, 65535, 0, 0, 65535}, "VEC2");
+  builder.json["accessors"].back()["normalized"] = true;
+  texture_info(builder)["texCoord"] = 3;
+  EXPECT_EQ(builder.load()->parts.at(0).uvs.at(1), glm::vec2(1, 0));
+  texture_info(builder)["extensions"]["KHR_texture_transform"] =
+      Json{{"texCoord", 0}, {"offset", {7, 0}}};
+  EXPECT_EQ(builder.load()->parts.at(0).uvs.at(1), glm::vec2(8, 0));
+}
+
+// The example of the extension's text: the lower left quarter, turned clockwise by 90 degrees.
+TEST(GltfMaterials, texture_transforms_are_baked) {
+  GltfBuilder builder = textured({{"uri", "a.png"}});
+  texture_info(builder)["extensions"]["KHR_texture_transform"] =
+      Json{{"offset", {0, 1}}, {"rotation", 1.57079632679}, {"scale", {0.5, 0.5}}};
+  builder.json["extensionsRequired"] = Json::array({"KHR_texture_transform"});
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  const auto& uvs = scene->parts[0].uvs;
+  const float expected[3][2] = {{0, 1}, {0, 0.5f}, {0.5f, 1}};
+  for (size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(uvs[i].x, expected[i][0], 1e-6);
+    EXPECT_NEAR(uvs[i].y, expected[i][1], 1e-6);
+  }
+}
+
+TEST(GltfMaterials, optional_extensions_that_are_not_read_are_told) {
+  GltfBuilder builder = triangle();
+  builder.json["extensionsUsed"] = {"KHR_materials_unlit", "KHR_lights_punctual", "MY_extension"};
+  EXPECT_THAT(warnings(*builder.load()),
+              ElementsAre("ignored-extension: a.gltf: the glTF extension \"MY_extension\" is not "
+                          "read"));
+}
+
+TEST(GltfBuffers, data_uris_in_all_their_forms) {
+  const auto text = [](std::string_view uri) {
+    const auto bytes = decode_data_uri(uri);
+    return bytes ? std::string(bytes->begin(), bytes->end()) : "none";
+  };
+  EXPECT_EQ(text("data:application/octet-stream;base64,aGVsbG8="), "hello");
+  EXPECT_EQ(text("data:;base64,aGVsbG8"), "hello");
+  EXPECT_EQ(text("data:;base64,aGVsbG8%3D"), "hello");
+  EXPECT_EQ(text("data:;base64,-_-_"), text("data:;base64,+/+/"));
+  EXPECT_EQ(text("data:text/plain,a%20b"), "a b");
+  EXPECT_EQ(text("data:;base64,"), "");
+  EXPECT_EQ(text("data:;base64,a"), "none");
+  EXPECT_EQ(text("data:;base64,aG Vs"), "none");
+  EXPECT_EQ(text("data:;base64"), "none");
+  EXPECT_EQ(text("file.bin"), "none");
+}
+
+TEST(GltfBuffers, a_file_may_be_longer_than_the_buffer) {
+  FakeBundle bundle;
+  GltfBuilder builder = triangle();
+  bundle.files["a b.bin"] = builder.bin;
+  bundle.files["a b.bin"].resize(100);
+  builder.json["buffers"] = Json::array({Json{{"byteLength", 36}, {"uri", "a b.bin"}}});
+  EXPECT_EQ(outcome(builder.load(&bundle)), "ok");
+}
+
+}  // namespace
+}  // namespace voxeld
