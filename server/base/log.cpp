@@ -37,7 +37,7 @@ spdlog::level::level_enum to_spdlog(Level level) {
 
 // Control characters would let a client forge log lines.
 void append_value(std::string& line, std::string_view value) {
-  const bool quote = value.empty() || value.find_first_of(" \"=") != std::string_view::npos;
+  const bool quote = value.find_first_of(" \"=") != std::string_view::npos;
   if (quote) line += '"';
   for (const char c : value) {
     if (c == '"' || c == '\\') line += '\\';
@@ -57,6 +57,7 @@ void write(Level level, std::string_view message, std::initializer_list<Field> f
   if (!logger()->should_log(to_spdlog(level))) return;
   std::string line(message);
   for (const Field& field : fields) {
+    if (field.value.empty()) continue;
     line += ' ';
     line += field.key;
     line += '=';

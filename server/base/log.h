@@ -11,7 +11,8 @@ namespace voxeld::log {
 
 enum class Level { kDebug, kInfo, kWarn, kError };
 
-// A field's value is quoted where it holds spaces.
+// A field's value is quoted where it holds spaces, and cleaned of control characters: what users
+// send belongs into fields. Fields with an empty value are left out.
 struct Field {
   std::string_view key;
   std::string value;

@@ -106,7 +106,7 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   run.completion.task = task.id;
   run.completion.fence = task.fence;
   try {
-    add_meta(run, {{"source_hash", task.input_hash}, {"filename", task.filename}});
+    add_meta(run, {{"source_hash", task.input_hash}});
     VOXELD_TRY(run_kind(run));
     return std::move(run.completion);
   } catch (const std::bad_alloc&) {

@@ -2,7 +2,6 @@
 #include "server/worker/task_monitor.h"
 
 #include <gtest/gtest.h>
-#include <sys/socket.h>
 
 #include <atomic>
 #include <chrono>
@@ -12,37 +11,13 @@
 #include <thread>
 #include <utility>
 
-#include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/worker/fake_gateway.h"
 
 namespace voxeld {
 namespace {
 
 using nlohmann::json;
-
-// Accepts one connection and answers each message as `answer` says, until the worker closes.
-class Gateway {
- public:
-  explicit Gateway(std::function<std::string(const json&)> answer) : answer_(std::move(answer)) {
-    listener_ = listen_unix(path()).value();
-    thread_ = std::thread([this] { run(); });
-  }
-  ~Gateway() { thread_.join(); }
-  std::string address() const { return "unix:" + path().string(); }
-
- private:
-  std::filesystem::path path() const { return dir_.path() / "s"; }
-  void run() {
-    FrameSocket socket(UniqueFd(::accept(listener_.get(), nullptr, nullptr)), kTaskFrameBytesMax);
-    while (auto frame = socket.receive()) {
-      const std::string reply = answer_(json::parse(*frame));
-      if (reply.empty() || !socket.send(reply)) return;
-    }
-  }
-  testing::TemporaryDir dir_;
-  std::function<std::string(const json&)> answer_;
-  UniqueFd listener_;
-  std::thread thread_;
-};
+using Gateway = testing::FakeGateway;
 
 Task a_task() {
   Task task;

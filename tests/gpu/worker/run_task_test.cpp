@@ -1,0 +1,212 @@
+// Whole tasks on a context, from the files of their inputs to the files of their outputs.
+#include "server/worker/run_task.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "server/base/sha256.h"
+#include "tests/unit/worker/fake_gateway.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+// Corners of a unit cube, closed, with two triangles to a side.
+constexpr const char* kCube =
+    "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+    "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+Engine& engine() {
+  static Engine instance = [] {
+    const char* name = std::getenv("VOXELD_TEST_DEVICE");
+    const auto device = gpu::parse_device(name == nullptr ? "llvmpipe" : name);
+    return Engine(gpu::Context::create(device.value()).value(), "");
+  }();
+  return instance;
+}
+
+class RunTaskTest : public ::testing::Test {
+ protected:
+  RunTaskTest()
+      : gateway_([this](const json&) {
+          return json{{"cancel", cancel_.load()}, {"fenced", false}}.dump();
+        }),
+        client_(TaskClient::connect(gateway_.address()).value()) {
+    engine().cache = {};
+  }
+  Task task(JobKind kind, const std::string& input, const std::string& options,
+            const std::string& filename = "models/cube.obj") {
+    Task task;
+    task.id = "j-" + std::to_string(++tasks_);
+    task.fence = 1;
+    task.kind = kind;
+    task.input_path = (dir_.path() / ("input" + std::to_string(tasks_))).string();
+    std::ofstream(task.input_path, std::ios::binary) << input;
+    task.input_hash = sha256_id(input);
+    task.filename = filename;
+    task.options_json = options;
+    return task;
+  }
+  Task grid_task(JobKind kind, const TaskCompletion& made, const std::string& options) {
+    const auto bytes = read_file(output(made, "grid").path).value();
+    Task result = task(kind, std::string(bytes.begin(), bytes.end()), options, "");
+    result.input_is_grid = true;
+    return result;
+  }
+  Result<TaskCompletion> run(const Task& task) {
+    TaskMonitor monitor(*client_, task);
+    return run_task(engine(), task, dir_.path(), monitor);
+  }
+  static TaskOutput output(const TaskCompletion& completion, const std::string& role) {
+    for (const TaskOutput& output : completion.outputs) {
+      if (output.role == role) return output;
+    }
+    ADD_FAILURE() << "no output " << role;
+    return {};
+  }
+  static std::vector<std::string> stages(const TaskCompletion& completion) {
+    std::vector<std::string> names;
+    for (const auto& [name, ms] : completion.timings) names.push_back(name);
+    return names;
+  }
+  testing::TemporaryDir dir_;
+  std::atomic<bool> cancel_{false};
+  int tasks_ = 0;
+  testing::FakeGateway gateway_;
+  std::unique_ptr<TaskClient> client_;
+};
+
+TEST_F(RunTaskTest, a_mesh_becomes_a_container_and_the_format_asked_for) {
+  const auto done = run(task(JobKind::kVoxelize, kCube, R"({"size":8,"format":"npy"})"));
+  ASSERT_TRUE(done) << done.error().message();
+  EXPECT_EQ(done->task, "j-1");
+  EXPECT_EQ(done->fence, 1);
+  EXPECT_EQ(stages(*done), (std::vector<std::string>{"parse", "voxelize", "encode"}));
+  const json meta = json::parse(done->meta_json);
+  EXPECT_EQ(meta["dims"], json({8, 8, 8}));
+  EXPECT_EQ(meta["voxel_count"], 8 * 8 * 8 - 6 * 6 * 6);
+  EXPECT_EQ(meta["voxel_size"], json({0.125, 0.125, 0.125}));
+  EXPECT_EQ(meta["source_hash"], sha256_id(kCube));
+  EXPECT_EQ(meta["source_format"], "obj");
+  EXPECT_EQ(meta["options"]["size"], 8);
+  EXPECT_FALSE(meta["options"].contains("format"));
+  for (const char* name : {"pipeline", "pipeline_reason", "device", "renderer", "driver", "units",
+                           "origin", "triangles", "content_hash", "algorithm_version"}) {
+    EXPECT_TRUE(meta.contains(name)) << name;
+  }
+  EXPECT_EQ(output(*done, "result").filename, "cube.npy");
+  EXPECT_EQ(output(*done, "result").media_type, "application/x-npy");
+  EXPECT_EQ(output(*done, "grid").filename, "cube.voxg");
+  EXPECT_EQ(read_file(output(*done, "result").path).value()[1], 'N');
+}
+
+TEST_F(RunTaskTest, a_native_result_is_the_grid_itself) {
+  const auto done = run(task(JobKind::kVoxelize, kCube, R"({"size":8,"format":"native"})"));
+  ASSERT_TRUE(done) << done.error().message();
+  EXPECT_EQ(output(*done, "result").path, output(*done, "grid").path);
+}
+
+TEST_F(RunTaskTest, both_pipelines_and_every_output_format_leave_the_same_container) {
+  std::string first;
+  for (const char* options :
+       {R"({"size":20,"format":"npy","pipeline":"compute"})",
+        R"({"size":20,"format":"vox","pipeline":"raster"})", R"({"size":20,"format":"npz"})"}) {
+    const auto done = run(task(JobKind::kVoxelize, kCube, options));
+    ASSERT_TRUE(done) << done.error().message();
+    const std::string id = sha256_id(read_file(output(*done, "grid").path).value());
+    if (first.empty()) first = id;
+    EXPECT_EQ(id, first) << options;
+  }
+}
+
+TEST_F(RunTaskTest, a_grid_is_exported_and_drawn_without_its_mesh) {
+  const auto made = run(task(JobKind::kVoxelize, kCube, R"({"size":8,"format":"native"})"));
+  ASSERT_TRUE(made);
+  const auto exported = run(grid_task(JobKind::kExport, *made, R"({"format":"npy"})"));
+  ASSERT_TRUE(exported) << exported.error().message();
+  EXPECT_EQ(json::parse(exported->meta_json)["voxel_count"], 296);
+  EXPECT_EQ(json::parse(exported->meta_json)["source_hash"], sha256_id(kCube));
+  EXPECT_EQ(exported->outputs.size(), 1u);
+  const auto drawn = run(grid_task(JobKind::kRender, *made, R"({"width":32,"height":16})"));
+  ASSERT_TRUE(drawn) << drawn.error().message();
+  EXPECT_EQ(output(*drawn, "result").media_type, "image/png");
+  EXPECT_EQ(json::parse(drawn->meta_json)["width"], 32);
+  EXPECT_EQ(stages(*drawn), (std::vector<std::string>{"parse", "render", "encode"}));
+}
+
+TEST_F(RunTaskTest, a_second_view_of_a_mesh_is_not_voxelized_again) {
+  const auto first = run(task(JobKind::kRender, kCube, R"({"size":8,"width":16,"height":16})"));
+  ASSERT_TRUE(first) << first.error().message();
+  const auto second =
+      run(task(JobKind::kRender, kCube, R"({"size":8,"width":16,"height":16,"azimuth":90})"));
+  ASSERT_TRUE(second);
+  EXPECT_EQ(stages(*second), (std::vector<std::string>{"encode", "render"}));
+  EXPECT_EQ(read_file(output(*first, "grid").path).value(),
+            read_file(output(*second, "grid").path).value());
+  const auto other = run(task(JobKind::kRender, kCube, R"({"size":9,"width":16,"height":16})"));
+  ASSERT_TRUE(other);
+  EXPECT_EQ(json::parse(other->meta_json)["dims"], json({9, 9, 9}));
+}
+
+TEST_F(RunTaskTest, a_dense_output_over_the_limit_is_refused_before_it_is_computed) {
+  const auto done = run(task(JobKind::kVoxelize, kCube, R"({"size":2048,"format":"npy"})"));
+  ASSERT_FALSE(done);
+  EXPECT_EQ(done.error().code, ErrorCode::kGridTooLarge);
+  EXPECT_TRUE(std::filesystem::directory_iterator(dir_.path()) !=
+              std::filesystem::directory_iterator());
+  for (const auto& entry : std::filesystem::directory_iterator(dir_.path())) {
+    EXPECT_TRUE(entry.path().filename().string().starts_with("input")) << entry.path();
+  }
+}
+
+TEST_F(RunTaskTest, a_cancel_ends_the_task_within_a_tile) {
+  cancel_ = true;
+  const Task long_task = task(JobKind::kVoxelize, kCube, R"({"size":1024,"format":"native"})");
+  TaskMonitor monitor(*client_, long_task);
+  while (monitor.check()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  const auto done = run_task(engine(), long_task, dir_.path(), monitor);
+  ASSERT_FALSE(done);
+  EXPECT_EQ(done.error().code, ErrorCode::kCancelled);
+}
+
+TEST_F(RunTaskTest, an_inspection_describes_the_mesh) {
+  const auto done = run(task(JobKind::kInspect, kCube, "{}"));
+  ASSERT_TRUE(done) << done.error().message();
+  const json meta = json::parse(done->meta_json);
+  EXPECT_EQ(meta["triangles"], 12);
+  EXPECT_EQ(meta["watertight"], true);
+  EXPECT_EQ(meta["bounds"]["max"], json({1.0, 1.0, 1.0}));
+  EXPECT_EQ(output(*done, "result").media_type, "application/json");
+}
+
+TEST_F(RunTaskTest, bad_meshes_grids_options_and_missing_inputs_are_errors) {
+  EXPECT_EQ(run(task(JobKind::kVoxelize, "v 1 2\nf 1 2 3\n", "{}")).error().code,
+            ErrorCode::kMalformedMesh);
+  EXPECT_EQ(run(task(JobKind::kVoxelize, kCube, R"({"sise":8})")).error().code,
+            ErrorCode::kUnknownOption);
+  Task no_grid = task(JobKind::kExport, "not a container", R"({"format":"npy"})", "");
+  no_grid.input_is_grid = true;
+  EXPECT_EQ(run(no_grid).error().code, ErrorCode::kBadRequest);
+  Task gone = task(JobKind::kVoxelize, kCube, "{}");
+  std::filesystem::remove(gone.input_path);
+  EXPECT_EQ(run(gone).error().code, ErrorCode::kInternal);
+}
+
+TEST_F(RunTaskTest, a_missing_texture_is_a_warning) {
+  const auto done = run(task(JobKind::kVoxelize, std::string("mtllib no.mtl\n") + kCube,
+                             R"({"size":8,"format":"native"})"));
+  ASSERT_TRUE(done) << done.error().message();
+  ASSERT_FALSE(done->warnings.empty());
+  EXPECT_NE(done->warnings[0].detail.find("no.mtl"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace voxeld
