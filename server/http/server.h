@@ -13,10 +13,10 @@
 namespace voxeld::http {
 
 struct ServerConfig {
-  std::string listen = "127.0.0.1:8080";        // port 0: any; see port()
+  std::string listen = "127.0.0.1:8080";  // port 0: any; see port()
   std::string admin_listen = "127.0.0.1:8081";
   int64_t upload_bytes_max = limits::kUploadBytesMax;
-  int request_threads = 64;                     // requests that are being answered at a time
+  int request_threads = 64;  // requests that are being answered at a time
   int connections_max = 4096;
 };
 

@@ -1,0 +1,50 @@
+#include "server/http/admin.h"
+
+#include <prometheus/registry.h>
+#include <prometheus/text_serializer.h>
+
+#include <nlohmann/json.hpp>
+
+namespace voxeld::http {
+namespace {
+
+using Json = nlohmann::json;
+
+Response ready_response(JobService& jobs) {
+  const Status ready = jobs.ready();
+  Json workers = Json::array();
+  for (const WorkerState& worker : jobs.workers()) {
+    workers.push_back({{"device", worker.device},
+                       {"renderer", worker.renderer},
+                       {"driver", worker.driver},
+                       {"pid", worker.pid},
+                       {"connected", worker.connected},
+                       {"restarts", worker.restarts},
+                       {"task", worker.task},
+                       {"last_error", worker.last_error}});
+  }
+  return Response::json(ready.ok() ? 200 : 503,
+                        Json{{"ready", ready.ok()},
+                             {"reason", ready.ok() ? "" : ready.error().message()},
+                             {"queued_jobs", jobs.queued_jobs()},
+                             {"workers", workers}}
+                            .dump(-1, ' ', false, Json::error_handler_t::replace));
+}
+
+}  // namespace
+
+void add_admin_routes(Router& router, JobService& jobs,
+                      std::shared_ptr<prometheus::Registry> metrics,
+                      std::function<void()> refresh) {
+  router.add("GET", "/livez", [](Request&) { return Response::text(200, "ok\n"); });
+  router.add("GET", "/readyz", [&jobs](Request&) { return ready_response(jobs); });
+  router.add("GET", "/metrics", [metrics, refresh](Request&) {
+    refresh();
+    Response response = Response::text(
+        200, metrics ? prometheus::TextSerializer().Serialize(metrics->Collect()) : std::string());
+    response.headers["Content-Type"] = "text/plain; version=0.0.4; charset=utf-8";
+    return response;
+  });
+}
+
+}  // namespace voxeld::http

@@ -1,0 +1,161 @@
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "server/http/api.h"
+#include "server/http/exchange.h"
+
+namespace voxeld::http {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr size_t kMetaHeaderBytesMax = 4096;
+
+std::string text_member(const Json& object, const char* name) {
+  const auto it = object.find(name);
+  return it != object.end() && it->is_string() ? it->get<std::string>() : std::string();
+}
+
+// The part of meta that fits a header: where the grid lies and what made it.
+std::string meta_header(const Json& meta) {
+  Json brief = Json::object();
+  for (const char* name : {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units"}) {
+    if (meta.contains(name)) brief[name] = meta[name];
+  }
+  std::string text = brief.dump(-1, ' ', true);
+  return text.size() <= kMetaHeaderBytesMax ? text : "{}";
+}
+
+void add_result_headers(Response& response, const JobStatus& status) {
+  const JobResult& result = *status.result;
+  const Json meta = Json::parse(result.meta_json, nullptr, false);
+  auto& headers = response.headers;
+  headers["X-Voxeld-Job"] = status.id;
+  if (!result.grid.empty()) headers["X-Voxeld-Grid"] = result.grid;
+  if (meta.is_object()) {
+    headers["X-Voxeld-Content-Hash"] = text_member(meta, "content_hash");
+    headers["X-Voxeld-Pipeline"] = text_member(meta, "pipeline");
+    headers["X-Voxeld-Device"] = text_member(meta, "device");
+    headers["X-Voxeld-Meta"] = meta_header(meta);
+  }
+  std::string warnings;
+  for (const Warning& warning : result.warnings) {
+    warnings += (warnings.empty() ? "" : ", ") + warning.code;
+  }
+  if (!warnings.empty()) headers["X-Voxeld-Warnings"] = warnings;
+  headers["Server-Timing"] = server_timing(status.timings);
+  headers["Cache-Status"] = status.cached ? "voxeld; hit" : "voxeld; fwd=miss";
+  std::erase_if(headers, [](const auto& entry) { return entry.second.empty(); });
+}
+
+Error ended_error(const JobStatus& status) {
+  if (status.error) return *status.error;
+  return {status.state == JobState::kCancelled ? ErrorCode::kCancelled : ErrorCode::kInternal,
+          "the job " + status.id + " has no result", "", std::string(job_state_name(status.state))};
+}
+
+}  // namespace
+
+Response problem(const Request& request, const Error& error) {
+  return Response::problem(error, request.head.path);
+}
+
+std::string server_timing(const StageTimes& timings) {
+  std::string text;
+  for (const auto& [stage, ms] : timings) {
+    char number[32];
+    std::snprintf(number, sizeof number, "%.3f", ms);
+    text += (text.empty() ? "" : ", ") + stage + ";dur=" + number;
+  }
+  return text;
+}
+
+int preferred_wait_seconds(const Request& request) {
+  const std::string_view prefer = request.head.header("Prefer");
+  const size_t at = prefer.find("wait=");
+  if (at == std::string_view::npos) return 0;
+  int seconds = 0;
+  std::from_chars(prefer.data() + at + 5, prefer.data() + prefer.size(), seconds);
+  return std::clamp(seconds, 0, limits::kPreferWaitSecondsMax);
+}
+
+Response status_response(int http_status, const JobStatus& status) {
+  Response response = Response::json(
+      http_status, job_status_json(status).dump(-1, ' ', false, Json::error_handler_t::replace));
+  response.headers["ETag"] = "\"" + std::to_string(status.version) + "\"";
+  if (!status.timings.empty()) response.headers["Server-Timing"] = server_timing(status.timings);
+  return response;
+}
+
+Result<std::optional<Format>> requested_format(const Request& request) {
+  std::string known;
+  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
+    known += (known.empty() ? "" : ", ") + std::string(format_name(format));
+  }
+  if (const auto name = request.query("format")) {
+    const auto format = format_from_name(*name);
+    if (!format) {
+      return Error{ErrorCode::kInvalidOption, "format", known, "\"" + name->substr(0, 40) + "\""};
+    }
+    return format;
+  }
+  const std::string_view accept = request.head.header("Accept");
+  if (accept.empty() || accept.find("*/*") != std::string_view::npos) {
+    return std::optional<Format>();
+  }
+  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
+    if (accept.find(format_media_type(format)) != std::string_view::npos) {
+      return std::optional(format);
+    }
+    known += (format == Format::kNpy ? "; types " : ", ") + std::string(format_media_type(format));
+  }
+  if (accept.find("image/png") != std::string_view::npos ||
+      accept.find("image/*") != std::string_view::npos) {
+    return std::optional<Format>();
+  }
+  return Error{ErrorCode::kNotAcceptable, "Accept names no format of this result", known,
+               "\"" + header_safe(accept.substr(0, 120)) + "\""};
+}
+
+Response job_result_response(const Request& request, Api& api, const JobStatus& status) {
+  if (!status.ended()) {
+    return problem(request, {ErrorCode::kConflict, "the job " + status.id + " has not ended",
+                             "done", std::string(job_state_name(status.state))});
+  }
+  if (status.state != JobState::kDone || !status.result) {
+    return problem(request, ended_error(status));
+  }
+  const auto blob = api.jobs.blobs().stat(status.result->blob);
+  if (!blob) return problem(request, blob.error());
+  const FileBody file{api.jobs.blobs().path_of(blob->id), 0, blob->bytes};
+  auto response = file_response(request.head, file, "\"" + blob->id + "\"");
+  if (!response) return problem(request, response.error());
+  add_result_headers(*response, status);
+  if (response->status == 200 || response->status == 206) {
+    response->headers["Content-Type"] = status.result->media_type;
+    if (!status.result->filename.empty()) {
+      std::string name = header_safe(status.result->filename);
+      std::ranges::replace(name, '"', '_');
+      response->headers["Content-Disposition"] = "inline; filename=\"" + name + "\"";
+    }
+  }
+  return std::move(response).value();
+}
+
+Response await_result(Request& request, Api& api, const JobStatus& submitted, bool transient) {
+  const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
+  auto status = api.jobs.wait_end(submitted.id, deadline, request.client_gone);
+  if (!status) return problem(request, status.error());
+  if (!status->ended()) {
+    if (transient) (void)api.jobs.cancel(submitted.id);
+    return problem(
+        request, {ErrorCode::kDeadlineExceeded, "the job " + submitted.id + " did not end in time",
+                  "", std::string(job_state_name(status->state))});
+  }
+  status->cached = submitted.cached;
+  return job_result_response(request, api, *status);
+}
+
+}  // namespace voxeld::http

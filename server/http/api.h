@@ -1,0 +1,67 @@
+// What the resources share: the services they call and the shapes of their answers.
+#pragma once
+
+#include <atomic>
+#include <string>
+#include <string_view>
+
+#include "proto/job.h"
+#include "server/http/message.h"
+#include "server/http/router.h"
+#include "server/http/server.h"
+#include "server/jobs/job_service.h"
+
+namespace voxeld::http {
+
+// Event streams at a time; more: too-many-requests. Each holds a request thread.
+inline constexpr int kSubscribersMax = 32;
+// A one-shot request waits this long for its job; then it becomes deadline-exceeded.
+inline constexpr int kOneShotSecondsMax = 3600;
+
+struct Api {
+  JobService& jobs;
+  const ServerConfig& config;
+  std::atomic<int> subscribers{0};
+};
+
+// One function per resource file.
+void add_one_shot_routes(Router& router, Api& api);
+void add_asset_routes(Router& router, Api& api);
+void add_job_routes(Router& router, Api& api);
+void add_event_routes(Router& router, Api& api);
+void add_result_routes(Router& router, Api& api);
+void add_grid_routes(Router& router, Api& api);
+void add_index_routes(Router& router, Api& api);
+
+// The problem of `error` for this request.
+Response problem(const Request& request, const Error& error);
+
+// --- upload.cpp
+struct Upload {
+  BlobInfo blob;
+  std::string filename, content_type;
+  double ms = 0;
+};
+// Streams the body into the blob store. Errors: unsupported-media-type by Content-Type, bad-request
+// for an empty body, and those of the body and the store.
+Result<Upload> receive_upload(Request& request, Api& api);
+// The file name that the request gives: `filename=`, else Content-Disposition, else empty.
+std::string requested_filename(const Request& request);
+
+// --- answers.cpp
+// The bytes of a finished job with all headers; 304, 206, 416 as the request asks.
+Response job_result_response(const Request& request, Api& api, const JobStatus& status);
+// Waits for a job and answers with its bytes or with its problem; cancels it when the client leaves
+// and `transient` is set.
+Response await_result(Request& request, Api& api, const JobStatus& submitted, bool transient);
+// "queue;dur=1.2, parse;dur=3.4"
+std::string server_timing(const StageTimes& timings);
+// Seconds of "Prefer: wait=N", clamped to kPreferWaitSecondsMax; 0 where it is absent.
+int preferred_wait_seconds(const Request& request);
+// Writes a status as JSON with its ETag.
+Response status_response(int http_status, const JobStatus& status);
+// The format that `format=` or Accept asks for; nullopt: any. Errors: invalid-option,
+// not-acceptable with the list of formats.
+Result<std::optional<Format>> requested_format(const Request& request);
+
+}  // namespace voxeld::http

@@ -1,0 +1,94 @@
+#include "server/http/connection.h"
+
+#include <poll.h>
+#include <sys/sendfile.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+
+namespace voxeld::http {
+
+bool Connection::wait(short events, Clock::time_point deadline) const {
+  for (;;) {
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
+    if (left <= 0) return false;
+    pollfd entry{fd_.get(), events, 0};
+    const int count = ::poll(&entry, 1, static_cast<int>(std::min<int64_t>(left, 60'000)));
+    if (count > 0) return true;
+    if (count < 0 && errno != EINTR) return false;
+  }
+}
+
+Connection::ReadState Connection::receive_available(size_t bytes_max) {
+  std::array<char, 65536> chunk;
+  const size_t want = std::min(chunk.size(), bytes_max);
+  for (;;) {
+    const ssize_t got = ::recv(fd_.get(), chunk.data(), want, 0);
+    if (got > 0) {
+      buffer_.append(chunk.data(), static_cast<size_t>(got));
+      return ReadState::kData;
+    }
+    if (got == 0) return ReadState::kClosed;
+    if (errno == EINTR) continue;
+    if (errno == EAGAIN || errno == EWOULDBLOCK) return ReadState::kNothing;
+    broken_ = true;
+    return ReadState::kClosed;
+  }
+}
+
+bool Connection::receive_more(Clock::time_point deadline, size_t bytes_max) {
+  for (;;) {
+    switch (receive_available(bytes_max)) {
+      case ReadState::kData:
+        return true;
+      case ReadState::kClosed:
+        broken_ = true;
+        return false;
+      case ReadState::kNothing:
+        if (!wait(POLLIN, deadline)) return false;
+    }
+  }
+}
+
+bool Connection::send(std::string_view bytes) {
+  while (!bytes.empty() && !broken_) {
+    const ssize_t sent = ::send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    if (sent > 0) {
+      bytes.remove_prefix(static_cast<size_t>(sent));
+    } else if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
+      broken_ = !wait(POLLOUT, Clock::now() + std::chrono::seconds(kWriteStallSeconds));
+    } else if (sent < 0 && errno != EINTR) {
+      broken_ = true;
+    }
+  }
+  return !broken_;
+}
+
+bool Connection::send_file(int file, int64_t offset, int64_t bytes) {
+  constexpr int64_t kStep = int64_t{1} << 20;
+  off_t at = offset;
+  while (bytes > 0 && !broken_) {
+    const ssize_t sent =
+        ::sendfile(fd_.get(), file, &at, static_cast<size_t>(std::min(bytes, kStep)));
+    if (sent > 0) {
+      bytes -= sent;
+    } else if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
+      broken_ = !wait(POLLOUT, Clock::now() + std::chrono::seconds(kWriteStallSeconds));
+    } else if (sent == 0 || errno != EINTR) {
+      broken_ = true;
+    }
+  }
+  return !broken_;
+}
+
+bool Connection::peer_closed() const {
+  if (broken_) return true;
+  char byte = 0;
+  const ssize_t got = ::recv(fd_.get(), &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+  return got == 0 || (got < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+}
+
+}  // namespace voxeld::http

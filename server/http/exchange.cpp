@@ -1,0 +1,180 @@
+#include "server/http/exchange.h"
+
+#include <fcntl.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+
+#include "server/base/file.h"
+
+namespace voxeld::http {
+namespace {
+
+struct Range {
+  int64_t first = 0, last = 0;  // inclusive
+};
+
+std::optional<int64_t> number(std::string_view text) {
+  int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size() || value < 0) {
+    return std::nullopt;
+  }
+  return value;
+}
+
+// nullopt: no usable range, answer with the whole. An error: a range that lies outside.
+Result<std::optional<Range>> parse_range(std::string_view text, int64_t size) {
+  if (!text.starts_with("bytes=") || text.find(',') != std::string_view::npos) {
+    return std::optional<Range>();
+  }
+  text.remove_prefix(6);
+  const size_t dash = text.find('-');
+  if (dash == std::string_view::npos) return std::optional<Range>();
+  const auto first = number(text.substr(0, dash)), last = number(text.substr(dash + 1));
+  const Error outside{ErrorCode::kRangeNotSatisfiable, "the range lies outside",
+                      "a first byte below " + std::to_string(size), std::string(text)};
+  if (!first) {  // the last N bytes
+    if (!last || dash != 0) return std::optional<Range>();
+    if (*last == 0 || size == 0) return outside;
+    return std::optional(Range{std::max<int64_t>(0, size - *last), size - 1});
+  }
+  if (last && *last < *first) return std::optional<Range>();
+  if (*first >= size) return outside;
+  return std::optional(Range{*first, std::min(last.value_or(size - 1), size - 1)});
+}
+
+bool etag_matches(std::string_view list, std::string_view etag) {
+  while (!list.empty()) {
+    std::string_view one = list.substr(0, list.find(','));
+    list.remove_prefix(std::min(list.size(), one.size() + 1));
+    while (one.starts_with(' ')) one.remove_prefix(1);
+    while (one.ends_with(' ')) one.remove_suffix(1);
+    if (one.starts_with("W/")) one.remove_prefix(2);
+    if (one == "*" || one == etag) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::string_view reason_phrase(int status) {
+  switch (status) {
+    case 200:
+      return "OK";
+    case 201:
+      return "Created";
+    case 202:
+      return "Accepted";
+    case 204:
+      return "No Content";
+    case 206:
+      return "Partial Content";
+    case 304:
+      return "Not Modified";
+    case 400:
+      return "Bad Request";
+    case 404:
+      return "Not Found";
+    case 405:
+      return "Method Not Allowed";
+    case 406:
+      return "Not Acceptable";
+    case 409:
+      return "Conflict";
+    case 410:
+      return "Gone";
+    case 411:
+      return "Length Required";
+    case 413:
+      return "Content Too Large";
+    case 415:
+      return "Unsupported Media Type";
+    case 416:
+      return "Range Not Satisfiable";
+    case 422:
+      return "Unprocessable Content";
+    case 429:
+      return "Too Many Requests";
+    case 500:
+      return "Internal Server Error";
+    case 503:
+      return "Service Unavailable";
+    case 504:
+      return "Gateway Timeout";
+    case 507:
+      return "Insufficient Storage";
+    default:
+      return "Status";
+  }
+}
+
+Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag) {
+  Response response;
+  response.headers["ETag"] = etag;
+  response.headers["Accept-Ranges"] = "bytes";
+  response.headers["Cache-Control"] = "private, max-age=31536000, immutable";
+  response.body = file;
+  const std::string_view if_none_match = head.header("If-None-Match");
+  if (!if_none_match.empty() && etag_matches(if_none_match, etag)) {
+    response.status = 304;
+    response.body = std::string();
+    return response;
+  }
+  const std::string_view range_text = head.header("Range"), if_range = head.header("If-Range");
+  if (range_text.empty() || (!if_range.empty() && if_range != etag)) return response;
+  auto range = parse_range(range_text, file.bytes);
+  if (!range) {
+    Response refused = Response::problem(range.error(), head.path);
+    refused.headers["Content-Range"] = "bytes */" + std::to_string(file.bytes);
+    return refused;
+  }
+  if (!*range) return response;
+  const auto [first, last] = **range;
+  response.status = 206;
+  response.headers["Content-Range"] = "bytes " + std::to_string(first) + "-" +
+                                      std::to_string(last) + "/" + std::to_string(file.bytes);
+  response.body = FileBody{file.path, file.offset + first, last - first + 1};
+  return response;
+}
+
+int64_t send_response(Connection& connection, const Head& head, Response& response, bool keep) {
+  const auto* text = std::get_if<std::string>(&response.body);
+  const auto* file = std::get_if<FileBody>(&response.body);
+  const auto* stream = std::get_if<StreamBody>(&response.body);
+  const bool bodiless = response.status == 204 || response.status == 304;
+  std::string out = "HTTP/1.1 " + std::to_string(response.status) + " " +
+                    std::string(reason_phrase(response.status)) + "\r\n";
+  for (const auto& [name, value] : response.headers) {
+    out += name + ": " + header_safe(value) + "\r\n";
+  }
+  if (stream == nullptr && !bodiless) {
+    const int64_t bytes = file != nullptr ? file->bytes : static_cast<int64_t>(text->size());
+    out += "Content-Length: " + std::to_string(bytes) + "\r\n";
+  }
+  out += keep ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";
+
+  if (head.method == "HEAD" || bodiless) {
+    connection.send(out);
+    return 0;
+  }
+  if (text != nullptr) {
+    out += *text;  // one segment for small answers
+    connection.send(out);
+    return static_cast<int64_t>(text->size());
+  }
+  connection.send(out);
+  if (stream != nullptr) {
+    EventSink sink(connection);
+    (*stream)(sink);
+    return 0;
+  }
+  const UniqueFd fd(::open(file->path.c_str(), O_RDONLY | O_CLOEXEC));
+  // The length was promised: a blob that vanished can only be told by an early end.
+  if (!fd.valid()) return 0;
+  connection.send_file(fd.get(), file->offset, file->bytes);
+  return file->bytes;
+}
+
+}  // namespace voxeld::http

@@ -1,0 +1,56 @@
+// The front: accepts connections, gathers request heads without holding a thread, and hands complete
+// ones to a bounded pool.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "proto/result.h"
+#include "server/http/connection.h"
+#include "server/http/message.h"
+
+namespace voxeld::http {
+
+struct FrontConfig {
+  std::string listen;  // "127.0.0.1:8080"; port 0 takes a free one
+  int threads = 64;
+  int connections_max = 4096;
+};
+
+// What the front tells of itself, for metrics.
+struct FrontState {
+  int64_t connections = 0;
+  int64_t requests_running = 0;
+};
+
+// Answers one request; the front has parsed the head and owns the connection.
+using Handler = std::function<Response(Request&)>;
+// After each exchange: method, route-independent facts for logs and metrics.
+struct ExchangeRecord {
+  const Head* head = nullptr;
+  std::string request_id, peer;
+  int status = 0;
+  int64_t bytes_in = 0, bytes_out = 0;
+  double ms = 0;
+};
+using Observer = std::function<void(const ExchangeRecord&)>;
+
+inline constexpr int kHeadSecondsMax = 10;   // from a request's first byte to its empty line
+inline constexpr int kIdleSecondsMax = 120;  // between requests
+inline constexpr int kBacklog = 1024;
+
+class Front {
+ public:
+  virtual ~Front() = default;
+  virtual int port() const = 0;
+  virtual FrontState state() const = 0;
+  // Stops accepting, waits for running answers for at most `seconds`, closes all.
+  virtual void stop(double seconds) = 0;
+};
+
+// Errors: internal with the address and the system's words.
+Result<std::unique_ptr<Front>> start_front(const FrontConfig& config, Handler handler,
+                                           Observer observer);
+
+}  // namespace voxeld::http

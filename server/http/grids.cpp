@@ -1,0 +1,117 @@
+// /v1/grids/{id}: the native container, its tiles, exports and previews.
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "proto/grid_format.h"
+#include "server/base/file.h"
+#include "server/http/api.h"
+#include "server/http/exchange.h"
+
+namespace voxeld::http {
+namespace {
+
+using Json = nlohmann::json;
+
+Response run_on_grid(Request& request, Api& api, JobKind kind, OptionScope scope) {
+  JobRequest job;
+  job.kind = kind;
+  job.grid = request.path_parameters[0];
+  auto options = parse_options(request.head.query, scope);
+  if (!options) return problem(request, options.error());
+  job.options = *options;
+  SubmitOptions submit;
+  submit.transient = true;
+  auto status = api.jobs.submit(job, submit);
+  if (!status) return problem(request, status.error());
+  return await_result(request, api, *status, /*transient=*/true);
+}
+
+Response get_grid(Request& request, Api& api) {
+  auto blob = api.jobs.get_grid(request.path_parameters[0]);
+  if (!blob) return problem(request, blob.error());
+  auto format = requested_format(request);
+  if (!format) return problem(request, format.error());
+  if (!request.head.query.empty() || (*format && **format != Format::kNative)) {
+    if (*format && !request.query("format")) {
+      request.head.query.emplace_back("format", format_name(**format));
+    }
+    return run_on_grid(request, api, JobKind::kExport, OptionScope::kExport);
+  }
+  auto response = file_response(request.head, {api.jobs.blobs().path_of(blob->id), 0, blob->bytes},
+                                "\"" + blob->id + "\"");
+  if (!response) return problem(request, response.error());
+  if (response->status < 300) {
+    response->headers["Content-Type"] = std::string(format_media_type(Format::kNative));
+    response->headers["Content-Disposition"] = "inline; filename=\"grid.voxg\"";
+  }
+  return std::move(response).value();
+}
+
+// Calls `use(reader)` on the mapped container.
+template <typename Use>
+Response with_grid(Request& request, Api& api, Use&& use) {
+  auto blob = api.jobs.get_grid(request.path_parameters[0]);
+  if (!blob) return problem(request, blob.error());
+  const auto file = MappedFile::open(api.jobs.blobs().path_of(blob->id));
+  if (!file) return problem(request, file.error());
+  const auto reader = GridReader::open(file->bytes());
+  if (!reader) return problem(request, reader.error());
+  return use(*blob, *reader);
+}
+
+Response get_tiles(Request& request, Api& api) {
+  return with_grid(request, api, [](const BlobInfo&, const GridReader& reader) {
+    Json tiles = Json::array();
+    for (size_t i = 0; i < reader.tile_count(); ++i) {
+      const auto [offset, bytes] = reader.tile_byte_range(i);
+      tiles.push_back({{"index", i},
+                       {"coord", reader.tile_coord(i)},
+                       {"offset", offset},
+                       {"bytes", bytes},
+                       {"voxels", reader.tile_voxel_count(i)}});
+    }
+    const GridHeader& header = reader.header();
+    return Response::json(200, Json{{"dims", header.dims},
+                                    {"origin", header.origin},
+                                    {"voxel_size", header.voxel_size},
+                                    {"voxels", reader.voxel_count()},
+                                    {"tile_side", limits::kTileSide},
+                                    {"tiles", tiles}}
+                                   .dump());
+  });
+}
+
+Response get_tile(Request& request, Api& api) {
+  const std::string& text = request.path_parameters[1];
+  return with_grid(request, api, [&](const BlobInfo& blob, const GridReader& reader) {
+    size_t index = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
+    if (error != std::errc() || end != text.data() + text.size() || index >= reader.tile_count()) {
+      return problem(request, {ErrorCode::kNotFound, "there is no such tile",
+                               "0 to " + std::to_string(reader.tile_count()) + ", exclusive",
+                               "\"" + text.substr(0, 40) + "\""});
+    }
+    const auto [offset, bytes] = reader.tile_byte_range(index);
+    auto response = file_response(request.head,
+                                  {api.jobs.blobs().path_of(blob.id), static_cast<int64_t>(offset),
+                                   static_cast<int64_t>(bytes)},
+                                  "\"" + blob.id + "/" + std::to_string(index) + "\"");
+    if (!response) return problem(request, response.error());
+    if (response->status < 300) response->headers["Content-Type"] = "application/octet-stream";
+    return std::move(response).value();
+  });
+}
+
+}  // namespace
+
+void add_grid_routes(Router& router, Api& api) {
+  router.add("GET", "/v1/grids/{id}", [&api](Request& r) { return get_grid(r, api); });
+  router.add("GET", "/v1/grids/{id}/tiles", [&api](Request& r) { return get_tiles(r, api); });
+  router.add("GET", "/v1/grids/{id}/tiles/{index}",
+             [&api](Request& r) { return get_tile(r, api); });
+  router.add("GET", "/v1/grids/{id}/render.png", [&api](Request& r) {
+    return run_on_grid(r, api, JobKind::kRender, OptionScope::kRenderGrid);
+  });
+}
+
+}  // namespace voxeld::http

@@ -1,0 +1,26 @@
+// The strict parser of request heads (RFC 9112): what two readers could understand differently is
+// refused, because that is how requests are smuggled past a proxy.
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+
+#include "proto/result.h"
+#include "server/http/message.h"
+
+namespace voxeld::http {
+
+inline constexpr size_t kHeadBytesMax = 32 * 1024;  // more: bad-request, and the connection closes
+inline constexpr size_t kTargetBytesMax = 8 * 1024;
+inline constexpr size_t kHeaderCountMax = 100;
+
+// `text` is everything up to and with the empty line. Errors: bad-request for bare LF, NUL and other
+// control characters, folded lines, spaces before a colon, a missing or second Host, a bad or second
+// Content-Length, Content-Length with Transfer-Encoding, a transfer coding other than chunked,
+// broken percent-encoding; unsupported-media-type for a Content-Encoding.
+Result<Head> parse_head(std::string_view text);
+
+// Decodes %XX; with `plus_is_space`, '+' too. NUL and control characters are refused.
+Result<std::string> percent_decode(std::string_view text, bool plus_is_space, bool keep_slash);
+
+}  // namespace voxeld::http

@@ -1,0 +1,140 @@
+// /v1/jobs: submit, list, look at (long poll), cancel.
+#include <charconv>
+#include <nlohmann/json.hpp>
+
+#include "server/http/api.h"
+#include "server/http/body_reader.h"
+
+namespace voxeld::http {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr int kListDefault = 100, kListMax = 1000;
+
+Result<JobRequest> read_job_request(Request& request) {
+  VOXELD_ASSIGN(const std::string text, request.body->read_text(limits::kJsonBodyBytesMax));
+  VOXELD_ASSIGN(const Json body, parse_json_bounded(text));
+  return parse_job_request(body);
+}
+
+// What the request is understood as, without queueing it.
+Response dry_run(const JobRequest& job, Api& api) {
+  const Json options = Json::parse(canonical_json(job.options, option_scope(job)));
+  return Response::json(200, Json{{"kind", job_kind_name(job.kind)},
+                                  {"asset", job.asset},
+                                  {"grid", job.grid},
+                                  {"options", options},
+                                  {"queue_position", api.jobs.queued_jobs() + 1}}
+                                 .dump());
+}
+
+// The input exists: a dry run tells what submit() would.
+Status check_input(const JobRequest& job, Api& api) {
+  if (!job.asset.empty()) {
+    if (auto asset = api.jobs.get_asset(job.asset); !asset) return asset.error();
+  }
+  if (!job.grid.empty()) {
+    if (auto grid = api.jobs.get_grid(job.grid); !grid) return grid.error();
+  }
+  return {};
+}
+
+Response post_job(Request& request, Api& api) {
+  auto job = read_job_request(request);
+  if (!job) return problem(request, job.error());
+  if (request.query("dry_run").value_or("0") == "1") {
+    if (const Status status = check_input(*job, api); !status) {
+      return problem(request, status.error());
+    }
+    return dry_run(*job, api);
+  }
+  SubmitOptions submit;
+  submit.idempotency_key = request.head.header("Idempotency-Key");
+  auto status = api.jobs.submit(*job, submit);
+  if (!status) return problem(request, status.error());
+  const int wait = preferred_wait_seconds(request);
+  if (wait > 0 && !status->ended()) {
+    const bool cached = status->cached;
+    status = api.jobs.wait_end(status->id, JobService::Clock::now() + std::chrono::seconds(wait),
+                               request.client_gone);
+    if (!status) return problem(request, status.error());
+    status->cached = cached;
+  }
+  Response response = status_response(status->ended() ? 200 : 202, *status);
+  response.headers["Location"] = "/v1/jobs/" + status->id;
+  if (wait > 0) response.headers["Preference-Applied"] = "wait=" + std::to_string(wait);
+  if (!status->ended()) response.headers["Retry-After"] = "1";
+  return response;
+}
+
+Response list_jobs(Request& request, Api& api) {
+  int limit = kListDefault;
+  std::optional<JobState> state;
+  for (const auto& [name, value] : request.head.query) {
+    if (name == "limit") {
+      const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), limit);
+      if (error != std::errc() || end != value.data() + value.size() || limit < 1 ||
+          limit > kListMax) {
+        return problem(request, {ErrorCode::kInvalidOption, "limit",
+                                 "an integer from 1 to " + std::to_string(kListMax),
+                                 "\"" + value.substr(0, 40) + "\""});
+      }
+    } else if (name == "state") {
+      state = job_state_from_name(value);
+      if (!state) {
+        return problem(request, {ErrorCode::kInvalidOption, "state",
+                                 "queued | running | done | failed | cancelled",
+                                 "\"" + value.substr(0, 40) + "\""});
+      }
+    } else {
+      return problem(request, {ErrorCode::kUnknownOption, "no such option", "limit, state",
+                               "\"" + name.substr(0, 40) + "\""});
+    }
+  }
+  auto jobs = api.jobs.list(limit, state);
+  if (!jobs) return problem(request, jobs.error());
+  Json list = Json::array();
+  for (const JobStatus& status : *jobs) list.push_back(job_status_json(status));
+  return Response::json(200,
+                        Json{{"jobs", list}}.dump(-1, ' ', false, Json::error_handler_t::replace));
+}
+
+Response get_job(Request& request, Api& api) {
+  const std::string& id = request.path_parameters[0];
+  auto status = api.jobs.get(id);
+  if (!status) return problem(request, status.error());
+  const int wait = preferred_wait_seconds(request);
+  const auto deadline = JobService::Clock::now() + std::chrono::seconds(wait);
+  const auto tag = [](const JobStatus& s) { return "\"" + std::to_string(s.version) + "\""; };
+  const std::string_view known = request.head.header("If-None-Match");
+  if (wait > 0 && !status->ended()) {
+    // With If-None-Match, the next change; without it, the end.
+    status = known.empty() ? api.jobs.wait_end(id, deadline, request.client_gone)
+                           : api.jobs.wait_change(id, status->version, deadline);
+    if (!status) return problem(request, status.error());
+  }
+  Response response = status_response(200, *status);
+  if (!known.empty() && known == tag(*status)) {
+    response.status = 304;
+    response.body = std::string();
+  }
+  return response;
+}
+
+Response cancel_job(Request& request, Api& api) {
+  auto status = api.jobs.cancel(request.path_parameters[0]);
+  if (!status) return problem(request, status.error());
+  return status_response(status->ended() ? 200 : 202, *status);
+}
+
+}  // namespace
+
+void add_job_routes(Router& router, Api& api) {
+  router.add("POST", "/v1/jobs", [&api](Request& r) { return post_job(r, api); });
+  router.add("GET", "/v1/jobs", [&api](Request& r) { return list_jobs(r, api); });
+  router.add("GET", "/v1/jobs/{id}", [&api](Request& r) { return get_job(r, api); });
+  router.add("DELETE", "/v1/jobs/{id}", [&api](Request& r) { return cancel_job(r, api); });
+}
+
+}  // namespace voxeld::http

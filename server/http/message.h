@@ -1,0 +1,83 @@
+// A request as handlers see it, and the answer that they give.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "proto/options.h"
+#include "proto/result.h"
+
+namespace voxeld::http {
+
+struct LessNoCase {
+  using is_transparent = void;
+  bool operator()(std::string_view a, std::string_view b) const;
+};
+// Names compare without case. A header that stands twice is joined by ", ".
+using Headers = std::map<std::string, std::string, LessNoCase>;
+
+// The validated head of a request.
+struct Head {
+  std::string method;  // upper case
+  std::string target;  // as sent
+  std::string path;    // percent-decoded, begins with /; "%2f" stays encoded
+  OptionPairs query;   // decoded, in order
+  int minor = 1;       // HTTP/1.minor
+  Headers headers;
+  std::optional<int64_t> content_length;
+  bool chunked = false;
+
+  std::string_view header(std::string_view name) const;
+  bool has_body() const { return chunked || content_length.value_or(0) > 0; }
+  bool keep_alive() const;
+};
+
+class BodyReader;
+class EventSink;
+
+// What a handler works on; lives for one exchange.
+struct Request {
+  Head head;
+  std::vector<std::string> path_parameters;  // what {…} of the route matched, in order
+  std::string request_id;
+  BodyReader* body = nullptr;
+  // True when the client closed its side; cheap enough to poll.
+  std::function<bool()> client_gone;
+
+  // First value of a query parameter.
+  std::optional<std::string> query(std::string_view name) const;
+};
+
+// The bytes of an answer: in memory, or (a part of) a file.
+struct FileBody {
+  std::filesystem::path path;
+  int64_t offset = 0;
+  int64_t bytes = 0;
+};
+// Writes a stream of unknown length (server-sent events); the connection closes at its end.
+using StreamBody = std::function<void(EventSink&)>;
+
+struct Response {
+  int status = 200;
+  Headers headers;
+  std::variant<std::string, FileBody, StreamBody> body;
+  bool close = false;  // end the connection after it
+
+  static Response json(int status, std::string text);
+  static Response text(int status, std::string text);
+  // application/problem+json with the status of the error's code.
+  static Response problem(const Error& error, std::string_view instance);
+};
+
+// Text that a client may safely receive in a header: no control characters.
+std::string header_safe(std::string_view text);
+
+}  // namespace voxeld::http

@@ -1,0 +1,8 @@
+// proto/openapi.yaml as JSON, embedded by openapi_json.cmake.
+#pragma once
+
+#include <string_view>
+
+namespace voxeld::http {
+std::string_view openapi_json();
+}  // namespace voxeld::http

@@ -1,0 +1,74 @@
+// Uploads: from the socket into the content-addressed store, never through memory as a whole.
+#include <algorithm>
+#include <array>
+
+#include "server/base/stopwatch.h"
+#include "server/http/api.h"
+#include "server/http/body_reader.h"
+
+namespace voxeld::http {
+namespace {
+
+// application/x-www-form-urlencoded is what curl --data-binary says when nobody tells it otherwise.
+constexpr std::array<std::string_view, 9> kMediaTypes = {
+    "application/octet-stream",  "application/zip",
+    "application/json",          "application/x-www-form-urlencoded",
+    "application/sla",           "text/plain",
+    "application/x-ply",         "application/x-zip-compressed",
+    "application/vnd.ms-pki.stl"};
+
+Status check_media_type(std::string_view content_type) {
+  std::string type(content_type.substr(0, content_type.find(';')));
+  std::ranges::transform(type, type.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+  });
+  while (type.ends_with(' ')) type.pop_back();
+  if (type.empty() || type.starts_with("model/") || std::ranges::count(kMediaTypes, type) != 0) {
+    return {};
+  }
+  const bool form = type.starts_with("multipart/");
+  return Error{ErrorCode::kUnsupportedMedia, "Content-Type of the body",
+               form ? "the file itself as the body: curl --data-binary @mesh.ply"
+                    : "model/*, application/octet-stream, application/zip or none",
+               "\"" + header_safe(type.substr(0, 80)) + "\""};
+}
+
+// filename="…" of a Content-Disposition, without folders.
+std::string disposition_filename(std::string_view disposition) {
+  const size_t at = disposition.find("filename=");
+  if (at == std::string_view::npos) return "";
+  std::string_view name = disposition.substr(at + 9);
+  if (name.starts_with('"')) {
+    name = name.substr(1, name.substr(1).find('"'));
+  } else {
+    name = name.substr(0, name.find(';'));
+  }
+  return std::string(name.substr(name.find_last_of("/\\") + 1));
+}
+
+}  // namespace
+
+std::string requested_filename(const Request& request) {
+  if (const auto name = request.query("filename")) return *name;
+  return disposition_filename(request.head.header("Content-Disposition"));
+}
+
+Result<Upload> receive_upload(Request& request, Api& api) {
+  const Stopwatch watch;
+  Upload upload;
+  upload.content_type = request.head.header("Content-Type");
+  upload.filename = requested_filename(request);
+  VOXELD_TRY(check_media_type(upload.content_type));
+  const int64_t bytes_max = api.config.upload_bytes_max;
+  VOXELD_ASSIGN(BlobWriter writer, api.jobs.blobs().begin(bytes_max));
+  VOXELD_TRY(request.body->read(
+      bytes_max, [&](std::span<const uint8_t> piece) { return writer.append(piece); }));
+  if (writer.bytes() == 0) {
+    return Error{ErrorCode::kBadRequest, "the body is empty", "a mesh file", "0 bytes"};
+  }
+  VOXELD_ASSIGN(upload.blob, writer.finish());
+  upload.ms = watch.ms();
+  return upload;
+}
+
+}  // namespace voxeld::http
