@@ -81,18 +81,13 @@ std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
   text += "), }";
   while ((kPrefix + text.size() + 1) % kAlignment != 0) text += ' ';
   text += '\n';
-  std::vector<uint8_t> header = {0x93,
-                                 'N',
-                                 'U',
-                                 'M',
-                                 'P',
-                                 'Y',
-                                 1,
-                                 0,
-                                 static_cast<uint8_t>(text.size() & 0xff),
-                                 static_cast<uint8_t>(text.size() >> 8)};
-  header.insert(header.end(), text.begin(), text.end());
-  return header;
+  std::string header = "\x93NUMPY";
+  header += '\x01';
+  header += '\x00';
+  header += static_cast<char>(text.size() & 0xff);
+  header += static_cast<char>(text.size() >> 8);
+  header += text;
+  return {header.begin(), header.end()};
 }
 
 std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options) {
