@@ -179,6 +179,28 @@ int AttributeRecords::level_of(const SnappedTriangle& triangle, const Image& ima
   return level;
 }
 
+// Corners that stand at one place share the mean of their attributes: a place has one colour, and
+// which of them comes first does not matter.
+void AttributeRecords::merge_equal(const std::array<glm::ivec3, 3>& q,
+                                   std::array<Corner, 3>& corners) {
+  const auto set_mean = [&](size_t first, size_t last) {
+    const double share = 1.0 / static_cast<double>(last - first + 1);
+    Corner mean{glm::dvec3(0.0), glm::dvec3(0.0), glm::dvec4(0.0), glm::dvec2(0.0)};
+    for (size_t i = first; i <= last; ++i) {
+      mean.normal_world += corners[i].normal_world;
+      mean.color += corners[i].color;
+      mean.uv += corners[i].uv;
+    }
+    for (size_t i = first; i <= last; ++i) {
+      corners[i].normal_world = mean.normal_world * share;
+      corners[i].color = mean.color * share;
+      corners[i].uv = mean.uv * share;
+    }
+  };
+  if (q[0] == q[1]) return set_mean(0, q[1] == q[2] ? 2 : 1);
+  if (q[1] == q[2]) set_mean(1, 2);
+}
+
 void AttributeRecords::find_levels(int texture_side_max) {
   if (scene_.images.empty()) return;
   const size_t count = mesh_.triangles.size();
@@ -295,8 +317,9 @@ void AttributeRecords::fill(std::span<const uint32_t> triangles, const TileWindo
       const SnappedTriangle& triangle = mesh_.triangles[triangles[t]];
       const MeshPart& part = scene_.parts[triangle.part];
       const auto& vertices = triangle.vertices;
-      const CornerOrder order = corner_order(
-          {mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]], mesh_.vertices[vertices[2]]});
+      const std::array<glm::ivec3, 3> file_q = {
+          mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]], mesh_.vertices[vertices[2]]};
+      const CornerOrder order = corner_order(file_q);
       uint32_t* out = &words[t * ATTRIBUTE_WORDS];
       write_geometry(&window.vertices[9 * t], window.axes[t], out);
       std::array<Corner, 3> corners;
@@ -304,6 +327,8 @@ void AttributeRecords::fill(std::span<const uint32_t> triangles, const TileWindo
         corners[i] =
             corner_of(part, mesh_.part_first_vertex[triangle.part], vertices[order.corner[i]]);
       }
+      merge_equal({file_q[order.corner[0]], file_q[order.corner[1]], file_q[order.corner[2]]},
+                  corners);
       if (channels_.color) write_colors(part, corners.data(), window.axes[t], out);
       const int image = part_image(scene_, triangle.part);
       if (channels_.color && mode_ != ColorMode::kAxis && image >= 0) {

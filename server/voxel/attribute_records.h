@@ -2,6 +2,7 @@
 // corners, computed once per triangle and window. Definition: README.md.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -54,6 +55,7 @@ class AttributeRecords {
   };
   Corner corner_of(const MeshPart& part, uint32_t first_vertex, uint32_t vertex) const;
   Corner file_corner(const MeshPart& part, uint32_t index) const;
+  static void merge_equal(const std::array<glm::ivec3, 3>& q, std::array<Corner, 3>& corners);
   void find_levels(int texture_side_max);
   int level_of(const SnappedTriangle& triangle, const Image& image) const;
   void write_geometry(const int32_t* vertices, int axis, uint32_t* words) const;

@@ -1,0 +1,128 @@
+// Scenes and helpers for the tests of both pipelines.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "server/voxel/voxelize.h"
+#include "tests/gpu/context/test_device.h"
+
+namespace voxeld::pipelines {
+
+inline constexpr std::array<PipelineChoice, 2> kBoth = {PipelineChoice::kCompute,
+                                                        PipelineChoice::kRaster};
+
+inline Voxelizer& voxelizer() {
+  static gpu::ShaderLibrary shaders(gpu::test_context());
+  static Voxelizer one(gpu::test_context(), shaders);
+  return one;
+}
+
+inline Grid voxelize(const Scene& scene, VoxelizeOptions options, PipelineChoice pipeline,
+                     VoxelizeStats* stats = nullptr) {
+  options.pipeline = pipeline;
+  auto grid = voxelizer().voxelize(scene, options, {}, stats);
+  if (!grid) {
+    ADD_FAILURE() << grid.error().message();
+    return {};
+  }
+  return std::move(grid).value();
+}
+
+// Voxelizes by both pipelines, expects the same bytes, and gives one of the two grids.
+inline Grid voxelize_both(const Scene& scene, const VoxelizeOptions& options,
+                          const std::string& what = "") {
+  Grid compute = voxelize(scene, options, PipelineChoice::kCompute);
+  const Grid raster = voxelize(scene, options, PipelineChoice::kRaster);
+  EXPECT_EQ(compute.has_color, raster.has_color) << what;
+  EXPECT_EQ(compute.has_normal, raster.has_normal) << what;
+  EXPECT_TRUE(compute.tiles == raster.tiles) << "the pipelines differ: " << what;
+  return compute;
+}
+
+// A grid whose cells are the unit cubes of the world's box from 0 to dims.
+inline VoxelizeOptions unit_cells(std::array<int, 3> dims) {
+  VoxelizeOptions options;
+  options.placement.voxel_size = {1.0, 1.0, 1.0};
+  options.placement.bounds = {0, 0, 0, double(dims[0]), double(dims[1]), double(dims[2])};
+  return options;
+}
+
+// What a voxel is, by its cell.
+struct Voxel {
+  std::array<int, 4> color{};
+  std::array<int, 3> normal{};
+  bool operator==(const Voxel&) const = default;
+};
+using Cells = std::map<std::array<int, 3>, Voxel>;
+
+inline Cells cells_of(const Grid& grid) {
+  Cells cells;
+  for (const SparseTile& tile : grid.tiles) {
+    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t index) {
+      Voxel& voxel = cells[{x, y, z}];
+      if (grid.has_color) {
+        for (size_t c = 0; c < 4; ++c) voxel.color[c] = tile.color[4 * index + c];
+      }
+      if (grid.has_normal) {
+        for (size_t c = 0; c < 3; ++c) voxel.normal[c] = tile.normal[3 * index + c];
+      }
+    });
+  }
+  return cells;
+}
+
+inline size_t voxel_count(const Grid& grid) {
+  size_t count = 0;
+  for (const SparseTile& tile : grid.tiles) count += tile.voxel_count();
+  return count;
+}
+
+inline void add_triangle(MeshPart& part, const glm::dvec3& a, const glm::dvec3& b,
+                         const glm::dvec3& c) {
+  for (const glm::dvec3& p : {a, b, c}) {
+    part.indices.push_back(static_cast<uint32_t>(part.positions.size()));
+    part.positions.push_back(p);
+  }
+}
+
+// Corners in order around the quad.
+inline void add_quad(MeshPart& part, const std::array<glm::dvec3, 4>& p) {
+  const auto first = static_cast<uint32_t>(part.positions.size());
+  part.positions.insert(part.positions.end(), p.begin(), p.end());
+  for (const uint32_t i : {0u, 1u, 2u, 0u, 2u, 3u}) part.indices.push_back(first + i);
+}
+
+// Outward faces.
+inline void add_box(MeshPart& part, const glm::dvec3& a, const glm::dvec3& b) {
+  add_quad(part, {glm::dvec3(a.x, a.y, a.z), {a.x, b.y, a.z}, {b.x, b.y, a.z}, {b.x, a.y, a.z}});
+  add_quad(part, {glm::dvec3(a.x, a.y, b.z), {b.x, a.y, b.z}, {b.x, b.y, b.z}, {a.x, b.y, b.z}});
+  add_quad(part, {glm::dvec3(a.x, a.y, a.z), {b.x, a.y, a.z}, {b.x, a.y, b.z}, {a.x, a.y, b.z}});
+  add_quad(part, {glm::dvec3(a.x, b.y, a.z), {a.x, b.y, b.z}, {b.x, b.y, b.z}, {b.x, b.y, a.z}});
+  add_quad(part, {glm::dvec3(a.x, a.y, a.z), {a.x, a.y, b.z}, {a.x, b.y, b.z}, {a.x, b.y, a.z}});
+  add_quad(part, {glm::dvec3(b.x, a.y, a.z), {b.x, b.y, a.z}, {b.x, b.y, b.z}, {b.x, a.y, b.z}});
+}
+
+inline Scene scene_of(MeshPart part) {
+  Scene scene;
+  scene.parts.push_back(std::move(part));
+  return scene;
+}
+
+struct SoupOptions {
+  int count = 1000;
+  double extent = 64;    // of the box, from 0
+  double size_max = 16;  // of a triangle
+  bool colors = false;
+};
+// Every kind of trouble: slivers, triangles without area, coordinates on grid planes and on cell
+// centres, tiny and large ones. Coordinates are multiples of 1/1024, so that whole translations are
+// exact. The same seed gives the same soup.
+Scene soup(uint64_t seed, const SoupOptions& options);
+
+}  // namespace voxeld::pipelines
