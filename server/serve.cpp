@@ -91,11 +91,22 @@ std::string url_of(const std::string& listen, int port) {
   return "http://" + listen.substr(0, listen.rfind(':')) + ":" + std::to_string(port);
 }
 
-// Returns the signal that came meanwhile, or 0.
-int wait_for_worker(JobService& jobs) {
+// True when every device was tried and none could be opened.
+bool all_devices_failed(JobService& jobs) {
+  const std::vector<WorkerState> workers = jobs.workers();
+  return std::all_of(workers.begin(), workers.end(), [](const WorkerState& worker) {
+    return !worker.connected && !worker.last_error.empty();
+  });
+}
+
+// Returns the signal that came meanwhile, or 0. Errors: device-unavailable when no device works: who
+// starts a daemon wants to hear that now. (Later the supervisor goes on trying.)
+Result<int> wait_for_worker(JobService& jobs) {
   const Stopwatch watch;
   while (watch.ms() < kReadySecondsMax * 1000.0) {
-    if (jobs.ready()) return 0;
+    const Status ready = jobs.ready();
+    if (ready) return 0;
+    if (all_devices_failed(jobs)) return ready.error();
     if (const int signal = wait_for_signal(0.02); signal != 0) return signal;
   }
   log::error("no worker yet; jobs wait", {{"reason", jobs.ready().error().message()}});
@@ -133,7 +144,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   log::info("listening", {{"url", url_of(config.listen, server->port())},
                           {"admin", url_of(config.admin_listen, server->admin_port())},
                           {"data", config.data_dir.string()}});
-  int signal = wait_for_worker(*jobs);
+  VOXELD_ASSIGN(int signal, wait_for_worker(*jobs));
   if (signal == 0) {
     std::printf("ready %s admin=%s device=%s\n", url_of(config.listen, server->port()).c_str(),
                 url_of(config.admin_listen, server->admin_port()).c_str(), joined(devices).c_str());
