@@ -175,7 +175,7 @@ int blend_uv(int v0, int v1, int v2, ivec3 w) {
              ATTRIBUTE_WEIGHT_BITS);
 }
 
-// Product of two fractions of 65535, rounded; 65535 * x = x.
+// Product of two fractions of 65535, within 1 of it; 65535 * x = x.
 uint product16(uint a, uint b) {
   uint p = a * b;
   return (p + (p >> 16) + 1u) >> 16;

@@ -1,0 +1,28 @@
+// What GLSL has built in, for shader libraries that are compiled as C++.
+#pragma once
+
+#include <cstdint>
+
+#include <glm/common.hpp>
+#include <glm/gtc/type_precision.hpp>
+#include <glm/integer.hpp>
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+
+#include "shaders/shared/attributes.h"
+
+namespace voxeld::glsl {
+using glm::abs;
+using glm::bitCount;
+using glm::ceil;
+using glm::clamp;
+using glm::floor;
+using glm::i64vec3;
+using glm::ivec2;
+using glm::ivec3;
+using glm::max;
+using glm::min;
+using glm::uint;
+using glm::uvec3;
+using std::int64_t;
+}  // namespace voxeld::glsl

@@ -1,0 +1,159 @@
+// Snapping and clipping.
+#include "server/voxel/snap.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "server/voxel/clip.h"
+#include "tests/reference/touch_oracle.h"
+
+namespace voxeld {
+namespace {
+
+GridSpec unit_spec(int side) {
+  GridSpec spec;
+  spec.dims = glm::ivec3(side);
+  return spec;
+}
+
+Scene scene_of(std::vector<glm::dvec3> positions) {
+  Scene scene;
+  MeshPart part;
+  for (uint32_t i = 0; i < positions.size(); ++i) part.indices.push_back(i);
+  part.positions = std::move(positions);
+  scene.parts.push_back(std::move(part));
+  return scene;
+}
+
+TEST(Snap, takes_the_sub_voxel_below_and_keeps_the_far_face_inside) {
+  EXPECT_EQ(snap_coordinate(0.0, 8), 0);
+  EXPECT_EQ(snap_coordinate(1.0 / 256, 8), 1);
+  EXPECT_EQ(snap_coordinate(3.0, 8), 768);
+  EXPECT_EQ(snap_coordinate(std::nextafter(3.0, 0.0), 8), 767);
+  EXPECT_EQ(snap_coordinate(8.0, 8), 2047);
+  EXPECT_EQ(snap_coordinate(8.0 + 1.0 / 4096, 8), 2047);
+  EXPECT_EQ(snap_coordinate(8.0 + 1.0 / 2048, 8), 2048);
+  EXPECT_EQ(snap_coordinate(-1.0 / 4096, 8), 0);
+  EXPECT_EQ(snap_coordinate(-1.0 / 2048, 8), -1);
+  EXPECT_EQ(snap_coordinate(-1.0, 8), -256);
+  EXPECT_EQ(snap_coordinate(9.0, 8), 9 * 256);
+}
+
+TEST(Snap, agrees_with_the_oracle) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> uniform(-1.0, 2049.0);
+  for (int i = 0; i < 100'000; ++i) {
+    const double p = i % 3 == 0 ? std::round(uniform(random) * 4) / 4 : uniform(random);
+    ASSERT_EQ(2 * snap_coordinate(p, 2048) + 1, reference::snap_512(p, 2048)) << p;
+  }
+}
+
+TEST(Snap, keeps_the_tiles_of_each_triangle) {
+  const auto mesh = snap_scene(scene_of({{10, 10, 10}, {300, 10, 10}, {10, 600, 10}}),
+                               glm::dmat4(1.0), unit_spec(1024));
+  ASSERT_TRUE(mesh.ok());
+  ASSERT_EQ(mesh->triangles.size(), 1u);
+  const TileSpan span = TileSpan::unpack(mesh->triangles[0].tiles);
+  EXPECT_EQ(span.first, (std::array<uint32_t, 3>{0, 0, 0}));
+  EXPECT_EQ(span.last, (std::array<uint32_t, 3>{1, 2, 0}));
+}
+
+TEST(Snap, drops_triangles_that_miss_the_grid) {
+  const auto mesh = snap_scene(
+      scene_of({{-0.5, 1, 1}, {-0.5, 2, 1}, {-0.5, 1, 2}, {9, 1, 1}, {20, 1, 1}, {9, 9, 9}}),
+      glm::dmat4(1.0), unit_spec(8));
+  ASSERT_TRUE(mesh.ok());
+  EXPECT_TRUE(mesh->triangles.empty());
+}
+
+TEST(Snap, groups_parts_by_image) {
+  Scene scene;
+  scene.images.resize(2);
+  for (const int image : {1, 0, -1, 1}) {
+    Material material;
+    material.image = image;
+    scene.materials.push_back(material);
+    Scene one = scene_of({{1, 1, 1}, {2, 1, 1}, {1, 2, 1}});
+    one.parts[0].uvs.resize(3);
+    one.parts[0].material = static_cast<int>(scene.materials.size()) - 1;
+    scene.parts.push_back(one.parts[0]);
+  }
+  const auto mesh = snap_scene(scene, glm::dmat4(1.0), unit_spec(8));
+  ASSERT_TRUE(mesh.ok());
+  std::vector<uint32_t> parts;
+  for (const SnappedTriangle& triangle : mesh->triangles) parts.push_back(triangle.part);
+  EXPECT_EQ(parts, (std::vector<uint32_t>{2, 1, 0, 3}));
+}
+
+TEST(Snap, clipped_triangles_stay_in_the_box_and_keep_their_weights) {
+  const glm::dvec3 a(-50, 4, 4), b(60, 4, 4), c(4, 90, 4.5);
+  const auto mesh = snap_scene(scene_of({a, b, c}), glm::dmat4(1.0), unit_spec(8));
+  ASSERT_TRUE(mesh.ok());
+  ASSERT_GE(mesh->triangles.size(), 2u);
+  for (const SnappedTriangle& triangle : mesh->triangles) {
+    for (const uint32_t vertex : triangle.vertices) {
+      ASSERT_GE(vertex, mesh->file_vertex_count);
+      const glm::ivec3 q = mesh->vertices[vertex];
+      const ClippedVertex& clipped = mesh->clipped[vertex - mesh->file_vertex_count];
+      const glm::dvec3 p = clipped.weights[0] * a + clipped.weights[1] * b + clipped.weights[2] * c;
+      for (int i = 0; i < 3; ++i) {
+        EXPECT_GE(q[i], -256);
+        EXPECT_LE(q[i], 9 * 256);
+        EXPECT_NEAR((q[i] + 0.5) / 256, p[i], 1.0 / 256);
+      }
+    }
+  }
+}
+
+TEST(Clip, neighbours_get_the_same_points_on_their_shared_side) {
+  std::mt19937_64 random(2);
+  std::uniform_real_distribution<double> uniform(-30.0, 40.0);
+  const auto point = [&] { return glm::dvec3(uniform(random), uniform(random), uniform(random)); };
+  for (int t = 0; t < 2'000; ++t) {
+    const glm::dvec3 a = point(), b = point(), c = point(), d = point();
+    const ClipPolygon one = clip_triangle({a, b, c}, glm::dvec3(-1), glm::dvec3(9));
+    const ClipPolygon other = clip_triangle({b, a, d}, glm::dvec3(-1), glm::dvec3(9));
+    // Points without weight of the third corner lie on the shared side.
+    std::vector<glm::dvec3> on_one, on_other;
+    for (size_t i = 0; i < one.count; ++i) {
+      if (one.corners[i].weights[2] == 0) on_one.push_back(one.corners[i].p_grid);
+    }
+    for (size_t i = 0; i < other.count; ++i) {
+      if (other.corners[i].weights[2] == 0) on_other.push_back(other.corners[i].p_grid);
+    }
+    ASSERT_EQ(on_one.size(), on_other.size()) << t;
+    for (const glm::dvec3& p : on_one) {
+      EXPECT_TRUE(std::find(on_other.begin(), on_other.end(), p) != on_other.end()) << t;
+    }
+  }
+}
+
+TEST(Clip, a_triangle_around_the_box_becomes_the_box) {
+  const ClipPolygon polygon = clip_triangle(
+      {glm::dvec3(-100, -100, 3), {300, -100, 3}, {-100, 300, 3}}, glm::dvec3(-1), glm::dvec3(9));
+  ASSERT_EQ(polygon.count, 4u);
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_TRUE(polygon.corners[i].p_grid.x == -1 || polygon.corners[i].p_grid.x == 9);
+    EXPECT_TRUE(polygon.corners[i].p_grid.y == -1 || polygon.corners[i].p_grid.y == 9);
+  }
+  EXPECT_EQ(
+      clip_triangle({glm::dvec3(20), {21, 20, 20}, {20, 21, 20}}, glm::dvec3(-1), glm::dvec3(9))
+          .count,
+      0u);
+}
+
+TEST(Snap, bounds_are_those_of_vertices_that_triangles_use) {
+  Scene scene = scene_of({{1, 2, 3}, {4, 5, 6}, {2, 2, 2}});
+  scene.parts[0].positions.emplace_back(100, 100, 100);
+  glm::dmat4 twice(2.0);
+  twice[3][3] = 1.0;
+  const Box3d box = world_bounds(scene, twice);
+  EXPECT_EQ(box.min, glm::dvec3(2, 4, 4));
+  EXPECT_EQ(box.max, glm::dvec3(8, 10, 12));
+  EXPECT_TRUE(world_bounds(Scene(), twice).empty());
+}
+
+}  // namespace
+}  // namespace voxeld
