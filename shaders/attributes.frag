@@ -20,7 +20,9 @@ layout(binding = VOXELIZE_TEXTURE) uniform usampler2D image;
 
 uint linear_from_srgb8(uint value) { return linear_from_srgb[value]; }
 uvec4 fetch_texel(ivec2 at, int level) { return texelFetch(image, at, level); }
-ivec2 level_size(int level) { return textureSize(image, level); }
+// Not textureSize(image, level): llvmpipe of Mesa 22.3.6 takes the level of the first invocation for
+// its whole SIMD group (seen as wrong texels on triangles of different levels).
+ivec2 level_size(int level) { return max(textureSize(image, 0) >> level, ivec2(1)); }
 #endif
 
 flat in uint triangle;
@@ -38,6 +40,7 @@ bool find_voxel(int i, int j, int k, out uint voxel) {
 }
 
 void add_to_sum(uint voxel, uint channel, uint value) {
+  if (value == 0u) return;
   uint at = voxel * uint(ATTRIBUTE_CHANNELS) + channel;
   if (atomicAdd(sums[at], value) + value < value) {
     atomicAdd(carries[at + 1u], 1u);

@@ -91,7 +91,7 @@ class OpenApi:
             return
         assert media_type in content or "*/*" in content, (
             f"{name} {response.status}: {media_type} is not one of {sorted(content)}")
-        schema = (content.get(media_type) or content["*/*"]).get("schema")
+        schema = content.get(media_type, content.get("*/*", {})).get("schema")
         if schema and media_type.endswith("json"):
             whole = {"components": self.spec.get("components", {}), **schema}
             jsonschema.Draft202012Validator(whole).validate(json.loads(response.body))
@@ -110,7 +110,7 @@ class Daemon:
         self.start()
 
     def start(self):
-        self.log = open(os.path.join(self.data_dir, "..", os.path.basename(self.data_dir) + ".log"), "ab")
+        self.log = open(self.data_dir.rstrip("/") + ".log", "ab")
         self.process = subprocess.Popen(
             [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0",
              "--data", self.data_dir, "--device", self.device, *self.arguments],
@@ -215,7 +215,7 @@ class Daemon:
         self.log.close()
         if self.own_data:
             shutil.rmtree(self.data_dir, ignore_errors=True)
-            os.unlink(self.log.name)
+            os.unlink(self.data_dir.rstrip("/") + ".log")
 
 
 class DaemonTest(unittest.TestCase):

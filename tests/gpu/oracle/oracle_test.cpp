@@ -208,7 +208,8 @@ TEST(Oracle, a_real_scan_gives_exactly_the_touched_cells) {
 }
 
 // A wavy sheet, tessellated, with vertex colours or a smooth texture over it.
-Scene sheet(int n, bool textured) {
+// `power` bends the texture coordinates, so that triangles take different mip levels.
+Scene sheet(int n, bool textured, double power = 1) {
   Scene scene;
   scene.materials.emplace_back();
   MeshPart part;
@@ -218,7 +219,7 @@ Scene sheet(int n, bool textured) {
       const double u = double(i) / n, v = double(j) / n;
       part.positions.emplace_back(u, v, 0.3 * std::sin(5 * u) * std::cos(4 * v));
       if (textured) {
-        part.uvs.emplace_back(u, v);
+        part.uvs.emplace_back(std::pow(u, power), std::pow(v, power));
       } else {
         part.colors.emplace_back(u, 1 - v, 0.5 + 0.5 * std::sin(6 * u), 1);
       }
@@ -329,6 +330,10 @@ TEST(Oracle, texture_colours_are_area_averages_in_linear_light) {
 
 TEST(Oracle, large_textured_triangles_are_averaged_too) {
   expect_colors(sheet(3, true), 48, 1.5, 14.0);
+}
+
+TEST(Oracle, textures_of_uneven_density_are_averaged_too) {
+  expect_colors(sheet(40, true, 3), 64, 1.5, 20.0);
 }
 
 }  // namespace
