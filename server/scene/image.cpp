@@ -106,14 +106,16 @@ Result<Image> decode(std::string_view name, const ImageFormat& format,
   static const bool is_set = OIIO::attribute("try_all_readers", 0);
   (void)is_set;
   OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
-  OIIO::ImageSpec config;
+  OIIO::ImageSpec config, spec;
   config["oiio:UnassociatedAlpha"] = 1;
   void* proxy = &memory;
   config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
-  const auto input = OIIO::ImageInput::open(format.file_name, &config, &memory);
+  // Not ImageInput::open: it may look at the bytes first, and the DDS reader does not rewind.
+  const auto input = OIIO::ImageInput::create(format.file_name, false, &config, &memory, "");
   if (!input) return malformed(name, OIIO::geterror());
+  memory.seek(0);
+  if (!input->open(format.file_name, spec, config)) return malformed(name, input->geterror());
   input->threads(1);  // else it makes a pool of its own
-  const OIIO::ImageSpec& spec = input->spec();
   VOXELD_TRY(check_image_size(name, spec.width, spec.height));
   if (spec.depth > 1 || spec.nchannels < 1 || spec.nchannels > 4) {
     return Error{ErrorCode::kMalformedImage, std::string(name) + ": channels of the image",

@@ -76,6 +76,27 @@ TEST(Image, every_allowed_format_is_read) {
   ASSERT_EQ(gif.size(), 4u * 64);
 }
 
+// OpenImageIO writes no DDS: a header of 128 bytes and one BC1 block, all of whose pixels are red.
+TEST(Image, dds_is_read) {
+  Bytes dds(128 + 8);
+  const auto put = [&](size_t at, uint32_t value) {
+    for (size_t i = 0; i < 4; ++i) dds[at + i] = static_cast<uint8_t>(value >> (8 * i));
+  };
+  put(0, 0x20534444);    // "DDS "
+  put(4, 124);           // bytes of the header
+  put(8, 0x1007);        // flags: caps, height, width, pixel format
+  put(12, 4);            // height
+  put(16, 4);            // width
+  put(76, 32);           // bytes of the pixel format
+  put(80, 4);            // has a code of four letters
+  put(84, 0x31545844);   // "DXT1"
+  put(108, 0x1000);      // caps: texture
+  put(128, 0xf800f800);  // both end points, R5 G6 B5
+  const std::vector<uint8_t> rgba = pixels(dds);
+  ASSERT_EQ(rgba.size(), 4u * 16);
+  EXPECT_THAT(std::vector<uint8_t>(rgba.begin(), rgba.begin() + 4), ElementsAre(255, 0, 0, 255));
+}
+
 TEST(Image, radiance_pictures_are_clamped_and_encoded) {
   const auto rgba = pixels(encode<float>("a.hdr", 3, {4.0f, 1.0f, 0.0f, 0.2158605f, 0.0f, 0.0f}));
   ASSERT_EQ(rgba.size(), 8u);
