@@ -358,27 +358,31 @@ Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
   return result;
 }
 
+// Stores what a worker made and ends the job: done, or failed when that cannot be stored.
+Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& connection,
+                                                           TaskCompletion completion) {
+  const int64_t live_version = context_.board.live_version(completion.task);
+  const Stopwatch watch;
+  auto result = adopt_outputs(connection, completion);
+  if (!result) {
+    return context_.jobs.fail(completion.task, completion.fence, result.error(), live_version);
+  }
+  add_stage(completion.timings, "store", watch.ms());
+  auto ended = context_.jobs.complete(
+      {completion.task, completion.fence, *std::move(result), std::move(completion.timings)},
+      live_version);
+  if (ended) return ended;
+  return context_.jobs.fail(completion.task, completion.fence, ended.error(), live_version);
+}
+
 Status TaskServer::take_completion(Connection& connection, const json& message) {
   VOXELD_ASSIGN(TaskCompletion completion, parse_task_completion(message));
   if (completion.task != connection.task() || completion.fence != connection.fence) {
     return connection.socket.send(dump({{"fenced", true}}));
   }
-  const Stopwatch watch;
-  auto result = adopt_outputs(connection, completion);
-  const int64_t live_version = context_.board.live_version(completion.task);
-  Result<std::optional<JobRecord>> ended = std::optional<JobRecord>();
-  if (result) {
-    add_stage(completion.timings, "store", watch.ms());
-    ended = context_.jobs.complete(
-        {completion.task, completion.fence, *std::move(result), completion.timings}, live_version);
-  }
-  if (!result || !ended) {
-    const Error& error = result ? ended.error() : result.error();
-    ended = context_.jobs.fail(completion.task, completion.fence, error, live_version);
-  }
-  VOXELD_TRY(ended);
-  if (!ended->has_value()) return connection.socket.send(dump({{"fenced", true}}));
-  end_task(connection, **ended);
+  VOXELD_ASSIGN(const auto ended, end_completed(connection, std::move(completion)));
+  if (!ended) return connection.socket.send(dump({{"fenced", true}}));
+  end_task(connection, *ended);
   return connection.socket.send(dump({{"ok", true}}));
 }
 

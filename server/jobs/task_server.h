@@ -7,6 +7,7 @@
 #include <functional>
 #include <list>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -72,6 +73,8 @@ class TaskServer {
   Status take_progress(Connection& connection, const nlohmann::json& message);
   Status take_completion(Connection& connection, const nlohmann::json& message);
   Status take_failure(Connection& connection, const nlohmann::json& message);
+  Result<std::optional<JobRecord>> end_completed(const Connection& connection,
+                                                 TaskCompletion completion);
   Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion);
   void put_back(Connection& connection, const Error& why);
   void end_task(Connection& connection, const JobRecord& record);

@@ -1,6 +1,6 @@
 // Times both pipelines on one mesh: voxelize_bench MESH [--device D] [--color MODE] [--normal]
-// [--repeat N] SIZE... prints one line per pipeline and size: median of the runs in milliseconds,
-// whole and by pass, after one run that compiles the shaders.
+// [--repeat N] [--pipeline P] [--shader-dir DIR] SIZE... prints one line per pipeline and size:
+// median of the runs in milliseconds, whole and by pass, after one run that compiles the shaders.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -20,7 +20,7 @@ namespace voxeld {
 namespace {
 
 struct Arguments {
-  std::string mesh, device = "llvmpipe";
+  std::string mesh, device = "llvmpipe", shader_dir;
   VoxelizeOptions options;
   int repeat = 5;
   std::vector<int> sizes;
@@ -35,6 +35,8 @@ Arguments parse(int argc, char** argv) {
     const auto value = [&] { return std::string(i + 1 < argc ? argv[++i] : ""); };
     if (text == "--device") {
       arguments.device = value();
+    } else if (text == "--shader-dir") {
+      arguments.shader_dir = value();
     } else if (text == "--repeat") {
       arguments.repeat = std::max(1, std::atoi(value().c_str()));
     } else if (text == "--normal") {
@@ -105,7 +107,7 @@ Status run_all(const Arguments& arguments) {
   VOXELD_ASSIGN(const Scene scene, load_scene(arguments.mesh, file.bytes()));
   std::printf("%s on %s: %zu triangles\n", arguments.mesh.c_str(), context->info().renderer.c_str(),
               scene.triangle_count());
-  gpu::ShaderLibrary shaders(*context);
+  gpu::ShaderLibrary shaders(*context, arguments.shader_dir);
   Voxelizer voxelizer(*context, shaders);
   for (const PipelineChoice pipeline : arguments.pipelines) {
     for (const int size : arguments.sizes) {

@@ -1,0 +1,144 @@
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "client/client_impl.h"
+
+namespace voxeld::client {
+namespace {
+
+std::string full_message(const std::string& message, const std::string& expected,
+                         const std::string& got) {
+  std::string text = message;
+  if (!expected.empty()) text += ": expected " + expected;
+  if (!got.empty()) text += (expected.empty() ? ": got " : ", got ") + got;
+  return text;
+}
+
+}  // namespace
+
+Error::Error(std::string code, int http_status, const std::string& message, std::string expected,
+             std::string got, std::string request_id)
+    : std::runtime_error(full_message(message, expected, got)),
+      code_(std::move(code)),
+      expected_(std::move(expected)),
+      got_(std::move(got)),
+      request_id_(std::move(request_id)),
+      http_status_(http_status) {}
+Error::~Error() = default;
+
+Options& Options::set(std::string name, std::string value) {
+  for (auto& pair : pairs_) {
+    if (pair.first == name) {
+      pair.second = std::move(value);
+      return *this;
+    }
+  }
+  pairs_.emplace_back(std::move(name), std::move(value));
+  return *this;
+}
+
+Source Source::file(std::filesystem::path path) {
+  Source source;
+  source.filename_ = path.filename().string();
+  source.path_ = std::move(path);
+  return source;
+}
+
+Source Source::memory(std::vector<std::byte> bytes, std::string filename) {
+  Source source;
+  source.bytes_ = std::move(bytes);
+  source.filename_ = std::move(filename);
+  return source;
+}
+
+Source Source::stream(std::function<size_t(std::span<std::byte>)> read, std::string filename) {
+  Source source;
+  source.read_ = std::move(read);
+  source.filename_ = std::move(filename);
+  return source;
+}
+
+Client::Client(Settings settings) : impl_(std::make_unique<ClientImpl>(std::move(settings))) {}
+Client::Client(std::string url)
+    : Client([&] {
+        Settings settings;
+        settings.url = std::move(url);
+        return settings;
+      }()) {}
+Client::Client(Client&&) noexcept = default;
+Client& Client::operator=(Client&&) noexcept = default;
+Client::~Client() = default;
+
+Grid Client::voxelize(const Source& source, const Options& options,
+                      const ProgressCallback& progress, std::stop_token stop) {
+  Options native = options;
+  native.set("format", "native");
+  std::vector<std::byte> bytes;
+  impl_->run(
+      "voxelize", source, native,
+      [&](std::span<const std::byte> piece) {
+        bytes.insert(bytes.end(), piece.begin(), piece.end());
+      },
+      progress, stop);
+  return Grid::decode(bytes);
+}
+
+JobInfo Client::voxelize_to(const Source& source, const Options& options, const Sink& sink,
+                            const ProgressCallback& progress, std::stop_token stop) {
+  return impl_->run("voxelize", source, options, sink, progress, stop);
+}
+
+JobInfo Client::render_to(const Source& source, const Options& options, const Sink& sink,
+                          const ProgressCallback& progress, std::stop_token stop) {
+  return impl_->run("render", source, options, sink, progress, stop);
+}
+
+std::string Client::upload(const Source& source, const ProgressCallback& progress,
+                           std::stop_token stop) {
+  return impl_->upload(source, progress, stop);
+}
+
+std::string Client::asset_json(std::string_view asset) {
+  HttpRequest request;
+  request.url = impl_->url("/v1/assets/" + Transport::escape(asset));
+  return impl_->call(std::move(request)).body;
+}
+
+JobInfo Client::submit(std::string_view kind, std::string_view input, const Options& options) {
+  return impl_->submit(kind, input, options);
+}
+
+JobInfo Client::job(std::string_view id) {
+  HttpRequest request;
+  request.url = impl_->url("/v1/jobs/" + Transport::escape(id));
+  return job_info(parse_object(impl_->call(std::move(request)).body));
+}
+
+JobInfo Client::wait(std::string_view id, const ProgressCallback& progress, std::stop_token stop) {
+  return impl_->wait(Transport::escape(id), progress, stop);
+}
+
+JobInfo Client::cancel(std::string_view id) {
+  HttpRequest request;
+  request.method = "DELETE";
+  request.url = impl_->url("/v1/jobs/" + Transport::escape(id));
+  return job_info(parse_object(impl_->call(std::move(request)).body));
+}
+
+std::vector<JobInfo> Client::jobs(int limit) {
+  HttpRequest request;
+  request.url = impl_->url("/v1/jobs?limit=" + std::to_string(limit));
+  const nlohmann::json body = parse_object(impl_->call(std::move(request)).body);
+  std::vector<JobInfo> jobs;
+  for (const auto& status : body.value("jobs", nlohmann::json::array())) {
+    jobs.push_back(job_info(status));
+  }
+  return jobs;
+}
+
+void Client::download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
+                      std::stop_token stop) {
+  impl_->download(Transport::escape(job), sink, progress, stop);
+}
+
+}  // namespace voxeld::client

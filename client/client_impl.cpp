@@ -1,0 +1,337 @@
+#include "client/client_impl.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "proto/job.h"
+
+namespace voxeld::client {
+namespace {
+
+using Json = nlohmann::json;
+using namespace std::chrono_literals;
+
+constexpr auto kPauseFirst = 200ms;
+constexpr auto kPauseMax = 10s;
+constexpr int kPollSeconds = 2;  // one long poll; progress is told at least this often
+
+// Reads a Source piece by piece.
+struct SourceReader {
+  std::function<size_t(std::span<std::byte>)> read;
+  std::optional<long long> bytes;
+};
+
+SourceReader file_reader(const std::filesystem::path& path) {
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(path, error);
+  auto file = std::make_shared<std::ifstream>(path, std::ios::binary);
+  if (error || !*file) {
+    throw Error("file", 0, path.string() + ": " + (error ? error.message() : std::strerror(errno)));
+  }
+  return {[file](std::span<std::byte> buffer) {
+            file->read(reinterpret_cast<char*>(buffer.data()),
+                       static_cast<std::streamsize>(buffer.size()));
+            return static_cast<size_t>(file->gcount());
+          },
+          static_cast<long long>(bytes)};
+}
+
+SourceReader memory_reader(const std::vector<std::byte>& bytes) {
+  auto at = std::make_shared<size_t>(0);
+  return {[&bytes, at](std::span<std::byte> buffer) {
+            const size_t count = std::min(buffer.size(), bytes.size() - *at);
+            std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(*at), count, buffer.begin());
+            *at += count;
+            return count;
+          },
+          static_cast<long long>(bytes.size())};
+}
+
+std::string header_of(const HttpAnswer& answer, const std::string& name) {
+  const auto it = answer.headers.find(name);
+  return it == answer.headers.end() ? std::string() : it->second;
+}
+
+std::string text_of(const Json& object, const char* name) {
+  const auto it = object.find(name);
+  return it != object.end() && it->is_string() ? it->get<std::string>() : std::string();
+}
+
+int64_t number_of(const Json& object, const char* name) {
+  const auto it = object.find(name);
+  return it != object.end() && it->is_number_integer() ? it->get<int64_t>() : 0;
+}
+
+Error interrupted() {
+  return Error("interrupted", 0, "stopped by the caller");
+}
+
+}  // namespace
+
+Json parse_object(const std::string& text) {
+  Json body = Json::parse(text, nullptr, false);
+  if (!body.is_object()) {
+    throw Error("bad-answer", 0, "the answer is no JSON object: is there a voxeld at this URL?");
+  }
+  return body;
+}
+
+JobInfo job_info(const Json& status) {
+  JobInfo info;
+  info.id = text_of(status, "id");
+  info.kind = text_of(status, "kind");
+  info.state = text_of(status, "state");
+  info.stage = text_of(status, "stage");
+  info.tiles_done = number_of(status, "tiles_done");
+  info.tiles_total = number_of(status, "tiles_total");
+  info.queue_position = number_of(status, "queue_position");
+  info.grid = text_of(status, "grid");
+  info.json = status.dump();
+  if (const auto result = status.find("result"); result != status.end() && result->is_object()) {
+    info.bytes = number_of(*result, "bytes");
+    info.media_type = text_of(*result, "media_type");
+    if (const std::string grid = text_of(*result, "grid"); !grid.empty()) info.grid = grid;
+    if (result->contains("meta")) info.meta_json = (*result)["meta"].dump();
+    if (result->contains("warnings")) {
+      for (const Json& warning : (*result)["warnings"]) {
+        info.warnings.push_back(text_of(warning, "code") + ": " + text_of(warning, "detail"));
+      }
+    }
+  }
+  return info;
+}
+
+ClientImpl::ClientImpl(Settings settings)
+    : settings_(std::move(settings)), transport_(settings_.connect_timeout, settings_.timeout) {
+  while (settings_.url.ends_with('/')) settings_.url.pop_back();
+}
+
+void ClientImpl::fail(const HttpAnswer& answer) const {
+  switch (answer.failure) {
+    case HttpAnswer::Failure::kUnreachable:
+      throw Error("unreachable", 0, settings_.url + ": " + answer.failure_text);
+    case HttpAnswer::Failure::kTimeout:
+      throw Error("timeout", answer.status, settings_.url + ": " + answer.failure_text);
+    case HttpAnswer::Failure::kInterrupted:
+      throw interrupted();
+    case HttpAnswer::Failure::kBroken:
+      throw Error("unreachable", answer.status, settings_.url + ": " + answer.failure_text);
+    case HttpAnswer::Failure::kNone:
+      break;
+  }
+  const Json problem = Json::parse(answer.body, nullptr, false);
+  if (!problem.is_object() || text_of(problem, "code").empty()) {
+    throw Error("bad-answer", answer.status,
+                settings_.url + ": status " + std::to_string(answer.status));
+  }
+  throw Error(text_of(problem, "code"), answer.status, text_of(problem, "detail"),
+              text_of(problem, "expected"), text_of(problem, "got"),
+              header_of(answer, "x-request-id"));
+}
+
+void ClientImpl::pause(int attempt, const HttpAnswer& answer, const std::stop_token& stop) const {
+  auto wait = std::min<std::chrono::milliseconds>(kPauseFirst * (1 << attempt), kPauseMax);
+  const std::string after = header_of(answer, "retry-after");
+  if (!after.empty() && after.find_first_not_of("0123456789") == std::string::npos) {
+    wait = std::min<std::chrono::milliseconds>(
+        std::chrono::seconds(std::strtol(after.c_str(), nullptr, 10)), kPauseMax);
+  }
+  const auto until = std::chrono::steady_clock::now() + wait;
+  while (std::chrono::steady_clock::now() < until) {
+    if (stop.stop_requested()) throw interrupted();
+    std::this_thread::sleep_for(20ms);
+  }
+}
+
+HttpAnswer ClientImpl::call_once(const HttpRequest& request) {
+  HttpAnswer answer = transport_.exchange(request);
+  if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
+  return answer;
+}
+
+HttpAnswer ClientImpl::call(HttpRequest request, const std::stop_token& stop) {
+  if (!request.keep_going) request.keep_going = [&] { return !stop.stop_requested(); };
+  for (int attempt = 0;; ++attempt) {
+    HttpAnswer answer = transport_.exchange(request);
+    const bool is_busy = answer.failure == HttpAnswer::Failure::kUnreachable ||
+                         (answer.failure == HttpAnswer::Failure::kNone &&
+                          (answer.status == 429 || answer.status == 503));
+    if (!is_busy || attempt >= settings_.retries) {
+      if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
+      return answer;
+    }
+    pause(attempt, answer, stop);
+  }
+}
+
+std::string ClientImpl::upload(const Source& source, const ProgressCallback& progress,
+                               const std::stop_token& stop) {
+  const bool repeatable = !source.read_;
+  bool stopped = false;
+  for (int attempt = 0;; ++attempt) {
+    SourceReader reader = source.read_            ? SourceReader{source.read_, std::nullopt}
+                          : !source.path_.empty() ? file_reader(source.path_)
+                                                  : memory_reader(source.bytes_);
+    long long sent = 0;
+    HttpRequest request;
+    request.method = "POST";
+    request.url = url("/v1/assets");
+    if (!source.filename_.empty()) {
+      request.url += "?filename=" + Transport::escape(source.filename_);
+    }
+    request.headers = {"Content-Type: application/octet-stream"};
+    request.body_bytes = reader.bytes;
+    request.body = [&](std::span<std::byte> buffer) {
+      const size_t count = reader.read(buffer);
+      sent += static_cast<long long>(count);
+      return count;
+    };
+    request.keep_going = [&] {
+      stopped = stopped || stop.stop_requested() ||
+                (progress && !progress({"upload", sent, reader.bytes.value_or(0)}));
+      return !stopped;
+    };
+    const HttpAnswer answer = transport_.exchange(request);
+    const bool is_busy = answer.failure == HttpAnswer::Failure::kUnreachable ||
+                         answer.status == 429 || answer.status == 503;
+    if (stopped) throw interrupted();
+    if (is_busy && repeatable && attempt < settings_.retries) {
+      pause(attempt, answer, stop);
+      continue;
+    }
+    if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
+    return text_of(parse_object(answer.body), "id");
+  }
+}
+
+JobInfo ClientImpl::submit(std::string_view kind, std::string_view input, const Options& options) {
+  Json body = {{"kind", kind}, {"options", Json::object()}};
+  const bool is_grid = kind == "export";
+  body[is_grid ? "grid" : "asset"] = input;
+  for (const auto& [name, value] : options.pairs()) {
+    if (name == "filename") {
+      body["filename"] = value;
+    } else {
+      body["options"][name] = value;
+    }
+  }
+  const std::string text = body.dump();
+  HttpRequest request;
+  request.method = "POST";
+  request.url = url("/v1/jobs");
+  request.headers = {"Content-Type: application/json"};
+  auto at = std::make_shared<size_t>(0);
+  for (int attempt = 0;; ++attempt) {
+    *at = 0;
+    request.body_bytes = static_cast<long long>(text.size());
+    request.body = [&text, at](std::span<std::byte> buffer) {
+      const size_t count = std::min(buffer.size(), text.size() - *at);
+      std::memcpy(buffer.data(), text.data() + *at, count);
+      *at += count;
+      return count;
+    };
+    const HttpAnswer answer = transport_.exchange(request);
+    const bool is_busy = answer.failure == HttpAnswer::Failure::kUnreachable ||
+                         answer.status == 429 || answer.status == 503;
+    if (is_busy && attempt < settings_.retries) {
+      pause(attempt, answer, {});
+      continue;
+    }
+    if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
+    return job_info(parse_object(answer.body));
+  }
+}
+
+JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
+                         const std::stop_token& stop) {
+  std::string etag;
+  for (;;) {
+    HttpRequest request;
+    request.url = url("/v1/jobs/" + std::string(id));
+    // With an ETag the daemon answers at the next change; a short wait tells progress in between.
+    request.headers = {"Prefer: wait=" + std::to_string(kPollSeconds)};
+    if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
+    request.keep_going = [&] { return !stop.stop_requested(); };
+    HttpAnswer answer = transport_.exchange(request);
+    if (stop.stop_requested()) throw interrupted();
+    if (answer.status == 304 && answer.failure == HttpAnswer::Failure::kNone) continue;
+    if (answer.failure == HttpAnswer::Failure::kUnreachable || answer.status == 503) {
+      answer = call(request, stop);
+    } else if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) {
+      fail(answer);
+    }
+    etag = header_of(answer, "etag");
+    const Json status = parse_object(answer.body);
+    JobInfo info = job_info(status);
+    const std::string stage = info.state == "queued" ? "queued" : info.stage;
+    if (progress && !progress({stage, info.tiles_done, info.tiles_total})) throw interrupted();
+    if (!info.ended()) continue;
+    if (info.state == "done") return info;
+    const Json error = status.value("error", Json::object());
+    const std::string code = text_of(error, "code");
+    throw Error(code.empty() ? info.state : code, info_of(error_code_from_name(code)).http_status,
+                text_of(error, "detail").empty() ? "the job " + info.id + " was " + info.state
+                                                 : text_of(error, "detail"),
+                text_of(error, "expected"), text_of(error, "got"));
+  }
+}
+
+void ClientImpl::download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
+                          const std::stop_token& stop) {
+  long long done = 0, total = 0;
+  std::string etag;
+  for (int attempt = 0;; ++attempt) {
+    HttpRequest request;
+    request.url = url("/v1/jobs/" + std::string(job) + "/result");
+    if (done > 0) {
+      request.headers = {"Range: bytes=" + std::to_string(done) + "-", "If-Range: " + etag};
+    }
+    bool stopped = false;
+    request.sink = [&](std::span<const std::byte> piece) {
+      sink(piece);
+      done += static_cast<long long>(piece.size());
+    };
+    request.keep_going = [&] {
+      stopped =
+          stopped || stop.stop_requested() || (progress && !progress({"download", done, total}));
+      return !stopped;
+    };
+    const HttpAnswer answer = transport_.exchange(request);
+    if (stopped) throw interrupted();
+    if (!header_of(answer, "etag").empty()) etag = header_of(answer, "etag");
+    if (answer.failure == HttpAnswer::Failure::kNone && answer.status / 100 == 2) return;
+    const bool resumable = answer.failure == HttpAnswer::Failure::kBroken ||
+                           answer.failure == HttpAnswer::Failure::kUnreachable ||
+                           answer.status == 503 || answer.status == 429;
+    if (!resumable || attempt >= settings_.retries || (done > 0 && etag.empty())) fail(answer);
+    pause(attempt, answer, stop);
+  }
+}
+
+JobInfo ClientImpl::run(std::string_view kind, const Source& source, const Options& options,
+                        const Sink& sink, const ProgressCallback& progress,
+                        const std::stop_token& stop) {
+  const std::string asset = upload(source, progress, stop);
+  Options named = options;
+  if (!source.filename().empty()) named.set("filename", source.filename());
+  JobInfo info = submit(kind, asset, named);
+  try {
+    info = wait(info.id, progress, stop);
+  } catch (const Error& error) {
+    if (error.code() == "interrupted") {
+      HttpRequest cancel;
+      cancel.method = "DELETE";
+      cancel.url = url("/v1/jobs/" + info.id);
+      (void)transport_.exchange(cancel);
+    }
+    throw;
+  }
+  download(info.id, sink, progress, stop);
+  return info;
+}
+
+}  // namespace voxeld::client

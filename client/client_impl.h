@@ -1,0 +1,46 @@
+// What stands behind Client: requests, retries and answers.
+#pragma once
+
+#include <functional>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <string_view>
+
+#include "client/include/voxeld/client.h"
+#include "client/transport.h"
+
+namespace voxeld::client {
+
+class ClientImpl {
+ public:
+  explicit ClientImpl(Settings settings);
+
+  // Exchanges until the answer is not 429, 503 or a refused connection, or tries are used up. Not for
+  // requests whose body cannot be sent twice. Throws Error for everything but 2xx.
+  HttpAnswer call(HttpRequest request, const std::stop_token& stop = {});
+  // One exchange; throws Error for everything but 2xx.
+  HttpAnswer call_once(const HttpRequest& request);
+  std::string url(std::string_view path) const { return settings_.url + std::string(path); }
+
+  std::string upload(const Source& source, const ProgressCallback& progress,
+                     const std::stop_token& stop);
+  JobInfo submit(std::string_view kind, std::string_view input, const Options& options);
+  JobInfo wait(std::string_view id, const ProgressCallback& progress, const std::stop_token& stop);
+  void download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
+                const std::stop_token& stop);
+  JobInfo run(std::string_view kind, const Source& source, const Options& options, const Sink& sink,
+              const ProgressCallback& progress, const std::stop_token& stop);
+
+ private:
+  [[noreturn]] void fail(const HttpAnswer& answer) const;
+  void pause(int attempt, const HttpAnswer& answer, const std::stop_token& stop) const;
+
+  Settings settings_;
+  Transport transport_;
+};
+
+JobInfo job_info(const nlohmann::json& status);
+// Throws Error "bad-answer" for text that is no JSON object.
+nlohmann::json parse_object(const std::string& text);
+
+}  // namespace voxeld::client

@@ -1,0 +1,150 @@
+// The decoded grid of the client library, over proto's container reader.
+#include <algorithm>
+#include <bit>
+
+#include "client/include/voxeld/client.h"
+#include "proto/grid_format.h"
+
+namespace voxeld::client {
+
+struct Grid::Impl {
+  GridHeader header;
+  std::vector<SparseTile> tiles;                     // in Morton order of coord
+  std::vector<std::vector<uint32_t>> brick_offsets;  // voxels before each brick of a tile
+  uint64_t voxels = 0;
+
+  // Tile, brick and voxel number of an occupied cell.
+  struct Place {
+    const SparseTile* tile;
+    size_t voxel;
+  };
+  std::optional<Place> find(int x, int y, int z) const;
+};
+
+namespace {
+
+uint32_t tile_code(const SparseTile& tile) {
+  return morton_encode(static_cast<uint32_t>(tile.coord[0]), static_cast<uint32_t>(tile.coord[1]),
+                       static_cast<uint32_t>(tile.coord[2]));
+}
+
+template <typename T>
+T checked(Result<T> result) {
+  if (result.ok()) return std::move(result).value();
+  throw Error("bad-answer", 0, result.error().detail, result.error().expected, result.error().got);
+}
+
+}  // namespace
+
+std::optional<Grid::Impl::Place> Grid::Impl::find(int x, int y, int z) const {
+  const std::array<int, 3> p = {x, y, z};
+  std::array<uint32_t, 3> tile_at{}, brick_at{}, cell_at{};
+  for (size_t c = 0; c < 3; ++c) {
+    if (p[c] < 0 || p[c] >= header.dims[c]) return std::nullopt;
+    const auto v = static_cast<uint32_t>(p[c]);
+    tile_at[c] = v / limits::kTileSide;
+    brick_at[c] = v % limits::kTileSide / limits::kBrickSide;
+    cell_at[c] = v % limits::kBrickSide;
+  }
+  const uint32_t code = morton_encode(tile_at[0], tile_at[1], tile_at[2]);
+  const auto tile = std::ranges::lower_bound(tiles, code, {}, tile_code);
+  if (tile == tiles.end() || tile_code(*tile) != code) return std::nullopt;
+  const uint32_t brick_code = morton_encode(brick_at[0], brick_at[1], brick_at[2]);
+  const auto brick = std::ranges::lower_bound(tile->brick_morton, brick_code);
+  if (brick == tile->brick_morton.end() || *brick != brick_code) return std::nullopt;
+  const auto b = static_cast<size_t>(brick - tile->brick_morton.begin());
+  const uint32_t bit = morton_encode(cell_at[0], cell_at[1], cell_at[2]);
+  const BrickMask& mask = tile->masks[b];
+  if ((mask.words[bit / 64] >> (bit % 64) & 1) == 0) return std::nullopt;
+  size_t voxel = brick_offsets[static_cast<size_t>(tile - tiles.begin())][b];
+  for (size_t w = 0; w < bit / 64; ++w) voxel += static_cast<size_t>(std::popcount(mask.words[w]));
+  voxel +=
+      static_cast<size_t>(std::popcount(mask.words[bit / 64] & ((uint64_t{1} << (bit % 64)) - 1)));
+  return Place{&*tile, voxel};
+}
+
+Grid::Grid(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Grid::Grid(Grid&&) noexcept = default;
+Grid& Grid::operator=(Grid&&) noexcept = default;
+Grid::~Grid() = default;
+
+Grid Grid::decode(std::span<const std::byte> container) {
+  const auto reader = checked(GridReader::open(
+      std::span(reinterpret_cast<const uint8_t*>(container.data()), container.size())));
+  auto impl = std::make_unique<Impl>();
+  impl->header = reader.header();
+  impl->voxels = reader.voxel_count();
+  for (size_t i = 0; i < reader.tile_count(); ++i) {
+    SparseTile tile = checked(reader.decode_tile(i));
+    std::vector<uint32_t> offsets;
+    uint32_t voxels = 0;
+    for (const BrickMask& mask : tile.masks) {
+      offsets.push_back(voxels);
+      for (const uint64_t word : mask.words) voxels += static_cast<uint32_t>(std::popcount(word));
+    }
+    impl->tiles.push_back(std::move(tile));
+    impl->brick_offsets.push_back(std::move(offsets));
+  }
+  return Grid(std::move(impl));
+}
+
+std::array<int, 3> Grid::dims() const {
+  return impl_->header.dims;
+}
+std::array<double, 3> Grid::origin() const {
+  return impl_->header.origin;
+}
+std::array<double, 3> Grid::voxel_size() const {
+  return impl_->header.voxel_size;
+}
+std::uint64_t Grid::voxel_count() const {
+  return impl_->voxels;
+}
+bool Grid::has_color() const {
+  return impl_->header.has_color;
+}
+bool Grid::has_normal() const {
+  return impl_->header.has_normal;
+}
+const std::string& Grid::meta_json() const {
+  return impl_->header.meta_json;
+}
+
+bool Grid::occupied(int x, int y, int z) const {
+  return impl_->find(x, y, z).has_value();
+}
+
+std::optional<Color> Grid::color(int x, int y, int z) const {
+  const auto place = impl_->find(x, y, z);
+  if (!place || !has_color()) return std::nullopt;
+  const uint8_t* c = &place->tile->color[4 * place->voxel];
+  return Color{c[0], c[1], c[2], c[3]};
+}
+
+void Grid::for_each(
+    const std::function<void(int, int, int, const Color*, const Normal*)>& visit) const {
+  for (const SparseTile& tile : impl_->tiles) {
+    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t voxel) {
+      Color color{};
+      Normal normal{};
+      if (has_color()) std::copy_n(&tile.color[4 * voxel], 4, color.begin());
+      if (has_normal()) std::copy_n(&tile.normal[3 * voxel], 3, normal.begin());
+      visit(x, y, z, has_color() ? &color : nullptr, has_normal() ? &normal : nullptr);
+    });
+  }
+}
+
+std::vector<std::uint8_t> Grid::dense() const {
+  const auto nx = static_cast<size_t>(impl_->header.dims[0]);
+  const auto ny = static_cast<size_t>(impl_->header.dims[1]);
+  std::vector<std::uint8_t> cells(nx * ny * static_cast<size_t>(impl_->header.dims[2]));
+  for (const SparseTile& tile : impl_->tiles) {
+    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+      cells[static_cast<size_t>(x) + nx * (static_cast<size_t>(y) + ny * static_cast<size_t>(z))] =
+          1;
+    });
+  }
+  return cells;
+}
+
+}  // namespace voxeld::client

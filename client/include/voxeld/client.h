@@ -1,0 +1,188 @@
+// libvoxeld_client: talks to a voxeld daemon. C++20; no HTTP or JSON library shows in this header.
+//
+//   voxeld::client::Client client("http://127.0.0.1:8080");
+//   voxeld::client::Grid grid = client.voxelize(Source::file("bunny.ply"), Options().set("size", "256"));
+//   grid.for_each([](int x, int y, int z, const Color* color) { ... });
+//
+// Every failure is a voxeld::client::Error. A Client may be used by one thread at a time; several
+// Clients are independent. Jobs keep working when the Client that made them is gone.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#define VOXELD_CLIENT_API __attribute__((visibility("default")))
+
+namespace voxeld::client {
+
+// What went wrong. code() is the stable name of the API ("invalid-option", "grid-too-large", …), or
+// one of the client's own: "unreachable" (no connection), "timeout", "interrupted" (stopped by the
+// caller), "bad-answer" (not a voxeld daemon), "file" (a local file).
+class VOXELD_CLIENT_API Error : public std::runtime_error {
+ public:
+  Error(std::string code, int http_status, const std::string& message, std::string expected = "",
+        std::string got = "", std::string request_id = "");
+  ~Error() override;
+  const std::string& code() const { return code_; }
+  int http_status() const { return http_status_; }  // 0: no answer
+  const std::string& expected() const { return expected_; }
+  const std::string& got() const { return got_; }
+  const std::string& request_id() const { return request_id_; }
+
+ private:
+  std::string code_, expected_, got_, request_id_;
+  int http_status_;
+};
+
+struct Settings {
+  std::string url = "http://127.0.0.1:8080";
+  std::chrono::seconds connect_timeout{10};
+  // For a whole operation (upload, computation, download); zero: none.
+  std::chrono::seconds timeout{0};
+  // Further tries after 429, 503 or a refused connection, with a pause that doubles from 200 ms (or
+  // what Retry-After says). An interrupted download is resumed where it stopped.
+  int retries = 3;
+};
+
+// Names and values as in the API: set("size", "256"). They are checked by the daemon.
+class VOXELD_CLIENT_API Options {
+ public:
+  Options& set(std::string name, std::string value);
+  const std::vector<std::pair<std::string, std::string>>& pairs() const { return pairs_; }
+
+ private:
+  std::vector<std::pair<std::string, std::string>> pairs_;
+};
+
+// Where the bytes of a mesh come from. Files and streams are sent piece by piece.
+class VOXELD_CLIENT_API Source {
+ public:
+  static Source file(std::filesystem::path path);
+  // `filename` names the format ("a.ply"); empty: told from the first bytes.
+  static Source memory(std::vector<std::byte> bytes, std::string filename);
+  // Fills the buffer and returns how many bytes; 0 at the end. Called until then, once.
+  static Source stream(std::function<size_t(std::span<std::byte>)> read, std::string filename);
+
+  const std::string& filename() const { return filename_; }
+
+ private:
+  friend class ClientImpl;
+  std::filesystem::path path_;
+  std::vector<std::byte> bytes_;
+  std::function<size_t(std::span<std::byte>)> read_;
+  std::string filename_;
+};
+
+using Color = std::array<std::uint8_t, 4>;  // sRGB R, G, B and linear A
+using Normal = std::array<std::int8_t, 3>;  // unit normal times 127
+
+// A sparse grid, decoded. Cell (x,y,z) covers origin + voxel_size * [x,x+1) x [y,y+1) x [z,z+1).
+class VOXELD_CLIENT_API Grid {
+ public:
+  // Decodes a native container (.voxg). Throws Error "bad-answer".
+  static Grid decode(std::span<const std::byte> container);
+  Grid(Grid&&) noexcept;
+  Grid& operator=(Grid&&) noexcept;
+  ~Grid();
+
+  std::array<int, 3> dims() const;
+  std::array<double, 3> origin() const;
+  std::array<double, 3> voxel_size() const;
+  std::uint64_t voxel_count() const;
+  bool has_color() const;
+  bool has_normal() const;
+  const std::string& meta_json() const;
+
+  bool occupied(int x, int y, int z) const;
+  // nullopt where the cell is empty or the grid has no colours.
+  std::optional<Color> color(int x, int y, int z) const;
+  // Every voxel, in Morton order within each tile; `color` and `normal` are null where the grid has
+  // none.
+  void for_each(const std::function<void(int x, int y, int z, const Color* color,
+                                         const Normal* normal)>& visit) const;
+  // One byte per cell, x fastest, 1 = occupied: dims[0]*dims[1]*dims[2] bytes.
+  std::vector<std::uint8_t> dense() const;
+
+ private:
+  struct Impl;
+  explicit Grid(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+struct Progress {
+  std::string stage;                 // "upload", "queued", "parse", "voxelize", "download", …
+  std::int64_t done = 0, total = 0;  // bytes or tiles; total 0: unknown
+};
+// Return false to stop: the job is cancelled and Error "interrupted" thrown.
+using ProgressCallback = std::function<bool(const Progress&)>;
+
+struct JobInfo {
+  std::string id, kind, state;  // state: queued, running, done, failed, cancelled
+  std::string stage;
+  std::int64_t tiles_done = 0, tiles_total = 0, queue_position = 0, bytes = 0;
+  std::string grid, media_type;
+  std::vector<std::string> warnings;  // "missing-texture: skin.png"
+  std::string meta_json;              // of the result
+  std::string json;                   // the whole status
+  bool ended() const { return state == "done" || state == "failed" || state == "cancelled"; }
+};
+
+// Gets pieces of a result in order.
+using Sink = std::function<void(std::span<const std::byte>)>;
+
+class ClientImpl;
+
+// One daemon. Progress callbacks run on the calling thread.
+class VOXELD_CLIENT_API Client {
+ public:
+  explicit Client(Settings settings);
+  explicit Client(std::string url);
+  Client(Client&&) noexcept;
+  Client& operator=(Client&&) noexcept;
+  ~Client();
+
+  // --- the whole way in one call. `stop` and the callback cancel the job.
+  Grid voxelize(const Source& source, const Options& options, const ProgressCallback& progress = {},
+                std::stop_token stop = {});
+  // Any format: what options name with "format".
+  JobInfo voxelize_to(const Source& source, const Options& options, const Sink& sink,
+                      const ProgressCallback& progress = {}, std::stop_token stop = {});
+  // A PNG.
+  JobInfo render_to(const Source& source, const Options& options, const Sink& sink,
+                    const ProgressCallback& progress = {}, std::stop_token stop = {});
+
+  // --- step by step
+  // The asset's id.
+  std::string upload(const Source& source, const ProgressCallback& progress = {},
+                     std::stop_token stop = {});
+  std::string asset_json(std::string_view asset);
+  // kind: voxelize, render, export, inspect; input: an asset's or a grid's id.
+  JobInfo submit(std::string_view kind, std::string_view input, const Options& options);
+  JobInfo job(std::string_view id);
+  // Until the job has ended. Throws the job's own error when it failed.
+  JobInfo wait(std::string_view id, const ProgressCallback& progress = {},
+               std::stop_token stop = {});
+  JobInfo cancel(std::string_view id);
+  std::vector<JobInfo> jobs(int limit = 100);
+  // Resumes by itself when the connection breaks.
+  void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
+                std::stop_token stop = {});
+
+ private:
+  std::unique_ptr<ClientImpl> impl_;
+};
+
+}  // namespace voxeld::client

@@ -1,0 +1,199 @@
+#include "client/transport.h"
+
+#include <curl/curl.h>
+
+#include <algorithm>
+#include <exception>
+#include <mutex>
+
+namespace voxeld::client {
+namespace {
+
+// What the callbacks of one exchange share. Exceptions of the caller's functions must not pass
+// through libcurl: they are kept and thrown again after it.
+struct Exchange {
+  const HttpRequest& request;
+  HttpAnswer& answer;
+  CURL* curl;
+  std::exception_ptr thrown;
+};
+
+template <typename Action>
+size_t guarded(Exchange& exchange, size_t on_failure, Action&& action) {
+  try {
+    return action();
+  } catch (...) {
+    exchange.thrown = std::current_exception();
+    return on_failure;
+  }
+}
+
+size_t on_read(char* buffer, size_t size, size_t count, void* user) {
+  auto& exchange = *static_cast<Exchange*>(user);
+  return guarded(exchange, CURL_READFUNC_ABORT, [&] {
+    return exchange.request.body(std::as_writable_bytes(std::span(buffer, size * count)));
+  });
+}
+
+size_t on_write(char* data, size_t size, size_t count, void* user) {
+  auto& exchange = *static_cast<Exchange*>(user);
+  const size_t bytes = size * count;
+  long status = 0;
+  curl_easy_getinfo(exchange.curl, CURLINFO_RESPONSE_CODE, &status);
+  return guarded(exchange, 0, [&] {
+    if (exchange.request.sink && status / 100 == 2) {
+      exchange.request.sink(std::as_bytes(std::span(data, bytes)));
+      exchange.answer.sunk_bytes += static_cast<long long>(bytes);
+    } else {
+      exchange.answer.body.append(data, bytes);
+    }
+    return bytes;
+  });
+}
+
+size_t on_header(char* data, size_t size, size_t count, void* user) {
+  auto& exchange = *static_cast<Exchange*>(user);
+  const std::string_view line(data, size * count);
+  if (line.starts_with("HTTP/")) exchange.answer.headers.clear();
+  const size_t colon = line.find(':');
+  if (colon != std::string_view::npos) {
+    std::string name(line.substr(0, colon));
+    std::ranges::transform(name, name.begin(), [](char c) {
+      return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+    });
+    std::string_view value = line.substr(colon + 1);
+    while (!value.empty() && value.front() == ' ') value.remove_prefix(1);
+    while (!value.empty() && (value.back() == '\r' || value.back() == '\n')) value.remove_suffix(1);
+    exchange.answer.headers[name] = value;
+  }
+  return line.size();
+}
+
+int on_progress(void* user, curl_off_t, curl_off_t, curl_off_t, curl_off_t) {
+  auto& exchange = *static_cast<Exchange*>(user);
+  if (!exchange.request.keep_going) return 0;
+  return guarded(exchange, 0, [&] { return exchange.request.keep_going() ? size_t{1} : size_t{0}; })
+             ? 0
+             : 1;
+}
+
+HttpAnswer::Failure failure_of(CURLcode code) {
+  switch (code) {
+    case CURLE_OK:
+      return HttpAnswer::Failure::kNone;
+    case CURLE_COULDNT_CONNECT:
+    case CURLE_COULDNT_RESOLVE_HOST:
+    case CURLE_UNSUPPORTED_PROTOCOL:
+    case CURLE_URL_MALFORMAT:
+      return HttpAnswer::Failure::kUnreachable;
+    case CURLE_OPERATION_TIMEDOUT:
+      return HttpAnswer::Failure::kTimeout;
+    case CURLE_ABORTED_BY_CALLBACK:
+      return HttpAnswer::Failure::kInterrupted;
+    default:
+      return HttpAnswer::Failure::kBroken;
+  }
+}
+
+template <typename Value>
+void set(CURL* curl, CURLoption option, Value value) {
+  curl_easy_setopt(curl, option, value);
+}
+
+}  // namespace
+
+struct Transport::Impl {
+  CURL* curl = nullptr;
+  std::chrono::seconds connect_timeout, timeout;
+};
+
+Transport::Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout)
+    : impl_(std::make_unique<Impl>()) {
+  static std::once_flag once;
+  std::call_once(once, [] { curl_global_init(CURL_GLOBAL_DEFAULT); });
+  impl_->curl = curl_easy_init();
+  impl_->connect_timeout = connect_timeout;
+  impl_->timeout = timeout;
+}
+
+Transport::~Transport() {
+  curl_easy_cleanup(impl_->curl);
+}
+
+std::string Transport::escape(std::string_view text) {
+  static constexpr char kHex[] = "0123456789ABCDEF";
+  std::string out;
+  for (const char c : text) {
+    const bool plain = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+                       c == '-' || c == '_' || c == '.' || c == '~';
+    if (plain) {
+      out += c;
+    } else {
+      out += '%';
+      out += kHex[static_cast<unsigned char>(c) >> 4];
+      out += kHex[static_cast<unsigned char>(c) & 15];
+    }
+  }
+  return out;
+}
+
+HttpAnswer Transport::exchange(const HttpRequest& request) {
+  CURL* curl = impl_->curl;
+  curl_easy_reset(curl);
+  HttpAnswer answer;
+  Exchange exchange{request, answer, curl, nullptr};
+  char error_text[CURL_ERROR_SIZE] = "";
+  set(curl, CURLOPT_URL, request.url.c_str());
+  set(curl, CURLOPT_PROTOCOLS_STR, "http,https");
+  set(curl, CURLOPT_NOPROXY, "localhost,127.0.0.1,::1");
+  set(curl, CURLOPT_NOSIGNAL, 1L);
+  set(curl, CURLOPT_ERRORBUFFER, error_text);
+  set(curl, CURLOPT_CONNECTTIMEOUT, static_cast<long>(impl_->connect_timeout.count()));
+  set(curl, CURLOPT_TIMEOUT, static_cast<long>(impl_->timeout.count()));
+  set(curl, CURLOPT_WRITEFUNCTION, on_write);
+  set(curl, CURLOPT_WRITEDATA, &exchange);
+  set(curl, CURLOPT_HEADERFUNCTION, on_header);
+  set(curl, CURLOPT_HEADERDATA, &exchange);
+  set(curl, CURLOPT_XFERINFOFUNCTION, on_progress);
+  set(curl, CURLOPT_XFERINFODATA, &exchange);
+  set(curl, CURLOPT_NOPROGRESS, 0L);
+
+  curl_slist* headers = nullptr;
+  for (const std::string& header : request.headers) {
+    headers = curl_slist_append(headers, header.c_str());
+  }
+  if (request.body) {
+    set(curl, CURLOPT_POST, 1L);
+    set(curl, CURLOPT_READFUNCTION, on_read);
+    set(curl, CURLOPT_READDATA, &exchange);
+    if (request.body_bytes) {
+      set(curl, CURLOPT_POSTFIELDSIZE_LARGE, static_cast<curl_off_t>(*request.body_bytes));
+    } else {
+      headers = curl_slist_append(headers, "Transfer-Encoding: chunked");
+    }
+  } else if (request.method == "POST") {
+    set(curl, CURLOPT_POST, 1L);
+    set(curl, CURLOPT_POSTFIELDSIZE, 0L);
+  } else if (request.method != "GET") {
+    set(curl, CURLOPT_CUSTOMREQUEST, request.method.c_str());
+  }
+  set(curl, CURLOPT_HTTPHEADER, headers);
+  const CURLcode code = curl_easy_perform(curl);
+  curl_slist_free_all(headers);
+  if (exchange.thrown) std::rethrow_exception(exchange.thrown);
+
+  long status = 0;
+  curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
+  answer.failure = failure_of(code);
+  answer.status = static_cast<int>(status);
+  // An answer that came before the body was sent whole (413, say) is an answer all the same.
+  if (answer.failure == HttpAnswer::Failure::kBroken && status >= 400 && !answer.body.empty()) {
+    answer.failure = HttpAnswer::Failure::kNone;
+  }
+  if (answer.failure != HttpAnswer::Failure::kNone) {
+    answer.failure_text = error_text[0] != '\0' ? error_text : curl_easy_strerror(code);
+  }
+  return answer;
+}
+
+}  // namespace voxeld::client
