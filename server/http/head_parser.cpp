@@ -63,7 +63,7 @@ Status parse_target(Head& head) {
                std::to_string(target.size()));
   }
   if (target.starts_with("http://")) {  // absolute form, as proxies send it
-    const size_t slash = target.find('/', 7);
+    const size_t slash = target.find_first_of("/?", 7);
     target = slash == std::string_view::npos ? "/" : target.substr(slash);
   }
   if (!target.starts_with('/') && !(target == "*" && head.method == "OPTIONS")) {
