@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
@@ -37,9 +38,13 @@ Options& Options::set(std::string name, std::string value) {
   return *this;
 }
 
-Source Source::file(std::filesystem::path path) {
+bool Options::has(std::string_view name) const {
+  return std::ranges::any_of(pairs_, [&](const auto& pair) { return pair.first == name; });
+}
+
+Source Source::file(std::filesystem::path path, std::string filename) {
   Source source;
-  source.filename_ = path.filename().string();
+  source.filename_ = filename.empty() ? path.filename().string() : std::move(filename);
   source.path_ = std::move(path);
   return source;
 }
@@ -104,7 +109,7 @@ std::string Client::asset_json(std::string_view asset) {
   return impl_->call(std::move(request)).body;
 }
 
-JobInfo Client::submit(std::string_view kind, std::string_view input, const Options& options) {
+JobInfo Client::submit(std::string_view kind, const Input& input, const Options& options) {
   return impl_->submit(kind, input, options);
 }
 

@@ -40,15 +40,31 @@ SourceReader file_reader(const std::filesystem::path& path) {
           static_cast<long long>(bytes)};
 }
 
-SourceReader memory_reader(const std::vector<std::byte>& bytes) {
-  auto at = std::make_shared<size_t>(0);
-  return {[&bytes, at](std::span<std::byte> buffer) {
-            const size_t count = std::min(buffer.size(), bytes.size() - *at);
-            std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(*at), count, buffer.begin());
-            *at += count;
+// The bytes must outlive the reader.
+SourceReader memory_reader(std::span<const std::byte> bytes) {
+  auto left = std::make_shared<std::span<const std::byte>>(bytes);
+  return {[left](std::span<std::byte> buffer) {
+            const size_t count = std::min(buffer.size(), left->size());
+            std::ranges::copy(left->first(count), buffer.begin());
+            *left = left->subspan(count);
             return count;
           },
           static_cast<long long>(bytes.size())};
+}
+
+SourceReader text_reader(const std::string& text) {
+  return memory_reader(std::as_bytes(std::span(text)));
+}
+
+bool is_good(const HttpAnswer& answer) {
+  return answer.failure == HttpAnswer::Failure::kNone && answer.status / 100 == 2;
+}
+
+// Nothing was done, and a later try may go through.
+bool is_busy(const HttpAnswer& answer) {
+  return answer.failure == HttpAnswer::Failure::kUnreachable ||
+         (answer.failure == HttpAnswer::Failure::kNone &&
+          (answer.status == 429 || answer.status == 503));
 }
 
 std::string header_of(const HttpAnswer& answer, const std::string& name) {
@@ -147,24 +163,22 @@ void ClientImpl::pause(int attempt, const HttpAnswer& answer, const std::stop_to
   }
 }
 
-HttpAnswer ClientImpl::call_once(const HttpRequest& request) {
-  HttpAnswer answer = transport_.exchange(request);
-  if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
-  return answer;
-}
-
-HttpAnswer ClientImpl::call(HttpRequest request, const std::stop_token& stop) {
+HttpAnswer ClientImpl::call(HttpRequest request, const std::string& body,
+                            const std::stop_token& stop) {
   if (!request.keep_going) request.keep_going = [&] { return !stop.stop_requested(); };
   for (int attempt = 0;; ++attempt) {
-    HttpAnswer answer = transport_.exchange(request);
-    const bool is_busy = answer.failure == HttpAnswer::Failure::kUnreachable ||
-                         (answer.failure == HttpAnswer::Failure::kNone &&
-                          (answer.status == 429 || answer.status == 503));
-    if (!is_busy || attempt >= settings_.retries) {
-      if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
-      return answer;
+    auto reader = text_reader(body);
+    if (!body.empty()) {
+      request.body = reader.read;
+      request.body_bytes = reader.bytes;
     }
-    pause(attempt, answer, stop);
+    HttpAnswer answer = transport_.exchange(request);
+    if (is_busy(answer) && attempt < settings_.retries) {
+      pause(attempt, answer, stop);
+      continue;
+    }
+    if (!is_good(answer)) fail(answer);
+    return answer;
   }
 }
 
@@ -196,22 +210,20 @@ std::string ClientImpl::upload(const Source& source, const ProgressCallback& pro
       return !stopped;
     };
     const HttpAnswer answer = transport_.exchange(request);
-    const bool is_busy = answer.failure == HttpAnswer::Failure::kUnreachable ||
-                         answer.status == 429 || answer.status == 503;
     if (stopped) throw interrupted();
-    if (is_busy && repeatable && attempt < settings_.retries) {
+    if (is_busy(answer) && repeatable && attempt < settings_.retries) {
       pause(attempt, answer, stop);
       continue;
     }
-    if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
+    if (!is_good(answer)) fail(answer);
     return text_of(parse_object(answer.body), "id");
   }
 }
 
-JobInfo ClientImpl::submit(std::string_view kind, std::string_view input, const Options& options) {
+JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Options& options) {
   Json body = {{"kind", kind}, {"options", Json::object()}};
-  const bool is_grid = kind == "export";
-  body[is_grid ? "grid" : "asset"] = input;
+  if (!input.asset.empty()) body["asset"] = input.asset;
+  if (!input.grid.empty()) body["grid"] = input.grid;
   for (const auto& [name, value] : options.pairs()) {
     if (name == "filename") {
       body["filename"] = value;
@@ -219,31 +231,11 @@ JobInfo ClientImpl::submit(std::string_view kind, std::string_view input, const 
       body["options"][name] = value;
     }
   }
-  const std::string text = body.dump();
   HttpRequest request;
   request.method = "POST";
   request.url = url("/v1/jobs");
   request.headers = {"Content-Type: application/json"};
-  auto at = std::make_shared<size_t>(0);
-  for (int attempt = 0;; ++attempt) {
-    *at = 0;
-    request.body_bytes = static_cast<long long>(text.size());
-    request.body = [&text, at](std::span<std::byte> buffer) {
-      const size_t count = std::min(buffer.size(), text.size() - *at);
-      std::memcpy(buffer.data(), text.data() + *at, count);
-      *at += count;
-      return count;
-    };
-    const HttpAnswer answer = transport_.exchange(request);
-    const bool is_busy = answer.failure == HttpAnswer::Failure::kUnreachable ||
-                         answer.status == 429 || answer.status == 503;
-    if (is_busy && attempt < settings_.retries) {
-      pause(attempt, answer, {});
-      continue;
-    }
-    if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) fail(answer);
-    return job_info(parse_object(answer.body));
-  }
+  return job_info(parse_object(call(std::move(request), body.dump()).body));
 }
 
 JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
@@ -259,9 +251,10 @@ JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
     HttpAnswer answer = transport_.exchange(request);
     if (stop.stop_requested()) throw interrupted();
     if (answer.status == 304 && answer.failure == HttpAnswer::Failure::kNone) continue;
-    if (answer.failure == HttpAnswer::Failure::kUnreachable || answer.status == 503) {
-      answer = call(request, stop);
-    } else if (answer.failure != HttpAnswer::Failure::kNone || answer.status / 100 != 2) {
+    // A daemon that restarts keeps its jobs.
+    if (is_busy(answer) || answer.failure == HttpAnswer::Failure::kBroken) {
+      answer = call(request, "", stop);
+    } else if (!is_good(answer)) {
       fail(answer);
     }
     etag = header_of(answer, "etag");
@@ -303,10 +296,8 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
     const HttpAnswer answer = transport_.exchange(request);
     if (stopped) throw interrupted();
     if (!header_of(answer, "etag").empty()) etag = header_of(answer, "etag");
-    if (answer.failure == HttpAnswer::Failure::kNone && answer.status / 100 == 2) return;
-    const bool resumable = answer.failure == HttpAnswer::Failure::kBroken ||
-                           answer.failure == HttpAnswer::Failure::kUnreachable ||
-                           answer.status == 503 || answer.status == 429;
+    if (is_good(answer)) return;
+    const bool resumable = answer.failure == HttpAnswer::Failure::kBroken || is_busy(answer);
     if (!resumable || attempt >= settings_.retries || (done > 0 && etag.empty())) fail(answer);
     pause(attempt, answer, stop);
   }
@@ -317,8 +308,10 @@ JobInfo ClientImpl::run(std::string_view kind, const Source& source, const Optio
                         const std::stop_token& stop) {
   const std::string asset = upload(source, progress, stop);
   Options named = options;
-  if (!source.filename().empty()) named.set("filename", source.filename());
-  JobInfo info = submit(kind, asset, named);
+  if (!source.filename().empty() && !named.has("filename")) {
+    named.set("filename", source.filename());
+  }
+  JobInfo info = submit(kind, Input::of_asset(asset), named);
   try {
     info = wait(info.id, progress, stop);
   } catch (const Error& error) {

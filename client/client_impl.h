@@ -15,16 +15,15 @@ class ClientImpl {
  public:
   explicit ClientImpl(Settings settings);
 
-  // Exchanges until the answer is not 429, 503 or a refused connection, or tries are used up. Not for
-  // requests whose body cannot be sent twice. Throws Error for everything but 2xx.
-  HttpAnswer call(HttpRequest request, const std::stop_token& stop = {});
-  // One exchange; throws Error for everything but 2xx.
-  HttpAnswer call_once(const HttpRequest& request);
+  // Exchanges until the answer is not 429, 503 or a refused connection, or tries are used up; `body`
+  // is sent anew each time. Throws Error for everything but 2xx.
+  HttpAnswer call(HttpRequest request, const std::string& body = "",
+                  const std::stop_token& stop = {});
   std::string url(std::string_view path) const { return settings_.url + std::string(path); }
 
   std::string upload(const Source& source, const ProgressCallback& progress,
                      const std::stop_token& stop);
-  JobInfo submit(std::string_view kind, std::string_view input, const Options& options);
+  JobInfo submit(std::string_view kind, const Input& input, const Options& options);
   JobInfo wait(std::string_view id, const ProgressCallback& progress, const std::stop_token& stop);
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
                 const std::stop_token& stop);

@@ -246,9 +246,12 @@ Status check_combinations(const RequestOptions& options) {
     return Error{ErrorCode::kInvalidOption, "size, dims and voxel_size exclude each other",
                  "at most one of them", std::to_string(given)};
   }
-  const int side = p.size.value_or(limits::kGridSideMax);
+  if (p.voxel_size) return {};
+  const int side = p.dims ? std::ranges::min(*p.dims) : p.size.value_or(kDefaultSize);
   if (2 * p.padding >= side) {
-    return invalid("padding", "less than half of size " + std::to_string(side),
+    return invalid("padding",
+                   p.dims ? "less than half of each of dims"
+                          : "less than half of size " + std::to_string(side),
                    std::to_string(p.padding));
   }
   return {};
@@ -259,17 +262,21 @@ Result<std::string> text_of(const std::string& name, const nlohmann::json& value
   if (value.is_boolean()) return std::string(value.get<bool>() ? "yes" : "no");
   if (value.is_number_integer()) return value.dump();
   if (value.is_number()) return to_text(value.get<double>());
-  if (value.is_array()) {
+  const std::string expected = "a text, a number or a list of them";
+  if (value.is_array() && !value.empty()) {
     std::string text;
     for (const auto& element : value) {
-      if (element.is_array() || element.is_object()) break;
+      if (element.is_array() || element.is_object()) {
+        return Error{ErrorCode::kInvalidOption, name, expected,
+                     element.is_array() ? "a list in a list" : "an object in a list"};
+      }
       VOXELD_ASSIGN(const std::string part, text_of(name, element));
-      text += (text.empty() ? "" : ",") + part;
+      if (&element != &value.front()) text += ",";
+      text += part;
     }
-    if (!text.empty()) return text;
+    return text;
   }
-  return Error{ErrorCode::kInvalidOption, name, "a text, a number or a list of them",
-               std::string(value.type_name())};
+  return Error{ErrorCode::kInvalidOption, name, expected, std::string(value.type_name())};
 }
 
 }  // namespace

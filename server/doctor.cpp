@@ -5,12 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "proto/version.h"
 #include "server/gpu/device.h"
 #include "server/gpu/workarounds.h"
-
-#ifndef VOXELD_VERSION
-#define VOXELD_VERSION "0.1.0"
-#endif
 
 namespace voxeld {
 namespace {
@@ -110,7 +107,7 @@ json device_json(const DeviceProbe& probe) {
 }
 
 void print_text(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoChoice>& choice) {
-  std::printf("voxeld %s\n\n", VOXELD_VERSION);
+  std::printf("voxeld %s\n\n", std::string(version()).c_str());
   for (const DeviceProbe& probe : probes) print_device(probe);
   std::printf("\ndriver workarounds (VOXELD_WORKAROUNDS=-name turns one off)\n");
   for (const gpu::WorkaroundInfo& one : gpu::all_workarounds()) {
@@ -126,7 +123,7 @@ void print_text(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoCh
 }
 
 void print_json(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoChoice>& choice) {
-  json object = {{"version", VOXELD_VERSION}, {"devices", json::array()}};
+  json object = {{"version", version()}, {"devices", json::array()}};
   for (const DeviceProbe& probe : probes) object["devices"].push_back(device_json(probe));
   for (const gpu::WorkaroundInfo& one : gpu::all_workarounds()) {
     object["workarounds"][std::string(one.name)] = gpu::workaround_enabled(one.workaround);

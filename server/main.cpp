@@ -6,16 +6,13 @@
 #include <type_traits>
 #include <variant>
 
+#include "proto/version.h"
 #include "server/base/log.h"
 #include "server/config.h"
 #include "server/doctor.h"
 #include "server/gpu/device.h"
 #include "server/serve.h"
 #include "server/worker/worker.h"
-
-#ifndef VOXELD_VERSION
-#define VOXELD_VERSION "0.1.0"
-#endif
 
 namespace voxeld {
 namespace {
@@ -57,7 +54,7 @@ int run(const Command& command, const std::string& self) {
         if constexpr (std::is_same_v<Chosen, ProbeDeviceCommand>) return run_probe(chosen);
         if constexpr (std::is_same_v<Chosen, ExitCommand>) return chosen.status;
         if constexpr (std::is_same_v<Chosen, VersionCommand>) {
-          std::printf("voxeld %s\n", VOXELD_VERSION);
+          std::printf("voxeld %s\n", std::string(version()).c_str());
           return 0;
         }
       },

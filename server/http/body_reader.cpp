@@ -19,6 +19,16 @@ Error bad_chunk(std::string detail) {
   return {ErrorCode::kBadRequest, "chunked body: " + std::move(detail), "", ""};
 }
 
+// Sizes, extensions and trailers: a bare line feed would end the line for a laxer reader.
+Status check_controls(std::string_view line) {
+  for (const char c : line) {
+    if ((static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7f) {
+      return bad_chunk("control character");
+    }
+  }
+  return {};
+}
+
 Result<uint64_t> chunk_size(std::string_view line) {
   const std::string_view digits = line.substr(0, line.find(';'));
   uint64_t size = 0;
@@ -26,9 +36,6 @@ Result<uint64_t> chunk_size(std::string_view line) {
   if (digits.empty() || digits.size() > 15 || error != std::errc() ||
       end != digits.data() + digits.size()) {
     return bad_chunk("a chunk's size is not hexadecimal");
-  }
-  for (const char c : line) {
-    if (static_cast<unsigned char>(c) < 0x20 && c != '\t') return bad_chunk("control character");
   }
   return size;
 }
@@ -58,19 +65,24 @@ Result<bool> ChunkDecoder::feed(std::string& buffer,
       continue;
     }
     const size_t end = rest.find("\r\n");
-    if (end == std::string_view::npos) {
-      if (rest.size() > kChunkLineMax) return bad_chunk("a line is too long");
-      break;
+    // The same limit whether or not the line is whole yet: how the bytes came in pieces must not
+    // matter.
+    const size_t bytes = end != std::string_view::npos
+                             ? end
+                             : rest.size() - static_cast<size_t>(rest.ends_with('\r'));
+    if (state_ == State::kSize && bytes > kChunkLineMax) return bad_chunk("a line is too long");
+    if (state_ == State::kTrailer && trailer_bytes_ + bytes > kTrailerBytesMax) {
+      return bad_chunk("trailers are too long");
     }
+    if (end == std::string_view::npos) break;
     const std::string_view line = rest.substr(0, end);
     at += end + 2;
+    VOXELD_TRY(check_controls(line));
     if (state_ == State::kSize) {
-      if (line.size() > kChunkLineMax) return bad_chunk("a line is too long");
       VOXELD_ASSIGN(left_, chunk_size(line));
       state_ = left_ == 0 ? State::kTrailer : State::kData;
     } else {
       trailer_bytes_ += line.size();
-      if (trailer_bytes_ > kTrailerBytesMax) return bad_chunk("trailers are too long");
       if (line.empty()) state_ = State::kDone;
     }
   }

@@ -50,7 +50,7 @@ class VOXELD_CLIENT_API Error : public std::runtime_error {
 struct Settings {
   std::string url = "http://127.0.0.1:8080";
   std::chrono::seconds connect_timeout{10};
-  // For a whole operation (upload, computation, download); zero: none.
+  // For one exchange with the daemon (the upload, one look at the job, the download); zero: none.
   std::chrono::seconds timeout{0};
   // Further tries after 429, 503 or a refused connection, with a pause that doubles from 200 ms (or
   // what Retry-After says). An interrupted download is resumed where it stopped.
@@ -61,6 +61,7 @@ struct Settings {
 class VOXELD_CLIENT_API Options {
  public:
   Options& set(std::string name, std::string value);
+  bool has(std::string_view name) const;
   const std::vector<std::pair<std::string, std::string>>& pairs() const { return pairs_; }
 
  private:
@@ -70,8 +71,9 @@ class VOXELD_CLIENT_API Options {
 // Where the bytes of a mesh come from. Files and streams are sent piece by piece.
 class VOXELD_CLIENT_API Source {
  public:
-  static Source file(std::filesystem::path path);
-  // `filename` names the format ("a.ply"); empty: told from the first bytes.
+  // `filename` names the format ("a.ply"); empty: the path's own name.
+  static Source file(std::filesystem::path path, std::string filename = "");
+  // Here an empty `filename` leaves the format to the first bytes.
   static Source memory(std::vector<std::byte> bytes, std::string filename);
   // Fills the buffer and returns how many bytes; 0 at the end. Called until then, once.
   static Source stream(std::function<size_t(std::span<std::byte>)> read, std::string filename);
@@ -140,6 +142,14 @@ struct JobInfo {
   bool ended() const { return state == "done" || state == "failed" || state == "cancelled"; }
 };
 
+// What a job works on: one of the two is set.
+struct Input {
+  std::string asset;  // what upload() returned
+  std::string grid;   // JobInfo::grid
+  static Input of_asset(std::string id) { return {std::move(id), ""}; }
+  static Input of_grid(std::string id) { return {"", std::move(id)}; }
+};
+
 // Gets pieces of a result in order.
 using Sink = std::function<void(std::span<const std::byte>)>;
 
@@ -169,8 +179,8 @@ class VOXELD_CLIENT_API Client {
   std::string upload(const Source& source, const ProgressCallback& progress = {},
                      std::stop_token stop = {});
   std::string asset_json(std::string_view asset);
-  // kind: voxelize, render, export, inspect; input: an asset's or a grid's id.
-  JobInfo submit(std::string_view kind, std::string_view input, const Options& options);
+  // kind: voxelize, inspect (of an asset), render (of either), export (of a grid).
+  JobInfo submit(std::string_view kind, const Input& input, const Options& options);
   JobInfo job(std::string_view id);
   // Until the job has ended. Throws the job's own error when it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},

@@ -1,0 +1,170 @@
+#include "client/cli/arguments.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+
+#include "proto/options.h"
+#include "proto/version.h"
+
+namespace voxeld::cli {
+namespace {
+
+constexpr const char* kFooter =
+    "\nexit status: 0 done, 1 failure, 2 usage, 3 bad input, 4 over a limit, 5 no daemon,\n"
+    "6 job failed or cancelled, 130 interrupted. VOXELD_URL names the daemon.";
+
+std::string flag_of(std::string_view name) {
+  std::string flag = "--" + std::string(name);
+  std::ranges::replace(flag, '_', '-');
+  return flag;
+}
+
+// Flags as given; only those that were given go to the daemon.
+using Given = std::map<std::string, std::string>;
+
+enum class Flags { kVoxelize, kRender };
+
+void add_option_flags(CLI::App& app, Flags flags, Given& given) {
+  for (const OptionInfo& info : option_table()) {
+    const bool is_wanted =
+        info.for_voxelize || (flags == Flags::kVoxelize ? info.for_output : info.for_render);
+    if (!is_wanted) continue;
+    const std::string name(info.name);
+    app.add_option_function<std::string>(
+           flag_of(name), [&given, name](const std::string& value) { given[name] = value; },
+           std::string(info.help))
+        ->type_name(std::string(info.value));
+  }
+}
+
+void add_common_flags(CLI::App& app, Arguments& arguments) {
+  app.add_option("--url", arguments.url,
+                 "the daemon (default: $VOXELD_URL or http://127.0.0.1:8080)")
+      ->type_name("URL");
+  app.add_option("--timeout", arguments.timeout_s, "seconds for one exchange with the daemon")
+      ->type_name("S")
+      ->check(CLI::Range(0, 1000000));
+  app.add_flag("--json", arguments.json, "say what was done as JSON on stdout");
+  app.add_flag("-q,--quiet", arguments.quiet, "no progress, no warnings");
+}
+
+void add_output_flag(CLI::App& app, Arguments& arguments) {
+  app.add_option("-o,--output", arguments.output,
+                 "file to write, - for stdout (default: stdout unless that is a terminal)")
+      ->type_name("FILE");
+}
+
+// The format that the output's name says; an unknown extension is a mistake, not a guess.
+std::string format_by_extension(const std::string& output) {
+  if (output.empty() || output == "-") return "";
+  const std::string extension = std::filesystem::path(output).extension().string();
+  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
+    if (extension == format_extension(format)) return std::string(format_name(format));
+  }
+  throw CLI::ValidationError("--output",
+                             "expected a name that ends in .npy, .npz, .vox or .voxg (or "
+                             "--format), got \"" +
+                                 output + "\"");
+}
+
+// Checks the options here, by the daemon's own table, before anything is sent.
+void take_options(const Given& given, OptionScope scope, Arguments& arguments) {
+  OptionPairs pairs(given.begin(), given.end());
+  if (const auto parsed = parse_options(pairs, scope); !parsed) {
+    throw CLI::ValidationError(parsed.error().message());
+  }
+  for (const auto& [name, value] : pairs) arguments.options.set(name, value);
+}
+
+void check_voxelize(Arguments& arguments, Given& given) {
+  if (arguments.input.empty()) throw CLI::RequiredError("a mesh file, or - for stdin,");
+  if (!given.contains("format")) {
+    const std::string format = format_by_extension(arguments.output);
+    if (!format.empty()) given["format"] = format;
+  }
+  take_options(given, OptionScope::kVoxelize, arguments);
+}
+
+void check_render(Arguments& arguments, const Given& given) {
+  if (arguments.input.empty() == arguments.grid.empty()) {
+    throw CLI::RequiredError("either a mesh file (- for stdin) or --grid");
+  }
+  take_options(given, arguments.grid.empty() ? OptionScope::kRenderMesh : OptionScope::kRenderGrid,
+               arguments);
+}
+
+void check_outputs(const Arguments& arguments) {
+  const bool writes = arguments.command == Arguments::Command::kVoxelize ||
+                      arguments.command == Arguments::Command::kRender;
+  if (writes && arguments.json && (arguments.output.empty() || arguments.output == "-")) {
+    throw CLI::ValidationError("--json", "needs -o FILE: stdout carries the JSON");
+  }
+  if (arguments.cancel && arguments.job.empty()) throw CLI::RequiredError("the job's id");
+}
+
+std::string default_url() {
+  const char* url = std::getenv("VOXELD_URL");
+  return url != nullptr && *url != '\0' ? url : "http://127.0.0.1:8080";
+}
+
+}  // namespace
+
+std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
+  Arguments arguments;
+  Given voxelize_given, render_given;
+  CLI::App app("voxel: voxel grids and pictures of meshes, from a voxeld daemon");
+  app.footer(kFooter);
+  app.set_version_flag("--version", "voxel " + std::string(version()));
+  app.add_option("input", arguments.input, "mesh file (obj ply stl off gltf glb zip), - for stdin");
+  add_output_flag(app, arguments);
+  add_common_flags(app, arguments);
+  add_option_flags(app, Flags::kVoxelize, voxelize_given);
+
+  CLI::App* render = app.add_subcommand("render", "a PNG of a mesh's voxels");
+  render->add_option("input", arguments.input, "mesh file, - for stdin");
+  render->add_option("--grid", arguments.grid, "a stored grid instead of a mesh")->type_name("ID");
+  add_output_flag(*render, arguments);
+  add_common_flags(*render, arguments);
+  add_option_flags(*render, Flags::kRender, render_given);
+
+  CLI::App* jobs = app.add_subcommand("jobs", "the daemon's latest jobs, or one of them");
+  jobs->add_option("id", arguments.job, "one job; with -o its result is fetched");
+  jobs->add_flag("--cancel", arguments.cancel, "cancel it");
+  jobs->add_option("--limit", arguments.limit, "how many (default 20)")->check(CLI::Range(1, 1000));
+  add_output_flag(*jobs, arguments);
+  add_common_flags(*jobs, arguments);
+
+  CLI::App* info = app.add_subcommand("info", "what a mesh or a .voxg file holds");
+  info->add_option("input", arguments.input, "mesh file or .voxg file, - for stdin")->required();
+  add_common_flags(*info, arguments);
+
+  CLI::App* formats = app.add_subcommand("formats", "what is read and written");
+  add_common_flags(*formats, arguments);
+  app.require_subcommand(0, 1);
+
+  try {
+    app.parse(argc, argv);
+    using enum Arguments::Command;
+    arguments.command = render->parsed()    ? kRender
+                        : jobs->parsed()    ? kJobs
+                        : info->parsed()    ? kInfo
+                        : formats->parsed() ? kFormats
+                                            : kVoxelize;
+    if (arguments.command == kVoxelize) check_voxelize(arguments, voxelize_given);
+    if (arguments.command == kRender) check_render(arguments, render_given);
+    check_outputs(arguments);
+  } catch (const CLI::Success& request) {
+    app.exit(request);  // --help, --version: on stdout
+    return kSuccess;
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "voxel: %s\nvoxel --help tells more\n", error.what());
+    return kUsage;
+  }
+  if (arguments.url.empty()) arguments.url = default_url();
+  return arguments;
+}
+
+}  // namespace voxeld::cli

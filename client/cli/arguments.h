@@ -1,0 +1,33 @@
+// The command line of voxel: subcommands and flags. Flags that go to the daemon come from the one
+// table of options (proto/options.h).
+#pragma once
+
+#include <string>
+#include <variant>
+
+#include "client/cli/exit_status.h"
+#include "client/include/voxeld/client.h"
+
+namespace voxeld::cli {
+
+struct Arguments {
+  enum class Command { kVoxelize, kRender, kJobs, kInfo, kFormats } command = Command::kVoxelize;
+  std::string url;
+  bool json = false;   // say what happened as JSON on stdout
+  bool quiet = false;  // neither progress nor warnings on stderr
+  int timeout_s = 0;   // of one exchange with the daemon; 0: none
+
+  std::string input;   // path, or "-" for stdin
+  std::string output;  // path, or "-" for stdout; empty: stdout if that is no terminal
+  std::string grid;    // render: the id of a stored grid instead of a mesh
+  client::Options options;
+
+  std::string job;      // jobs: one of them
+  bool cancel = false;  // jobs: cancel it
+  int limit = 20;       // jobs: how many
+};
+
+// The arguments, or the status to end with; help, the version and mistakes are printed here.
+std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv);
+
+}  // namespace voxeld::cli

@@ -1,0 +1,226 @@
+#include "client/cli/bundle.h"
+
+#include <unistd.h>
+#include <zip.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <set>
+
+namespace voxeld::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+std::string lower_extension(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+// Collects names, each once, that stay inside the mesh's folder and exist there.
+class Names {
+ public:
+  explicit Names(fs::path folder) : folder_(std::move(folder)) {}
+  bool add(std::string name) {
+    std::ranges::replace(name, '\\', '/');
+    const fs::path path = fs::path(name).lexically_normal();
+    if (path.empty() || path.is_absolute() || *path.begin() == "..") return false;
+    std::error_code error;
+    if (!fs::is_regular_file(folder_ / path, error)) return false;
+    if (seen_.insert(path.string()).second) list_.push_back(path.string());
+    return true;
+  }
+  std::vector<std::string> take() { return std::move(list_); }
+
+ private:
+  fs::path folder_;
+  std::set<std::string> seen_;
+  std::vector<std::string> list_;
+};
+
+struct Statement {
+  std::string key, rest;
+};
+
+// Lines "key rest", without comments and outer blanks.
+template <typename Visit>
+void for_each_statement(const fs::path& path, Visit&& visit) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    const size_t begin = line.find_first_not_of(" \t");
+    if (begin == std::string::npos || line[begin] == '#') continue;
+    const size_t key_end = std::min(line.find_first_of(" \t\r", begin), line.size());
+    const size_t rest = line.find_first_not_of(" \t", key_end);
+    const size_t end = line.find_last_not_of(" \t\r") + 1;
+    visit(Statement{line.substr(begin, key_end - begin),
+                    rest < end ? line.substr(rest, end - rest) : std::string()});
+  }
+}
+
+std::string last_word(const std::string& text) {
+  const size_t blank = text.find_last_of(" \t");
+  return blank == std::string::npos ? text : text.substr(blank + 1);
+}
+
+// The whole rest of a line is one name with blanks, or else its last word is (after options), or
+// else every word is a name.
+void add_names(const std::string& rest, Names& names) {
+  if (rest.empty() || names.add(rest) || names.add(last_word(rest))) return;
+  size_t begin = 0;
+  while ((begin = rest.find_first_not_of(" \t", begin)) != std::string::npos) {
+    const size_t end = std::min(rest.find_first_of(" \t", begin), rest.size());
+    names.add(rest.substr(begin, end - begin));
+    begin = end;
+  }
+}
+
+void add_words(const std::string& rest, Names& names, std::vector<std::string>& words) {
+  if (names.add(rest)) {
+    words.push_back(rest);
+    return;
+  }
+  size_t begin = 0;
+  while ((begin = rest.find_first_not_of(" \t", begin)) != std::string::npos) {
+    const size_t end = std::min(rest.find_first_of(" \t", begin), rest.size());
+    std::string word = rest.substr(begin, end - begin);
+    if (names.add(word)) words.push_back(std::move(word));
+    begin = end;
+  }
+}
+
+std::vector<std::string> files_of_obj(const fs::path& mesh) {
+  Names names(mesh.parent_path());
+  std::vector<std::string> materials;
+  for_each_statement(mesh, [&](const Statement& statement) {
+    if (statement.key == "mtllib") add_words(statement.rest, names, materials);
+  });
+  for (const std::string& material : materials) {
+    for_each_statement(mesh.parent_path() / material, [&](const Statement& statement) {
+      if (statement.key.starts_with("map_")) add_names(statement.rest, names);
+    });
+  }
+  return names.take();
+}
+
+std::string percent_decoded(const std::string& text) {
+  const auto digit = [](char c) {
+    return c >= '0' && c <= '9'                 ? c - '0'
+           : (c | 32) >= 'a' && (c | 32) <= 'f' ? (c | 32) - 'a' + 10
+                                                : -1;
+  };
+  std::string out;
+  for (size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 &&
+        digit(text[i + 2]) >= 0) {
+      out += static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2]));
+      i += 2;
+    } else {
+      out += text[i];
+    }
+  }
+  return out;
+}
+
+std::vector<std::string> files_of_gltf(const fs::path& mesh) {
+  Names names(mesh.parent_path());
+  std::ifstream file(mesh);
+  // A broken document is sent as it is: the daemon says what is wrong with it.
+  const Json document = Json::parse(file, nullptr, false);
+  for (const char* list : {"buffers", "images"}) {
+    if (!document.is_object() || !document.contains(list) || !document[list].is_array()) continue;
+    for (const Json& item : document[list]) {
+      if (!item.is_object() || !item.contains("uri") || !item["uri"].is_string()) continue;
+      const auto& uri = item["uri"].get_ref<const std::string&>();
+      if (!uri.starts_with("data:") && !names.add(percent_decoded(uri))) names.add(uri);
+    }
+  }
+  return names.take();
+}
+
+[[noreturn]] void fail_zip(const fs::path& path, const std::string& why) {
+  throw client::Error("file", 0, path.string() + ": cannot be put into an archive: " + why);
+}
+
+// A name for a new file in the temporary folder.
+fs::path temporary_path() {
+  std::string path = (fs::temp_directory_path() / "voxel-XXXXXX").string();
+  const int descriptor = mkstemp(path.data());
+  if (descriptor < 0) fail_zip(path, "the temporary folder cannot be written");
+  close(descriptor);
+  return path;
+}
+
+void write_zip(const fs::path& archive, const fs::path& folder,
+               const std::vector<std::string>& names) {
+  int code = 0;
+  zip_t* zip = zip_open(archive.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
+  if (zip == nullptr) fail_zip(archive, "error " + std::to_string(code));
+  for (const std::string& name : names) {
+    zip_source_t* file = zip_source_file(zip, (folder / name).c_str(), 0, -1);
+    const zip_int64_t index =
+        file == nullptr ? -1 : zip_file_add(zip, name.c_str(), file, ZIP_FL_ENC_UTF_8);
+    if (index < 0) {
+      const std::string why = zip_strerror(zip);
+      if (file != nullptr) zip_source_free(file);
+      zip_discard(zip);
+      fail_zip(name, why);
+    }
+    // The way to the daemon is short: storing is faster than deflating.
+    zip_set_file_compression(zip, static_cast<zip_uint64_t>(index), ZIP_CM_STORE, 0);
+  }
+  if (zip_close(zip) != 0) {
+    const std::string why = zip_strerror(zip);
+    zip_discard(zip);
+    fail_zip(archive, why);
+  }
+}
+
+client::Source stdin_source() {
+  return client::Source::stream(
+      [](std::span<std::byte> buffer) {
+        const size_t count = std::fread(buffer.data(), 1, buffer.size(), stdin);
+        if (count == 0 && std::ferror(stdin) != 0)
+          throw client::Error("file", 0, "stdin cannot be read");
+        return count;
+      },
+      "");
+}
+
+}  // namespace
+
+std::vector<std::string> referenced_files(const fs::path& mesh) {
+  const std::string extension = lower_extension(mesh);
+  if (extension == ".obj") return files_of_obj(mesh);
+  if (extension == ".gltf") return files_of_gltf(mesh);
+  return {};
+}
+
+MeshSource MeshSource::open(const std::string& input) {
+  if (input == "-") return MeshSource(stdin_source());
+  const fs::path mesh(input);
+  std::error_code error;
+  if (fs::is_directory(mesh, error))
+    throw client::Error("file", 0, input + ": is a folder, expected a mesh file");
+  std::vector<std::string> names = referenced_files(mesh);
+  if (names.empty()) return MeshSource(client::Source::file(mesh));
+  names.insert(names.begin(), mesh.filename().string());
+  const fs::path archive = temporary_path();
+  std::shared_ptr<void> remove(nullptr, [archive](void*) {
+    std::error_code ignored;
+    fs::remove(archive, ignored);
+  });
+  write_zip(archive, mesh.parent_path(), names);
+  MeshSource result(client::Source::file(archive, mesh.stem().string() + ".zip"));
+  result.temporary_ = std::move(remove);
+  return result;
+}
+
+}  // namespace voxeld::cli

@@ -1,0 +1,35 @@
+// A mesh file and the files that it names, as one zip.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/include/voxeld/client.h"
+
+namespace voxeld::cli {
+
+// What is sent for one input of the command line.
+class MeshSource {
+ public:
+  // `input`: a path, or "-" for stdin. An .obj or .gltf that names other files (materials, textures,
+  // buffers) becomes a zip of all that are there, in a temporary file; names that lead out of the
+  // mesh's folder and files that are missing are left out (the daemon's answer names them).
+  // Throws client::Error "file".
+  static MeshSource open(const std::string& input);
+
+  const client::Source& source() const { return source_; }
+
+ private:
+  explicit MeshSource(client::Source source) : source_(std::move(source)) {}
+
+  client::Source source_;
+  std::shared_ptr<void> temporary_;  // removes the zip
+};
+
+// Relative paths that the file names, in order and once each; only those that stay in its folder.
+// Understands .obj (with the .mtl it names) and .gltf; empty for other files.
+std::vector<std::string> referenced_files(const std::filesystem::path& mesh);
+
+}  // namespace voxeld::cli

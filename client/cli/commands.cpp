@@ -1,0 +1,276 @@
+#include "client/cli/commands.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "client/cli/bundle.h"
+#include "client/cli/output_file.h"
+#include "client/cli/progress_bar.h"
+#include "proto/options.h"
+
+namespace voxeld::cli {
+namespace {
+
+using client::Client;
+using client::Error;
+using client::JobInfo;
+using Json = nlohmann::json;
+
+constexpr int kJsonIndent = 2;
+
+client::Settings settings_of(const Arguments& arguments) {
+  client::Settings settings;
+  settings.url = arguments.url;
+  settings.timeout = std::chrono::seconds(arguments.timeout_s);
+  return settings;
+}
+
+Json parsed(const std::string& text) {
+  Json value = Json::parse(text, nullptr, false);
+  return value.is_discarded() ? Json() : value;
+}
+
+void print_json(const Json& value) {
+  const std::string text = value.dump(kJsonIndent, ' ', false, Json::error_handler_t::replace);
+  std::printf("%s\n", text.c_str());
+}
+
+// Where data goes when -o is not given.
+std::string output_of(const Arguments& arguments) {
+  if (!arguments.output.empty()) return arguments.output;
+  if (isatty(STDOUT_FILENO) == 1) {
+    throw Error("invalid-option", 0, "data is not written to a terminal: name a file with -o");
+  }
+  return "-";
+}
+
+void tell_warnings(const Arguments& arguments, const JobInfo& job) {
+  if (arguments.quiet) return;
+  for (const std::string& warning : job.warnings) {
+    std::fprintf(stderr, "voxel: warning: %s\n", warning.c_str());
+  }
+}
+
+// One line for a person, on stderr where it cannot mix with data.
+void tell_grid(const Json& meta, const std::string& output, std::uint64_t bytes) {
+  if (isatty(STDERR_FILENO) != 1 || !meta.contains("dims") || !meta.contains("voxels")) return;
+  std::fprintf(stderr, "%s: %d x %d x %d cells, %lld voxels, %llu bytes\n", output.c_str(),
+               meta["dims"][0].get<int>(), meta["dims"][1].get<int>(), meta["dims"][2].get<int>(),
+               meta["voxels"].get<long long>(), static_cast<unsigned long long>(bytes));
+}
+
+// Runs `make(sink, progress)`, which gives the bytes of one job's result, into the output.
+template <typename Make>
+void write_result(const Arguments& arguments, Make&& make) {
+  const std::string path = output_of(arguments);
+  OutputFile output(path);
+  ProgressBar bar(arguments.quiet);
+  const JobInfo job = make([&](std::span<const std::byte> piece) { output.write(piece); },
+                           [&](const client::Progress& progress) {
+                             bar.show(progress);
+                             return true;
+                           });
+  output.keep();
+  bar.clear();
+  tell_warnings(arguments, job);
+  const Json meta = parsed(job.meta_json);
+  if (arguments.json) {
+    print_json({{"meta", meta}, {"job", parsed(job.json)}, {"bytes", output.bytes()}});
+  } else if (!arguments.quiet) {
+    tell_grid(meta, path, output.bytes());
+  }
+}
+
+void run_voxelize(const Arguments& arguments, const std::stop_token& stop) {
+  Client daemon(settings_of(arguments));
+  const MeshSource mesh = MeshSource::open(arguments.input);
+  write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+    return daemon.voxelize_to(mesh.source(), arguments.options, sink, progress, stop);
+  });
+}
+
+void run_render(const Arguments& arguments, const std::stop_token& stop) {
+  Client daemon(settings_of(arguments));
+  if (!arguments.grid.empty()) {
+    write_result(
+        arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+          JobInfo job =
+              daemon.submit("render", client::Input::of_grid(arguments.grid), arguments.options);
+          job = daemon.wait(job.id, progress, stop);
+          daemon.download(job.id, sink, progress, stop);
+          return job;
+        });
+    return;
+  }
+  const MeshSource mesh = MeshSource::open(arguments.input);
+  write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+    return daemon.render_to(mesh.source(), arguments.options, sink, progress, stop);
+  });
+}
+
+void print_job(const JobInfo& job) {
+  std::string note = job.stage;
+  if (job.state == "queued") note = "position " + std::to_string(job.queue_position);
+  if (job.state == "done") note = std::to_string(job.bytes) + " bytes";
+  if (job.state == "failed") note = parsed(job.json).value("/error/code"_json_pointer, "");
+  if (job.tiles_total > 0 && job.state == "running") {
+    note += " " + std::to_string(job.tiles_done) + "/" + std::to_string(job.tiles_total);
+  }
+  std::printf("%-34s %-10s %-10s %s\n", job.id.c_str(), job.kind.c_str(), job.state.c_str(),
+              note.c_str());
+}
+
+void run_jobs(const Arguments& arguments, const std::stop_token& stop) {
+  Client daemon(settings_of(arguments));
+  if (arguments.job.empty()) {
+    const std::vector<JobInfo> jobs = daemon.jobs(arguments.limit);
+    if (arguments.json) {
+      Json list = Json::array();
+      for (const JobInfo& job : jobs) list.push_back(parsed(job.json));
+      print_json({{"jobs", list}});
+      return;
+    }
+    for (const JobInfo& job : jobs) print_job(job);
+    return;
+  }
+  if (!arguments.output.empty()) {
+    write_result(arguments,
+                 [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+                   const JobInfo job = daemon.wait(arguments.job, progress, stop);
+                   daemon.download(job.id, sink, progress, stop);
+                   return job;
+                 });
+    return;
+  }
+  const JobInfo job = arguments.cancel ? daemon.cancel(arguments.job) : daemon.job(arguments.job);
+  if (arguments.json) {
+    print_json(parsed(job.json));
+  } else {
+    print_job(job);
+  }
+}
+
+std::vector<std::byte> read_whole(const std::string& path) {
+  std::ifstream file;
+  if (path != "-") {
+    file.open(path, std::ios::binary);
+    if (!file) throw Error("file", 0, path + ": cannot be opened");
+  }
+  std::vector<std::byte> bytes;
+  const auto read = [&](std::span<char> buffer) {
+    if (path == "-") return std::fread(buffer.data(), 1, buffer.size(), stdin);
+    file.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+    return static_cast<size_t>(file.gcount());
+  };
+  std::vector<char> buffer(1 << 20);
+  while (const size_t count = read(buffer)) {
+    const auto piece = std::as_bytes(std::span(buffer).first(count));
+    bytes.insert(bytes.end(), piece.begin(), piece.end());
+  }
+  return bytes;
+}
+
+void info_of_grid(const Arguments& arguments) {
+  const std::vector<std::byte> bytes = read_whole(arguments.input);
+  const client::Grid grid = client::Grid::decode(bytes);
+  Json object = {{"dims", grid.dims()},
+                 {"origin", grid.origin()},
+                 {"voxel_size", grid.voxel_size()},
+                 {"voxels", grid.voxel_count()},
+                 {"color", grid.has_color()},
+                 {"normal", grid.has_normal()},
+                 {"bytes", bytes.size()},
+                 {"meta", parsed(grid.meta_json())}};
+  if (arguments.json) {
+    print_json(object);
+    return;
+  }
+  const auto dims = grid.dims();
+  const auto origin = grid.origin();
+  const auto edge = grid.voxel_size();
+  std::printf(
+      "cells       %d x %d x %d\nvoxels      %llu\norigin      %.9g %.9g %.9g\n"
+      "voxel size  %.9g %.9g %.9g\nholds       occupancy%s%s\nbytes       %zu\n",
+      dims[0], dims[1], dims[2], static_cast<unsigned long long>(grid.voxel_count()), origin[0],
+      origin[1], origin[2], edge[0], edge[1], edge[2], grid.has_color() ? ", color" : "",
+      grid.has_normal() ? ", normal" : "", bytes.size());
+}
+
+void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
+  Client daemon(settings_of(arguments));
+  const MeshSource mesh = MeshSource::open(arguments.input);
+  ProgressBar bar(arguments.quiet);
+  const std::string asset = daemon.upload(
+      mesh.source(),
+      [&](const client::Progress& progress) {
+        bar.show(progress);
+        return true;
+      },
+      stop);
+  client::Options options;
+  if (!mesh.source().filename().empty()) options.set("filename", mesh.source().filename());
+  JobInfo job = daemon.submit("inspect", client::Input::of_asset(asset), options);
+  job = daemon.wait(job.id, {}, stop);
+  bar.clear();
+  Json meta = parsed(job.meta_json);
+  if (arguments.json) {
+    meta["id"] = asset;
+    print_json(meta);
+    return;
+  }
+  tell_warnings(arguments, job);
+  std::printf("asset      %s\n", asset.c_str());
+  for (const auto& [name, value] : meta.items()) {
+    if (name == "warnings") continue;  // told above
+    const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+    std::printf("%-10s %s\n", name.c_str(), text.c_str());
+  }
+}
+
+void run_info(const Arguments& arguments, const std::stop_token& stop) {
+  if (std::filesystem::path(arguments.input).extension() == format_extension(Format::kNative)) {
+    info_of_grid(arguments);
+  } else {
+    info_of_mesh(arguments, stop);
+  }
+}
+
+void run_formats(const Arguments& arguments) {
+  const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "zip"}},
+                       {"write", {".npy", ".npz", ".vox", ".voxg"}},
+                       {"picture", {".png"}}};
+  if (arguments.json) {
+    print_json(object);
+    return;
+  }
+  std::printf(
+      "reads   .obj with .mtl and textures, .ply, .stl, .off, .gltf, .glb, .zip of one mesh\n"
+      "writes  .npy  dense array\n"
+      "        .npz  dense arrays with origin and voxel size\n"
+      "        .vox  MagicaVoxel\n"
+      "        .voxg voxeld's sparse container\n"
+      "        .png  picture (voxel render)\n");
+}
+
+}  // namespace
+
+void run_command(const Arguments& arguments, const std::stop_token& stop) {
+  switch (arguments.command) {
+    case Arguments::Command::kVoxelize:
+      return run_voxelize(arguments, stop);
+    case Arguments::Command::kRender:
+      return run_render(arguments, stop);
+    case Arguments::Command::kJobs:
+      return run_jobs(arguments, stop);
+    case Arguments::Command::kInfo:
+      return run_info(arguments, stop);
+    case Arguments::Command::kFormats:
+      return run_formats(arguments);
+  }
+}
+
+}  // namespace voxeld::cli

@@ -1,0 +1,21 @@
+// Ctrl-C and SIGTERM as a stop token.
+#pragma once
+
+#include <stop_token>
+#include <thread>
+
+namespace voxeld::cli {
+
+// From construction on, the first SIGINT or SIGTERM requests a stop; a second one ends the process
+// at once. Make it before any other thread starts.
+class Interrupt {
+ public:
+  Interrupt();
+  std::stop_token token() const { return source_.get_token(); }
+
+ private:
+  std::stop_source source_;
+  std::jthread thread_;
+};
+
+}  // namespace voxeld::cli

@@ -1,0 +1,62 @@
+#include "client/cli/output_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "client/include/voxeld/client.h"
+
+namespace voxeld::cli {
+
+OutputFile::OutputFile(const std::string& path) : path_(path) {
+  if (path == "-") {
+    file_ = stdout;
+    return;
+  }
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  // A device or a pipe (/dev/null, a fifo) cannot be replaced by a new file.
+  const bool is_special =
+      std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
+  if (is_special) {
+    file_ = std::fopen(path.c_str(), "wb");
+  } else {
+    part_ = path + ".part-" + std::to_string(getpid());
+    file_ = std::fopen(part_.c_str(), "wbx");
+  }
+  if (file_ == nullptr) {
+    part_.clear();
+    fail("cannot be written");
+  }
+}
+
+OutputFile::~OutputFile() {
+  if (file_ != nullptr && file_ != stdout) std::fclose(file_);
+  std::error_code ignored;
+  if (!part_.empty()) std::filesystem::remove(part_, ignored);
+}
+
+void OutputFile::fail(const char* what) const {
+  throw client::Error("file", 0,
+                      (path_ == "-" ? "stdout" : path_) + " " + what + ": " + std::strerror(errno));
+}
+
+void OutputFile::write(std::span<const std::byte> piece) {
+  if (std::fwrite(piece.data(), 1, piece.size(), file_) != piece.size()) fail("cannot be written");
+  bytes_ += piece.size();
+}
+
+void OutputFile::keep() {
+  if (std::fflush(file_) != 0) fail("cannot be written");
+  if (file_ == stdout) return;
+  const int closed = std::fclose(file_);
+  file_ = nullptr;
+  if (closed != 0) fail("cannot be written");
+  if (part_.empty()) return;
+  if (std::rename(part_.c_str(), path_.c_str()) != 0) fail("cannot be replaced");
+  part_.clear();
+}
+
+}  // namespace voxeld::cli

@@ -1,0 +1,37 @@
+// Where data goes: a file that appears only when it is whole, or stdout.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <span>
+#include <string>
+
+namespace voxeld::cli {
+
+// Throws client::Error "file" (what, where, why) when something cannot be written.
+class OutputFile {
+ public:
+  // "-": stdout.
+  explicit OutputFile(const std::string& path);
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+  ~OutputFile();  // removes what was not kept
+
+  void write(std::span<const std::byte> piece);
+  // Everything came: the file gets its name, over one that was there.
+  void keep();
+  std::uint64_t bytes() const { return bytes_; }
+
+ private:
+  [[noreturn]] void fail(const char* what) const;
+
+  std::string path_;
+  std::filesystem::path
+      part_;  // written next to path_, renamed at the end; empty: written directly
+  std::FILE* file_ = nullptr;
+  std::uint64_t bytes_ = 0;
+};
+
+}  // namespace voxeld::cli

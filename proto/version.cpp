@@ -1,0 +1,9 @@
+#include "proto/version.h"
+
+namespace voxeld {
+
+std::string_view version() {
+  return VOXELD_VERSION;
+}
+
+}  // namespace voxeld
