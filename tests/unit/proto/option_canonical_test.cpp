@@ -1,0 +1,163 @@
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+
+#include "proto/options.h"
+
+namespace voxeld {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr const char* kIdentity = "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1";
+constexpr OptionScope kScopes[] = {OptionScope::kVoxelize, OptionScope::kRenderMesh,
+                                   OptionScope::kRenderGrid, OptionScope::kExport};
+
+std::string canonical(const OptionPairs& pairs, OptionScope scope) {
+  const auto options = parse_options(pairs, scope);
+  EXPECT_TRUE(options) << (options ? "" : options.error().message());
+  return options ? canonical_json(*options, scope) : "";
+}
+std::string canonical_of_json(std::string_view text, OptionScope scope) {
+  const auto options = parse_options(Json::parse(text), scope);
+  EXPECT_TRUE(options) << text << (options ? "" : options.error().message());
+  return options ? canonical_json(*options, scope) : "";
+}
+
+Error refused(std::string_view text, OptionScope scope = OptionScope::kVoxelize) {
+  const auto options = parse_options(Json::parse(text), scope);
+  EXPECT_FALSE(options) << text;
+  return options ? Error{} : options.error();
+}
+
+TEST(CanonicalOptions, spell_out_every_default_in_a_fixed_order) {
+  EXPECT_EQ(canonical({}, OptionScope::kVoxelize),
+            R"({"size":128,"padding":0,"up":"y","rule":"touch","fill":"surface",)"
+            R"("color":"average","pipeline":"auto","format":"native","codec":"fast",)"
+            R"("axes":"zyx","dtype":"uint8","palette":255})");
+  EXPECT_EQ(canonical({}, OptionScope::kExport),
+            R"({"format":"native","codec":"fast","axes":"zyx","dtype":"uint8","palette":255})");
+  EXPECT_EQ(canonical({}, OptionScope::kRenderGrid),
+            R"({"width":512,"height":512,"projection":"perspective","azimuth":"30",)"
+            R"("elevation":"20","zoom":"1","background":"#ffffffff","light":"phong"})");
+}
+
+TEST(CanonicalOptions, a_default_that_is_spelled_out_changes_nothing) {
+  for (const OptionScope scope : kScopes) {
+    const std::string text = canonical({}, scope);
+    const Json defaults = Json::parse(text);
+    for (const auto& [name, value] : defaults.items()) {
+      EXPECT_EQ(canonical_of_json(Json{{name, value}}.dump(), scope), text) << name;
+    }
+  }
+}
+
+TEST(CanonicalOptions, two_spellings_of_a_request_give_the_same_bytes) {
+  struct Case {
+    OptionPairs first, second;
+    OptionScope scope;
+  };
+  const std::vector<Case> cases = {
+      {{{"up", "z"}, {"size", "9"}}, {{"size", "9"}, {"up", "z"}}, OptionScope::kVoxelize},
+      {{{"size", "007"}}, {{"size", "7"}}, OptionScope::kVoxelize},
+      {{{"voxel_size", "0.5"}}, {{"voxel_size", "5e-1,.5,0.50"}}, OptionScope::kVoxelize},
+      {{{"bounds", "-0,0,0,1,1,1e1"}}, {{"bounds", "0,0.0,0,+1,1,10"}}, OptionScope::kVoxelize},
+      {{{"channels", "normal,color"}},
+       {{"channels", "color,occupancy,normal,color"}},
+       OptionScope::kVoxelize},
+      {{{"cache", "no"}, {"filename", "a.obj"}}, {}, OptionScope::kVoxelize},
+      {{{"background", "ABCDEF"}}, {{"background", "#abcdefff"}}, OptionScope::kRenderGrid},
+      {{{"background", "transparent"}}, {{"background", "#00000000"}}, OptionScope::kRenderGrid},
+      {{{"azimuth", "4.5e1"}}, {{"azimuth", "45"}}, OptionScope::kRenderGrid},
+  };
+  for (const auto& [first, second, scope] : cases) {
+    EXPECT_EQ(canonical(first, scope), canonical(second, scope));
+  }
+}
+
+TEST(CanonicalOptions, two_requests_that_differ_give_other_bytes) {
+  const std::vector<OptionPairs> requests = {
+      {},
+      {{"size", "127"}},
+      {{"dims", "128,128,128"}},
+      {{"voxel_size", "1"}},
+      {{"voxel_size", "1,1,2"}},
+      {{"padding", "1"}},
+      {{"bounds", "0,0,0,1,1,1"}},
+      {{"up", "z"}},
+      {{"units", "m"}},
+      {{"transform", kIdentity}},
+      {{"color", "none"}},
+      {{"channels", "occupancy"}},
+      {{"channels", "color"}},
+      {{"channels", "normal"}},
+      {{"pipeline", "raster"}},
+      {{"format", "npy"}},
+      {{"axes", "xyz"}},
+      {{"dtype", "bool"}},
+      {{"palette", "254"}},
+  };
+  std::set<std::string> texts;
+  for (const OptionPairs& pairs : requests) texts.insert(canonical(pairs, OptionScope::kVoxelize));
+  EXPECT_EQ(texts.size(), requests.size());
+}
+
+TEST(CanonicalOptions, are_options_that_give_the_same_canonical_text) {
+  const std::vector<OptionPairs> grids = {
+      {{"dims", "3,40,500"}, {"bounds", "0.1,-1e-7,1e20,0.2,3,2e20"}, {"padding", "1"}},
+      {{"voxel_size", "0.1,0.30000000000000004,1e-9"}, {"units", "ft"}, {"color", "shaded"}},
+      {{"transform", "0.1,0,0,7,0,1e-30,0,0,0,0,123456789.125,0,0,0,0,1"}, {"channels", "normal"}},
+  };
+  for (const OptionPairs& pairs : grids) {
+    const std::string text = canonical(pairs, OptionScope::kVoxelize);
+    EXPECT_EQ(canonical_of_json(text, OptionScope::kVoxelize), text);
+  }
+  const std::string picture = canonical(
+      {{"matrix", kIdentity}, {"section", "1,0.1,0,-1e-5"}, {"zoom", "0.1"}, {"light", "flat"}},
+      OptionScope::kRenderGrid);
+  EXPECT_EQ(canonical_of_json(picture, OptionScope::kRenderGrid), picture);
+}
+
+TEST(JsonOptions, numbers_texts_and_lists_mean_the_same) {
+  for (const std::string_view text :
+       {R"({"dims": [3, 4, 5], "padding": 1})", R"({"dims": "3,4,5", "padding": "1"})",
+        R"({"padding": 1.0, "dims": ["3", 4, "5"]})"}) {
+    EXPECT_EQ(canonical_of_json(text, OptionScope::kVoxelize),
+              canonical({{"dims", "3,4,5"}, {"padding", "1"}}, OptionScope::kVoxelize));
+  }
+  EXPECT_EQ(canonical_of_json(R"({"voxel_size": 0.1})", OptionScope::kVoxelize),
+            canonical({{"voxel_size", "0.1"}}, OptionScope::kVoxelize));
+  EXPECT_EQ(canonical_of_json(R"({"channels": ["color", "normal"]})", OptionScope::kVoxelize),
+            canonical({{"channels", "color,normal"}}, OptionScope::kVoxelize));
+  const auto no_cache = parse_options(Json::parse(R"({"cache": false})"), OptionScope::kVoxelize);
+  ASSERT_TRUE(no_cache);
+  EXPECT_FALSE(no_cache->use_cache);
+}
+
+TEST(JsonOptions, values_of_other_types_are_refused) {
+  for (const std::string_view value : {"null", "{}", "[]", "[null]", "[[3,4,5]]"}) {
+    const Error error = refused("{\"dims\": " + std::string(value) + "}");
+    EXPECT_EQ(error.code, ErrorCode::kInvalidOption) << value;
+    EXPECT_EQ(error.detail, "dims") << value;
+  }
+  EXPECT_EQ(refused(R"({"size": null})").message(),
+            "size: expected a text, a number or a list of them, got null");
+  EXPECT_EQ(refused("[1]").message(), "options: expected an object, got array");
+  EXPECT_EQ(refused(R"({"size": 1e300})").message(),
+            "size: expected an integer from 1 to 2048, got \"1e+300\"");
+  EXPECT_EQ(refused(R"({"size": true})").message(),
+            "size: expected an integer from 1 to 2048, got \"yes\"");
+}
+
+TEST(JsonOptions, nothing_in_a_list_is_passed_over) {
+  EXPECT_EQ(refused(R"({"dims": [3, 4, 5, [6]]})").message(),
+            "dims: expected a text, a number or a list of them, got a list in a list");
+  EXPECT_EQ(refused(R"({"channels": ["color", {}]})").message(),
+            "channels: expected a text, a number or a list of them, got an object in a list");
+  EXPECT_EQ(refused(R"({"dims": ["", 3, 4, 5]})").got, "\",3,4,5\"");
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,297 @@
+#include "proto/options.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+
+namespace voxeld {
+namespace {
+
+constexpr const char* kIdentity = "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1";
+
+OptionScope scope_of(std::string_view name) {
+  const auto row = std::ranges::find(option_table(), name, &OptionInfo::name);
+  EXPECT_NE(row, option_table().end()) << name;
+  return row->for_voxelize || row->for_output ? OptionScope::kVoxelize : OptionScope::kRenderGrid;
+}
+
+RequestOptions parsed(const OptionPairs& pairs, OptionScope scope) {
+  const auto options = parse_options(pairs, scope);
+  EXPECT_TRUE(options) << (options ? "" : options.error().message());
+  return options ? *options : RequestOptions{};
+}
+
+Error refused(const OptionPairs& pairs, OptionScope scope) {
+  const auto options = parse_options(pairs, scope);
+  EXPECT_FALSE(options) << pairs[0].first << "=" << pairs[0].second;
+  return options ? Error{} : options.error();
+}
+
+// Values at the ends of what each option takes, and values just outside.
+struct OptionCase {
+  std::vector<std::string> good, bad;
+  std::string expected;  // of the error for each bad one
+};
+
+const std::map<std::string, OptionCase>& cases() {
+  static const std::string kDims = "three integers from 1 to 2048, as in 64,128,32";
+  static const std::string kVoxel = "one positive number, or three as in 0.1,0.1,0.2";
+  static const std::string kColor = "#rrggbb | #rrggbbaa | transparent";
+  static const std::map<std::string, OptionCase> all = {
+      {"size",
+       {{"1", "128", "2048"},
+        {"0", "2049", "-1", "1.5", "1e2", "0x10", " 1", "1 ", "", "+1", "99999999999"},
+        "an integer from 1 to 2048"}},
+      {"dims",
+       {{"1,1,1", "2048,2048,2048", "64,128,32"},
+        {"0,1,1", "1,2049,1", "1,1", "1,1,1,1", "1,,1", "1,1,a", "", "1;1;1"},
+        kDims}},
+      {"voxel_size",
+       {{"0.5", "1e-9", "1,2,3", "+0.5", "1e30"},
+        {"0", "-1", "1,2", "1,2,0", "1,2,3,4", "nan", "inf", "1e999", "+-1", "++1", "0x1p3", ""},
+        kVoxel}},
+      {"padding", {{"0", "1", "63"}, {"-1", "513", "", "1.0"}, "an integer from 0 to 512"}},
+      {"up", {{"y", "z"}, {"x", "Y", "", "yz"}, "y | z"}},
+      {"units", {{"m", "cm", "mm", "in", "ft"}, {"km", "", "M"}, "m | cm | mm | in | ft"}},
+      {"rule", {{"touch"}, {"thin", ""}, "touch"}},
+      {"fill", {{"surface"}, {"solid", ""}, "surface"}},
+      {"color",
+       {{"average", "shaded", "axis", "none"}, {"red", ""}, "average | shaded | axis | none"}},
+      {"channels",
+       {{"occupancy", "color", "normal", "color,normal,occupancy", "color,color"},
+        {"", "alpha", "color,", "color normal"},
+        "a list of occupancy, color and normal"}},
+      {"pipeline", {{"auto", "raster", "compute"}, {"cpu", ""}, "auto | raster | compute"}},
+      {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, "native | npy | npz | vox"}},
+      {"codec", {{"fast"}, {"small", ""}, "fast"}},
+      {"axes", {{"zyx", "xyz"}, {"yxz", ""}, "zyx | xyz"}},
+      {"dtype", {{"uint8", "bool", "float32"}, {"float64", ""}, "uint8 | bool | float32"}},
+      {"palette", {{"1", "255"}, {"0", "256", ""}, "an integer from 1 to 255"}},
+      {"width", {{"1", "4096"}, {"0", "4097", "", "1.0"}, "an integer from 1 to 4096"}},
+      {"height", {{"1", "4096"}, {"0", "4097", "", "-5"}, "an integer from 1 to 4096"}},
+      {"projection",
+       {{"perspective", "orthographic"}, {"fisheye", ""}, "perspective | orthographic"}},
+      {"azimuth",
+       {{"-3600", "0", "3600", "1e2", "+45.5"},
+        {"3600.001", "-3600.001", "nan", "", "ten"},
+        "a number from -3600 to 3600"}},
+      {"elevation", {{"-90", "90", "0.25"}, {"90.01", "-90.01", "inf"}, "a number from -90 to 90"}},
+      {"zoom", {{"0.01", "1", "1000"}, {"0.0099", "1000.1", "0"}, "a number from 0.01 to 1000"}},
+      {"background",
+       {{"#000000", "#FFffFF", "a1b2c3", "#a1b2c3d4", "transparent"},
+        {"#fff", "#gggggg", "#12345", "#1234567", "", "#", "#+1+2+3", "#-1-2-3", "white"},
+        kColor}},
+      {"light", {{"flat", "phong"}, {"none", ""}, "flat | phong"}},
+      {"cache", {{"yes", "no"}, {"true", "1", ""}, "yes | no"}},
+  };
+  return all;
+}
+
+TEST(Options, every_value_at_the_ends_of_a_range_is_taken) {
+  for (const auto& [name, one] : cases()) {
+    for (const std::string& value : one.good) {
+      const auto options = parse_options(OptionPairs{{name, value}}, scope_of(name));
+      EXPECT_TRUE(options) << name << "=" << value << ": " << options.error().message();
+    }
+  }
+}
+
+TEST(Options, every_value_outside_is_refused_with_what_is_expected_and_what_came) {
+  for (const auto& [name, one] : cases()) {
+    for (const std::string& value : one.bad) {
+      const Error error = refused({{name, value}}, scope_of(name));
+      EXPECT_EQ(error.code, ErrorCode::kInvalidOption) << name;
+      EXPECT_EQ(error.message(), name + ": expected " + one.expected + ", got \"" + value + "\"");
+    }
+  }
+}
+
+TEST(Options, every_option_of_the_table_has_its_cases_here) {
+  const std::set<std::string> elsewhere = {"bounds", "transform", "matrix", "section", "filename"};
+  for (const OptionInfo& option : option_table()) {
+    const std::string name(option.name);
+    EXPECT_TRUE(cases().contains(name) != elsewhere.contains(name)) << name;
+    EXPECT_FALSE(option.value.empty()) << name;
+    EXPECT_FALSE(option.help.empty()) << name;
+  }
+}
+
+TEST(Options, lists_of_numbers_take_exactly_as_many_finite_numbers_as_they_need) {
+  struct Case {
+    std::string name, good;
+    int count;
+  };
+  for (const auto& [name, good, count] :
+       {Case{"bounds", "-1,-2,-3,1,2,3", 6}, Case{"transform", kIdentity, 16},
+        Case{"matrix", kIdentity, 16}, Case{"section", "0,1,0,-0.5", 4}}) {
+    const OptionScope scope = scope_of(name);
+    EXPECT_TRUE(parse_options(OptionPairs{{name, good}}, scope)) << name;
+    const std::string n = std::to_string(count);
+    for (const std::string& wrong : {good + ",1", good.substr(good.find(',') + 1), std::string()}) {
+      const Error error = refused({{name, wrong}}, scope);
+      EXPECT_EQ(error.code, ErrorCode::kInvalidOption);
+      EXPECT_EQ(error.message(), name + ": expected " + n + " numbers, got \"" + wrong + "\"");
+    }
+    for (const std::string number : {"nan", "inf", "-inf", "1e999", "1e-999", "", "1x", " 1"}) {
+      const std::string wrong = number + good.substr(good.find(','));
+      EXPECT_EQ(refused({{name, wrong}}, scope).message(),
+                name + ": expected " + n + " finite numbers, got \"" + wrong + "\"");
+    }
+  }
+}
+
+TEST(Options, bounds_without_a_volume_are_refused) {
+  for (const std::string value : {"0,0,0,0,1,1", "0,0,0,1,0,1", "0,0,0,1,1,0", "1,0,0,0,1,1"}) {
+    EXPECT_EQ(refused({{"bounds", value}}, OptionScope::kVoxelize).message(),
+              "bounds: expected x0,y0,z0,x1,y1,z1 with each minimum below its maximum, got \"" +
+                  value + "\"");
+  }
+}
+
+TEST(Options, a_section_plane_without_a_normal_is_refused) {
+  EXPECT_EQ(refused({{"section", "0,0,-0,1"}}, OptionScope::kRenderGrid).message(),
+            "section: expected a,b,c,d with a normal a,b,c other than 0, got \"0,0,-0,1\"");
+}
+
+TEST(Options, a_filename_takes_255_bytes_without_nul) {
+  EXPECT_EQ(parsed({{"filename", std::string(255, 'a')}}, OptionScope::kVoxelize).filename.size(),
+            255u);
+  const Error error = refused({{"filename", std::string(256, 'a')}}, OptionScope::kVoxelize);
+  EXPECT_EQ(error.message(), "filename: expected at most 255 bytes without NUL, got \"" +
+                                 std::string(80, 'a') + "\"");
+  EXPECT_EQ(refused({{"filename", std::string("a\0b", 3)}}, OptionScope::kVoxelize).code,
+            ErrorCode::kInvalidOption);
+}
+
+TEST(Options, values_reach_their_fields) {
+  const RequestOptions grid = parsed({{"dims", "3,4,5"},
+                                      {"bounds", "0,0,0,1,2,3"},
+                                      {"padding", "1"},
+                                      {"up", "z"},
+                                      {"units", "mm"},
+                                      {"transform", kIdentity},
+                                      {"color", "axis"},
+                                      {"channels", "normal"},
+                                      {"pipeline", "compute"},
+                                      {"format", "npz"},
+                                      {"axes", "xyz"},
+                                      {"dtype", "float32"},
+                                      {"palette", "7"},
+                                      {"cache", "no"},
+                                      {"filename", "a.ply"}},
+                                     OptionScope::kVoxelize);
+  const PlacementOptions& placement = grid.voxelize.placement;
+  EXPECT_EQ(placement.dims, (std::array<int, 3>{3, 4, 5}));
+  EXPECT_EQ(placement.bounds, (std::array<double, 6>{0, 0, 0, 1, 2, 3}));
+  EXPECT_EQ(placement.padding, 1);
+  EXPECT_EQ(placement.up, UpAxis::kZ);
+  EXPECT_EQ(placement.units, "mm");
+  EXPECT_TRUE(placement.transform);
+  EXPECT_EQ(grid.voxelize.color, ColorMode::kAxis);
+  EXPECT_TRUE(grid.voxelize.channels_given && grid.voxelize.channel_normal);
+  EXPECT_FALSE(grid.voxelize.channel_color);
+  EXPECT_EQ(grid.voxelize.pipeline, PipelineChoice::kCompute);
+  EXPECT_EQ(grid.output.format, Format::kNpz);
+  EXPECT_EQ(grid.output.axes, AxisOrder::kXyz);
+  EXPECT_EQ(grid.output.dtype, DType::kFloat32);
+  EXPECT_EQ(grid.output.palette_max, 7);
+  EXPECT_FALSE(grid.use_cache);
+  EXPECT_EQ(grid.filename, "a.ply");
+  EXPECT_EQ(parsed({{"voxel_size", "0.5"}}, OptionScope::kVoxelize).voxelize.placement.voxel_size,
+            (std::array<double, 3>{0.5, 0.5, 0.5}));
+}
+
+TEST(Options, pictures_values_reach_their_fields) {
+  const RenderOptions render = parsed({{"width", "640"},
+                                       {"height", "480"},
+                                       {"projection", "orthographic"},
+                                       {"azimuth", "-45"},
+                                       {"elevation", "10.5"},
+                                       {"zoom", "2"},
+                                       {"background", "#01020304"},
+                                       {"light", "flat"},
+                                       {"section", "1,0,0,-2"}},
+                                      OptionScope::kRenderGrid)
+                                   .render;
+  EXPECT_EQ(render.width, 640);
+  EXPECT_EQ(render.height, 480);
+  EXPECT_EQ(render.projection, Projection::kOrthographic);
+  EXPECT_EQ(render.azimuth_deg, -45);
+  EXPECT_EQ(render.elevation_deg, 10.5);
+  EXPECT_EQ(render.zoom, 2);
+  EXPECT_EQ(render.background, (std::array<uint8_t, 4>{1, 2, 3, 4}));
+  EXPECT_EQ(render.light, Light::kFlat);
+  EXPECT_EQ(render.section, (std::array<double, 4>{1, 0, 0, -2}));
+}
+
+TEST(Options, unknown_names_are_refused_with_the_nearest_ones) {
+  const Error error = refused({{"siez", "1"}}, OptionScope::kVoxelize);
+  EXPECT_EQ(error.code, ErrorCode::kUnknownOption);
+  EXPECT_EQ(error.message(), "no such option: expected one of size, dims, fill, …, got \"siez\"");
+  EXPECT_EQ(refused({{"voxelsize", "1"}}, OptionScope::kVoxelize).expected.substr(0, 17),
+            "one of voxel_size");
+  // The name is echoed in part, whatever its length.
+  EXPECT_EQ(refused({{std::string(1000, 'x'), "1"}}, OptionScope::kExport).got,
+            "\"" + std::string(40, 'x') + "\"");
+}
+
+TEST(Options, each_scope_takes_its_own_options_alone) {
+  for (const OptionInfo& option : option_table()) {
+    const std::string name(option.name);
+    const auto taken = [&](OptionScope scope) {
+      const auto options = parse_options(OptionPairs{{name, "?"}}, scope);
+      return options || options.error().code != ErrorCode::kUnknownOption;
+    };
+    EXPECT_EQ(taken(OptionScope::kVoxelize), option.for_voxelize || option.for_output) << name;
+    EXPECT_EQ(taken(OptionScope::kRenderMesh), option.for_voxelize || option.for_render) << name;
+    EXPECT_EQ(taken(OptionScope::kRenderGrid), option.for_render) << name;
+    EXPECT_EQ(taken(OptionScope::kExport), option.for_output) << name;
+  }
+  const Error error = refused({{"width", "5"}}, OptionScope::kVoxelize);
+  EXPECT_EQ(error.detail, "option does not apply to this request");
+}
+
+TEST(Options, an_option_is_given_once) {
+  EXPECT_EQ(refused({{"size", "5"}, {"up", "y"}, {"size", "5"}}, OptionScope::kVoxelize).message(),
+            "size: expected to be given once, got it twice");
+}
+
+TEST(Options, size_dims_and_voxel_size_exclude_each_other) {
+  const std::pair<std::string, std::string> size{"size", "5"}, dims{"dims", "5,5,5"},
+      voxel_size{"voxel_size", "1"};
+  for (const OptionPairs& pairs :
+       {OptionPairs{size, dims}, OptionPairs{size, voxel_size}, OptionPairs{dims, voxel_size}}) {
+    const Error error = refused(pairs, OptionScope::kVoxelize);
+    EXPECT_EQ(error.code, ErrorCode::kInvalidOption);
+    EXPECT_EQ(error.message(),
+              "size, dims and voxel_size exclude each other: expected at most one of them, got 2");
+  }
+  EXPECT_EQ(refused({size, dims, voxel_size}, OptionScope::kVoxelize).got, "3");
+}
+
+TEST(Options, padding_leaves_room_also_in_the_default_size) {
+  EXPECT_EQ(refused({{"size", "8"}, {"padding", "4"}}, OptionScope::kVoxelize).message(),
+            "padding: expected less than half of size 8, got \"4\"");
+  EXPECT_TRUE(parse_options(OptionPairs{{"size", "9"}, {"padding", "4"}}, OptionScope::kVoxelize));
+  EXPECT_EQ(refused({{"padding", "64"}}, OptionScope::kVoxelize).message(),
+            "padding: expected less than half of size 128, got \"64\"");
+  EXPECT_EQ(refused({{"dims", "64,9,8"}, {"padding", "4"}}, OptionScope::kVoxelize).message(),
+            "padding: expected less than half of each of dims, got \"4\"");
+  EXPECT_TRUE(
+      parse_options(OptionPairs{{"voxel_size", "1"}, {"padding", "512"}}, OptionScope::kVoxelize));
+}
+
+TEST(Options, formats_have_names_media_types_and_extensions) {
+  for (const Format format : {Format::kNative, Format::kNpy, Format::kNpz, Format::kVox}) {
+    EXPECT_EQ(format_from_name(format_name(format)), format);
+    EXPECT_TRUE(format_extension(format).starts_with('.'));
+    EXPECT_NE(format_media_type(format).find('/'), std::string_view::npos);
+  }
+  EXPECT_FALSE(format_from_name("obj"));
+}
+
+}  // namespace
+}  // namespace voxeld
