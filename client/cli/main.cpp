@@ -22,7 +22,7 @@ int run(int argc, char** argv) {
     if (!error.request_id().empty()) {
       std::fprintf(stderr, "voxel: request %s\n", error.request_id().c_str());
     }
-    return exit_status_of(error);
+    return cli::exit_status_of(error);
   }
   if (std::fflush(stdout) != 0) {
     std::perror("voxel: stdout");
