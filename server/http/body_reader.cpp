@@ -93,13 +93,13 @@ Result<bool> ChunkDecoder::feed(std::string& buffer,
 BodyReader::BodyReader(Connection& connection, const Head& head)
     : connection_(connection), head_(head), finished_(!head.has_body()) {
   std::string_view expect = head.header("Expect");
-  expects_continue_ = !finished_ && !expect.empty() && head.minor == 1;
+  // A client that sent some of the body with the head does not wait.
+  expects_continue_ =
+      !finished_ && !expect.empty() && head.minor == 1 && connection.buffer().empty();
 }
 
 Status BodyReader::more() {
-  if (expects_continue_ && connection_.buffer().empty()) {
-    connection_.send("HTTP/1.1 100 Continue\r\n\r\n");
-  }
+  if (expects_continue_) connection_.send("HTTP/1.1 100 Continue\r\n\r\n");
   expects_continue_ = false;
   const auto elapsed = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_);
   const int64_t late = elapsed.count() - kBodyGraceSeconds;
