@@ -1,0 +1,114 @@
+#include "proto/octree_codec.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/unit/proto/tile_maker.h"
+
+namespace voxeld {
+namespace {
+
+SparseTile one_tile(const std::vector<test::TestVoxel>& voxels) {
+  auto tiles = test::tiles_of(voxels, false, false);
+  EXPECT_EQ(tiles.size(), 1u);
+  return tiles[0];
+}
+
+void expect_round_trip(const SparseTile& tile) {
+  const auto octree = octree_from_bricks(tile);
+  SparseTile back;
+  back.coord = tile.coord;
+  const Status status = bricks_from_octree(octree, back);
+  ASSERT_TRUE(status) << status.error().message();
+  EXPECT_TRUE(back == tile);
+}
+
+std::string refusal(std::span<const uint8_t> octree) {
+  SparseTile tile;
+  const Status status = bricks_from_octree(octree, tile);
+  EXPECT_FALSE(status);
+  return status ? "" : status.error().message();
+}
+
+TEST(OctreeCodec, a_single_voxel_is_one_mask_on_each_level) {
+  const SparseTile tile = one_tile({{{0b10000001, 0b01000001, 0b00100001}, {}, {}}});
+  // From the root down: bits 7 to 0 of x, y and z; the last mask is the cell in its node.
+  const std::vector<uint8_t> expected = {1 << 1, 1 << 2, 1 << 4, 1 << 0,
+                                         1 << 0, 1 << 0, 1 << 0, 1 << 7};
+  EXPECT_EQ(octree_from_bricks(tile), expected);
+  expect_round_trip(tile);
+}
+
+TEST(OctreeCodec, voxels_in_opposite_corners_share_only_the_root) {
+  const SparseTile tile = one_tile({{{0, 0, 0}, {}, {}}, {{255, 255, 255}, {}, {}}});
+  const std::vector<uint8_t> expected = {0x81, 1, 0x80, 1, 0x80, 1, 0x80, 1,
+                                         0x80, 1, 0x80, 1, 0x80, 1, 0x80};
+  EXPECT_EQ(octree_from_bricks(tile), expected);
+  expect_round_trip(tile);
+}
+
+TEST(OctreeCodec, a_full_tile_has_all_nodes_and_the_largest_octree) {
+  SparseTile tile;
+  tile.masks.resize(32768);
+  for (uint32_t b = 0; b < 32768; ++b) {
+    tile.brick_morton.push_back(b);
+    tile.masks[b].words.fill(~uint64_t{0});
+  }
+  const auto octree = octree_from_bricks(tile);
+  EXPECT_EQ(octree.size(), kOctreeBytesMax);
+  EXPECT_TRUE(std::ranges::all_of(octree, [](uint8_t mask) { return mask == 0xff; }));
+  expect_round_trip(tile);
+}
+
+TEST(OctreeCodec, random_tiles_come_back) {
+  for (uint32_t seed = 0; seed < 20; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const std::array<int, 3> dims = {1 + test::below(random, 256), 1 + test::below(random, 256),
+                                     1 + test::below(random, 256)};
+    expect_round_trip(one_tile(test::random_voxels(random, dims, 1 << (seed % 14))));
+  }
+}
+
+TEST(OctreeCodec, every_truncation_and_every_extra_byte_is_refused) {
+  std::mt19937 random(1);
+  const auto octree =
+      octree_from_bricks(one_tile(test::random_voxels(random, {256, 256, 256}, 200)));
+  for (size_t size = 0; size < octree.size(); ++size) {
+    const std::string text = refusal(std::span(octree).first(size));
+    EXPECT_NE(text.find("is cut off"), std::string::npos) << size << ": " << text;
+  }
+  EXPECT_EQ(refusal({}), "grid container, octree: level 0 is cut off");
+  auto longer = octree;
+  longer.push_back(1);
+  EXPECT_EQ(refusal(longer), "grid container, octree: bytes after the last level");
+}
+
+TEST(OctreeCodec, an_empty_node_on_any_level_is_refused) {
+  const auto octree = octree_from_bricks(one_tile({{{1, 2, 3}, {}, {}}}));
+  for (size_t level = 0; level < octree.size(); ++level) {
+    auto broken = octree;
+    broken[level] = 0;
+    EXPECT_EQ(refusal(broken),
+              "grid container, octree: level " + std::to_string(level) + " has an empty node");
+  }
+}
+
+TEST(OctreeCodec, random_bytes_are_refused_or_are_a_tile_that_gives_the_same_bytes) {
+  std::mt19937 random(2);
+  int accepted = 0;
+  for (int round = 0; round < 2000; ++round) {
+    // Few children per node, so that some inputs are long enough for their own levels.
+    std::vector<uint8_t> octree(8);
+    for (uint8_t& mask : octree) mask = static_cast<uint8_t>(1u << test::below(random, 9));
+    SparseTile tile;
+    if (!bricks_from_octree(octree, tile)) continue;
+    ++accepted;
+    EXPECT_EQ(octree_from_bricks(tile), octree);
+  }
+  EXPECT_GT(accepted, 100);
+}
+
+}  // namespace
+}  // namespace voxeld
