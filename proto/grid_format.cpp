@@ -17,6 +17,7 @@ constexpr char kMagic[8] = {'V', 'O', 'X', 'G', 'R', 'I', 'D', '\0'};
 constexpr uint32_t kTileLog2 = 8;
 constexpr uint32_t kColorBit = 1, kNormalBit = 2;
 constexpr size_t kColorChannels = 4, kNormalChannels = 3;
+constexpr uint32_t kTileBricksMax = 1u << 3 * (kTileLog2 - 3);
 constexpr uint64_t kTileVoxelsMax = uint64_t{1} << (3 * kTileLog2);
 constexpr size_t kMetaBytesMax = size_t{1} << 24;
 
@@ -85,6 +86,18 @@ Status check_cells(const SparseTile& tile, const std::array<int32_t, 3>& dims) {
   return {};
 }
 
+bool follows_the_rules(const SparseTile& tile, const GridHeader& header) {
+  const size_t voxels = tile.voxel_count();
+  return tile.brick_morton.size() == tile.masks.size() &&
+         tile.color.size() == (header.has_color ? kColorChannels * voxels : 0) &&
+         tile.normal.size() == (header.has_normal ? kNormalChannels * voxels : 0) &&
+         std::ranges::adjacent_find(tile.brick_morton, std::ranges::greater_equal{}) ==
+             tile.brick_morton.end() &&
+         tile.brick_morton.back() < kTileBricksMax &&
+         std::ranges::find(tile.masks, BrickMask{}) == tile.masks.end() &&
+         inside(tile.coord, header.dims) && check_cells(tile, header.dims);
+}
+
 struct EncodedTile {
   std::array<int32_t, 3> coord{};
   uint64_t bricks = 0, voxels = 0;
@@ -96,13 +109,7 @@ Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header
   out.coord = tile.coord;
   out.bricks = tile.masks.size();
   out.voxels = tile.voxel_count();
-  const bool sizes_match =
-      tile.brick_morton.size() == tile.masks.size() &&
-      tile.color.size() == (header.has_color ? kColorChannels * out.voxels : 0) &&
-      tile.normal.size() == (header.has_normal ? kNormalChannels * out.voxels : 0) &&
-      std::ranges::adjacent_find(tile.brick_morton, std::ranges::greater_equal{}) ==
-          tile.brick_morton.end();
-  if (!sizes_match || !inside(tile.coord, header.dims)) {
+  if (!follows_the_rules(tile, header)) {
     return Error{ErrorCode::kInternal, "grid container: a tile breaks the rules of SparseTile", "",
                  ""};
   }
@@ -152,6 +159,11 @@ Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
   if (const Status status = check_header(header, 16); !status) {
     return Error{ErrorCode::kInternal, status.error().message(), "", ""};
   }
+  if (header.meta_json.size() > kMetaBytesMax) {
+    return Error{ErrorCode::kInternal, "grid container: meta",
+                 "at most " + std::to_string(kMetaBytesMax) + " bytes",
+                 std::to_string(header.meta_json.size())};
+  }
   std::vector<EncodedTile> encoded;
   uint64_t voxels = 0;
   for (const SparseTile& tile : tiles) {
@@ -161,6 +173,9 @@ Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
     encoded.push_back(std::move(one));
   }
   std::ranges::sort(encoded, {}, [](const EncodedTile& tile) { return tile_order(tile.coord); });
+  if (std::ranges::adjacent_find(encoded, {}, &EncodedTile::coord) != encoded.end()) {
+    return Error{ErrorCode::kInternal, "grid container: two tiles have the same coord", "", ""};
+  }
 
   const size_t directory = kGridHeaderBytes + padded(header.meta_json.size());
   std::vector<uint8_t> out(directory + kGridEntryBytes * encoded.size());
@@ -282,7 +297,9 @@ Result<SparseTile> GridReader::decode_tile(size_t index) const {
   const size_t voxels = tile.voxel_count();
   if (tile.masks.size() != entry.brick_count || voxels != entry.voxel_count) {
     return broken(entry.offset, "octree does not match its directory entry",
-                  std::to_string(entry.voxel_count) + " voxels", std::to_string(voxels));
+                  std::to_string(entry.brick_count) + " bricks and " +
+                      std::to_string(entry.voxel_count) + " voxels",
+                  std::to_string(tile.masks.size()) + " and " + std::to_string(voxels));
   }
   VOXELD_TRY(check_cells(tile, header_.dims));
   uint64_t at = entry.offset + entry.octree_bytes;

@@ -1,0 +1,329 @@
+#include "proto/grid_format.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "tests/unit/proto/tile_maker.h"
+
+namespace voxeld {
+namespace {
+
+using Bytes = std::vector<uint8_t>;
+
+template <typename T>
+void put(Bytes& bytes, size_t at, T value) {
+  std::memcpy(bytes.data() + at, &value, sizeof value);
+}
+template <typename T>
+T get(const Bytes& bytes, size_t at) {
+  T value;
+  std::memcpy(&value, bytes.data() + at, sizeof value);
+  return value;
+}
+
+GridHeader header_of(const std::array<int32_t, 3>& dims, bool color, bool normal) {
+  GridHeader header;
+  header.dims = dims;
+  header.origin = {-1.5, 0.25, 1e10};
+  header.voxel_size = {0.5, 0.5, 0.125};
+  header.has_color = color;
+  header.has_normal = normal;
+  header.meta_json = R"({"units":"mm"})";
+  return header;
+}
+
+// Two tiles with all channels; the directory begins at 128 + 16.
+constexpr size_t kDirectory = kGridHeaderBytes + 16;
+Bytes two_tiles() {
+  const auto voxels = test::box_voxels({254, 1, 2}, {259, 4, 3});
+  const auto bytes =
+      encode_grid(header_of({300, 20, 10}, true, true), test::tiles_of(voxels, true, true));
+  EXPECT_TRUE(bytes) << (bytes ? "" : bytes.error().message());
+  return bytes ? *bytes : Bytes();
+}
+
+std::string refusal(const Bytes& bytes) {
+  const auto reader = GridReader::open(bytes);
+  if (!reader) {
+    EXPECT_EQ(reader.error().code, ErrorCode::kBadRequest);
+    return reader.error().message();
+  }
+  for (size_t i = 0; i < reader->tile_count(); ++i) {
+    if (const auto tile = reader->decode_tile(i); !tile) {
+      EXPECT_EQ(tile.error().code, ErrorCode::kBadRequest);
+      return tile.error().message();
+    }
+  }
+  return "";
+}
+
+void expect_round_trip(const GridHeader& header, const std::vector<SparseTile>& tiles) {
+  const auto bytes = encode_grid(header, tiles);
+  ASSERT_TRUE(bytes) << bytes.error().message();
+  const auto reader = GridReader::open(*bytes);
+  ASSERT_TRUE(reader) << reader.error().message();
+  EXPECT_EQ(reader->header().dims, header.dims);
+  EXPECT_EQ(reader->header().origin, header.origin);
+  EXPECT_EQ(reader->header().voxel_size, header.voxel_size);
+  EXPECT_EQ(reader->header().has_color, header.has_color);
+  EXPECT_EQ(reader->header().has_normal, header.has_normal);
+  EXPECT_EQ(reader->header().meta_json, header.meta_json);
+  ASSERT_EQ(reader->tile_count(), tiles.size());
+  uint64_t voxels = 0;
+  for (size_t i = 0; i < reader->tile_count(); ++i) {
+    const auto tile = reader->decode_tile(i);
+    ASSERT_TRUE(tile) << tile.error().message();
+    const auto same = std::ranges::find(tiles, tile->coord, &SparseTile::coord);
+    ASSERT_NE(same, tiles.end());
+    EXPECT_TRUE(*tile == *same);
+    EXPECT_EQ(reader->tile_voxel_count(i), tile->voxel_count());
+    voxels += tile->voxel_count();
+  }
+  EXPECT_EQ(reader->voxel_count(), voxels);
+}
+
+TEST(GridFormat, random_grids_come_back_with_each_set_of_channels) {
+  for (uint32_t seed = 0; seed < 16; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const std::array<int, 3> dims = {1 + test::below(random, 700), 1 + test::below(random, 300),
+                                     1 + test::below(random, 300)};
+    const bool color = (seed & 1) != 0, normal = (seed & 2) != 0;
+    expect_round_trip(header_of(dims, color, normal),
+                      test::tiles_of(test::random_voxels(random, dims, 3000), color, normal));
+  }
+}
+
+TEST(GridFormat, an_empty_grid_and_the_largest_dims_come_back) {
+  expect_round_trip(header_of({1, 1, 1}, true, false), {});
+  expect_round_trip(
+      header_of({2048, 2048, 2048}, false, true),
+      test::tiles_of({{{2047, 2047, 2047}, {}, {1, 2, 3}}, {{0, 0, 0}, {}, {}}}, false, true));
+}
+
+TEST(GridFormat, the_bytes_lie_where_the_byte_map_says) {
+  const Bytes bytes = two_tiles();
+  EXPECT_EQ(std::memcmp(bytes.data(), "VOXGRID\0", 8), 0);
+  EXPECT_EQ(get<uint32_t>(bytes, 8), 1u);
+  EXPECT_EQ(get<uint32_t>(bytes, 12), 3u);
+  EXPECT_EQ(get<int32_t>(bytes, 16), 300);
+  EXPECT_EQ(get<int32_t>(bytes, 24), 10);
+  EXPECT_EQ(get<uint32_t>(bytes, 28), 8u);
+  EXPECT_EQ(get<double>(bytes, 32), -1.5);
+  EXPECT_EQ(get<double>(bytes, 72), 0.125);
+  EXPECT_EQ(get<uint32_t>(bytes, 80), 2u);
+  EXPECT_EQ(get<uint32_t>(bytes, 84), 14u);
+  EXPECT_EQ(get<uint64_t>(bytes, 88), 15u);
+  EXPECT_EQ(get<uint64_t>(bytes, 96), bytes.size());
+  EXPECT_EQ(std::memcmp(bytes.data() + 128, R"({"units":"mm"})", 14), 0);
+  EXPECT_EQ(get<int32_t>(bytes, kDirectory + 48), 1);    // second tile: x
+  EXPECT_EQ(get<uint32_t>(bytes, kDirectory + 12), 1u);  // bricks
+  EXPECT_EQ(get<uint64_t>(bytes, kDirectory + 16), 6u);  // voxels
+  EXPECT_EQ(get<uint64_t>(bytes, kDirectory + 24), kDirectory + 96);
+}
+
+TEST(GridFormat, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
+  std::mt19937 random(3);
+  auto tiles = test::tiles_of(test::random_voxels(random, {600, 600, 600}, 500), true, false);
+  ASSERT_GT(tiles.size(), 4u);
+  const GridHeader header = header_of({600, 600, 600}, true, false);
+  const auto first = encode_grid(header, tiles);
+  std::ranges::shuffle(tiles, random);
+  tiles.insert(tiles.begin() + 2, SparseTile{{2, 2, 2}, {}, {}, {}, {}});  // empty: left out
+  const auto second = encode_grid(header, tiles);
+  ASSERT_TRUE(first && second);
+  EXPECT_EQ(*first, *second);
+}
+
+TEST(GridFormat, the_byte_range_of_a_tile_is_its_data_and_ranges_follow_each_other) {
+  const Bytes bytes = two_tiles();
+  const auto reader = GridReader::open(bytes);
+  ASSERT_TRUE(reader);
+  EXPECT_EQ(reader->tile_coord(1), (std::array<int32_t, 3>{1, 0, 0}));
+  const auto [first, first_size] = reader->tile_byte_range(0);
+  const auto [second, second_size] = reader->tile_byte_range(1);
+  EXPECT_EQ(first, kDirectory + 2 * kGridEntryBytes);
+  EXPECT_EQ(second, first + first_size);
+  EXPECT_EQ(second + second_size, bytes.size());
+}
+
+TEST(GridFormat, every_truncation_and_every_extra_byte_is_refused) {
+  const Bytes bytes = two_tiles();
+  EXPECT_EQ(refusal(bytes), "");
+  for (size_t size = 0; size < bytes.size(); ++size) {
+    const Bytes cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
+    EXPECT_NE(refusal(cut), "") << size;
+  }
+  EXPECT_EQ(refusal({}),
+            "grid container, byte 0: the header is cut off: expected 128 bytes, got 0");
+  Bytes longer = bytes;
+  longer.push_back(0);
+  EXPECT_EQ(refusal(longer), "grid container, byte 96: length: expected " +
+                                 std::to_string(bytes.size()) + " bytes, got " +
+                                 std::to_string(longer.size()));
+  put(longer, 96, uint64_t{longer.size()});
+  EXPECT_EQ(refusal(longer),
+            "grid container, byte " + std::to_string(bytes.size()) + ": bytes after the last tile");
+}
+
+struct Corruption {
+  std::function<void(Bytes&)> change;
+  std::string text;
+};
+
+void expect_refused(const std::vector<Corruption>& corruptions) {
+  const Bytes good = two_tiles();
+  for (const auto& [change, text] : corruptions) {
+    Bytes bytes = good;
+    change(bytes);
+    EXPECT_EQ(refusal(bytes), "grid container, byte " + text);
+  }
+}
+
+TEST(GridFormat, every_field_of_the_header_is_checked) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  expect_refused({
+      {[](Bytes& b) { b[0] = 'v'; },
+       "0: not a grid container: expected the magic VOXGRID, got other bytes"},
+      {[](Bytes& b) { b[7] = 1; },
+       "0: not a grid container: expected the magic VOXGRID, got other bytes"},
+      {[](Bytes& b) { put(b, 8, 2u); }, "8: version: expected 1, got 2"},
+      {[](Bytes& b) { put(b, 12, 7u); }, "12: unknown channels"},
+      {[](Bytes& b) { put(b, 16, 0); }, "16: dims: expected 1 to 2048, got 0"},
+      {[](Bytes& b) { put(b, 20, 2049); }, "16: dims: expected 1 to 2048, got 2049"},
+      {[](Bytes& b) { put(b, 24, -5); }, "16: dims: expected 1 to 2048, got -5"},
+      {[](Bytes& b) { put(b, 28, 9u); }, "28: tile side: expected 8, got another"},
+      {[nan](Bytes& b) { put(b, 32, nan); }, "16: origin is not finite"},
+      {[](Bytes& b) { put(b, 48, HUGE_VAL); }, "16: origin is not finite"},
+      {[](Bytes& b) { put(b, 56, 0.0); },
+       "16: voxel size: expected a finite number above 0, got 0.000000"},
+      {[](Bytes& b) { put(b, 72, -1.0); },
+       "16: voxel size: expected a finite number above 0, got -1.000000"},
+      {[](Bytes& b) { put(b, 64, HUGE_VAL); },
+       "16: voxel size: expected a finite number above 0, got inf"},
+      {[](Bytes& b) { put(b, 80, 0xffffffffu); }, "80: meta or directory is cut off"},
+      {[](Bytes& b) { put(b, 84, 0xffffffffu); }, "80: meta or directory is cut off"},
+      {[](Bytes& b) { put(b, 88, uint64_t{16}); }, "88: voxel count: expected 15, got 16"},
+      {[](Bytes& b) { b[104] = 1; }, "104: reserved byte: expected 0, got 1"},
+      {[](Bytes& b) { b[127] = 9; }, "127: reserved byte: expected 0, got 9"},
+      {[](Bytes& b) { b[128 + 15] = 1; }, "143: padding: expected 0, got 1"},
+  });
+}
+
+TEST(GridFormat, every_field_of_the_directory_is_checked) {
+  const std::string first = std::to_string(kDirectory), second = std::to_string(kDirectory + 48);
+  const std::string data = std::to_string(kDirectory + 96);
+  expect_refused({
+      {[](Bytes& b) { put(b, kDirectory, 2); }, first + ": tile coord is outside the grid"},
+      {[](Bytes& b) { put(b, kDirectory + 4, -1); }, first + ": tile coord is outside the grid"},
+      {[](Bytes& b) { put(b, kDirectory, 1); },
+       second + ": tiles are not in ascending Morton order"},
+      {[](Bytes& b) { put(b, kDirectory + 12, 2u); },
+       data + ": octree does not match its directory entry: expected 2 bricks and 6 voxels, "
+              "got 1 and 6"},
+      {[](Bytes& b) { put(b, kDirectory + 16, uint64_t{0}); },
+       std::to_string(kDirectory + 16) + ": voxel count: expected 1 to 16777216, got 0"},
+      {[](Bytes& b) { put(b, kDirectory + 16, uint64_t{1} << 40); },
+       std::to_string(kDirectory + 16) +
+           ": voxel count: expected 1 to 16777216, got 1099511627776"},
+      {[](Bytes& b) {
+         put(b, kDirectory + 16, uint64_t{7});
+         put(b, kDirectory + 64, uint64_t{8});
+       },
+       data + ": octree does not match its directory entry: expected 1 bricks and 7 voxels, "
+              "got 1 and 6"},
+      {[](Bytes& b) { put(b, kDirectory + 24, uint64_t{0}); },
+       std::to_string(kDirectory + 24) + ": tile offset: expected " + data + ", got 0"},
+      {[](Bytes& b) { put(b, kDirectory + 32, 0u); },
+       std::to_string(kDirectory + 32) + ": streams do not match the channels"},
+      {[](Bytes& b) { put(b, kDirectory + 36, 0u); },
+       std::to_string(kDirectory + 32) + ": streams do not match the channels"},
+      {[](Bytes& b) { put(b, kDirectory + 40, 0xffffffffu); },
+       std::to_string(kDirectory + 24) + ": tile data lie beyond the end"},
+      {[](Bytes& b) { put(b, kDirectory + 44, 1u); },
+       std::to_string(kDirectory + 44) + ": reserved bytes: expected 0, got others"},
+  });
+}
+
+TEST(GridFormat, voxels_outside_dims_are_refused) {
+  Bytes bytes = two_tiles();
+  put(bytes, 16, 258);  // the box reaches to x = 258
+  EXPECT_EQ(refusal(bytes), "grid container, byte 0: a tile has voxels outside dims");
+  put(bytes, 16, 259);
+  EXPECT_EQ(refusal(bytes), "");
+}
+
+TEST(GridFormat, attributes_of_another_length_than_the_voxels_need_are_refused) {
+  Bytes bytes = two_tiles();
+  // Colour and normal streams change places.
+  const auto color = get<uint32_t>(bytes, kDirectory + 36);
+  const auto normal = get<uint32_t>(bytes, kDirectory + 40);
+  const size_t at = kDirectory + 96 + get<uint32_t>(bytes, kDirectory + 32);
+  std::rotate(bytes.begin() + static_cast<std::ptrdiff_t>(at),
+              bytes.begin() + static_cast<std::ptrdiff_t>(at + color),
+              bytes.begin() + static_cast<std::ptrdiff_t>(at + color + normal));
+  put(bytes, kDirectory + 36, normal);
+  put(bytes, kDirectory + 40, color);
+  EXPECT_EQ(refusal(bytes), "grid container, byte " + std::to_string(at) +
+                                ": attribute bytes: expected 24, got 18");
+}
+
+TEST(GridFormat, a_flipped_byte_never_gives_more_than_a_refusal_or_another_grid) {
+  const Bytes good = two_tiles();
+  std::mt19937 random(4);
+  for (size_t at = 0; at < good.size(); ++at) {
+    Bytes bytes = good;
+    bytes[at] = static_cast<uint8_t>(bytes[at] ^ (1 + test::below(random, 255)));
+    const std::string text = refusal(bytes);
+    EXPECT_TRUE(text.empty() || text.starts_with("grid container, ")) << text;
+  }
+}
+
+TEST(GridFormat, tiles_that_break_the_rules_are_never_written) {
+  const GridHeader header = header_of({300, 300, 300}, false, false);
+  const SparseTile good = test::tiles_of({{{1, 2, 3}, {}, {}}}, false, false)[0];
+  const std::string rules = "grid container: a tile breaks the rules of SparseTile";
+  const auto refused = [&](const std::vector<SparseTile>& tiles) {
+    const auto bytes = encode_grid(header, tiles);
+    EXPECT_FALSE(bytes);
+    return bytes ? Error{} : bytes.error();
+  };
+  const auto changed = [&](const std::function<void(SparseTile&)>& change) {
+    std::vector<SparseTile> tiles = {good};
+    change(tiles[0]);
+    const Error error = refused(tiles);
+    EXPECT_EQ(error.code, ErrorCode::kInternal);
+    EXPECT_EQ(error.message(), rules);
+  };
+  changed([](SparseTile& t) { t.coord = {2, 0, 0}; });
+  changed([](SparseTile& t) { t.coord = {0, -1, 0}; });
+  changed([](SparseTile& t) { t.color = {1, 2, 3, 4}; });
+  changed([](SparseTile& t) { t.masks.push_back(t.masks[0]); });
+  changed([](SparseTile& t) { t.masks[0] = {}; });
+  changed([](SparseTile& t) { t.brick_morton[0] = 32768; });
+  changed([](SparseTile& t) {
+    t.masks.push_back(t.masks[0]);
+    t.brick_morton.push_back(t.brick_morton[0]);
+  });
+  changed([](SparseTile& t) { t.coord = {1, 1, 1}, t.brick_morton[0] = 32767; });
+  EXPECT_EQ(refused({good, good}).message(), "grid container: two tiles have the same coord");
+}
+
+TEST(GridFormat, headers_that_break_the_rules_are_never_written) {
+  GridHeader header = header_of({0, 1, 1}, false, false);
+  EXPECT_EQ(encode_grid(header, {}).error().message(),
+            "grid container, byte 16: dims: expected 1 to 2048, got 0");
+  EXPECT_EQ(encode_grid(header, {}).error().code, ErrorCode::kInternal);
+  header = header_of({1, 1, 1}, false, false);
+  header.meta_json.resize((size_t{1} << 24) + 1, ' ');
+  EXPECT_EQ(encode_grid(header, {}).error().message(),
+            "grid container: meta: expected at most 16777216 bytes, got 16777217");
+}
+
+}  // namespace
+}  // namespace voxeld
