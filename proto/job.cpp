@@ -219,7 +219,9 @@ Error parse_error_json(const Json& body) {
   fields.read("detail", error.detail);
   fields.read("expected", error.expected);
   fields.read("got", error.got);
-  if (const Status status = fields.finish(); !status) return status.error();
+  if (const Status status = fields.finish(); !status) {
+    return {ErrorCode::kInternal, "not a problem document: " + status.error().message(), "", ""};
+  }
   error.code = error_code_from_name(code);
   return error;
 }

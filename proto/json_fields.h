@@ -2,16 +2,19 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "proto/result.h"
 
 namespace voxeld {
 
 // Reads members one after the other and keeps the first error; what is absent leaves the field as
-// it was. unread members are unknown where finish_strict() is asked.
+// it was.
 class JsonFields {
  public:
   JsonFields(const nlohmann::json& object, std::string_view what) : object_(object), what_(what) {
@@ -27,12 +30,17 @@ class JsonFields {
   void read(const char* name, int64_t& field) {
     if (const auto* value = find(
             name, [](const auto& v) { return v.is_number_integer(); }, "an integer")) {
+      // Above the range of int64_t, nlohmann's parser makes an unsigned number, and get() wraps.
+      if (value->is_number_unsigned() && !std::in_range<int64_t>(value->template get<uint64_t>())) {
+        return fail(name, "an integer of 64 bits", value->dump());
+      }
       field = value->template get<int64_t>();
     }
   }
   void read(const char* name, int& field) {
     int64_t wide = field;
     read(name, wide);
+    if (!std::in_range<int>(wide)) return fail(name, "an integer of 32 bits", std::to_string(wide));
     field = static_cast<int>(wide);
   }
   void read(const char* name, double& field) {
@@ -45,6 +53,12 @@ class JsonFields {
     if (const auto* value = find(
             name, [](const auto& v) { return v.is_boolean(); }, "true or false")) {
       field = value->template get<bool>();
+    }
+  }
+  // Members without which the object makes no sense.
+  void require(std::initializer_list<const char*> names) {
+    for (const char* name : names) {
+      if (!error_ && !object_.contains(name)) fail(name, "it to be there", "nothing");
     }
   }
   // The member as it is; null where it is absent.

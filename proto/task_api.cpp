@@ -35,6 +35,7 @@ Result<WorkerHello> parse_worker_hello(const Json& message) {
   VOXELD_TRY(check_type(message, "hello"));
   WorkerHello hello;
   JsonFields fields(message, "hello");
+  fields.require({"protocol", "pid", "device"});
   fields.read("protocol", hello.protocol);
   fields.read("pid", hello.pid);
   fields.read("device", hello.device);
@@ -63,6 +64,7 @@ Result<Task> parse_task(const Json& message) {
   Task task;
   std::string kind;
   JsonFields fields(message, "task");
+  fields.require({"id", "fence", "kind", "input_path", "options_json"});
   fields.read("id", task.id);
   fields.read("fence", task.fence);
   fields.read("attempt", task.attempt);
@@ -92,6 +94,7 @@ Result<TaskProgress> parse_task_progress(const Json& message) {
   VOXELD_TRY(check_type(message, "progress"));
   TaskProgress progress;
   JsonFields fields(message, "progress");
+  fields.require({"task", "fence"});
   fields.read("task", progress.task);
   fields.read("fence", progress.fence);
   fields.read("stage", progress.stage);
@@ -122,6 +125,7 @@ Result<TaskCompletion> parse_task_completion(const Json& message) {
   VOXELD_TRY(check_type(message, "complete"));
   TaskCompletion completion;
   JsonFields fields(message, "complete");
+  fields.require({"task", "fence", "outputs", "timings", "warnings"});
   fields.read("task", completion.task);
   fields.read("fence", completion.fence);
   fields.read("meta_json", completion.meta_json);
@@ -129,8 +133,8 @@ Result<TaskCompletion> parse_task_completion(const Json& message) {
   const Json* timings = fields.member("timings");
   const Json* warnings = fields.member("warnings");
   VOXELD_TRY(fields.finish());
-  if (outputs == nullptr || !outputs->is_array() || timings == nullptr || warnings == nullptr) {
-    return Error{ErrorCode::kBadRequest, "complete", "outputs, timings and warnings", ""};
+  if (!outputs->is_array()) {
+    return Error{ErrorCode::kBadRequest, "complete.outputs", "a list", outputs->type_name()};
   }
   for (const Json& entry : *outputs) {
     TaskOutput output;
@@ -158,11 +162,11 @@ Result<TaskFailure> parse_task_failure(const Json& message) {
   VOXELD_TRY(check_type(message, "fail"));
   TaskFailure failure;
   JsonFields fields(message, "fail");
+  fields.require({"task", "fence", "error"});
   fields.read("task", failure.task);
   fields.read("fence", failure.fence);
   const Json* error = fields.member("error");
   VOXELD_TRY(fields.finish());
-  if (error == nullptr) return Error{ErrorCode::kBadRequest, "fail.error", "an object", "none"};
   failure.error = parse_error_json(*error);
   return failure;
 }

@@ -1,0 +1,246 @@
+#include "proto/job.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "proto/job_json.h"
+
+namespace voxeld {
+namespace {
+
+using Json = nlohmann::json;
+
+Error refused(std::string_view text) {
+  const auto request = parse_job_request(Json::parse(text));
+  EXPECT_FALSE(request) << text;
+  return request ? Error{} : request.error();
+}
+
+JobStatus finished() {
+  JobStatus status;
+  status.id = "j-0123";
+  status.kind = JobKind::kRender;
+  status.state = JobState::kDone;
+  status.asset = "sha256-1";
+  status.filename = "b.ply";
+  status.options_json = R"({"width":5})";
+  status.version = 9;
+  status.attempt = 2;
+  status.tiles_done = 3;
+  status.tiles_total = 4;
+  status.stage = "encode";
+  status.queue_position = 5;
+  status.created_ms = 1'700'000'000'000;
+  status.started_ms = 1'700'000'000'001;
+  status.ended_ms = 1'700'000'000'002;
+  status.timings = {{"parse", 1.5}, {"render", 20}};
+  status.cached = true;
+  status.result = JobResult{"sha256-2",
+                            77,
+                            "image/png",
+                            "b.png",
+                            "sha256-3",
+                            R"({"dims":[1,2,3]})",
+                            {{"missing-texture", "a.png"}}};
+  return status;
+}
+
+TEST(JobNames, lead_back_to_their_values) {
+  for (const JobKind kind :
+       {JobKind::kVoxelize, JobKind::kRender, JobKind::kExport, JobKind::kInspect}) {
+    EXPECT_EQ(job_kind_from_name(job_kind_name(kind)), kind);
+  }
+  for (const JobState state : {JobState::kQueued, JobState::kRunning, JobState::kDone,
+                               JobState::kFailed, JobState::kCancelled}) {
+    EXPECT_EQ(job_state_from_name(job_state_name(state)), state);
+  }
+  EXPECT_EQ(job_kind_name(JobKind::kInspect), "inspect");
+  EXPECT_EQ(job_state_name(JobState::kCancelled), "cancelled");
+  EXPECT_FALSE(job_kind_from_name("Render"));
+  EXPECT_FALSE(job_state_from_name(""));
+}
+
+TEST(JobRequest, each_kind_takes_its_input_and_the_options_of_its_scope) {
+  struct Case {
+    std::string_view text;
+    JobKind kind;
+    OptionScope scope;
+  };
+  for (const auto& [text, kind, scope] :
+       {Case{R"({"kind":"voxelize","asset":"a","options":{"size":9,"format":"npy"}})",
+             JobKind::kVoxelize, OptionScope::kVoxelize},
+        Case{R"({"kind":"render","asset":"a","options":{"size":9,"width":5}})", JobKind::kRender,
+             OptionScope::kRenderMesh},
+        Case{R"({"kind":"render","grid":"g","options":{"width":5}})", JobKind::kRender,
+             OptionScope::kRenderGrid},
+        Case{R"({"kind":"export","grid":"g","options":{"format":"vox"}})", JobKind::kExport,
+             OptionScope::kExport},
+        Case{R"({"kind":"inspect","asset":"a"})", JobKind::kInspect, OptionScope::kVoxelize}}) {
+    const auto request = parse_job_request(Json::parse(text));
+    ASSERT_TRUE(request) << text << request.error().message();
+    EXPECT_EQ(request->kind, kind);
+    EXPECT_EQ(option_scope(*request), scope) << text;
+  }
+}
+
+TEST(JobRequest, exactly_one_input_of_the_right_sort_is_needed) {
+  EXPECT_EQ(refused(R"({"kind":"voxelize"})").message(),
+            "job: input of kind voxelize: expected asset, got neither");
+  EXPECT_EQ(refused(R"({"kind":"voxelize","grid":"g"})").message(),
+            "job: input of kind voxelize: expected asset, got grid");
+  EXPECT_EQ(refused(R"({"kind":"render","asset":"a","grid":"g"})").message(),
+            "job: input of kind render: expected either asset or grid, got both");
+  EXPECT_EQ(refused(R"({"kind":"export","asset":"a"})").message(),
+            "job: input of kind export: expected grid, got asset");
+  EXPECT_EQ(refused(R"({"kind":"inspect","grid":"g"})").message(),
+            "job: input of kind inspect: expected asset, got grid");
+}
+
+TEST(JobRequest, members_are_checked_by_name_and_type) {
+  EXPECT_EQ(refused("[]").message(), "job: expected an object, got array");
+  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","size":5})").message(),
+            "job: no such member: expected kind, asset, grid, filename, options, got \"size\"");
+  EXPECT_EQ(refused(R"({"kind":7})").message(), "job.kind: expected a text, got number");
+  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":null})").message(),
+            "job.asset: expected a text, got null");
+  EXPECT_EQ(refused(R"({"kind":"sculpt"})").message(),
+            "job.kind: expected voxelize | render | export | inspect, got \"sculpt\"");
+  EXPECT_EQ(refused(R"({})").message(),
+            "job.kind: expected voxelize | render | export | inspect, got \"\"");
+  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":[]})").message(),
+            "options: expected an object, got array");
+  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":{"size":0}})").message(),
+            "size: expected an integer from 1 to 2048, got \"0\"");
+  EXPECT_EQ(refused(R"({"kind":"export","grid":"g","options":{"size":5}})").code,
+            ErrorCode::kUnknownOption);
+}
+
+TEST(JobRequest, the_filename_may_stand_in_the_options) {
+  const auto request = parse_job_request(
+      Json::parse(R"({"kind":"voxelize","asset":"a","options":{"filename":"b.stl"}})"));
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->filename, "b.stl");
+}
+
+TEST(JobStatus, of_a_finished_job_comes_back) {
+  const JobStatus status = finished();
+  const auto back = parse_job_status(job_status_json(status));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(job_status_json(*back), job_status_json(status));
+  EXPECT_EQ(back->kind, status.kind);
+  EXPECT_EQ(back->state, status.state);
+  EXPECT_EQ(back->version, 9);
+  EXPECT_EQ(back->attempt, 2);
+  EXPECT_EQ(back->created_ms, status.created_ms);
+  EXPECT_EQ(back->timings, status.timings);
+  EXPECT_TRUE(back->cached);
+  ASSERT_TRUE(back->result);
+  EXPECT_EQ(back->result->blob, "sha256-2");
+  EXPECT_EQ(back->result->bytes, 77);
+  EXPECT_EQ(back->result->meta_json, status.result->meta_json);
+  ASSERT_EQ(back->result->warnings.size(), 1u);
+  EXPECT_EQ(back->result->warnings[0].code, "missing-texture");
+  EXPECT_FALSE(back->error);
+  EXPECT_TRUE(back->ended());
+}
+
+TEST(JobStatus, of_a_failed_job_carries_its_error_and_no_result) {
+  JobStatus status;
+  status.state = JobState::kFailed;
+  status.error = Error{ErrorCode::kMalformedMesh, "a.obj line 3: index", "1 to 8", "9"};
+  const Json json = job_status_json(status);
+  EXPECT_FALSE(json.contains("result"));
+  EXPECT_EQ(json["error"]["code"], "malformed-mesh");
+  const auto back = parse_job_status(json);
+  ASSERT_TRUE(back);
+  ASSERT_TRUE(back->error);
+  EXPECT_EQ(back->error->code, ErrorCode::kMalformedMesh);
+  EXPECT_EQ(back->error->message(), status.error->message());
+}
+
+TEST(JobStatus, only_the_three_last_states_are_ended) {
+  JobStatus status;
+  for (const auto& [state, ended] : {std::pair{JobState::kQueued, false},
+                                     {JobState::kRunning, false},
+                                     {JobState::kDone, true},
+                                     {JobState::kFailed, true},
+                                     {JobState::kCancelled, true}}) {
+    status.state = state;
+    EXPECT_EQ(status.ended(), ended) << job_state_name(state);
+  }
+}
+
+TEST(JobStatus, members_of_other_types_and_unknown_states_are_refused) {
+  const Json good = job_status_json(finished());
+  for (const auto& [name, value] : good.items()) {
+    // timings and options are shown, never acted on; an error is never refused.
+    if (name == "timings" || name == "options") continue;
+    Json other = good;
+    other[name] = Json::array();
+    const auto status = parse_job_status(other);
+    ASSERT_FALSE(status) << name;
+    EXPECT_EQ(status.error().code, ErrorCode::kBadRequest) << name;
+  }
+  Json other = good;
+  other["state"] = "dreaming";
+  EXPECT_EQ(parse_job_status(other).error().message(),
+            "job.state: expected a state of a job, got dreaming");
+  EXPECT_EQ(parse_job_status(Json()).error().message(), "job: expected an object, got null");
+}
+
+TEST(JobStatus, meta_that_is_no_object_is_written_as_an_empty_one) {
+  JobStatus status = finished();
+  for (const char* meta : {"", "[1]", "{", "5"}) {
+    status.result->meta_json = meta;
+    EXPECT_EQ(job_status_json(status)["result"]["meta"].dump(), "{}") << meta;
+  }
+}
+
+TEST(Problem, has_the_members_of_rfc_9457_for_every_code) {
+  for (const ErrorCodeInfo& info : all_error_codes()) {
+    const Error error{info.code, "what", "this", "that"};
+    const Json json = problem_json(error, "/v1/jobs/1");
+    EXPECT_EQ(json["type"], "urn:voxeld:error:" + std::string(info.name));
+    EXPECT_EQ(json["title"], info.title);
+    EXPECT_EQ(json["status"], info.http_status);
+    EXPECT_EQ(json["code"], info.name);
+    EXPECT_EQ(json["detail"], "what");
+    EXPECT_EQ(json["instance"], "/v1/jobs/1");
+    const Error back = parse_problem(json);
+    EXPECT_EQ(back.code, info.code);
+    EXPECT_EQ(back.message(), error.message());
+  }
+  const Json brief = problem_json({ErrorCode::kGone, "what", "", ""}, "");
+  EXPECT_FALSE(brief.contains("expected") || brief.contains("got") || brief.contains("instance"));
+}
+
+TEST(Problem, what_is_not_a_problem_document_is_internal_with_a_reason) {
+  EXPECT_EQ(parse_problem(Json("oops")).code, ErrorCode::kInternal);
+  EXPECT_EQ(parse_problem(Json("oops")).message(),
+            "not a problem document: error: expected an object, got string");
+  EXPECT_EQ(parse_problem(Json{{"code", 5}}).code, ErrorCode::kInternal);
+  EXPECT_EQ(parse_problem(Json{{"code", "of-tomorrow"}, {"detail", "x"}}).message(), "x");
+  EXPECT_EQ(parse_problem(Json{{"code", "of-tomorrow"}}).code, ErrorCode::kInternal);
+}
+
+TEST(JobJson, timings_and_warnings_keep_their_order_and_are_checked) {
+  const StageTimes timings = {{"voxelize", 2}, {"parse", 1.25}};
+  EXPECT_EQ(*parse_timings(timings_json(timings)), timings);
+  EXPECT_EQ(parse_timings(Json::object()).error().message(),
+            "timings: expected a list, got object");
+  for (const char* text : {"[5]", "[[]]", R"([["a"]])", R"([[1,"a"]])", R"([["a",1,2]])"}) {
+    EXPECT_EQ(parse_timings(Json::parse(text)).error().message(),
+              "timings: expected pairs of stage and milliseconds");
+  }
+  EXPECT_EQ(parse_warnings(Json::object()).error().message(),
+            "warnings: expected a list, got object");
+  EXPECT_EQ(parse_warnings(Json::parse("[5]")).error().message(),
+            "warning: expected an object, got number");
+  EXPECT_EQ(parse_warnings(Json::parse(R"([{"code":5}])")).error().message(),
+            "warning.code: expected a text, got number");
+}
+
+}  // namespace
+}  // namespace voxeld

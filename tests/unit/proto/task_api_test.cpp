@@ -1,0 +1,208 @@
+#include "proto/task_api.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace voxeld {
+namespace {
+
+using Json = nlohmann::json;
+
+WorkerHello hello() {
+  return {3, 4711, "egl:0", "Example GPU", "4.6.0", R"({"limit":5})"};
+}
+Task task() {
+  return {"j-1", 7, 2, JobKind::kRender, "/data/blob", "sha256-1", true, "b.ply", R"({"width":5})"};
+}
+TaskProgress progress() {
+  return {"j-1", 7, "voxelize", 3, 8};
+}
+TaskCompletion completion() {
+  return {"j-1",
+          7,
+          {{"result", "/scratch/a", "application/x-npy", "b.npy"}, {"grid", "/scratch/b", "", ""}},
+          {{"voxelize", 12.5}, {"parse", 1}},
+          R"({"dims":[1,2,3]})",
+          {{"missing-texture", "a.png"}}};
+}
+TaskFailure failure() {
+  return {"j-1", 7, {ErrorCode::kMalformedMesh, "b.ply line 3: x", "a number", "\"y\""}};
+}
+
+// The messages and, for each, how it is read.
+struct Message {
+  std::string type;
+  Json json;
+  std::function<Status(const Json&)> parse;
+};
+template <typename T>
+std::function<Status(const Json&)> with(Result<T> (*parse)(const Json&)) {
+  return [parse](const Json& json) -> Status {
+    VOXELD_TRY(parse(json));
+    return {};
+  };
+}
+std::vector<Message> messages() {
+  return {{"hello", to_json_message(hello()), with(parse_worker_hello)},
+          {"task", to_json_message(task()), with(parse_task)},
+          {"progress", to_json_message(progress()), with(parse_task_progress)},
+          {"complete", to_json_message(completion()), with(parse_task_completion)},
+          {"fail", to_json_message(failure()), with(parse_task_failure)}};
+}
+
+TEST(TaskApi, a_hello_comes_back) {
+  const auto back = parse_worker_hello(to_json_message(hello()));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->protocol, 3);
+  EXPECT_EQ(back->pid, 4711);
+  EXPECT_EQ(back->device, "egl:0");
+  EXPECT_EQ(back->renderer, "Example GPU");
+  EXPECT_EQ(back->driver, "4.6.0");
+  EXPECT_EQ(back->device_json, R"({"limit":5})");
+}
+
+TEST(TaskApi, a_task_comes_back) {
+  const auto back = parse_task(to_json_message(task()));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->id, "j-1");
+  EXPECT_EQ(back->fence, 7);
+  EXPECT_EQ(back->attempt, 2);
+  EXPECT_EQ(back->kind, JobKind::kRender);
+  EXPECT_EQ(back->input_path, "/data/blob");
+  EXPECT_EQ(back->input_hash, "sha256-1");
+  EXPECT_TRUE(back->input_is_grid);
+  EXPECT_EQ(back->filename, "b.ply");
+  EXPECT_EQ(back->options_json, R"({"width":5})");
+}
+
+TEST(TaskApi, progress_comes_back) {
+  const auto back = parse_task_progress(to_json_message(progress()));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->task, "j-1");
+  EXPECT_EQ(back->fence, 7);
+  EXPECT_EQ(back->stage, "voxelize");
+  EXPECT_EQ(back->tiles_done, 3);
+  EXPECT_EQ(back->tiles_total, 8);
+}
+
+TEST(TaskApi, a_completion_comes_back_with_its_stages_in_order) {
+  const auto back = parse_task_completion(to_json_message(completion()));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->task, "j-1");
+  EXPECT_EQ(back->fence, 7);
+  ASSERT_EQ(back->outputs.size(), 2u);
+  EXPECT_EQ(back->outputs[0].role, "result");
+  EXPECT_EQ(back->outputs[0].path, "/scratch/a");
+  EXPECT_EQ(back->outputs[0].media_type, "application/x-npy");
+  EXPECT_EQ(back->outputs[0].filename, "b.npy");
+  EXPECT_EQ(back->outputs[1].role, "grid");
+  EXPECT_EQ(back->timings, completion().timings);
+  EXPECT_EQ(back->meta_json, R"({"dims":[1,2,3]})");
+  ASSERT_EQ(back->warnings.size(), 1u);
+  EXPECT_EQ(back->warnings[0].code, "missing-texture");
+  EXPECT_EQ(back->warnings[0].detail, "a.png");
+}
+
+TEST(TaskApi, a_failure_comes_back) {
+  const auto back = parse_task_failure(to_json_message(failure()));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->task, "j-1");
+  EXPECT_EQ(back->fence, 7);
+  EXPECT_EQ(back->error.code, ErrorCode::kMalformedMesh);
+  EXPECT_EQ(back->error.message(), failure().error.message());
+}
+
+TEST(TaskApi, another_type_of_message_is_refused_by_its_name) {
+  for (const Message& message : messages()) {
+    EXPECT_EQ(message.json["type"], message.type);
+    Json other = message.json;
+    other["type"] = "dance";
+    const Status status = message.parse(other);
+    ASSERT_FALSE(status);
+    EXPECT_EQ(status.error().code, ErrorCode::kBadRequest);
+    EXPECT_EQ(status.error().message(), "message.type: expected " + message.type + ", got dance");
+  }
+}
+
+TEST(TaskApi, what_is_not_an_object_is_refused) {
+  for (const Message& message : messages()) {
+    for (const Json& value :
+         {Json(), Json(5), Json("x"), Json::array(), Json::array({message.json})}) {
+      const Status status = message.parse(value);
+      ASSERT_FALSE(status);
+      EXPECT_EQ(status.error().message(),
+                "message: expected an object, got " + std::string(value.type_name()));
+    }
+  }
+}
+
+TEST(TaskApi, every_member_of_another_type_is_refused_by_its_name) {
+  for (const Message& message : messages()) {
+    for (const auto& [name, value] : message.json.items()) {
+      if (name == "type" || name == "error") continue;
+      Json other = message.json;
+      other[name] = value.is_object() ? Json::array() : Json::object();
+      const Status status = message.parse(other);
+      ASSERT_FALSE(status) << message.type << "." << name;
+      EXPECT_EQ(status.error().code, ErrorCode::kBadRequest);
+      EXPECT_NE(status.error().detail.find(name), std::string::npos) << status.error().message();
+    }
+  }
+}
+
+TEST(TaskApi, what_makes_no_sense_without_it_must_be_there) {
+  const std::map<std::string, std::vector<std::string>> required = {
+      {"hello", {"protocol", "pid", "device"}},
+      {"task", {"id", "fence", "kind", "input_path", "options_json"}},
+      {"progress", {"task", "fence"}},
+      {"complete", {"task", "fence", "outputs", "timings", "warnings"}},
+      {"fail", {"task", "fence", "error"}}};
+  for (const Message& message : messages()) {
+    for (const std::string& name : required.at(message.type)) {
+      SCOPED_TRACE(message.type + "." + name);
+      Json other = message.json;
+      other.erase(name);
+      const Status status = message.parse(other);
+      ASSERT_FALSE(status);
+      EXPECT_EQ(status.error().code, ErrorCode::kBadRequest);
+      EXPECT_EQ(status.error().message(),
+                message.type + "." + name + ": expected it to be there, got nothing");
+    }
+  }
+}
+
+TEST(TaskApi, integers_that_do_not_fit_their_field_are_refused) {
+  Json message = to_json_message(task());
+  message["attempt"] = int64_t{1} << 32;
+  EXPECT_EQ(parse_task(message).error().message(),
+            "task.attempt: expected an integer of 32 bits, got 4294967296");
+  message = to_json_message(task());
+  message["fence"] = UINT64_MAX;
+  EXPECT_EQ(parse_task(message).error().message(),
+            "task.fence: expected an integer of 64 bits, got 18446744073709551615");
+  message["fence"] = 1.5;
+  EXPECT_EQ(parse_task(message).error().message(), "task.fence: expected an integer, got number");
+}
+
+TEST(TaskApi, an_error_that_is_not_one_is_an_internal_error_of_the_worker) {
+  Json message = to_json_message(failure());
+  message["error"] = 5;
+  const auto back = parse_task_failure(message);
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->error.code, ErrorCode::kInternal);
+  EXPECT_EQ(back->error.message(), "not a problem document: error: expected an object, got number");
+}
+
+TEST(TaskApi, a_kind_of_a_newer_server_is_refused) {
+  Json message = to_json_message(task());
+  message["kind"] = "sculpt";
+  EXPECT_EQ(parse_task(message).error().message(), "task.kind: expected a kind of job, got sculpt");
+}
+
+}  // namespace
+}  // namespace voxeld
