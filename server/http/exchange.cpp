@@ -18,7 +18,7 @@ struct Range {
 std::optional<int64_t> number(std::string_view text) {
   int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.empty() || error != std::errc() || end != text.data() + text.size() || value < 0) {
+  if (text.starts_with('-') || error != std::errc() || end != text.data() + text.size()) {
     return std::nullopt;
   }
   return value;
@@ -171,10 +171,9 @@ int64_t send_response(Connection& connection, const Head& head, Response& respon
     return 0;
   }
   const UniqueFd fd(::open(file->path.c_str(), O_RDONLY | O_CLOEXEC));
-  // The length was promised: a blob that vanished can only be told by an early end.
-  if (!fd.valid()) return 0;
-  connection.send_file(fd.get(), file->offset, file->bytes);
-  return file->bytes;
+  // The length was promised: that a blob vanished can only be told by breaking the connection, which
+  // sending from no file does.
+  return connection.send_file(fd.get(), file->offset, file->bytes) ? file->bytes : 0;
 }
 
 }  // namespace voxeld::http

@@ -1,0 +1,428 @@
+// Exchanges over real sockets: framing, kept connections, and what is refused.
+#include "server/http/front.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string>
+#include <thread>
+
+#include "server/http/exchange.h"
+#include "server/http/head_parser.h"
+#include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/http/front_fixture.h"
+
+namespace voxeld::http {
+namespace {
+
+std::string post(const std::string& target, const std::string& body) {
+  return "POST " + target +
+         " HTTP/1.1\r\nHost: h\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" +
+         body;
+}
+
+TEST_F(FrontTest, an_answer_has_its_length_an_id_and_keeps_the_connection) {
+  start();
+  const HttpAnswer answer = get("/hello");
+  EXPECT_EQ(answer.status, 200);
+  EXPECT_EQ(answer.body, "hello");
+  EXPECT_EQ(answer.header("content-length"), "5");
+  EXPECT_EQ(answer.header("connection"), "keep-alive");
+  EXPECT_EQ(answer.header("x-content-type-options"), "nosniff");
+  EXPECT_EQ(answer.header("x-request-id").substr(0, 2), "r-");
+}
+
+TEST_F(FrontTest, a_connection_serves_many_requests) {
+  start();
+  HttpClient client(port());
+  for (int i = 0; i < 100; ++i) {
+    const std::string body = "body " + std::to_string(i);
+    ASSERT_TRUE(client.send(post("/echo", body)));
+    const auto answer = client.receive();
+    ASSERT_TRUE(answer) << i;
+    EXPECT_EQ(answer->body, body);
+  }
+  EXPECT_EQ(front_->state().connections, 1);
+}
+
+TEST_F(FrontTest, pipelined_requests_are_answered_in_their_order) {
+  start();
+  HttpClient client(port());
+  std::string all;
+  for (int i = 0; i < 50; ++i) {
+    all += i % 2 == 0 ? post("/echo", std::to_string(i)) : "GET /hello HTTP/1.1\r\nHost: h\r\n\r\n";
+  }
+  ASSERT_TRUE(client.send(all));
+  for (int i = 0; i < 50; ++i) {
+    const auto answer = client.receive();
+    ASSERT_TRUE(answer) << i;
+    EXPECT_EQ(answer->body, i % 2 == 0 ? std::to_string(i) : "hello");
+  }
+}
+
+TEST_F(FrontTest, a_pipelined_chunked_body_is_followed_by_the_next_request) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(
+      client.send("POST /echo HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n"
+                  "2\r\nab\r\n1\r\nc\r\n0\r\nT: x\r\n\r\nGET /hello HTTP/1.1\r\nHost: h\r\n\r\n"));
+  EXPECT_EQ(client.receive()->body, "abc");
+  EXPECT_EQ(client.receive()->body, "hello");
+}
+
+TEST_F(FrontTest, a_request_is_the_same_at_every_split) {
+  start();
+  HttpClient client(port());
+  const std::string text =
+      "POST /echo HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n"
+      "2\r\nab\r\n1;x=y\r\nc\r\n0\r\n\r\n";
+  for (size_t at = 1; at < text.size(); ++at) {
+    ASSERT_TRUE(client.send(text.substr(0, at)) && client.send(text.substr(at)));
+    const auto answer = client.receive();
+    ASSERT_TRUE(answer) << "split at " << at;
+    EXPECT_EQ(answer->body, "abc") << "split at " << at;
+  }
+  for (const char c : text) ASSERT_TRUE(client.send(std::string(1, c)));
+  EXPECT_EQ(client.receive()->body, "abc");
+}
+
+TEST_F(FrontTest, a_truncated_head_runs_no_handler) {
+  start();
+  const std::string head = "GET /hello HTTP/1.1\r\nHost: h\r\n\r\n";
+  for (size_t bytes = 0; bytes < head.size(); ++bytes) {
+    HttpClient client(port());
+    ASSERT_TRUE(client.send(head.substr(0, bytes)));
+    client.finish_sending();
+    EXPECT_EQ(client.receive_to_end(), "") << bytes;
+  }
+  get("/hello");
+  EXPECT_EQ(observed(1).size(), 1u);
+}
+
+TEST_F(FrontTest, connections_close_when_the_client_says_so_or_speaks_1_0) {
+  start();
+  for (const char* text : {"GET /hello HTTP/1.1\r\nHost: h\r\nConnection: close\r\n\r\n",
+                           "GET /hello HTTP/1.0\r\n\r\n"}) {
+    HttpClient client(port());
+    ASSERT_TRUE(client.send(text));
+    const auto answer = client.receive();
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->header("connection"), "close");
+    EXPECT_EQ(client.receive_to_end(), "");
+  }
+}
+
+TEST_F(FrontTest, head_gets_the_same_head_without_the_body_and_the_connection_goes_on) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send("HEAD /hello HTTP/1.1\r\nHost: h\r\n\r\n"));
+  const auto head = client.receive(/*has_body=*/false);
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->status, 200);
+  EXPECT_EQ(head->header("content-length"), "5");
+  ASSERT_TRUE(client.send_get("/hello"));
+  EXPECT_EQ(client.receive()->body, "hello");
+}
+
+TEST_F(FrontTest, what_does_not_exist_is_not_found) {
+  start();
+  const HttpAnswer answer = get("/nothing");
+  EXPECT_EQ(answer.status, 404);
+  EXPECT_EQ(answer.code(), "not-found");
+  EXPECT_EQ(answer.header("content-type"), "application/problem+json");
+  EXPECT_EQ(nlohmann::json::parse(answer.body)["instance"], "/nothing");
+}
+
+TEST_F(FrontTest, another_method_is_told_the_allowed_ones) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send("DELETE /hello HTTP/1.1\r\nHost: h\r\n\r\n"));
+  const auto refused = client.receive();
+  ASSERT_TRUE(refused);
+  EXPECT_EQ(refused->status, 405);
+  EXPECT_EQ(refused->code(), "method-not-allowed");
+  EXPECT_EQ(refused->header("allow"), "OPTIONS, GET, HEAD");
+  ASSERT_TRUE(client.send("OPTIONS /echo HTTP/1.1\r\nHost: h\r\n\r\n"));
+  const auto options = client.receive();
+  ASSERT_TRUE(options);
+  EXPECT_EQ(options->status, 204);
+  EXPECT_EQ(options->header("allow"), "OPTIONS, POST");
+  EXPECT_EQ(options->header("content-length"), "");
+}
+
+TEST_F(FrontTest, a_broken_head_is_a_bad_request_and_closes) {
+  start();
+  for (const char* text : {"GET / HTTP/1.1\r\n\r\n", "GET / HTTP/1.1\nHost: h\n\n", "\r\n\r\n",
+                           "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 1\r\n"
+                           "Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"}) {
+    HttpClient client(port());
+    ASSERT_TRUE(client.send(text));
+    const auto answer = client.receive();
+    ASSERT_TRUE(answer) << text;
+    EXPECT_EQ(answer->status, 400);
+    EXPECT_EQ(answer->code(), "bad-request");
+    EXPECT_EQ(answer->header("connection"), "close");
+    EXPECT_NE(answer->header("x-request-id"), "");
+    EXPECT_EQ(client.receive_to_end(), "");
+  }
+}
+
+TEST_F(FrontTest, a_head_over_the_limit_is_refused_with_and_without_its_end) {
+  start();
+  const std::string start_of_head = "GET /hello HTTP/1.1\r\nHost: h\r\n";
+  // Many lines are another limit: lines of 4000 bytes.
+  const auto filled = [&](size_t bytes) {
+    std::string head = start_of_head;
+    while (head.size() + 10 < bytes) {
+      head += "X: " + std::string(std::min<size_t>(4000, bytes - head.size() - 5), 'a') + "\r\n";
+    }
+    return head;
+  };
+  HttpClient fits(port());
+  ASSERT_TRUE(fits.send(filled(kHeadBytesMax - 20) + "\r\n"));
+  EXPECT_EQ(fits.receive()->status, 200);
+  for (const char* end : {"\r\n", ""}) {
+    HttpClient client(port());
+    ASSERT_TRUE(client.send(filled(kHeadBytesMax + 10) + end));
+    const auto answer = client.receive();
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->status, 400);
+    EXPECT_EQ(answer->detail(), "the head of the request is too long");
+  }
+}
+
+TEST_F(FrontTest, an_unread_body_closes_the_connection_but_not_before_the_answer_arrived) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send(post("/ignore", std::string(3'000'000, 'x'))));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->body, "ignored");
+  EXPECT_EQ(answer->header("connection"), "close");
+  EXPECT_EQ(client.receive_to_end(), "");
+}
+
+TEST_F(FrontTest, a_body_over_the_limit_is_payload_too_large) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 1048577\r\n\r\n"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 413);
+  EXPECT_EQ(answer->code(), "payload-too-large");
+}
+
+TEST_F(FrontTest, a_client_that_waits_for_100_gets_it_and_then_its_answer) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(
+      client.send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 3\r\n"
+                  "Expect: 100-continue\r\n\r\n"));
+  EXPECT_EQ(client.receive_some().substr(0, 21), "HTTP/1.1 100 Continue");
+  ASSERT_TRUE(client.send("abc"));
+  EXPECT_EQ(client.receive()->body, "abc");
+}
+
+TEST_F(FrontTest, plain_request_ids_are_kept_and_others_replaced) {
+  start();
+  EXPECT_EQ(get("/hello", "X-Request-Id: a.B-9_\r\n").header("x-request-id"), "a.B-9_");
+  for (const std::string& id : {std::string("a b"), std::string("a\"b"), std::string(65, 'a')}) {
+    const std::string given = get("/hello", "X-Request-Id: " + id + "\r\n").header("x-request-id");
+    EXPECT_EQ(given.size(), 18u);
+    EXPECT_NE(given, id);
+  }
+  EXPECT_EQ(observed(4)[0].request_id, "a.B-9_");
+}
+
+TEST_F(FrontTest, an_exception_of_a_handler_is_an_internal_error_and_the_next_request_works) {
+  router_.add("GET", "/throw", [](Request&) -> Response { throw std::runtime_error("oh no"); });
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send_get("/throw"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 500);
+  EXPECT_EQ(answer->code(), "internal");
+  EXPECT_EQ(answer->detail(), "oh no");
+  ASSERT_TRUE(client.send_get("/hello"));
+  EXPECT_EQ(client.receive()->status, 200);
+}
+
+TEST_F(FrontTest, the_observer_sees_every_exchange) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send(post("/echo", "abcd") + "BROKEN\r\n\r\n"));
+  client.receive();
+  client.receive();
+  const auto all = observed(2);
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].method, "POST");
+  EXPECT_EQ(all[0].path, "/echo");
+  EXPECT_EQ(all[0].peer, "127.0.0.1");
+  EXPECT_EQ(all[0].status, 200);
+  EXPECT_EQ(all[0].bytes_in, 4);
+  EXPECT_EQ(all[0].bytes_out, 4);
+  EXPECT_EQ(all[1].method, "");
+  EXPECT_EQ(all[1].status, 400);
+}
+
+TEST_F(FrontTest, header_values_of_an_answer_cannot_break_out_of_their_line) {
+  router_.add("GET", "/inject", [](Request& request) {
+    Response response = Response::text(200, "");
+    response.headers["X-Name"] = "a\r\nX-Evil: " + request.query("x").value_or("");
+    return response;
+  });
+  start();
+  const HttpAnswer answer = get("/inject?x=1");
+  EXPECT_EQ(answer.header("x-name"), "a??X-Evil: 1");
+  EXPECT_EQ(answer.header("x-evil"), "");
+}
+
+TEST_F(FrontTest, a_large_answer_arrives_whole) {
+  const std::string body(20'000'000, 'b');
+  router_.add("GET", "/large", [&](Request&) { return Response::text(200, body); });
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send_get("/large"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_TRUE(answer->body == body);
+}
+
+TEST_F(FrontTest, a_part_of_a_file_is_sent_from_its_offset) {
+  const testing::TemporaryDir dir;
+  const std::string text = "0123456789";
+  ASSERT_TRUE(write_file(dir.path() / "f",
+                         std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size())));
+  router_.add("GET", "/file", [&](Request&) {
+    Response response;
+    response.body = FileBody{dir.path() / "f", 3, 4};
+    return response;
+  });
+  start();
+  EXPECT_EQ(get("/file").body, "3456");
+  EXPECT_EQ(observed(1)[0].bytes_out, 4);
+}
+
+TEST_F(FrontTest, a_file_that_vanished_or_shrank_ends_the_connection_and_not_the_next_answer) {
+  const testing::TemporaryDir dir;
+  ASSERT_TRUE(write_file(dir.path() / "short", std::array<uint8_t, 2>{'a', 'b'}));
+  router_.add("GET", "/{}", [&](Request& request) {
+    Response response;
+    response.body = FileBody{dir.path() / request.path_parameters[0], 0, 4};
+    return response;
+  });
+  start();
+  for (const auto& [name, rest] : {std::pair("/short", "ab"), std::pair("/vanished", "")}) {
+    HttpClient client(port());
+    ASSERT_TRUE(client.send_get(name));
+    ASSERT_TRUE(client.send_get(name));
+    const auto head = client.receive_head();
+    ASSERT_TRUE(head);
+    EXPECT_EQ(head->header("content-length"), "4");
+    EXPECT_EQ(client.receive_to_end(), rest) << name;
+  }
+}
+
+TEST_F(FrontTest, a_stream_has_no_length_and_ends_with_the_connection) {
+  router_.add("GET", "/stream", [](Request&) {
+    Response response;
+    response.body = StreamBody([](EventSink& sink) {
+      for (int i = 0; i < 3; ++i) sink.write("event " + std::to_string(i) + "\n");
+    });
+    return response;
+  });
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send_get("/stream"));
+  const auto head = client.receive_head();
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->header("content-length"), "");
+  EXPECT_EQ(head->header("connection"), "close");
+  EXPECT_EQ(client.receive_to_end(), "event 0\nevent 1\nevent 2\n");
+}
+
+TEST_F(FrontTest, a_handler_and_a_stream_see_that_their_client_left) {
+  std::atomic<int> entered{0}, left{0};
+  router_.add("GET", "/wait", [&](Request& request) {
+    ++entered;
+    if (comes_true(request.client_gone)) ++left;
+    return Response::text(200, "");
+  });
+  router_.add("GET", "/stream", [&](Request&) {
+    Response response;
+    response.body = StreamBody([&](EventSink& sink) {
+      ++entered;
+      if (comes_true([&] { return sink.client_gone(); })) ++left;
+    });
+    return response;
+  });
+  start();
+  for (const char* target : {"/wait", "/stream"}) {
+    HttpClient client(port());
+    ASSERT_TRUE(client.send_get(target));
+    const int before = left;
+    ASSERT_TRUE(comes_true([&] { return entered == before + 1; }));
+    client.close();
+    EXPECT_TRUE(comes_true([&] { return left == before + 1; })) << target;
+  }
+}
+
+TEST_F(FrontTest, connections_over_the_limit_are_closed_at_once_and_room_is_used_again) {
+  start(2, /*connections_max=*/2);
+  HttpClient first(port()), second(port());
+  ASSERT_TRUE(first.send_get("/hello") && second.send_get("/hello"));
+  EXPECT_TRUE(first.receive() && second.receive());
+  HttpClient third(port());
+  EXPECT_EQ(third.receive_to_end(), "");
+  first.close();
+  ASSERT_TRUE(comes_true([&] { return front_->state().connections == 1; }));
+  HttpClient fourth(port());
+  ASSERT_TRUE(fourth.send_get("/hello"));
+  EXPECT_TRUE(fourth.receive());
+}
+
+TEST_F(FrontTest, many_clients_on_many_connections_get_their_own_answers) {
+  start(/*threads=*/8);
+  constexpr int kThreads = 8, kConnections = 10, kRequests = 20;
+  std::atomic<int> right{0};
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t) {
+    threads.emplace_back([&, t] {
+      std::vector<HttpClient> clients;
+      for (int c = 0; c < kConnections; ++c) clients.emplace_back(port());
+      for (int r = 0; r < kRequests; ++r) {
+        const auto body = [&](int c) {
+          return std::to_string(t) + "/" + std::to_string(c) + "/" + std::to_string(r);
+        };
+        for (int c = 0; c < kConnections; ++c) clients[c].send(post("/echo", body(c)));
+        for (int c = 0; c < kConnections; ++c) {
+          const auto answer = clients[c].receive();
+          if (answer && answer->body == body(c)) ++right;
+        }
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(right, kThreads * kConnections * kRequests);
+  EXPECT_TRUE(comes_true([&] { return front_->state().connections == 0; }));
+  EXPECT_EQ(observed(right).size(), static_cast<size_t>(right));
+}
+
+TEST(StartFront, says_why_it_cannot_listen) {
+  const auto handler = [](Request&) { return Response(); };
+  const auto observer = [](const ExchangeRecord&) {};
+  auto first = start_front({"127.0.0.1:0", 1, 1}, handler, observer);
+  ASSERT_TRUE(first);
+  const std::string address = "127.0.0.1:" + std::to_string((*first)->port());
+  const auto second = start_front({address, 1, 1}, handler, observer);
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().message(), address + ": Address already in use");
+  const auto portless = start_front({"localhost", 1, 1}, handler, observer);
+  ASSERT_FALSE(portless);
+  EXPECT_EQ(portless.error().message(), "listen address: expected HOST:PORT, got \"localhost\"");
+}
+
+}  // namespace
+}  // namespace voxeld::http

@@ -1,0 +1,141 @@
+#include "tests/unit/http/http_client.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+namespace voxeld::testing {
+namespace {
+
+std::string json_member(const std::string& body, const char* name) {
+  const auto json = nlohmann::json::parse(body, nullptr, false);
+  return json.is_object() ? json.value(name, std::string()) : std::string();
+}
+
+}  // namespace
+
+std::string HttpAnswer::header(const std::string& name) const {
+  const auto it = headers.find(name);
+  return it == headers.end() ? std::string() : it->second;
+}
+std::string HttpAnswer::code() const {
+  return json_member(body, "code");
+}
+std::string HttpAnswer::detail() const {
+  return json_member(body, "detail");
+}
+
+HttpClient::HttpClient(int port) : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<uint16_t>(port));
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  if (::connect(fd_.get(), reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) {
+    fd_.reset();
+    return;
+  }
+  // What a test sends in pieces shall leave in pieces, at once.
+  const int on = 1;
+  ::setsockopt(fd_.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+}
+
+bool HttpClient::send(std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t sent = ::send(fd_.get(), text.data(), text.size(), MSG_NOSIGNAL);
+    if (sent < 0 && errno != EINTR) return false;
+    if (sent > 0) text.remove_prefix(static_cast<size_t>(sent));
+  }
+  return true;
+}
+
+bool HttpClient::send_get(std::string_view target, std::string_view lines) {
+  return send("GET " + std::string(target) + " HTTP/1.1\r\nHost: h\r\n" + std::string(lines) +
+              "\r\n");
+}
+
+bool HttpClient::readable(double seconds) const {
+  pollfd entry{fd_.get(), POLLIN, 0};
+  return ::poll(&entry, 1, static_cast<int>(seconds * 1000)) > 0;
+}
+
+// Appends what arrives next; false at the end of the stream or of the patience.
+bool HttpClient::fill() {
+  if (!readable(kPatienceSeconds)) return false;
+  std::array<char, 65536> bytes;
+  const ssize_t got = ::recv(fd_.get(), bytes.data(), bytes.size(), 0);
+  if (got <= 0) return false;
+  buffer_.append(bytes.data(), static_cast<size_t>(got));
+  return true;
+}
+
+std::optional<HttpAnswer> HttpClient::receive_head() {
+  size_t end = 0;
+  while ((end = buffer_.find("\r\n\r\n")) == std::string::npos) {
+    if (!fill()) return std::nullopt;
+  }
+  HttpAnswer answer;
+  std::string_view head = std::string_view(buffer_).substr(0, end + 2);
+  if (!head.starts_with("HTTP/1.1 ")) return std::nullopt;
+  answer.status = std::atoi(head.data() + 9);
+  while (!head.empty()) {
+    const std::string_view line = head.substr(0, head.find("\r\n"));
+    head.remove_prefix(line.size() + 2);
+    const size_t colon = line.find(": ");
+    if (colon == std::string_view::npos) continue;  // the status line
+    std::string name(line.substr(0, colon));
+    std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
+    answer.headers[name] = line.substr(colon + 2);
+  }
+  buffer_.erase(0, end + 4);
+  if (answer.status / 100 == 1) return receive_head();
+  return answer;
+}
+
+std::optional<HttpAnswer> HttpClient::receive(bool has_body) {
+  auto answer = receive_head();
+  if (!answer || !has_body) return answer;
+  const auto bytes = std::strtoull(answer->header("content-length").c_str(), nullptr, 10);
+  while (buffer_.size() < bytes) {
+    if (!fill()) return std::nullopt;
+  }
+  answer->body = buffer_.substr(0, bytes);
+  buffer_.erase(0, bytes);
+  return answer;
+}
+
+std::string HttpClient::receive_some() {
+  if (buffer_.empty()) fill();
+  return std::exchange(buffer_, "");
+}
+
+std::optional<std::string> HttpClient::receive_to_end() {
+  while (readable(kPatienceSeconds)) {
+    if (!fill()) return std::exchange(buffer_, "");
+  }
+  return std::nullopt;
+}
+
+void HttpClient::finish_sending() {
+  ::shutdown(fd_.get(), SHUT_WR);
+}
+
+bool comes_true(const std::function<bool()>& condition) {
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(kPatienceSeconds);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > deadline) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return true;
+}
+
+}  // namespace voxeld::testing

@@ -1,0 +1,63 @@
+// A client as bare as a socket, so that tests decide about every byte. Nothing waits for ever: what
+// does not happen within kPatienceSeconds is taken as never.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "server/base/file.h"
+
+namespace voxeld::testing {
+
+inline constexpr int kPatienceSeconds = 60;
+
+struct HttpAnswer {
+  int status = 0;
+  std::map<std::string, std::string> headers;  // names in small letters
+  std::string body;
+
+  // Empty where it is absent.
+  std::string header(const std::string& name) const;
+  // The member "code" of a problem document.
+  std::string code() const;
+  std::string detail() const;
+};
+
+// Not thread-safe.
+class HttpClient {
+ public:
+  // Connects to 127.0.0.1. A refused connection is_open() == false.
+  explicit HttpClient(int port);
+  bool is_open() const { return fd_.valid(); }
+
+  bool send(std::string_view text);
+  // "GET target" with a Host, and `lines` (each with its CRLF).
+  bool send_get(std::string_view target, std::string_view lines = "");
+  // One whole answer (interim 1xx answers are skipped); nullopt when the connection ends before.
+  // `has_body` is false for answers to HEAD.
+  std::optional<HttpAnswer> receive(bool has_body = true);
+  // The head of an answer that goes on; the rest by receive_some().
+  std::optional<HttpAnswer> receive_head();
+  // At least one more byte of what goes on; empty at the end.
+  std::string receive_some();
+  // Everything until the server closes; nullopt when it does not.
+  std::optional<std::string> receive_to_end();
+  // Whether something can be read (also the end) within `seconds`.
+  bool readable(double seconds) const;
+  void finish_sending();
+  void close() { fd_.reset(); }
+
+ private:
+  bool fill();
+
+  UniqueFd fd_;
+  std::string buffer_;
+};
+
+// Polls until it is true; false after kPatienceSeconds.
+bool comes_true(const std::function<bool()>& condition);
+
+}  // namespace voxeld::testing
