@@ -33,6 +33,7 @@ Result<std::optional<Range>> parse_range(std::string_view text, int64_t size) {
   const size_t dash = text.find('-');
   if (dash == std::string_view::npos) return std::optional<Range>();
   const auto first = number(text.substr(0, dash)), last = number(text.substr(dash + 1));
+  if (!last && dash + 1 < text.size()) return std::optional<Range>();
   const Error outside{ErrorCode::kRangeNotSatisfiable, "the range lies outside",
                       "a first byte below " + std::to_string(size), std::string(text)};
   if (!first) {  // the last N bytes
@@ -75,6 +76,8 @@ std::string_view reason_phrase(int status) {
       return "Not Modified";
     case 400:
       return "Bad Request";
+    case 401:
+      return "Unauthorized";
     case 404:
       return "Not Found";
     case 405:
