@@ -16,7 +16,8 @@ using Json = nlohmann::json;
 using namespace std::chrono_literals;
 
 constexpr auto kPauseFirst = 200ms;
-constexpr auto kPauseMax = 10s;
+constexpr int kPauseDoublings = 6;
+constexpr std::chrono::milliseconds kPauseMax = 10s;  // 200 ms doubled 6 times would be longer
 constexpr int kPollSeconds = 2;  // one long poll; progress is told at least this often
 
 // Reads a Source piece by piece.
@@ -86,6 +87,26 @@ Error interrupted() {
   return Error("interrupted", 0, "stopped by the caller");
 }
 
+Error job_error(const JobInfo& info, const Json& status) {
+  const Json error = status.value("error", Json::object());
+  const std::string code = text_of(error, "code"), detail = text_of(error, "detail");
+  return Error(code.empty() ? info.state : code, info_of(error_code_from_name(code)).http_status,
+               detail.empty() ? "the job " + info.id + " was " + info.state : detail,
+               text_of(error, "expected"), text_of(error, "got"));
+}
+
+// The sink has `done` bytes: what comes now must go on exactly there, in the same result.
+void check_resumed(const HttpAnswer& head, long long done, const std::string& etag) {
+  const std::string start = "bytes " + std::to_string(done) + "-";
+  const std::string range = header_of(head, "content-range"), now = header_of(head, "etag");
+  if (head.status == 206 && range.starts_with(start) && (now.empty() || now == etag)) return;
+  throw Error("bad-answer", head.status,
+              "the result changed while it was downloaded, what came so far is of no use",
+              "status 206 with " + start + " of " + etag,
+              "status " + std::to_string(head.status) + (range.empty() ? "" : " with " + range) +
+                  (now.empty() ? "" : " of " + now));
+}
+
 }  // namespace
 
 Json parse_object(const std::string& text) {
@@ -101,6 +122,10 @@ JobInfo job_info(const Json& status) {
   info.id = text_of(status, "id");
   info.kind = text_of(status, "kind");
   info.state = text_of(status, "state");
+  if (info.id.empty() || info.state.empty()) {
+    throw Error("bad-answer", 0, "the answer is no job: is there a voxeld at this URL?",
+                "an object with id and state");
+  }
   info.stage = text_of(status, "stage");
   info.tiles_done = number_of(status, "tiles_done");
   info.tiles_total = number_of(status, "tiles_total");
@@ -150,11 +175,11 @@ void ClientImpl::fail(const HttpAnswer& answer) const {
 }
 
 void ClientImpl::pause(int attempt, const HttpAnswer& answer, const std::stop_token& stop) const {
-  auto wait = std::min<std::chrono::milliseconds>(kPauseFirst * (1 << attempt), kPauseMax);
+  auto wait = attempt < kPauseDoublings ? kPauseFirst * (1 << attempt) : kPauseMax;
   const std::string after = header_of(answer, "retry-after");
   if (!after.empty() && after.find_first_not_of("0123456789") == std::string::npos) {
-    wait = std::min<std::chrono::milliseconds>(
-        std::chrono::seconds(std::strtol(after.c_str(), nullptr, 10)), kPauseMax);
+    const long seconds = std::strtol(after.c_str(), nullptr, 10);
+    wait = std::chrono::seconds(std::min<long>(seconds, kPauseMax / 1s));
   }
   const auto until = std::chrono::steady_clock::now() + wait;
   while (std::chrono::steady_clock::now() < until) {
@@ -216,7 +241,12 @@ std::string ClientImpl::upload(const Source& source, const ProgressCallback& pro
       continue;
     }
     if (!is_good(answer)) fail(answer);
-    return text_of(parse_object(answer.body), "id");
+    std::string id = text_of(parse_object(answer.body), "id");
+    if (id.empty()) {
+      throw Error("bad-answer", answer.status,
+                  "the answer to the upload names no asset: is there a voxeld at this URL?");
+    }
+    return id;
   }
 }
 
@@ -235,42 +265,53 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   request.method = "POST";
   request.url = url("/v1/jobs");
   request.headers = {"Content-Type: application/json"};
-  return job_info(parse_object(call(std::move(request), body.dump()).body));
+  // Names of files may be no UTF-8; JSON must be.
+  const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return job_info(parse_object(call(std::move(request), text).body));
+}
+
+HttpAnswer ClientImpl::look(std::string_view job, const std::string& etag,
+                            const std::stop_token& stop) {
+  HttpRequest request;
+  request.url = url("/v1/jobs/" + std::string(job));
+  // With an ETag the daemon answers at the next change; a short wait tells progress in between.
+  request.headers = {"Prefer: wait=" + std::to_string(kPollSeconds)};
+  request.held = std::chrono::seconds(kPollSeconds);
+  if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
+  request.keep_going = [&] { return !stop.stop_requested(); };
+  for (int attempt = 0;; ++attempt) {
+    HttpAnswer answer = transport_.exchange(request);
+    if (stop.stop_requested()) throw interrupted();
+    const bool is_away = is_busy(answer) || answer.failure == HttpAnswer::Failure::kBroken;
+    if (is_away && attempt < settings_.retries) {
+      pause(attempt, answer, stop);
+      continue;
+    }
+    const bool is_unchanged =
+        answer.failure == HttpAnswer::Failure::kNone && answer.status == 304 && !etag.empty();
+    if (!is_good(answer) && !is_unchanged) fail(answer);
+    return answer;
+  }
 }
 
 JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
                          const std::stop_token& stop) {
   std::string etag;
-  for (;;) {
-    HttpRequest request;
-    request.url = url("/v1/jobs/" + std::string(id));
-    // With an ETag the daemon answers at the next change; a short wait tells progress in between.
-    request.headers = {"Prefer: wait=" + std::to_string(kPollSeconds)};
-    if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
-    request.keep_going = [&] { return !stop.stop_requested(); };
-    HttpAnswer answer = transport_.exchange(request);
-    if (stop.stop_requested()) throw interrupted();
-    if (answer.status == 304 && answer.failure == HttpAnswer::Failure::kNone) continue;
-    // A daemon that restarts keeps its jobs.
-    if (is_busy(answer) || answer.failure == HttpAnswer::Failure::kBroken) {
-      answer = call(request, "", stop);
-    } else if (!is_good(answer)) {
-      fail(answer);
+  Json status;
+  JobInfo info;
+  do {
+    const HttpAnswer answer = look(id, etag, stop);
+    if (answer.status != 304) {
+      etag = header_of(answer, "etag");
+      status = parse_object(answer.body);
+      info = job_info(status);
     }
-    etag = header_of(answer, "etag");
-    const Json status = parse_object(answer.body);
-    JobInfo info = job_info(status);
+    // Also without a change, so that the callback can stop a job that stands still.
     const std::string stage = info.state == "queued" ? "queued" : info.stage;
     if (progress && !progress({stage, info.tiles_done, info.tiles_total})) throw interrupted();
-    if (!info.ended()) continue;
-    if (info.state == "done") return info;
-    const Json error = status.value("error", Json::object());
-    const std::string code = text_of(error, "code");
-    throw Error(code.empty() ? info.state : code, info_of(error_code_from_name(code)).http_status,
-                text_of(error, "detail").empty() ? "the job " + info.id + " was " + info.state
-                                                 : text_of(error, "detail"),
-                text_of(error, "expected"), text_of(error, "got"));
-  }
+  } while (!info.ended());
+  if (info.state != "done") throw job_error(info, status);
+  return info;
 }
 
 void ClientImpl::download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
@@ -288,6 +329,12 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
       sink(piece);
       done += static_cast<long long>(piece.size());
     };
+    request.on_head = [&](const HttpAnswer& head) {
+      if (head.status / 100 != 2) return;
+      if (done > 0) return check_resumed(head, done, etag);
+      etag = header_of(head, "etag");
+      total = std::strtoll(header_of(head, "content-length").c_str(), nullptr, 10);
+    };
     request.keep_going = [&] {
       stopped =
           stopped || stop.stop_requested() || (progress && !progress({"download", done, total}));
@@ -295,7 +342,6 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
     };
     const HttpAnswer answer = transport_.exchange(request);
     if (stopped) throw interrupted();
-    if (!header_of(answer, "etag").empty()) etag = header_of(answer, "etag");
     if (is_good(answer)) return;
     const bool resumable = answer.failure == HttpAnswer::Failure::kBroken || is_busy(answer);
     if (!resumable || attempt >= settings_.retries || (done > 0 && etag.empty())) fail(answer);
@@ -312,15 +358,19 @@ JobInfo ClientImpl::run(std::string_view kind, const Source& source, const Optio
     named.set("filename", source.filename());
   }
   JobInfo info = submit(kind, Input::of_asset(asset), named);
+  const auto cancel = [&] {
+    HttpRequest request;
+    request.method = "DELETE";
+    request.url = url("/v1/jobs/" + info.id);
+    (void)transport_.exchange(request);
+  };
   try {
     info = wait(info.id, progress, stop);
   } catch (const Error& error) {
-    if (error.code() == "interrupted") {
-      HttpRequest cancel;
-      cancel.method = "DELETE";
-      cancel.url = url("/v1/jobs/" + info.id);
-      (void)transport_.exchange(cancel);
-    }
+    if (error.code() == "interrupted") cancel();
+    throw;
+  } catch (...) {  // of the progress callback: nobody is left who wants the result
+    cancel();
     throw;
   }
   download(info.id, sink, progress, stop);

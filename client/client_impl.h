@@ -15,8 +15,8 @@ class ClientImpl {
  public:
   explicit ClientImpl(Settings settings);
 
-  // Exchanges until the answer is not 429, 503 or a refused connection, or tries are used up; `body`
-  // is sent anew each time. Throws Error for everything but 2xx.
+  // Exchanges until the answer is not 429, 503 or a refused connection, or tries are used up;
+  // `body` is sent anew each time. Throws Error for everything but 2xx.
   HttpAnswer call(HttpRequest request, const std::string& body = "",
                   const std::stop_token& stop = {});
   std::string url(std::string_view path) const { return settings_.url + std::string(path); }
@@ -32,12 +32,16 @@ class ClientImpl {
 
  private:
   [[noreturn]] void fail(const HttpAnswer& answer) const;
+  // One long poll of a job, tried again while the daemon is away: a daemon that restarts keeps its
+  // jobs. Status 304 means that nothing changed since `etag`.
+  HttpAnswer look(std::string_view job, const std::string& etag, const std::stop_token& stop);
   void pause(int attempt, const HttpAnswer& answer, const std::stop_token& stop) const;
 
   Settings settings_;
   Transport transport_;
 };
 
+// Throws Error "bad-answer" for an object that is no job.
 JobInfo job_info(const nlohmann::json& status);
 // Throws Error "bad-answer" for text that is no JSON object.
 nlohmann::json parse_object(const std::string& text);

@@ -51,9 +51,22 @@ size_t on_write(char* data, size_t size, size_t count, void* user) {
   });
 }
 
+// The head of the final answer is whole at its empty line; heads of 1xx come before it.
+size_t on_head_end(Exchange& exchange, size_t bytes) {
+  long status = 0;
+  curl_easy_getinfo(exchange.curl, CURLINFO_RESPONSE_CODE, &status);
+  if (!exchange.request.on_head || status < 200) return bytes;
+  exchange.answer.status = static_cast<int>(status);
+  return guarded(exchange, 0, [&] {
+    exchange.request.on_head(exchange.answer);
+    return bytes;
+  });
+}
+
 size_t on_header(char* data, size_t size, size_t count, void* user) {
   auto& exchange = *static_cast<Exchange*>(user);
   const std::string_view line(data, size * count);
+  if (line == "\r\n" || line == "\n") return on_head_end(exchange, line.size());
   if (line.starts_with("HTTP/")) exchange.answer.headers.clear();
   const size_t colon = line.find(':');
   if (colon != std::string_view::npos) {
@@ -149,7 +162,9 @@ HttpAnswer Transport::exchange(const HttpRequest& request) {
   set(curl, CURLOPT_NOSIGNAL, 1L);
   set(curl, CURLOPT_ERRORBUFFER, error_text);
   set(curl, CURLOPT_CONNECTTIMEOUT, static_cast<long>(impl_->connect_timeout.count()));
-  set(curl, CURLOPT_TIMEOUT, static_cast<long>(impl_->timeout.count()));
+  if (impl_->timeout.count() > 0) {
+    set(curl, CURLOPT_TIMEOUT, static_cast<long>((impl_->timeout + request.held).count()));
+  }
   set(curl, CURLOPT_WRITEFUNCTION, on_write);
   set(curl, CURLOPT_WRITEDATA, &exchange);
   set(curl, CURLOPT_HEADERFUNCTION, on_header);

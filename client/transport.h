@@ -13,6 +13,8 @@
 
 namespace voxeld::client {
 
+struct HttpAnswer;
+
 struct HttpRequest {
   std::string method = "GET";
   std::string url;
@@ -20,6 +22,10 @@ struct HttpRequest {
   // Body: filled into the buffer, 0 at the end. Without `body_bytes` it is sent chunked.
   std::function<size_t(std::span<std::byte>)> body;
   std::optional<long long> body_bytes;
+  // Seconds that the daemon was asked to hold its answer back; they do not count to the timeout.
+  std::chrono::seconds held{0};
+  // Gets status and headers before any of the body; what it throws ends the exchange.
+  std::function<void(const HttpAnswer&)> on_head;
   // Pieces of a 2xx answer's body; other bodies (and all, when unset) come in HttpAnswer::body.
   std::function<void(std::span<const std::byte>)> sink;
   // Called often; false ends the exchange.

@@ -1,0 +1,219 @@
+// Which failures are tried again, for how long, and what Error the rest become.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+#include "client/include/voxeld/client.h"
+#include "tests/unit/client/scripted_server.h"
+
+namespace voxeld::client {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Answer;
+using test::job_answer;
+using test::json_answer;
+using test::problem_answer;
+using test::ScriptedServer;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+Settings settings_for(const std::string& url, int retries) {
+  Settings settings;
+  settings.url = url;
+  settings.retries = retries;
+  return settings;
+}
+
+template <typename Action>
+Error error_of(Action&& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    return error;
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return Error("none", 0, "");
+}
+
+Answer busy(int status, const std::string& retry_after) {
+  return problem_answer(status, "queue-full", "the queue is full", {"Retry-After: " + retry_after});
+}
+
+std::chrono::milliseconds since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() -
+                                                               start);
+}
+
+TEST(Retry, a_busy_daemon_is_asked_again_with_the_same_body) {
+  ScriptedServer server({busy(503, "0"), busy(429, "0"), job_answer("queued")});
+  Client client(server.url());
+  const JobInfo job =
+      client.submit("voxelize", Input::of_asset("sha256-a"), Options().set("size", "9"));
+  EXPECT_EQ(job.id, "j-1");
+  const auto asked = server.asked();
+  ASSERT_THAT(asked, SizeIs(3));
+  EXPECT_EQ(asked[0].line(), "POST /v1/jobs");
+  EXPECT_EQ(asked[0].body, R"({"asset":"sha256-a","kind":"voxelize","options":{"size":"9"}})");
+  EXPECT_EQ(asked[0].header("content-type"), "application/json");
+  EXPECT_EQ(asked[1].body, asked[0].body);
+  EXPECT_EQ(asked[2].body, asked[0].body);
+}
+
+TEST(Retry, the_pause_is_what_retry_after_says) {
+  ScriptedServer server({busy(503, "1"), job_answer("done")});
+  Client client(server.url());
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(client.job("j-1").state, "done");
+  EXPECT_GE(since(start), 1000ms);
+}
+
+TEST(Retry, without_retry_after_the_pause_doubles_from_200_ms) {
+  ScriptedServer server({problem_answer(503, "shutting-down", "x"),
+                         problem_answer(503, "shutting-down", "x"), job_answer("done")});
+  Client client(server.url());
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(client.job("j-1").state, "done");
+  EXPECT_GE(since(start), 600ms);
+  EXPECT_LT(since(start), 5s);
+}
+
+TEST(Retry, a_retry_after_that_is_a_date_is_not_waited_for) {
+  ScriptedServer server({busy(503, "Wed, 21 Oct 2015 07:28:00 GMT"), job_answer("done")});
+  EXPECT_EQ(Client(server.url()).job("j-1").state, "done");
+}
+
+TEST(Retry, it_gives_up_after_the_tries_and_tells_the_last_answer) {
+  ScriptedServer server({busy(503, "0"), busy(503, "0"), busy(429, "0"), job_answer("done")});
+  Client client(settings_for(server.url(), 2));
+  const Error error = error_of([&] { client.job("j-1"); });
+  EXPECT_EQ(error.code(), "queue-full");
+  EXPECT_EQ(error.http_status(), 429);
+  EXPECT_THAT(server.asked(), SizeIs(3));
+}
+
+TEST(Retry, zero_retries_ask_once) {
+  ScriptedServer server({busy(503, "0"), job_answer("done")});
+  Client client(settings_for(server.url(), 0));
+  EXPECT_EQ(error_of([&] { client.job("j-1"); }).http_status(), 503);
+  EXPECT_THAT(server.asked(), SizeIs(1));
+}
+
+TEST(Retry, a_refused_connection_is_tried_until_the_daemon_listens) {
+  ScriptedServer server({job_answer("done")}, 300ms);
+  EXPECT_EQ(Client(server.url()).job("j-1").state, "done");
+}
+
+TEST(Retry, other_failures_are_told_at_once) {
+  for (const int status : {400, 404, 409, 500, 504, 507}) {
+    ScriptedServer server({problem_answer(status, "some-code", "no"), job_answer("done")});
+    Client client(server.url());
+    EXPECT_EQ(error_of([&] { client.job("j-1"); }).http_status(), status);
+    EXPECT_THAT(server.asked(), SizeIs(1));
+  }
+}
+
+TEST(Errors, a_problem_document_becomes_an_error_with_all_its_parts) {
+  ScriptedServer server({Answer{
+      .status = 400,
+      .body = R"({"type":"urn:voxeld:error:invalid-option","title":"T","status":400,)"
+              R"("code":"invalid-option","detail":"size","expected":"1 to 2048","got":"0"})",
+      .headers = {"Content-Type: application/problem+json", "X-Request-Id: r-17"}}});
+  Client client(server.url());
+  const Error error = error_of([&] { client.submit("voxelize", Input::of_asset("a"), {}); });
+  EXPECT_EQ(error.code(), "invalid-option");
+  EXPECT_EQ(error.http_status(), 400);
+  EXPECT_EQ(error.expected(), "1 to 2048");
+  EXPECT_EQ(error.got(), "0");
+  EXPECT_EQ(error.request_id(), "r-17");
+  EXPECT_STREQ(error.what(), "size: expected 1 to 2048, got 0");
+}
+
+TEST(Errors, the_text_leaves_out_what_the_problem_does_not_say) {
+  EXPECT_STREQ(Error("c", 1, "a", "", "b").what(), "a: got b");
+  EXPECT_STREQ(Error("c", 1, "a", "b", "").what(), "a: expected b");
+  EXPECT_STREQ(Error("c", 1, "a").what(), "a");
+}
+
+TEST(Errors, an_answer_of_another_service_is_a_bad_answer) {
+  for (const Answer& answer :
+       {Answer{.body = "<html>Welcome to nginx</html>"}, Answer{.body = ""}, Answer{.body = "[1]"},
+        Answer{.body = "\"text\""}, Answer{.body = R"({"hello":"world"})"},
+        Answer{.body = R"({"id":7,"state":null})"}, Answer{.body = "{\"id\":\"\xff\"}"},
+        Answer{.status = 404, .body = "<html>no</html>"}, Answer{.status = 404, .body = "{}"},
+        Answer{.status = 404, .body = R"({"code":7})"},
+        Answer{.status = 302, .headers = {"Location: http://127.0.0.1:1/"}}}) {
+    SCOPED_TRACE(answer.body);
+    ScriptedServer server({answer});
+    Client client(server.url());
+    const Error error = error_of([&] { client.job("j-1"); });
+    EXPECT_EQ(error.code(), "bad-answer");
+    EXPECT_THAT(server.asked(), SizeIs(1));
+  }
+}
+
+TEST(Errors, a_bad_answer_names_the_address_and_the_status) {
+  ScriptedServer server({Answer{.status = 404, .body = "<html>no</html>"}});
+  Client client(server.url());
+  const Error error = error_of([&] { client.job("j-1"); });
+  EXPECT_EQ(error.http_status(), 404);
+  EXPECT_EQ(error.what(), server.url() + ": status 404");
+}
+
+TEST(Errors, nobody_at_the_address_is_unreachable_and_told_with_the_address) {
+  Client client(settings_for(test::url_of_nobody(), 1));
+  const auto start = std::chrono::steady_clock::now();
+  const Error error = error_of([&] { client.job("j-1"); });
+  EXPECT_GE(since(start), 200ms);
+  EXPECT_EQ(error.code(), "unreachable");
+  EXPECT_EQ(error.http_status(), 0);
+  EXPECT_THAT(error.what(), HasSubstr(test::url_of_nobody()));
+}
+
+TEST(Errors, an_address_that_is_none_is_unreachable) {
+  for (const char* url : {"", "http://", "ftp://127.0.0.1", "nonsense://x", "file:///etc/passwd"}) {
+    SCOPED_TRACE(url);
+    Client client(settings_for(url, 0));
+    EXPECT_EQ(error_of([&] { client.job("j-1"); }).code(), "unreachable");
+  }
+}
+
+TEST(Errors, a_daemon_that_does_not_answer_in_time_is_a_timeout) {
+  ScriptedServer server({Answer{.delay = 10s}});
+  Settings settings = settings_for(server.url(), 3);
+  settings.timeout = 1s;
+  Client client(settings);
+  const auto start = std::chrono::steady_clock::now();
+  const Error error = error_of([&] { client.job("j-1"); });
+  EXPECT_EQ(error.code(), "timeout");
+  EXPECT_LT(since(start), 5s);
+  EXPECT_THAT(server.asked(), SizeIs(1));
+}
+
+TEST(Client, slashes_at_the_end_of_the_address_do_not_count) {
+  ScriptedServer server({job_answer("done")});
+  EXPECT_EQ(Client(server.url() + "//").job("j-1").state, "done");
+  EXPECT_THAT(server.lines(), ElementsAre("GET /v1/jobs/j-1"));
+}
+
+TEST(Client, ids_are_escaped_in_paths) {
+  ScriptedServer server({job_answer("done"), job_answer("cancelled"), json_answer("{\"a\":1}")});
+  Client client(server.url());
+  client.job("../x?y=1");
+  client.cancel("a/b");
+  EXPECT_EQ(client.asset_json("a b"), "{\"a\":1}");
+  EXPECT_THAT(server.lines(), ElementsAre("GET /v1/jobs/..%2Fx%3Fy%3D1", "DELETE /v1/jobs/a%2Fb",
+                                          "GET /v1/assets/a%20b"));
+}
+
+TEST(Client, a_moved_client_goes_on) {
+  ScriptedServer server({job_answer("done")});
+  Client first(server.url());
+  Client second(std::move(first));
+  EXPECT_EQ(second.job("j-1").state, "done");
+}
+
+}  // namespace
+}  // namespace voxeld::client
