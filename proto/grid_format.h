@@ -29,9 +29,9 @@
 //
 // Each stream is one zstd frame with content size and checksum. Contents:
 //   octree  child masks, breadth first: the root (256 cells), then all nodes of 128, 64, ... 2
-//           cells in Morton order. Bit i of a byte: child i = x | y<<1 | z<<2 is occupied; at 2 cells the
-//           children are the cells. Only nodes that are not empty appear, so a level has as many
-//           bytes as the level above has set bits.
+//           cells in Morton order. Bit i of a byte: child i = x | y<<1 | z<<2 is occupied; at 2
+//           cells the children are the cells. Only nodes that are not empty appear, so a level has
+//           as many bytes as the level above has set bits.
 //   colour  4 planes (R, G, B as sRGB, A linear) of one byte per voxel in Morton order; each byte
 //           is the difference to the one before it in its plane, modulo 256
 //   normal  3 planes (x, y, z; signed, unit normal times 127) in the same way

@@ -99,8 +99,8 @@ bool all_devices_failed(JobService& jobs) {
   });
 }
 
-// Returns the signal that came meanwhile, or 0. Errors: device-unavailable when no device works: who
-// starts a daemon wants to hear that now. (Later the supervisor goes on trying.)
+// Returns the signal that came meanwhile, or 0. Errors: device-unavailable when no device works:
+// who starts a daemon wants to hear that now. (Later the supervisor goes on trying.)
 Result<int> wait_for_worker(JobService& jobs) {
   const Stopwatch watch;
   while (watch.ms() < kReadySecondsMax * 1000.0) {

@@ -1,9 +1,10 @@
 // Pipeline raster, both passes: turns the triangle so that it is seen along its dominant axis, and
 // dilates it so that every column that it touches gets a fragment (conservative rasterization;
 // Hasselgren, Akenine-Moller & Ohlsson 2005, GPU Gems 2 chapter 42, with half the pixel's diagonal
-// as the thesis does). Fragments are candidates only: the fragment shader clips them to the bounding
-// box and tests exactly, so that nothing depends on how a driver rounds. Each column gets one
-// fragment at most per triangle, because a triangle is one primitive, or two that share an edge.
+// as the thesis does). Fragments are candidates only: the fragment shader clips them to the
+// bounding box and tests exactly, so that nothing depends on how a driver rounds. Each column gets
+// one fragment at most per triangle, because a triangle is one primitive, or two that share an
+// edge.
 #include "shared/voxelize.h"
 #include "lib/touch.glsl"
 
@@ -20,7 +21,8 @@ flat out uint triangle;
 flat out int axis;
 
 // Half the pixel's diagonal, and a margin far above the rounding of the vertices: by float here
-// (2^-10 of a pixel after the mitre) and to the rasterizer's grid (1/16 pixel at worst, OpenGL 4.5).
+// (2^-10 of a pixel after the mitre) and to the rasterizer's grid (1/16 pixel at worst, OpenGL
+// 4.5).
 const float kReach = 0.70710678 + 0.1;
 // Rectangles of at most this many columns are drawn as such: no more fragments than dilation gives.
 const int kSmallColumns = 16;

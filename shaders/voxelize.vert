@@ -11,7 +11,8 @@ out Corner {
 
 void main() {
   uint vertex = params.triangle_first * 3u + uint(gl_VertexID);
-  corner.q = ivec3(triangles[vertex * 3u], triangles[vertex * 3u + 1u], triangles[vertex * 3u + 2u]);
+  corner.q = 
+      ivec3(triangles[vertex * 3u], triangles[vertex * 3u + 1u], triangles[vertex * 3u + 2u]);
   corner.triangle = vertex / 3u;
   gl_Position = vec4(0.0, 0.0, 0.0, 1.0);
 }

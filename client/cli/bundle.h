@@ -13,9 +13,10 @@ namespace voxeld::cli {
 // What is sent for one input of the command line.
 class MeshSource {
  public:
-  // `input`: a path, or "-" for stdin. An .obj or .gltf that names other files (materials, textures,
-  // buffers) becomes a zip of all that are there, in a temporary file; names that lead out of the
-  // mesh's folder and files that are missing are left out (the daemon's answer names them).
+  // `input`: a path, or "-" for stdin. An .obj or .gltf that names other files (materials,
+  // textures, buffers) becomes a zip of all that are there, in a temporary file; names that lead
+  // out of the mesh's folder and files that are missing are left out (the daemon's answer names
+  // them).
   // Throws client::Error "file".
   static MeshSource open(const std::string& input);
 

@@ -57,10 +57,10 @@ void tell_warnings(const Arguments& arguments, const JobInfo& job) {
 
 // One line for a person, on stderr where it cannot mix with data.
 void tell_grid(const Json& meta, const std::string& output, std::uint64_t bytes) {
-  if (isatty(STDERR_FILENO) != 1 || !meta.contains("dims") || !meta.contains("voxels")) return;
+  if (isatty(STDERR_FILENO) != 1 || !meta.contains("dims") || !meta.contains("voxel_count")) return;
   std::fprintf(stderr, "%s: %d x %d x %d cells, %lld voxels, %llu bytes\n", output.c_str(),
                meta["dims"][0].get<int>(), meta["dims"][1].get<int>(), meta["dims"][2].get<int>(),
-               meta["voxels"].get<long long>(), static_cast<unsigned long long>(bytes));
+               meta["voxel_count"].get<long long>(), static_cast<unsigned long long>(bytes));
 }
 
 // Runs `make(sink, progress)`, which gives the bytes of one job's result, into the output.
@@ -180,7 +180,7 @@ void info_of_grid(const Arguments& arguments) {
   Json object = {{"dims", grid.dims()},
                  {"origin", grid.origin()},
                  {"voxel_size", grid.voxel_size()},
-                 {"voxels", grid.voxel_count()},
+                 {"voxel_count", grid.voxel_count()},
                  {"color", grid.has_color()},
                  {"normal", grid.has_normal()},
                  {"bytes", bytes.size()},

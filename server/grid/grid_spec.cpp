@@ -13,6 +13,7 @@ namespace {
 // Extents beyond these leave no precision for 1/256 of a voxel, or overflow.
 constexpr double kExtentMax = 1e30;
 constexpr double kExtentMin = 1e-30;
+constexpr double kExtentToReachMin = 1e-9;
 // A side that is longer than N voxels by less than this is rounding, not another cell.
 constexpr double kCellTolerance = 1.0 / 4096;
 
@@ -29,6 +30,8 @@ struct Box {
   glm::dvec3 min, max;
   glm::dvec3 extent() const { return max - min; }
   double longest() const { return std::max({extent().x, extent().y, extent().z}); }
+  // Largest coordinate on an axis.
+  double reach(int c) const { return std::max(std::abs(min[c]), std::abs(max[c])); }
 };
 
 Result<Box> box_to_place(const PlacementOptions& options, const glm::dvec3& min,
@@ -38,14 +41,15 @@ Result<Box> box_to_place(const PlacementOptions& options, const glm::dvec3& min,
     const auto& b = *options.bounds;
     box = {{b[0], b[1], b[2]}, {b[3], b[4], b[5]}};
   }
-  const double longest = box.longest();
+  // max() passes over what is not a number, a sum does not.
+  const glm::dvec3 extent = box.extent();
+  const double longest = std::isnan(extent.x + extent.y + extent.z) ? NAN : box.longest();
   if (!std::isfinite(longest) || longest < 0 || longest > kExtentMax) {
     return invalid("extent of the box to voxelize", "a finite number of at most 1e30",
                    option_values::to_text(longest));
   }
-  const double reach = std::max({std::abs(box.min.x), std::abs(box.min.y), std::abs(box.min.z),
-                                 std::abs(box.max.x), std::abs(box.max.y), std::abs(box.max.z)});
-  if (longest > 0 && (longest < kExtentMin || longest < reach * 1e-9)) {
+  const double reach = std::max({box.reach(0), box.reach(1), box.reach(2)});
+  if (longest > 0 && (longest < kExtentMin || longest < reach * kExtentToReachMin)) {
     return invalid("the mesh is too small for its distance from the origin to be placed exactly",
                    "an extent of at least a billionth of its largest coordinate",
                    option_values::to_text(longest) + " at " + option_values::to_text(reach));
@@ -99,6 +103,14 @@ Result<GridSpec> place_by_dims(const Box& box, const std::array<int, 3>& dims, d
                    std::to_string(static_cast<int>(padding)));
   }
   const glm::dvec3 extent = box.extent();
+  // Elsewhere voxels are as large as the longest side asks for.
+  for (int c = 0; exact_box && c < 3; ++c) {
+    if (extent[c] < std::max(kExtentMin, box.reach(c) * kExtentToReachMin)) {
+      return invalid(
+          "bounds", "sides of at least a billionth of their largest coordinate",
+          option_values::to_text(extent[c]) + " at " + option_values::to_text(box.reach(c)));
+    }
+  }
   glm::dvec3 voxel = extent / inner;
   if (!exact_box) voxel = glm::dvec3(std::max({voxel.x, voxel.y, voxel.z}));
   for (int c = 0; c < 3; ++c) {
@@ -110,6 +122,10 @@ Result<GridSpec> place_by_dims(const Box& box, const std::array<int, 3>& dims, d
 Result<GridSpec> place_by_voxel_size(const Box& box, const std::array<double, 3>& size,
                                      double padding) {
   const glm::dvec3 voxel(size[0], size[1], size[2]);
+  const double largest = std::ranges::max(size);
+  if (largest > kExtentMax) {
+    return invalid("voxel_size", "at most 1e30", option_values::to_text(largest));
+  }
   glm::dvec3 cells;
   for (int c = 0; c < 3; ++c) cells[c] = cells_for(box.extent()[c], voxel[c]) + 2 * padding;
   return checked(box, cells, voxel);

@@ -45,7 +45,7 @@ void add_result_headers(Response& response, const JobStatus& status) {
     warnings += (warnings.empty() ? "" : ", ") + warning.code;
   }
   if (!warnings.empty()) headers["X-Voxeld-Warnings"] = warnings;
-  headers["Server-Timing"] = server_timing(status.timings);
+  headers["Server-Timing"] = server_timing(status);
   headers["Cache-Status"] = status.cached ? "voxeld; hit" : "voxeld; fwd=miss";
   std::erase_if(headers, [](const auto& entry) { return entry.second.empty(); });
 }
@@ -62,9 +62,9 @@ Response problem(const Request& request, const Error& error) {
   return Response::problem(error, request.head.path);
 }
 
-std::string server_timing(const StageTimes& timings) {
-  std::string text;
-  for (const auto& [stage, ms] : timings) {
+std::string server_timing(const JobStatus& status) {
+  std::string text = status.cached ? "cache;desc=hit" : "";
+  for (const auto& [stage, ms] : status.timings) {
     char number[32];
     std::snprintf(number, sizeof number, "%.3f", ms);
     text += (text.empty() ? "" : ", ") + stage + ";dur=" + number;
@@ -85,7 +85,8 @@ Response status_response(int http_status, const JobStatus& status) {
   Response response = Response::json(
       http_status, job_status_json(status).dump(-1, ' ', false, Json::error_handler_t::replace));
   response.headers["ETag"] = "\"" + std::to_string(status.version) + "\"";
-  if (!status.timings.empty()) response.headers["Server-Timing"] = server_timing(status.timings);
+  response.headers["Server-Timing"] = server_timing(status);
+  if (response.headers["Server-Timing"].empty()) response.headers.erase("Server-Timing");
   return response;
 }
 

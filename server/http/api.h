@@ -55,7 +55,7 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
 // and `transient` is set.
 Response await_result(Request& request, Api& api, const JobStatus& submitted, bool transient);
 // "queue;dur=1.2, parse;dur=3.4"
-std::string server_timing(const StageTimes& timings);
+std::string server_timing(const JobStatus& status);
 // Seconds of "Prefer: wait=N", clamped to kPreferWaitSecondsMax; 0 where it is absent.
 int preferred_wait_seconds(const Request& request);
 // Writes a status as JSON with its ETag.

@@ -14,12 +14,13 @@
 
 namespace voxeld::http {
 
-// Average bytes per second that a body must reach after the first seconds; slower: deadline-exceeded.
+// Average bytes per second that a body must reach after the first seconds; slower:
+// deadline-exceeded.
 inline constexpr int64_t kBodyRateMin = 1024;
 inline constexpr int kBodyGraceSeconds = 20;
 
-// Decodes chunked coding from a growing buffer (RFC 9112 section 7.1), strictly: hexadecimal sizes of
-// at most 15 digits, CRLF, no control characters in extensions, bounded extensions and trailers.
+// Decodes chunked coding from a growing buffer (RFC 9112 section 7.1), strictly: hexadecimal sizes
+// of at most 15 digits, CRLF, no control characters in extensions, bounded extensions and trailers.
 class ChunkDecoder {
  public:
   // Takes what it can from `buffer` and gives pieces of the body to `sink`. False: more bytes are

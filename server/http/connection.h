@@ -14,8 +14,8 @@ namespace voxeld::http {
 
 using Clock = std::chrono::steady_clock;
 
-// Not thread-safe: the front's thread owns it while it is idle, one request thread while a request is
-// answered. The socket is non-blocking.
+// Not thread-safe: the front's thread owns it while it is idle, one request thread while a request
+// is answered. The socket is non-blocking.
 class Connection {
  public:
   Connection(UniqueFd fd, std::string peer) : fd_(std::move(fd)), peer_(std::move(peer)) {}

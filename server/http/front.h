@@ -1,5 +1,5 @@
-// The front: accepts connections, gathers request heads without holding a thread, and hands complete
-// ones to a bounded pool.
+// The front: accepts connections, gathers request heads without holding a thread, and hands
+// complete ones to a bounded pool.
 #pragma once
 
 #include <functional>

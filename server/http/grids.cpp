@@ -68,13 +68,13 @@ Response get_tiles(Request& request, Api& api) {
                        {"coord", reader.tile_coord(i)},
                        {"offset", offset},
                        {"bytes", bytes},
-                       {"voxels", reader.tile_voxel_count(i)}});
+                       {"voxel_count", reader.tile_voxel_count(i)}});
     }
     const GridHeader& header = reader.header();
     return Response::json(200, Json{{"dims", header.dims},
                                     {"origin", header.origin},
                                     {"voxel_size", header.voxel_size},
-                                    {"voxels", reader.voxel_count()},
+                                    {"voxel_count", reader.voxel_count()},
                                     {"tile_side", limits::kTileSide},
                                     {"tiles", tiles}}
                                    .dump());

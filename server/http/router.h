@@ -1,4 +1,4 @@
-// Method and path -> handler. Patterns are segments, "{}" takes one segment; no regular expressions.
+// Method and path -> handler. Patterns are segments, "{}" takes one; no regular expressions.
 #pragma once
 
 #include <functional>

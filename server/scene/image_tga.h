@@ -14,8 +14,8 @@ namespace voxeld {
 // Whether the first 18 bytes can be a TGA header; the format has no magic number.
 bool looks_like_tga(std::span<const uint8_t> bytes);
 
-// Types 1, 2, 3 and their run-length forms 9, 10, 11; 8, 15, 16, 24 and 32 bits; any origin. Errors:
-// malformed-image with the byte, payload-too-large over limits::kImagePixelsMax.
+// Types 1, 2, 3 and their run-length forms 9, 10, 11; 8, 15, 16, 24 and 32 bits; any origin.
+// Errors: malformed-image with the byte, payload-too-large over limits::kImagePixelsMax.
 Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes);
 
 // payload-too-large over limits::kImagePixelsMax and kImageSideMax, malformed-image for empty

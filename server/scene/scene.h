@@ -28,34 +28,36 @@ enum class Wrap { kRepeat, kClamp, kMirror };
 
 struct Material {
   std::string name;
-  glm::vec4 base_color{1.0f};  // linear light RGB, linear alpha; multiplies texture and vertex colour
-  int image = -1;              // index into Scene::images; -1: none
+  // linear light RGB, linear alpha; multiplies texture and vertex colour
+  glm::vec4 base_color{1.0f};
+  int image = -1;  // index into Scene::images; -1: none
   Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
 };
 
 // Triangles that share a material. Attribute arrays are empty or as long as positions.
 struct MeshPart {
   std::string name;
-  int material = -1;                 // index into Scene::materials; -1: none
-  std::vector<glm::dvec3> positions; // world units
-  std::vector<glm::vec3> normals;    // unit length, world space
-  std::vector<glm::vec2> uvs;        // (0,0) is the top left texel corner; texture transforms applied
-  std::vector<glm::vec4> colors;     // linear light RGB, linear alpha
-  std::vector<uint32_t> indices;     // 3 per triangle, each < positions.size(); counter-clockwise
+  int material = -1;                  // index into Scene::materials; -1: none
+  std::vector<glm::dvec3> positions;  // world units
+  std::vector<glm::vec3> normals;     // unit length, world space
+  // (0,0) is the top left texel corner; texture transforms applied
+  std::vector<glm::vec2> uvs;
+  std::vector<glm::vec4> colors;  // linear light RGB, linear alpha
+  std::vector<uint32_t> indices;  // 3 per triangle, each < positions.size(); counter-clockwise
 };
 
 struct Box3d {
   glm::dvec3 min{1e308}, max{-1e308};
   bool empty() const { return min.x > max.x; }
   void add(const glm::dvec3& p) {
-    min = glm::dvec3(p.x < min.x ? p.x : min.x, p.y < min.y ? p.y : min.y, p.z < min.z ? p.z : min.z);
-    max = glm::dvec3(p.x > max.x ? p.x : max.x, p.y > max.y ? p.y : max.y, p.z > max.z ? p.z : max.z);
+    min = glm::min(min, p);
+    max = glm::max(max, p);
   }
 };
 
 struct MissingFile {
-  std::string name;      // as the mesh file names it
-  std::string needed_by; // material or file
+  std::string name;       // as the mesh file names it
+  std::string needed_by;  // material or file
 };
 
 struct Scene {

@@ -1,4 +1,5 @@
-// sRGB (IEC 61966-2-1) to and from 16-bit linear light, as tables that every pass and the CPU share.
+// sRGB (IEC 61966-2-1) to and from 16-bit linear light, as tables that every pass and the CPU
+// share.
 #pragma once
 
 #include <array>

@@ -30,8 +30,8 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
 // Bytes of the snapped mesh and its bins.
 int64_t mesh_bytes(const Scene& scene);
 
-// Upper estimate of the bytes of the sparse result: a triangle touches at most (a + 2)(b + 2) columns
-// in its two longer directions, and four cells in each, or as many as it is deep.
+// Upper estimate of the bytes of the sparse result: a triangle touches at most (a + 2)(b + 2)
+// columns in its two longer directions, and four cells in each, or as many as it is deep.
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
 
 // Bytes on the device at the peak, textures at the levels that are used not counted.

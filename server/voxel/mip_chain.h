@@ -18,8 +18,8 @@ int level_count(int width, int height);
 
 // Levels first..last (inclusive, < level_count). A texel of the next level is the average of the
 // area that it covers: two texels a side, or where the side is odd, 2 n + 1 texels over n, three of
-// them weighted by the parts that are covered. RGB is averaged in 16-bit linear light without regard
-// to alpha, every level from the one before it, and rounded to 16 bits; then to sRGB bytes.
+// them weighted by the parts that are covered. RGB is averaged in 16-bit linear light without
+// regard to alpha, every level from the one before it, and rounded to 16 bits; then to sRGB bytes.
 std::vector<MipLevel> build_mip_levels(const Image& image, int first, int last);
 
 }  // namespace voxeld

@@ -17,8 +17,8 @@ struct ResolveOptions {
   bool write_normal = false;
 };
 
-// sums, carries: channels.count() words per voxel, lower and upper halves; carries may be empty: all
-// are 0. Writes voxels [voxel_first, …) of `tile`, whose color and normal have their full size.
+// sums, carries: channels.count() words per voxel, lower and upper halves; carries may be empty:
+// all are 0. Writes voxels [voxel_first, …) of `tile`, whose color and normal have their full size.
 void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> carries,
                     const ResolveOptions& options, size_t voxel_first, SparseTile& tile);
 

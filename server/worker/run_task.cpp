@@ -79,6 +79,11 @@ Status inspect(TaskRun& run) {
   VOXELD_ASSIGN(const auto scene, load_input_scene(run, false));
   const StageTimer stage(run, "inspect");
   add_meta(run, describe_scene(*scene));
+  nlohmann::json warnings = nlohmann::json::array();
+  for (const Warning& warning : run.completion.warnings) {
+    warnings.push_back({{"code", warning.code}, {"detail", warning.detail}});
+  }
+  add_meta(run, {{"warnings", warnings}});
   const std::string& text = run.completion.meta_json;
   return add_output(run, "result", {reinterpret_cast<const uint8_t*>(text.data()), text.size()},
                     kJsonMediaType, ".json");

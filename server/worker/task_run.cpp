@@ -83,16 +83,16 @@ json device_facts(const Engine& engine) {
           {"driver", info.version}};
 }
 
-// The object that the container carries. It says nothing of pipeline, device or time.
+// The object that every output carries. It says nothing of pipeline, device or time.
 std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
-                           const std::string& content_hash) {
-  const json meta = {{"source_hash", task.input_hash},
-                     {"source_format", scene.format},
-                     {"source_triangles", scene.triangle_count()},
-                     {"units", options.voxelize.placement.units},
-                     {"options", grid_options(options)},
-                     {"algorithm_version", kAlgorithmVersion},
-                     {"content_hash", content_hash}};
+                           const LoadedGrid& made) {
+  json meta = {{"source_hash", task.input_hash},
+               {"source_format", scene.format},
+               {"source_triangles", scene.triangle_count()},
+               {"units", options.voxelize.placement.units},
+               {"options", grid_options(options)},
+               {"algorithm_version", kAlgorithmVersion}};
+  meta.update(grid_facts(made));
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
@@ -157,9 +157,8 @@ Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const Reques
                                },
                                &stats));
   made.content_hash = content_hash(made.grid);
-  made.grid.meta_json = container_meta(run.task, scene, options, made.content_hash);
+  made.grid.meta_json = container_meta(run.task, scene, options, made);
   add_meta(run, json::parse(made.grid.meta_json));
-  add_meta(run, grid_facts(made));
   add_meta(run, device_facts(run.engine));
   add_meta(run, {{"triangles", stats.triangles},
                  {"tiles", stats.tiles},

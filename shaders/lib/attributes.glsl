@@ -1,5 +1,5 @@
-// What a triangle gives to the cells that it touches: how much of it lies in a cell, by a lattice of
-// 4 x 4 points per column, and the weights of its corners there. All in integers;
+// What a triangle gives to the cells that it touches: how much of it lies in a cell, by a lattice
+// of 4 x 4 points per column, and the weights of its corners there. All in integers;
 // server/voxel/README.md defines each number, tests/unit/voxel compiles this file as C++.
 //
 // Positions are relative to the tile and swizzled, as in lib/touch.glsl. Lattice point (m, n) of
@@ -10,7 +10,8 @@
 #define LATTICE_CLAMP 1073742000
 
 struct AttributeTriangle {
-  ivec3 edge0, edge1, edge2;   // (a, b, c): a lattice point is inside iff a*I + b*J + c >= 0 for all
+  // (a, b, c): a lattice point is inside iff a*I + b*J + c >= 0 for all
+  ivec3 edge0, edge1, edge2;
   int slope_i, slope_j;        // 2^-24 cells per column
   int64_t depth;               // of the plane at the corner of column (0, 0), 2^-24 cells
   ivec2 form1, form2;          // linear forms of corner 1's and corner 2's weight
@@ -137,8 +138,8 @@ uint lattice_in_cell(AttributeTriangle t, int64_t depth, int k) {
   return lattice_above(t, rise) & ~lattice_above(t, rise - (1 << ATTRIBUTE_DEPTH_BITS));
 }
 
-// Where attributes are taken, in 1/64 of a cell: the mean of the points, or without any the column's
-// centre, moved into the triangle's box.
+// Where attributes are taken, in 1/64 of a cell: the mean of the points, or without any the
+// column's centre, moved into the triangle's box.
 ivec2 sample_position(AttributeTriangle t, int i, int j, uint points) {
   if (points == 0u) {
     return clamp(ivec2(64 * i + 32, 64 * j + 32), t.box_min, t.box_max);
@@ -171,7 +172,8 @@ uvec3 weights15(ivec3 weights) {
 
 // A texture coordinate.
 int blend_uv(int v0, int v1, int v2, ivec3 w) {
-  return int((int64_t(v0) * int64_t(w.x) + int64_t(v1) * int64_t(w.y) + int64_t(v2) * int64_t(w.z)) >>
+  return int((int64_t(v0) * int64_t(w.x) + int64_t(v1) * int64_t(w.y) +
+              int64_t(v2) * int64_t(w.z)) >>
              ATTRIBUTE_WEIGHT_BITS);
 }
 

@@ -11,7 +11,8 @@
 #define ATTRIBUTE_RECIPROCAL 2  // 64 bits, low word first: floor(2^57 / area), see the README
 #define ATTRIBUTE_FLAGS 4       // ATTRIBUTE_FACTOR_MASK and so on
 #define ATTRIBUTE_COLORS 5      // per corner R | G << 16 and B | A << 16: linear light, 16 bits
-#define ATTRIBUTE_UVS 11        // per corner u, v: int, 1/256 texel of its level, from texel centre 0
+// per corner u, v: int, 1/256 texel of its level, from texel centre 0
+#define ATTRIBUTE_UVS 11
 #define ATTRIBUTE_NORMALS 17    // per corner X | Y << 16 and Z: n * 32767 + 32768
 #define ATTRIBUTE_WORDS 23
 

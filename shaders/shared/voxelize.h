@@ -1,4 +1,4 @@
-// Parameters, bindings and work items of the voxelizing passes, read by C++ (server/voxel) and GLSL.
+// Parameters, bindings and work items of the voxelizing passes, read by C++ and GLSL.
 #ifdef __cplusplus
 #pragma once
 #endif

@@ -1,6 +1,6 @@
-// A valid glTF document that uses everything, with some of its values replaced and its buffer filled
-// from the input. Random text is refused as JSON long before it reaches the checks of ranges; this
-// goes around that.
+// A valid glTF document that uses everything, with some of its values replaced and its buffer
+// filled from the input. Random text is refused as JSON long before it reaches the checks of
+// ranges; this goes around that.
 //
 //   input: u8 count of replacements, then (u8 which value, u8 by what) for each, then the buffer
 #include <nlohmann/json.hpp>

@@ -1,8 +1,10 @@
 // libvoxeld_client: talks to a voxeld daemon. C++20; no HTTP or JSON library shows in this header.
 //
 //   voxeld::client::Client client("http://127.0.0.1:8080");
-//   voxeld::client::Grid grid = client.voxelize(Source::file("bunny.ply"), Options().set("size", "256"));
-//   grid.for_each([](int x, int y, int z, const Color* color) { ... });
+//   voxeld::client::Options options;
+//   options.set("size", "256");
+//   auto grid = client.voxelize(voxeld::client::Source::file("bunny.ply"), options);
+//   grid.for_each([](int x, int y, int z, const Color* color, const Normal* normal) { ... });
 //
 // Every failure is a voxeld::client::Error. A Client may be used by one thread at a time; several
 // Clients are independent. Jobs keep working when the Client that made them is gone.

@@ -71,7 +71,8 @@ TEST(GltfNodes, normals_go_by_the_inverse_transpose) {
 TEST(GltfNodes, the_default_scene_is_shown_else_the_first_else_all_roots) {
   GltfBuilder builder = triangle();
   builder.json["nodes"] = Json::parse(
-      R"([{"mesh": 0}, {"mesh": 0, "translation": [1, 0, 0]}, {"mesh": 0, "translation": [2, 0, 0]}])");
+      R"([{"mesh": 0}, {"mesh": 0, "translation": [1, 0, 0]},
+          {"mesh": 0, "translation": [2, 0, 0]}])");
   builder.json["scenes"] = Json::parse(R"([{"nodes": [1]}, {"nodes": [2]}])");
   builder.json["scene"] = 1;
   EXPECT_EQ(builder.load()->parts.at(0).positions[0].x, 2);

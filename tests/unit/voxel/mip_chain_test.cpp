@@ -53,7 +53,8 @@ TEST(MipChain, averages_light_not_bytes) {
 TEST(MipChain, odd_sides_weigh_texels_by_the_part_that_is_covered) {
   // Five texels over two: the third is shared.
   std::vector<uint8_t> rgba;
-  for (const uint8_t v : std::array<uint8_t, 5>{0, 0, 255, 0, 0}) rgba.insert(rgba.end(), {v, v, v, v});
+  for (const uint8_t v : std::array<uint8_t, 5>{0, 0, 255, 0, 0})
+    rgba.insert(rgba.end(), {v, v, v, v});
   const auto levels = build_mip_levels(image_of(5, 1, rgba), 1, 2);
   // 0.5 of 2.5 texels.
   EXPECT_EQ(levels[0].rgba[3], 51);
