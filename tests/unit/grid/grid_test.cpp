@@ -1,0 +1,73 @@
+#include "server/grid/grid.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/unit/proto/tile_maker.h"
+
+namespace voxeld {
+namespace {
+
+Grid random_grid(uint32_t seed) {
+  std::mt19937 random(seed);
+  Grid grid;
+  grid.spec.dims = {520, 300, 260};
+  grid.spec.origin_world = {1, -2, 1e-3};
+  grid.spec.voxel_size = {0.1, 0.1, 0.3};
+  grid.has_color = true;
+  grid.has_normal = true;
+  grid.meta_json = R"({"units":"cm"})";
+  grid.tiles = test::tiles_of(test::random_voxels(random, {520, 300, 260}, 2000), true, true);
+  return grid;
+}
+
+TEST(Grid, normalizing_sorts_tiles_by_morton_order_and_drops_empty_ones) {
+  Grid grid = random_grid(1);
+  const uint64_t voxels = grid.voxel_count();
+  const size_t count = grid.tiles.size();
+  ASSERT_GT(count, 6u);
+  grid.tiles.insert(grid.tiles.begin(), SparseTile{{1, 1, 0}, {}, {}, {}, {}});
+  normalize_tiles(grid);
+  EXPECT_EQ(grid.tiles.size(), count);
+  EXPECT_EQ(grid.voxel_count(), voxels);
+  uint32_t before = 0;
+  for (size_t i = 0; i < grid.tiles.size(); ++i) {
+    const auto& coord = grid.tiles[i].coord;
+    const uint32_t code =
+        morton_encode(static_cast<uint32_t>(coord[0]), static_cast<uint32_t>(coord[1]),
+                      static_cast<uint32_t>(coord[2]));
+    EXPECT_TRUE(i == 0 || before < code);
+    before = code;
+  }
+}
+
+TEST(Grid, comes_back_from_its_container) {
+  Grid grid = random_grid(2);
+  const auto bytes = encode_grid(container_header(grid), grid.tiles);
+  ASSERT_TRUE(bytes) << bytes.error().message();
+  const auto back = grid_from_container(*bytes);
+  ASSERT_TRUE(back) << back.error().message();
+  normalize_tiles(grid);
+  EXPECT_EQ(back->spec.dims, grid.spec.dims);
+  EXPECT_EQ(back->spec.origin_world, grid.spec.origin_world);
+  EXPECT_EQ(back->spec.voxel_size, grid.spec.voxel_size);
+  EXPECT_EQ(back->has_color, grid.has_color);
+  EXPECT_EQ(back->has_normal, grid.has_normal);
+  EXPECT_EQ(back->meta_json, grid.meta_json);
+  EXPECT_TRUE(back->tiles == grid.tiles);
+}
+
+TEST(Grid, a_container_with_one_broken_tile_is_refused) {
+  const Grid grid = random_grid(3);
+  auto bytes = encode_grid(container_header(grid), grid.tiles);
+  ASSERT_TRUE(bytes);
+  bytes->back() ^= 1;  // the checksum of the last stream
+  const auto back = grid_from_container(*bytes);
+  ASSERT_FALSE(back);
+  EXPECT_EQ(back.error().code, ErrorCode::kBadRequest);
+  EXPECT_TRUE(back.error().message().starts_with("grid container, stream: "));
+}
+
+}  // namespace
+}  // namespace voxeld
