@@ -134,10 +134,12 @@ std::vector<JobInfo> Client::jobs(int limit) {
   HttpRequest request;
   request.url = impl_->url("/v1/jobs?limit=" + std::to_string(limit));
   const nlohmann::json body = parse_object(impl_->call(std::move(request)).body);
-  std::vector<JobInfo> jobs;
-  for (const auto& status : body.value("jobs", nlohmann::json::array())) {
-    jobs.push_back(job_info(status));
+  const auto list = body.find("jobs");
+  if (list == body.end() || !list->is_array()) {
+    throw Error("bad-answer", 0, "the answer is no list of jobs: is there a voxeld at this URL?");
   }
+  std::vector<JobInfo> jobs;
+  for (const auto& status : *list) jobs.push_back(job_info(status));
   return jobs;
 }
 

@@ -5,6 +5,7 @@
 #include <chrono>
 
 #include "client/include/voxeld/client.h"
+#include "tests/unit/client/client_test_tools.h"
 #include "tests/unit/client/scripted_server.h"
 
 namespace voxeld::client {
@@ -20,31 +21,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
-Settings settings_for(const std::string& url, int retries) {
-  Settings settings;
-  settings.url = url;
-  settings.retries = retries;
-  return settings;
-}
-
-template <typename Action>
-Error error_of(Action&& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error;
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return Error("none", 0, "");
-}
-
 Answer busy(int status, const std::string& retry_after) {
   return problem_answer(status, "queue-full", "the queue is full", {"Retry-After: " + retry_after});
-}
-
-std::chrono::milliseconds since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::steady_clock::now() -
-                                                               start);
 }
 
 TEST(Retry, a_busy_daemon_is_asked_again_with_the_same_body) {

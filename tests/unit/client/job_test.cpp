@@ -1,0 +1,262 @@
+// Jobs: what is submitted, how their end is waited for, how they are stopped.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "client/include/voxeld/client.h"
+#include "proto/error_code.h"
+#include "tests/unit/client/client_test_tools.h"
+#include "tests/unit/client/scripted_server.h"
+
+namespace voxeld::client {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Answer;
+using test::job_answer;
+using test::json_answer;
+using test::problem_answer;
+using test::ScriptedServer;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+const Answer kUploaded = json_answer(R"({"id":"sha256-a"})");
+
+Answer unchanged(std::chrono::milliseconds delay = 0ms) {
+  return Answer{.status = 304, .delay = delay};
+}
+
+Answer running(int done, const std::string& etag) {
+  return job_answer("running",
+                    R"("stage":"voxelize","tiles_total":4,"tiles_done":)" + std::to_string(done),
+                    {"ETag: " + etag});
+}
+
+TEST(Submit, kind_input_options_and_filename_are_sent) {
+  ScriptedServer server({job_answer("queued"), job_answer("queued")});
+  Client client(server.url());
+  client.submit("voxelize", Input::of_asset("sha256-a"),
+                Options().set("size", "7").set("filename", "a.ply").set("size", "8"));
+  client.submit("export", Input::of_grid("sha256-g"), Options().set("format", "vox"));
+  EXPECT_EQ(server.asked()[0].body,
+            R"({"asset":"sha256-a","filename":"a.ply","kind":"voxelize","options":{"size":"8"}})");
+  EXPECT_EQ(server.asked()[1].body,
+            R"({"grid":"sha256-g","kind":"export","options":{"format":"vox"}})");
+}
+
+TEST(Submit, a_name_that_is_no_utf8_is_sent_as_text_that_is) {
+  ScriptedServer server({job_answer("queued")});
+  Client(server.url())
+      .submit("inspect", Input::of_asset("a"), Options().set("filename", "b\xe4ume.ply"));
+  EXPECT_THAT(server.asked()[0].body, HasSubstr("\"filename\":\"b\xef\xbf\xbdume.ply\""));
+}
+
+TEST(JobInfo, holds_what_the_daemon_says) {
+  ScriptedServer server({json_answer(
+      R"({"id":"j-7","kind":"render","state":"done","stage":"","tiles_done":3,"tiles_total":4,)"
+      R"("queue_position":0,"result":{"bytes":99,"media_type":"image/png","grid":"sha256-g",)"
+      R"("meta":{"dims":[1,2,3]},"warnings":[{"code":"missing-texture","detail":"skin.png"}]}})")});
+  const JobInfo job = Client(server.url()).job("j-7");
+  EXPECT_EQ(job.id, "j-7");
+  EXPECT_EQ(job.kind, "render");
+  EXPECT_TRUE(job.ended());
+  EXPECT_EQ(job.tiles_done, 3);
+  EXPECT_EQ(job.tiles_total, 4);
+  EXPECT_EQ(job.bytes, 99);
+  EXPECT_EQ(job.media_type, "image/png");
+  EXPECT_EQ(job.grid, "sha256-g");
+  EXPECT_EQ(job.meta_json, R"({"dims":[1,2,3]})");
+  EXPECT_THAT(job.warnings, ElementsAre("missing-texture: skin.png"));
+  EXPECT_THAT(job.json, HasSubstr("\"queue_position\":0"));
+}
+
+TEST(JobInfo, members_of_the_wrong_type_are_left_out) {
+  ScriptedServer server({json_answer(R"({"id":"j","state":"done","kind":[],"tiles_done":"x",)"
+                                     R"("result":{"bytes":{},"warnings":[7,null]}})"),
+                         json_answer(R"({"id":"j","state":"done","result":[1]})")});
+  Client client(server.url());
+  EXPECT_EQ(client.job("j").kind, "");
+  EXPECT_EQ(client.job("j").bytes, 0);
+}
+
+TEST(Jobs, a_list_is_asked_for_with_its_limit) {
+  ScriptedServer server(
+      {json_answer(R"({"jobs":[{"id":"j-2","state":"done"},{"id":"j-1","state":"failed"}]})"),
+       json_answer(R"({"jobs":[]})")});
+  Client client(server.url());
+  const auto jobs = client.jobs(2);
+  ASSERT_THAT(jobs, SizeIs(2));
+  EXPECT_EQ(jobs[1].state, "failed");
+  EXPECT_THAT(client.jobs(), SizeIs(0));
+  EXPECT_THAT(server.lines(), ElementsAre("GET /v1/jobs?limit=2", "GET /v1/jobs?limit=100"));
+}
+
+TEST(Jobs, a_list_that_is_none_is_a_bad_answer) {
+  for (const char* body : {"{}", R"({"jobs":7})", R"({"jobs":"x"})", R"({"jobs":[1]})"}) {
+    ScriptedServer server({json_answer(body)});
+    Client client(server.url());
+    EXPECT_EQ(error_of([&] { client.jobs(); }).code(), "bad-answer") << body;
+  }
+}
+
+TEST(Wait, asks_for_the_next_change_by_etag_until_the_end) {
+  ScriptedServer server({job_answer("queued", R"("queue_position":2)", {"ETag: \"1\""}),
+                         running(1, "\"2\""), unchanged(), running(3, "\"3\""),
+                         job_answer("done", "", {"ETag: \"4\""})});
+  Client client(server.url());
+  std::vector<std::string> stages;
+  const JobInfo job = client.wait("j-1", [&](const Progress& progress) {
+    stages.push_back(progress.stage + " " + std::to_string(progress.done) + "/" +
+                     std::to_string(progress.total));
+    return true;
+  });
+  EXPECT_EQ(job.state, "done");
+  EXPECT_THAT(stages,
+              ElementsAre("queued 0/0", "voxelize 1/4", "voxelize 1/4", "voxelize 3/4", " 0/0"));
+  const auto asked = server.asked();
+  ASSERT_THAT(asked, SizeIs(5));
+  EXPECT_EQ(asked[0].line(), "GET /v1/jobs/j-1");
+  EXPECT_THAT(asked[0].header("prefer"), HasSubstr("wait="));
+  EXPECT_EQ(asked[0].header("if-none-match"), "");
+  EXPECT_EQ(asked[1].header("if-none-match"), "\"1\"");
+  EXPECT_EQ(asked[2].header("if-none-match"), "\"2\"");
+  EXPECT_EQ(asked[3].header("if-none-match"), "\"2\"");
+  EXPECT_EQ(asked[4].header("if-none-match"), "\"3\"");
+}
+
+TEST(Wait, a_failed_job_throws_its_own_error) {
+  ScriptedServer server({job_answer(
+      "failed",
+      R"("error":{"code":"malformed-mesh","detail":"a.ply line 3","expected":"1","got":"2"})")});
+  Client client(server.url());
+  const Error error = error_of([&] { client.wait("j-1"); });
+  EXPECT_EQ(error.code(), "malformed-mesh");
+  EXPECT_EQ(error.http_status(), 422);
+  EXPECT_STREQ(error.what(), "a.ply line 3: expected 1, got 2");
+}
+
+TEST(Wait, every_error_code_of_a_job_keeps_its_name_and_status) {
+  for (const ErrorCodeInfo& info : all_error_codes()) {
+    ScriptedServer server({job_answer(
+        "failed", R"("error":{"detail":"d","code":")" + std::string(info.name) + "\"}")});
+    Client client(server.url());
+    const Error error = error_of([&] { client.wait("j-1"); });
+    EXPECT_EQ(error.code(), info.name);
+    EXPECT_EQ(error.http_status(), info.http_status);
+  }
+}
+
+TEST(Wait, an_end_without_an_error_document_is_told_by_the_state) {
+  ScriptedServer server({job_answer("cancelled"), job_answer("failed", R"("error":7)")});
+  Client client(server.url());
+  const Error cancelled = error_of([&] { client.wait("j-1"); });
+  EXPECT_EQ(cancelled.code(), "cancelled");
+  EXPECT_STREQ(cancelled.what(), "the job j-1 was cancelled");
+  EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "failed");
+}
+
+TEST(Wait, goes_on_over_a_daemon_that_restarts_while_the_job_stands_still) {
+  Answer cut = running(1, "\"1\"");
+  cut.cut_after = 5;
+  ScriptedServer server({running(1, "\"1\""), problem_answer(503, "shutting-down", "bye"), cut,
+                         unchanged(), job_answer("done")});
+  EXPECT_EQ(Client(server.url()).wait("j-1").state, "done");
+  EXPECT_THAT(server.asked(), SizeIs(5));
+}
+
+TEST(Wait, gives_up_on_a_daemon_that_stays_away) {
+  ScriptedServer server({running(1, "\"1\""), problem_answer(503, "shutting-down", "bye"),
+                         problem_answer(503, "shutting-down", "bye")});
+  Client client(settings_for(server.url(), 1));
+  EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "shutting-down");
+  EXPECT_THAT(server.asked(), SizeIs(3));
+}
+
+TEST(Wait, a_304_that_nobody_asked_for_is_a_bad_answer) {
+  ScriptedServer server({unchanged()});
+  Client client(server.url());
+  EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "bad-answer");
+}
+
+TEST(Wait, a_short_timeout_does_not_count_the_time_that_the_daemon_was_asked_to_hold) {
+  ScriptedServer server({running(1, "\"1\""), unchanged(1500ms), job_answer("done")});
+  Settings settings = settings_for(server.url(), 0);
+  settings.timeout = 1s;
+  EXPECT_EQ(Client(settings).wait("j-1").state, "done");
+}
+
+TEST(Cancel, is_a_delete) {
+  ScriptedServer server({job_answer("cancelled")});
+  EXPECT_EQ(Client(server.url()).cancel("j-1").state, "cancelled");
+  EXPECT_THAT(server.lines(), ElementsAre("DELETE /v1/jobs/j-1"));
+}
+
+TEST(Cancel, a_stop_token_deletes_the_job_that_voxelize_waits_for) {
+  ScriptedServer server({kUploaded, job_answer("queued"), Answer{.status = 304, .delay = 20s},
+                         job_answer("cancelled")});
+  Client client(server.url());
+  std::stop_source stop;
+  std::jthread stopper([&] {
+    while (server.asked().size() < 3) std::this_thread::sleep_for(10ms);
+    stop.request_stop();
+  });
+  const auto start = std::chrono::steady_clock::now();
+  const Error error = error_of(
+      [&] { client.voxelize(Source::memory(bytes_of("x"), "a.ply"), {}, {}, stop.get_token()); });
+  EXPECT_LT(since(start), 8s);
+  EXPECT_EQ(error.code(), "interrupted");
+  EXPECT_THAT(server.lines(), ElementsAre("POST /v1/assets?filename=a.ply", "POST /v1/jobs",
+                                          "GET /v1/jobs/j-1", "DELETE /v1/jobs/j-1"));
+}
+
+TEST(Cancel, a_callback_that_returns_false_deletes_the_job_even_while_it_stands_still) {
+  ScriptedServer server({kUploaded, job_answer("queued"), running(2, "\"1\""), unchanged(),
+                         unchanged(), job_answer("cancelled")});
+  Client client(server.url());
+  int calls = 0;
+  const Error error = error_of([&] {
+    client.voxelize(Source::memory(bytes_of("x"), "a.ply"), {},
+                    [&](const Progress& now) { return now.stage != "voxelize" || ++calls < 3; });
+  });
+  EXPECT_EQ(error.code(), "interrupted");
+  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
+  EXPECT_THAT(server.asked(), SizeIs(6));
+}
+
+TEST(Cancel, a_callback_that_throws_deletes_the_job_and_its_exception_passes_through) {
+  ScriptedServer server(
+      {kUploaded, job_answer("queued"), running(2, "\"1\""), job_answer("cancelled")});
+  Client client(server.url());
+  const auto progress = [](const Progress& now) {
+    if (now.stage == "voxelize") throw std::domain_error("no");
+    return true;
+  };
+  EXPECT_THROW(client.voxelize(Source::memory(bytes_of("x"), "a.ply"), {}, progress),
+               std::domain_error);
+  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
+}
+
+TEST(Cancel, a_job_that_failed_by_itself_is_not_deleted) {
+  ScriptedServer server({kUploaded, job_answer("queued"), job_answer("failed")});
+  Client client(server.url());
+  EXPECT_EQ(error_of([&] { client.voxelize(Source::memory(bytes_of("x"), "a.ply"), {}); }).code(),
+            "failed");
+  EXPECT_THAT(server.asked(), SizeIs(3));
+}
+
+TEST(Cancel, a_stop_ends_the_pause_before_another_try) {
+  ScriptedServer server({problem_answer(503, "queue-full", "full", {"Retry-After: 9"})});
+  Client client(server.url());
+  std::stop_source stop;
+  std::jthread stopper([&] {
+    while (server.asked().empty()) std::this_thread::sleep_for(10ms);
+    std::this_thread::sleep_for(100ms);
+    stop.request_stop();
+  });
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_EQ(error_of([&] { client.wait("j-1", {}, stop.get_token()); }).code(), "interrupted");
+  EXPECT_LT(since(start), 5s);
+}
+
+}  // namespace
+}  // namespace voxeld::client

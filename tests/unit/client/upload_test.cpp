@@ -1,0 +1,233 @@
+// Meshes on their way to the daemon: from files, memory and streams.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+#include "client/include/voxeld/client.h"
+#include "tests/unit/client/client_test_tools.h"
+#include "tests/unit/client/scripted_server.h"
+
+namespace voxeld::client {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Answer;
+using test::json_answer;
+using test::problem_answer;
+using test::ScriptedServer;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+const std::string kAsset = R"({"id":"sha256-a","filename":"a.ply"})";
+
+// A file in the temporary folder for the time of one test.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(const std::string& text) {
+    path_ = std::filesystem::temp_directory_path() /
+            ("unit_client-" + std::to_string(getpid()) + ".ply");
+    std::ofstream(path_, std::ios::binary) << text;
+  }
+  ~TemporaryFile() { std::filesystem::remove(path_); }
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// Gives `text` in pieces of `piece` bytes and counts how often it was asked.
+Source stream_of(std::string text, size_t piece, int* calls, const std::string& filename) {
+  return Source::stream(
+      [text = std::move(text), piece, calls, at = size_t{0}](std::span<std::byte> buffer) mutable {
+        ++*calls;
+        const size_t count = std::min({piece, buffer.size(), text.size() - at});
+        std::ranges::copy(bytes_of(text.substr(at, count)), buffer.begin());
+        at += count;
+        return count;
+      },
+      filename);
+}
+
+TEST(Upload, a_file_is_sent_with_its_length_and_its_own_name) {
+  const std::string text = long_text(300'000);
+  const TemporaryFile file(text);
+  ScriptedServer server({json_answer(kAsset)});
+  EXPECT_EQ(Client(server.url()).upload(Source::file(file.path())), "sha256-a");
+  ASSERT_THAT(server.asked(), SizeIs(1));
+  const auto asked = server.asked()[0];
+  EXPECT_EQ(asked.line(), "POST /v1/assets?filename=" + file.path().filename().string());
+  EXPECT_EQ(asked.header("content-length"), "300000");
+  EXPECT_EQ(asked.header("content-type"), "application/octet-stream");
+  EXPECT_TRUE(asked.body == text);
+}
+
+TEST(Upload, memory_is_sent_with_its_length) {
+  ScriptedServer server({json_answer(kAsset)});
+  Client(server.url()).upload(Source::memory(bytes_of("solid"), "a.stl"));
+  EXPECT_EQ(server.asked()[0].header("content-length"), "5");
+  EXPECT_EQ(server.asked()[0].body, "solid");
+}
+
+TEST(Upload, an_empty_body_is_sent_as_one) {
+  ScriptedServer server({json_answer(kAsset)});
+  Client(server.url()).upload(Source::memory({}, "a.stl"));
+  EXPECT_EQ(server.asked()[0].header("content-length"), "0");
+}
+
+TEST(Upload, a_stream_is_sent_in_chunks) {
+  const std::string text = long_text(200'000);
+  ScriptedServer server({json_answer(kAsset)});
+  int calls = 0;
+  Client(server.url()).upload(stream_of(text, 1000, &calls, "a.obj"));
+  const auto asked = server.asked()[0];
+  EXPECT_EQ(asked.header("transfer-encoding"), "chunked");
+  EXPECT_EQ(asked.header("content-length"), "");
+  EXPECT_TRUE(asked.body == text);
+  EXPECT_EQ(calls, 201);
+}
+
+TEST(Upload, names_of_files_are_escaped) {
+  const std::string names[][2] = {{"a b.ply", "a%20b.ply"},
+                                  {"a&b=c?d#e.ply", "a%26b%3Dc%3Fd%23e.ply"},
+                                  {"100%.ply", "100%25.ply"},
+                                  {"bäume.ply", "b%C3%A4ume.ply"},
+                                  {"a\r\nX: y.ply", "a%0D%0AX%3A%20y.ply"},
+                                  {"\xff.ply", "%FF.ply"}};
+  for (const auto& [name, escaped] : names) {
+    ScriptedServer server({json_answer(kAsset)});
+    Client(server.url()).upload(Source::memory(bytes_of("x"), name));
+    EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=" + escaped);
+  }
+}
+
+TEST(Upload, without_a_name_the_daemon_is_told_none) {
+  ScriptedServer server({json_answer(kAsset)});
+  Client(server.url()).upload(Source::memory(bytes_of("x"), ""));
+  EXPECT_EQ(server.asked()[0].target, "/v1/assets");
+}
+
+TEST(Upload, a_given_name_stands_for_the_files_own) {
+  const TemporaryFile file("x");
+  EXPECT_EQ(Source::file(file.path(), "bunny.obj").filename(), "bunny.obj");
+  EXPECT_EQ(Source::file(file.path()).filename(), file.path().filename());
+}
+
+TEST(Upload, files_and_memory_are_sent_again_from_their_start) {
+  const std::string text = long_text(50'000);
+  const TemporaryFile file(text);
+  for (const Source& source : {Source::file(file.path()), Source::memory(bytes_of(text), "a")}) {
+    ScriptedServer server(
+        {problem_answer(503, "queue-full", "full", {"Retry-After: 0"}), json_answer(kAsset)});
+    EXPECT_EQ(Client(server.url()).upload(source), "sha256-a");
+    ASSERT_THAT(server.asked(), SizeIs(2));
+    EXPECT_TRUE(server.asked()[0].body == text);
+    EXPECT_TRUE(server.asked()[1].body == text);
+  }
+}
+
+TEST(Upload, a_stream_is_not_sent_again) {
+  ScriptedServer server(
+      {problem_answer(503, "queue-full", "full", {"Retry-After: 0"}), json_answer(kAsset)});
+  int calls = 0;
+  Client client(server.url());
+  const Error error = error_of([&] { client.upload(stream_of("abc", 3, &calls, "a.obj")); });
+  EXPECT_EQ(error.code(), "queue-full");
+  EXPECT_THAT(server.asked(), SizeIs(1));
+  EXPECT_EQ(calls, 2);
+}
+
+TEST(Upload, a_refusal_that_comes_before_the_whole_body_was_sent_is_told) {
+  Answer refusal = problem_answer(413, "payload-too-large", "the body is too large");
+  refusal.reads_body = false;
+  ScriptedServer server({refusal});
+  Client client(server.url());
+  const Error error =
+      error_of([&] { client.upload(Source::memory(std::vector<std::byte>(64'000'000), "a.ply")); });
+  EXPECT_EQ(error.code(), "payload-too-large");
+  EXPECT_EQ(error.http_status(), 413);
+}
+
+TEST(Upload, a_file_that_is_missing_or_a_folder_is_told_before_anything_is_sent) {
+  ScriptedServer server({});
+  Client client(server.url());
+  const Error missing = error_of([&] { client.upload(Source::file("/nowhere/a.ply")); });
+  EXPECT_EQ(missing.code(), "file");
+  EXPECT_STREQ(missing.what(), "/nowhere/a.ply: No such file or directory");
+  const Error folder =
+      error_of([&] { client.upload(Source::file(std::filesystem::temp_directory_path())); });
+  EXPECT_EQ(folder.code(), "file");
+  EXPECT_THAT(folder.what(), HasSubstr("directory"));
+  EXPECT_THAT(server.asked(), SizeIs(0));
+}
+
+TEST(Upload, an_answer_without_an_id_is_a_bad_answer) {
+  ScriptedServer server({json_answer("{}")});
+  Client client(server.url());
+  const Error error = error_of([&] { client.upload(Source::memory(bytes_of("x"), "a")); });
+  EXPECT_EQ(error.code(), "bad-answer");
+  EXPECT_THAT(error.what(), HasSubstr("no asset"));
+}
+
+TEST(Upload, a_connection_that_breaks_is_unreachable) {
+  Answer cut = json_answer(kAsset);
+  cut.cut_after = 3;
+  ScriptedServer server({cut});
+  Client client(server.url());
+  EXPECT_EQ(error_of([&] { client.upload(Source::memory(bytes_of("x"), "a")); }).code(),
+            "unreachable");
+}
+
+TEST(Upload, what_a_stream_throws_passes_through) {
+  ScriptedServer server({json_answer(kAsset)});
+  Client client(server.url());
+  const Source broken = Source::stream(
+      [](std::span<std::byte>) -> size_t { throw std::domain_error("disk on fire"); }, "a.obj");
+  EXPECT_THROW(client.upload(broken), std::domain_error);
+}
+
+TEST(Upload, progress_tells_bytes_and_false_stops_it) {
+  ScriptedServer server({Answer{.delay = 10s}});
+  Client client(server.url());
+  Progress last;
+  const auto progress = [&](const Progress& now) {
+    last = now;
+    return now.done < 70'000;
+  };
+  const auto start = std::chrono::steady_clock::now();
+  const Error error =
+      error_of([&] { client.upload(Source::memory(bytes_of(long_text(100'000)), "a"), progress); });
+  EXPECT_LT(since(start), 5s);
+  EXPECT_EQ(error.code(), "interrupted");
+  EXPECT_EQ(last.stage, "upload");
+  EXPECT_EQ(last.total, 100'000);
+}
+
+TEST(Upload, a_stop_token_stops_it) {
+  ScriptedServer server({Answer{.delay = 10s}});
+  Client client(server.url());
+  std::stop_source stop;
+  std::jthread stopper([&] {
+    std::this_thread::sleep_for(100ms);
+    stop.request_stop();
+  });
+  const auto start = std::chrono::steady_clock::now();
+  const Error error =
+      error_of([&] { client.upload(Source::memory(bytes_of("x"), "a"), {}, stop.get_token()); });
+  EXPECT_EQ(error.code(), "interrupted");
+  EXPECT_LT(since(start), 5s);
+}
+
+TEST(Upload, what_a_progress_callback_throws_passes_through) {
+  ScriptedServer server({json_answer(kAsset)});
+  Client client(server.url());
+  EXPECT_THROW(client.upload(Source::memory(bytes_of("x"), "a"),
+                             [](const Progress&) -> bool { throw std::domain_error("no"); }),
+               std::domain_error);
+}
+
+}  // namespace
+}  // namespace voxeld::client
