@@ -108,12 +108,12 @@ class EpollFront : public Front {
     if (stopping_.exchange(true)) return;
     notify();
     const auto deadline = Clock::now() + std::chrono::duration<double>(seconds);
-    while (running_.load() > 0 && Clock::now() < deadline) {
+    while (is_busy() && Clock::now() < deadline) {
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     {
       const MutexLock lock(mutex_);
-      ended_ = true;
+      ended_ = true;  // from here on nothing that waits begins
       // What still runs has its socket cut, so that its thread comes back.
       for (const int fd : running_fds_) ::shutdown(fd, SHUT_RDWR);
     }
@@ -121,6 +121,11 @@ class EpollFront : public Front {
     notify();
     poller_.join();
     for (std::thread& thread : pool_) thread.join();
+    const MutexLock lock(mutex_);
+    queue_.clear();
+    returned_.clear();
+    idle_.clear();
+    connections_ = 0;
   }
 
  private:
@@ -129,6 +134,12 @@ class EpollFront : public Front {
     event.events = EPOLLIN;
     event.data.fd = fd;
     ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event);
+  }
+
+  // Whether a request runs or waits for a thread.
+  bool is_busy() {
+    const MutexLock lock(mutex_);
+    return !queue_.empty() || !running_fds_.empty();
   }
 
   void notify() {
@@ -268,7 +279,7 @@ class EpollFront : public Front {
       {
         MutexLock lock(mutex_);
         while (queue_.empty() && !ended_) ready_.wait(lock);
-        if (queue_.empty()) return;
+        if (ended_) return;
         connection = std::move(queue_.front());
         queue_.pop_front();
         running_fds_.push_back(connection->fd());
@@ -369,7 +380,7 @@ class EpollFront : public Front {
   std::atomic<bool> stopping_{false};
   std::atomic<int64_t> connections_{0}, running_{0};
 
-  std::unordered_map<int, ConnectionPtr> idle_;  // the poller's alone
+  std::unordered_map<int, ConnectionPtr> idle_;  // the poller's alone, until it has ended
 
   Mutex mutex_;
   CondVar ready_;

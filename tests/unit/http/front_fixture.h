@@ -19,6 +19,7 @@ namespace voxeld::http {
 using testing::comes_true;
 using testing::HttpAnswer;
 using testing::HttpClient;
+using testing::kPatienceSeconds;
 
 // Facts of one exchange, as the observer saw them.
 struct Observed {

@@ -1,0 +1,166 @@
+// How a front ends: what runs or waits is answered, what is late is cut, nothing hangs.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <latch>
+#include <string>
+#include <thread>
+
+#include "server/http/exchange.h"
+#include "tests/unit/http/front_fixture.h"
+
+namespace voxeld::http {
+namespace {
+
+using std::chrono::seconds;
+
+class DrainTest : public FrontTest {
+ protected:
+  DrainTest() {
+    router_.add("GET", "/held", [this](Request&) {
+      ++entered_;
+      held_.wait();
+      return Response::text(200, "held");
+    });
+    // Ends when its client is gone; never by itself.
+    router_.add("GET", "/endless", [this](Request& request) {
+      ++entered_;
+      EXPECT_TRUE(comes_true(request.client_gone));
+      return Response::text(200, "");
+    });
+  }
+  // Returns when everything that was sent before is at the front: what it accepts after comes
+  // from a later wait for events.
+  void settle() {
+    for (int i = 0; i < 2; ++i) {
+      const int64_t before = front_->state().connections;
+      fillers_.emplace_back(port());
+      ASSERT_TRUE(comes_true([&] { return front_->state().connections > before; }));
+    }
+  }
+  double stop_seconds(double grace) {
+    const auto start = Clock::now();
+    front_->stop(grace);
+    return std::chrono::duration<double>(Clock::now() - start).count();
+  }
+
+  std::latch held_{1};
+  std::atomic<int> entered_{0};
+  std::vector<HttpClient> fillers_;
+};
+
+TEST_F(DrainTest, running_and_waiting_requests_are_answered_and_idle_connections_closed) {
+  start(/*threads=*/1);
+  HttpClient idle(port()), running(port()), waiting(port()), half(port());
+  ASSERT_TRUE(idle.send_get("/hello") && idle.receive());
+  ASSERT_TRUE(running.send_get("/held"));
+  ASSERT_TRUE(comes_true([&] { return entered_ == 1; }));
+  ASSERT_TRUE(waiting.send_get("/hello") && half.send("GET /hello HTTP/1.1\r\n"));
+  settle();
+  std::thread stopper([&] { front_->stop(kPatienceSeconds); });
+  EXPECT_EQ(idle.receive_to_end(), "");
+  EXPECT_EQ(half.receive_to_end(), "");
+  held_.count_down();
+  const auto first = running.receive();
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->body, "held");
+  EXPECT_EQ(first->header("connection"), "close");
+  running.close();  // its thread lingers for that
+  const auto second = waiting.receive();
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->body, "hello");
+  EXPECT_EQ(second->header("connection"), "close");
+  waiting.close();
+  stopper.join();
+  EXPECT_EQ(front_->state().connections, 0);
+  EXPECT_EQ(front_->state().requests_running, 0);
+}
+
+TEST_F(DrainTest, nobody_is_let_in_any_more) {
+  start();
+  const int port_before = port();
+  front_->stop(0);
+  EXPECT_FALSE(HttpClient(port_before).is_open());
+}
+
+TEST_F(DrainTest, what_runs_past_the_grace_is_cut_and_what_waited_behind_it_is_dropped) {
+  start(/*threads=*/1);
+  HttpClient running(port()), waiting(port());
+  ASSERT_TRUE(running.send_get("/endless"));
+  ASSERT_TRUE(comes_true([&] { return entered_ == 1; }));
+  ASSERT_TRUE(waiting.send_get("/endless"));
+  settle();
+  const double took = stop_seconds(0.2);
+  EXPECT_GE(took, 0.2);
+  EXPECT_LT(took, kPatienceSeconds / 2);
+  EXPECT_EQ(entered_, 1) << "the request that waited must not begin";
+  EXPECT_EQ(running.receive_to_end(), "");
+  front_.reset();
+  EXPECT_TRUE(waiting.readable(kPatienceSeconds)) << "closed";
+}
+
+TEST_F(DrainTest, a_stream_is_cut_at_the_end_of_the_grace) {
+  router_.add("GET", "/stream", [this](Request&) {
+    Response response;
+    response.body = StreamBody([this](EventSink& sink) {
+      ++entered_;
+      EXPECT_TRUE(comes_true([&] { return sink.client_gone(); }));
+    });
+    return response;
+  });
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send_get("/stream"));
+  ASSERT_TRUE(comes_true([&] { return entered_ == 1; }));
+  EXPECT_LT(stop_seconds(0), kPatienceSeconds / 2);
+  ASSERT_TRUE(client.receive_head());
+  EXPECT_EQ(client.receive_to_end(), "");
+}
+
+TEST_F(DrainTest, an_upload_that_stands_still_is_cut_at_the_end_of_the_grace) {
+  start();
+  HttpClient client(port());
+  ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 10\r\n\r\nabc"));
+  ASSERT_TRUE(comes_true([&] { return front_->state().requests_running == 1; }));
+  EXPECT_LT(stop_seconds(0), 15) << "less than a body may stand still";
+  EXPECT_EQ(observed(1)[0].status, 400);
+}
+
+TEST_F(DrainTest, stopping_under_load_loses_no_answer_that_was_begun) {
+  start(/*threads=*/4);
+  constexpr int kClients = 8;
+  std::atomic<int> answered{0}, broken{0};
+  std::vector<std::thread> threads;
+  for (int i = 0; i < kClients; ++i) {
+    threads.emplace_back([&] {
+      // Until the connection ends: between two answers, never within one.
+      HttpClient client(port());
+      while (client.send_get("/hello")) {
+        const auto answer = client.receive_head();
+        if (!answer) return;
+        std::string body;
+        while (body.size() < 5) {
+          const std::string more = client.receive_some();
+          if (more.empty()) break;
+          body += more;
+        }
+        ++(body == "hello" ? answered : broken);
+        if (answer->header("connection") == "close") return;
+      }
+    });
+  }
+  EXPECT_TRUE(comes_true([&] { return answered > 500; }));
+  front_->stop(kPatienceSeconds);
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(broken, 0);
+}
+
+TEST_F(DrainTest, stopping_twice_is_stopping_once) {
+  start();
+  front_->stop(1);
+  front_->stop(1);
+  front_.reset();
+}
+
+}  // namespace
+}  // namespace voxeld::http
