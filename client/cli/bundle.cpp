@@ -18,25 +18,25 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-std::string lower_extension(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(),
+std::string lower(std::string text) {
+  std::ranges::transform(text, text.begin(),
                          [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
+  return text;
 }
 
 // Collects names, each once, that stay inside the mesh's folder and exist there.
 class Names {
  public:
   explicit Names(fs::path folder) : folder_(std::move(folder)) {}
-  bool add(std::string name) {
+  // The path as it is listed; empty for a name that is not taken.
+  std::string add(std::string name) {
     std::ranges::replace(name, '\\', '/');
     const fs::path path = fs::path(name).lexically_normal();
-    if (path.empty() || path.is_absolute() || *path.begin() == "..") return false;
+    if (path.empty() || path.is_absolute() || *path.begin() == "..") return "";
     std::error_code error;
-    if (!fs::is_regular_file(folder_ / path, error)) return false;
+    if (!fs::is_regular_file(folder_ / path, error)) return "";
     if (seen_.insert(path.string()).second) list_.push_back(path.string());
-    return true;
+    return path.string();
   }
   std::vector<std::string> take() { return std::move(list_); }
 
@@ -65,46 +65,52 @@ void for_each_statement(const fs::path& path, Visit&& visit) {
   }
 }
 
-std::string last_word(const std::string& text) {
-  const size_t blank = text.find_last_of(" \t");
-  return blank == std::string::npos ? text : text.substr(blank + 1);
+// Where the words of a line begin.
+std::vector<size_t> word_starts(const std::string& text) {
+  std::vector<size_t> starts;
+  for (size_t at = text.find_first_not_of(" \t"); at != std::string::npos;) {
+    starts.push_back(at);
+    at = text.find_first_not_of(" \t", text.find_first_of(" \t", at));
+  }
+  return starts;
 }
 
-// The whole rest of a line is one name with blanks, or else its last word is (after options), or
-// else every word is a name.
-void add_names(const std::string& rest, Names& names) {
-  if (rest.empty() || names.add(rest) || names.add(last_word(rest))) return;
-  size_t begin = 0;
-  while ((begin = rest.find_first_not_of(" \t", begin)) != std::string::npos) {
-    const size_t end = std::min(rest.find_first_of(" \t", begin), rest.size());
-    names.add(rest.substr(begin, end - begin));
-    begin = end;
+std::string word_at(const std::string& text, size_t start) {
+  return text.substr(start, text.find_first_of(" \t", start) - start);
+}
+
+// A texture's name may hold blanks and comes after options, whose number of values is not known for
+// all: it is the longest end of the line that is a file.
+void add_texture(const std::string& rest, Names& names) {
+  for (const size_t start : word_starts(rest)) {
+    if (!names.add(rest.substr(start)).empty()) return;
   }
 }
 
-void add_words(const std::string& rest, Names& names, std::vector<std::string>& words) {
-  if (names.add(rest)) {
-    words.push_back(rest);
-    return;
+// The rest of a mtllib line is one name with blanks, or else every word is a name. Gives the names
+// that were taken.
+std::vector<std::string> add_libraries(const std::string& rest, Names& names) {
+  if (std::string name = names.add(rest); !name.empty()) return {std::move(name)};
+  std::vector<std::string> libraries;
+  for (const size_t start : word_starts(rest)) {
+    if (std::string name = names.add(word_at(rest, start)); !name.empty()) {
+      libraries.push_back(std::move(name));
+    }
   }
-  size_t begin = 0;
-  while ((begin = rest.find_first_not_of(" \t", begin)) != std::string::npos) {
-    const size_t end = std::min(rest.find_first_of(" \t", begin), rest.size());
-    std::string word = rest.substr(begin, end - begin);
-    if (names.add(word)) words.push_back(std::move(word));
-    begin = end;
-  }
+  return libraries;
 }
 
 std::vector<std::string> files_of_obj(const fs::path& mesh) {
   Names names(mesh.parent_path());
   std::vector<std::string> materials;
   for_each_statement(mesh, [&](const Statement& statement) {
-    if (statement.key == "mtllib") add_words(statement.rest, names, materials);
+    if (statement.key == "mtllib") {
+      std::ranges::move(add_libraries(statement.rest, names), std::back_inserter(materials));
+    }
   });
   for (const std::string& material : materials) {
     for_each_statement(mesh.parent_path() / material, [&](const Statement& statement) {
-      if (statement.key.starts_with("map_")) add_names(statement.rest, names);
+      if (lower(statement.key).starts_with("map_")) add_texture(statement.rest, names);
     });
   }
   return names.take();
@@ -139,7 +145,8 @@ std::vector<std::string> files_of_gltf(const fs::path& mesh) {
     for (const Json& item : document[list]) {
       if (!item.is_object() || !item.contains("uri") || !item["uri"].is_string()) continue;
       const auto& uri = item["uri"].get_ref<const std::string&>();
-      if (!uri.starts_with("data:") && !names.add(percent_decoded(uri))) names.add(uri);
+      if (uri.starts_with("data:")) continue;
+      if (names.add(percent_decoded(uri)).empty()) names.add(uri);
     }
   }
   return names.take();
@@ -197,7 +204,7 @@ client::Source stdin_source() {
 }  // namespace
 
 std::vector<std::string> referenced_files(const fs::path& mesh) {
-  const std::string extension = lower_extension(mesh);
+  const std::string extension = lower(mesh.extension().string());
   if (extension == ".obj") return files_of_obj(mesh);
   if (extension == ".gltf") return files_of_gltf(mesh);
   return {};

@@ -1,0 +1,231 @@
+// Which files the command line sends along with a mesh.
+#include "client/cli/bundle.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+#include <zip.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/unit/client/client_test_tools.h"
+#include "tests/unit/client/scripted_server.h"
+
+namespace voxeld::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using client::error_of;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class Bundle : public testing::Test {
+ protected:
+  Bundle()
+      : outer_(fs::temp_directory_path() / ("unit_client-bundle-" + std::to_string(getpid()))) {
+    fs::create_directories(folder());
+  }
+  ~Bundle() override { fs::remove_all(outer_); }
+  fs::path folder() const { return outer_ / "meshes"; }
+  fs::path put(const std::string& name, const std::string& text = "") const {
+    const fs::path path = folder() / name;
+    fs::create_directories(path.parent_path());
+    std::ofstream(path, std::ios::binary) << text;
+    return path;
+  }
+
+  fs::path outer_;
+};
+
+TEST_F(Bundle, an_obj_gives_its_materials_and_their_textures) {
+  put("a.mtl", "newmtl m\nKd 1 1 1\nmap_Kd skin.png\nmap_d mask.png\n");
+  put("skin.png");
+  put("mask.png");
+  put("unrelated.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\nv 0 0 0\n")),
+              ElementsAre("a.mtl", "skin.png", "mask.png"));
+}
+
+TEST_F(Bundle, options_before_the_name_of_a_texture_are_skipped) {
+  put("a.mtl",
+      "map_Kd -s 1 2 3 -o 0.5 one.png\n"
+      "map_Kd -clamp on -mm 0 1 two.png\n"
+      "map_Bump -bm 1.0 three.png\n");
+  for (const char* name : {"one.png", "two.png", "three.png"}) put(name);
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\n")),
+              ElementsAre("a.mtl", "one.png", "two.png", "three.png"));
+}
+
+TEST_F(Bundle, names_may_hold_blanks_also_after_options) {
+  put("my materials.mtl", "map_Kd the skin.png\nmap_Kd -s 1 1 1 the other skin.png\n");
+  put("the skin.png");
+  put("the other skin.png");
+  EXPECT_THAT(referenced_files(put("a b.obj", "mtllib my materials.mtl\n")),
+              ElementsAre("my materials.mtl", "the skin.png", "the other skin.png"));
+}
+
+TEST_F(Bundle, the_longest_name_that_exists_counts) {
+  put("a.mtl", "map_Kd the skin.png\n");
+  put("the skin.png");
+  put("skin.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\n")),
+              ElementsAre("a.mtl", "the skin.png"));
+}
+
+TEST_F(Bundle, one_mtllib_line_may_name_several_files) {
+  put("a.mtl", "map_Kd a.png\n");
+  put("b.mtl", "map_Kd b.png\n");
+  put("a.png");
+  put("b.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl b.mtl\n")),
+              ElementsAre("a.mtl", "b.mtl", "a.png", "b.png"));
+}
+
+TEST_F(Bundle, lines_may_end_with_cr_and_lf_and_be_indented_with_tabs) {
+  put("a.mtl", "newmtl m\r\n\tmap_Kd\tskin.png \r\n\r\n");
+  put("skin.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "# text\r\n mtllib \t a.mtl \r\nv 0 0 0\r\n")),
+              ElementsAre("a.mtl", "skin.png"));
+}
+
+TEST_F(Bundle, backslashes_in_names_are_slashes) {
+  put("sub/a.mtl", "map_Kd tex\\skin.png\n");
+  put("tex/skin.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib sub\\a.mtl\n")),
+              ElementsAre("sub/a.mtl", "tex/skin.png"));
+}
+
+TEST_F(Bundle, keywords_of_materials_are_read_in_any_case) {
+  put("a.mtl", "MAP_KD a.png\nmap_kd b.png\n");
+  put("a.png");
+  put("b.png");
+  EXPECT_THAT(referenced_files(put("a.OBJ", "mtllib a.mtl\n")),
+              ElementsAre("a.mtl", "a.png", "b.png"));
+}
+
+TEST_F(Bundle, comments_and_lines_without_a_name_give_nothing) {
+  put("a.mtl", "# map_Kd skin.png\nmap_Kd\nmap_Kd -s 1 1 1\nmap_Kd \r\n");
+  put("skin.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "#mtllib b.mtl\nmtllib\nmtllib a.mtl\n")),
+              ElementsAre("a.mtl"));
+}
+
+TEST_F(Bundle, a_file_that_is_named_twice_comes_once) {
+  put("a.mtl", "map_Kd skin.png\nmap_Kd ./skin.png\nmap_Ka tex/../skin.png\n");
+  put("skin.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\nmtllib a.mtl\n")),
+              ElementsAre("a.mtl", "skin.png"));
+}
+
+TEST_F(Bundle, names_that_lead_outside_are_left_out) {
+  std::ofstream(outer_ / "secret.png") << "x";
+  const std::string secret = (outer_ / "secret.png").string();
+  put("sub/x");
+  put("a.mtl", "map_Kd ../secret.png\nmap_Kd sub/../../secret.png\nmap_Kd " + secret +
+                   "\nmap_Kd ..\\secret.png\nmap_Kd /etc/passwd\nmap_Kd ..\nmap_Kd .\n");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\nmtllib ../secret.png\n")),
+              ElementsAre("a.mtl"));
+  const fs::path gltf = put("a.gltf", R"({"images":[{"uri":"../secret.png"},)"
+                                      R"({"uri":"%2e%2e/secret.png"},{"uri":"..%2Fsecret.png"},)"
+                                      R"({"uri":")" +
+                                          secret + R"("},{"uri":"file://)" + secret + R"("}]})");
+  EXPECT_THAT(referenced_files(gltf), IsEmpty());
+}
+
+TEST_F(Bundle, files_that_are_missing_and_folders_are_left_out) {
+  put("sub/x");
+  put("a.mtl", "map_Kd missing.png\nmap_Kd sub\n");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl other.mtl\n")), ElementsAre("a.mtl"));
+}
+
+TEST_F(Bundle, a_gltf_gives_buffers_and_images_with_percent_encoded_names) {
+  put("my mesh.bin");
+  put("tex/bäume.png");
+  put("50%.png");
+  put("a+b.png");
+  const fs::path mesh = put("a.gltf", R"({"buffers":[{"uri":"my%20mesh.bin"},{"byteLength":3}],
+    "images":[{"uri":"tex/b%C3%A4ume.png"},{"uri":"50%.png"},{"uri":"a+b.png"},
+              {"uri":"data:image/png;base64,AAAA"},{"bufferView":1},{"uri":"my%20mesh.bin"}]})");
+  EXPECT_THAT(referenced_files(mesh),
+              ElementsAre("my mesh.bin", "tex/bäume.png", "50%.png", "a+b.png"));
+}
+
+TEST_F(Bundle, a_gltf_that_is_broken_names_nothing) {
+  for (const char* text :
+       {"", "{", "[]", "7", R"({"images":7})", R"({"images":{"uri":"a.png"}})",
+        R"({"images":[7,null,{"uri":7},{"uri":""},{"uri":"%"},{"uri":"%zz"},{"uri":"."}]})"}) {
+    put("a.png");
+    EXPECT_THAT(referenced_files(put("a.gltf", text)), IsEmpty()) << text;
+  }
+}
+
+TEST_F(Bundle, other_meshes_and_missing_ones_name_nothing) {
+  put("a.mtl");
+  EXPECT_THAT(referenced_files(put("a.ply", "mtllib a.mtl\n")), IsEmpty());
+  EXPECT_THAT(referenced_files(put("a.glb", "mtllib a.mtl\n")), IsEmpty());
+  EXPECT_THAT(referenced_files(folder() / "missing.obj"), IsEmpty());
+}
+
+TEST_F(Bundle, a_mesh_in_the_working_folder_is_found_without_a_folder_in_its_name) {
+  put("a.mtl");
+  put("a.obj", "mtllib a.mtl\n");
+  const fs::path before = fs::current_path();
+  fs::current_path(folder());
+  const auto names = referenced_files("a.obj");
+  fs::current_path(before);
+  EXPECT_THAT(names, ElementsAre("a.mtl"));
+}
+
+TEST_F(Bundle, a_mesh_that_names_nothing_is_sent_as_it_is) {
+  EXPECT_EQ(MeshSource::open(put("a.obj", "v 0 0 0\n")).source().filename(), "a.obj");
+  EXPECT_EQ(MeshSource::open(put("a.ply")).source().filename(), "a.ply");
+  EXPECT_EQ(MeshSource::open("-").source().filename(), "");
+}
+
+TEST_F(Bundle, a_folder_is_no_mesh) {
+  const client::Error error = error_of([&] { MeshSource::open(folder()); });
+  EXPECT_EQ(error.code(), "file");
+  EXPECT_THAT(error.what(), HasSubstr("is a folder, expected a mesh file"));
+}
+
+// The names in the archive that the daemon got.
+std::vector<std::string> names_in(const std::string& archive) {
+  zip_error_t error;
+  zip_t* zip =
+      zip_open_from_source(zip_source_buffer_create(archive.data(), archive.size(), 0, &error),
+                           ZIP_RDONLY | ZIP_CHECKCONS, &error);
+  if (zip == nullptr) return {"no archive"};
+  std::vector<std::string> names;
+  for (zip_int64_t i = 0; i < zip_get_num_entries(zip, 0); ++i) {
+    names.emplace_back(zip_get_name(zip, static_cast<zip_uint64_t>(i), 0));
+  }
+  zip_close(zip);
+  return names;
+}
+
+TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) {
+  const fs::path temporary = outer_ / "temporary";
+  fs::create_directory(temporary);
+  const char* before = std::getenv("TMPDIR");
+  const std::string kept = before == nullptr ? "" : before;
+  setenv("TMPDIR", temporary.c_str(), 1);
+  put("my a.mtl", "map_Kd tex/bäume.png\n");
+  put("tex/bäume.png", "PNG");
+  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  {
+    const MeshSource mesh = MeshSource::open(put("the a.obj", "mtllib my a.mtl\n"));
+    EXPECT_FALSE(fs::is_empty(temporary));
+    client::Client(server.url()).upload(mesh.source());
+  }
+  before == nullptr ? unsetenv("TMPDIR") : setenv("TMPDIR", kept.c_str(), 1);
+  EXPECT_TRUE(fs::is_empty(temporary));
+  ASSERT_EQ(server.asked().size(), 1u);
+  EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=the%20a.zip");
+  EXPECT_THAT(names_in(server.asked()[0].body),
+              ElementsAre("the a.obj", "my a.mtl", "tex/bäume.png"));
+}
+
+}  // namespace
+}  // namespace voxeld::cli
