@@ -1,0 +1,137 @@
+// Clients that hold a connection without using it. They wait for real deadlines (10 to 30 s), so all
+// of them run side by side, once, and each test looks at what one of them met.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <future>
+#include <memory>
+#include <string>
+
+#include "server/http/body_reader.h"
+#include "server/http/front.h"
+#include "tests/unit/http/front_fixture.h"
+
+namespace voxeld::http {
+namespace {
+
+constexpr int64_t kLargeBytes = int64_t{64} << 20;  // more than the buffers of both sockets hold
+
+// How a client fared.
+struct Fate {
+  double seconds = 0;  // until the server answered or closed
+  HttpAnswer answer;   // status 0: closed without one
+};
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+// Sends `first`, then a byte of `filler` every `pause_seconds` (0: nothing) until there is an
+// answer or an end.
+Fate suffer(int port, const std::string& first, const std::string& filler, double pause_seconds) {
+  const auto start = Clock::now();
+  HttpClient client(port);
+  client.send(first);
+  Fate fate;
+  if (pause_seconds > 0) {
+    for (size_t i = 0; !client.readable(pause_seconds) && i < 1000; ++i) {
+      if (!client.send(filler.substr(i % filler.size(), 1))) break;
+    }
+  } else {
+    client.readable(kPatienceSeconds);
+  }
+  fate.seconds = seconds_since(start);
+  if (auto answer = client.receive()) fate.answer = *answer;
+  return fate;
+}
+
+class SlowClients : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    suite_ = std::make_unique<Suite>();
+    const auto handler = [](Request& request) {
+      if (request.head.path == "/large") return Response::text(200, std::string(kLargeBytes, 'x'));
+      auto text = request.body->read_text(1 << 20);
+      return text ? Response::text(200, *text) : Response::problem(text.error(), request.head.path);
+    };
+    auto front = start_front({"127.0.0.1:0", 8, 100}, handler, [](const ExchangeRecord& record) {
+      if (record.head->path == "/large") suite_->large_sent.set_value(record.ms / 1000);
+    });
+    ASSERT_TRUE(front) << front.error().message();
+    suite_->front = *std::move(front);
+    const int port = suite_->front->port();
+    const auto launch = [port](const std::string& first, const std::string& filler, double pause) {
+      return std::async(std::launch::async, suffer, port, first, filler, pause).share();
+    };
+    const std::string post = "POST / HTTP/1.1\r\nHost: h\r\n";
+    suite_->still_head = launch("GET / HTTP/1.1\r\nHost:", "", 0);
+    suite_->slow_head = launch("GET / HTTP/1.1\r\nHost: h\r\n", "X: a\r\n", 0.25);
+    suite_->still_body = launch(post + "Content-Length: 5\r\n\r\nab", "", 0);
+    suite_->slow_body = launch(post + "Content-Length: 500\r\n\r\n", "x", 0.25);
+    suite_->slow_chunks = launch(post + "Transfer-Encoding: chunked\r\n\r\n", "1\r\nx\r\n", 0.25);
+    suite_->reader = std::make_unique<HttpClient>(port);
+    suite_->reader->send_get("/large");
+  }
+  static void TearDownTestSuite() { suite_.reset(); }
+
+  static void expect_deadline_exceeded(const Fate& fate) {
+    EXPECT_GE(fate.seconds, kBodyGraceSeconds - 1);
+    EXPECT_LT(fate.seconds, kPatienceSeconds);
+    EXPECT_EQ(fate.answer.status, 504);
+    EXPECT_EQ(fate.answer.code(), "deadline-exceeded");
+    EXPECT_EQ(fate.answer.detail(), "the body arrives too slowly");
+    EXPECT_EQ(fate.answer.header("connection"), "close");
+  }
+  static void expect_closed(const Fate& fate) {
+    EXPECT_GE(fate.seconds, kHeadSecondsMax - 1);
+    EXPECT_LT(fate.seconds, kPatienceSeconds);
+    EXPECT_EQ(fate.answer.status, 0);
+  }
+
+  struct Suite {
+    std::unique_ptr<Front> front;
+    std::shared_future<Fate> still_head, slow_head, still_body, slow_body, slow_chunks;
+    std::unique_ptr<HttpClient> reader;
+    std::promise<double> large_sent;
+  };
+  static std::unique_ptr<Suite> suite_;
+};
+std::unique_ptr<SlowClients::Suite> SlowClients::suite_;
+
+TEST_F(SlowClients, a_head_that_stands_still_closes_the_connection) {
+  expect_closed(suite_->still_head.get());
+}
+
+TEST_F(SlowClients, a_head_that_comes_byte_by_byte_closes_the_connection) {
+  expect_closed(suite_->slow_head.get());
+}
+
+TEST_F(SlowClients, a_body_that_stands_still_exceeds_the_deadline) {
+  expect_deadline_exceeded(suite_->still_body.get());
+}
+
+TEST_F(SlowClients, a_body_that_comes_byte_by_byte_exceeds_the_deadline) {
+  expect_deadline_exceeded(suite_->slow_body.get());
+}
+
+TEST_F(SlowClients, a_chunked_body_that_comes_byte_by_byte_exceeds_the_deadline) {
+  expect_deadline_exceeded(suite_->slow_chunks.get());
+}
+
+TEST_F(SlowClients, an_answer_that_is_not_read_is_broken_off) {
+  auto sent = suite_->large_sent.get_future();
+  ASSERT_EQ(sent.wait_for(std::chrono::seconds(2 * kPatienceSeconds)), std::future_status::ready);
+  EXPECT_GE(sent.get(), kWriteStallSeconds - 1);
+  const auto rest = suite_->reader->receive_to_end();
+  ASSERT_TRUE(rest);
+  EXPECT_LT(static_cast<int64_t>(rest->size()), kLargeBytes);
+}
+
+TEST_F(SlowClients, others_are_served_at_once_after_all) {
+  HttpClient client(suite_->front->port());
+  ASSERT_TRUE(client.send("POST / HTTP/1.1\r\nHost: h\r\nContent-Length: 2\r\n\r\nok"));
+  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "ok");
+}
+
+}  // namespace
+}  // namespace voxeld::http
