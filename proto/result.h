@@ -82,7 +82,10 @@ class [[nodiscard]] Status {
 // VOXELD_ASSIGN(auto mesh, load(path)); declares `mesh`, or returns the error.
 #define VOXELD_ASSIGN(declaration, expression) \
   VOXELD_ASSIGN_INNER(VOXELD_CONCAT(voxeld_result_, __LINE__), declaration, expression)
+// A declaration cannot stand in parentheses.
+// NOLINTBEGIN(bugprone-macro-parentheses)
 #define VOXELD_ASSIGN_INNER(temporary, declaration, expression) \
   auto temporary = (expression);                                \
   if (!temporary) return std::move(temporary).error();          \
   declaration = std::move(temporary).value()
+// NOLINTEND(bugprone-macro-parentheses)

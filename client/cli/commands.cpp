@@ -140,7 +140,7 @@ void run_jobs(const Arguments& arguments, const std::stop_token& stop) {
   if (!arguments.output.empty()) {
     write_result(arguments,
                  [&](const client::Sink& sink, const client::ProgressCallback& progress) {
-                   const JobInfo job = daemon.wait(arguments.job, progress, stop);
+                   JobInfo job = daemon.wait(arguments.job, progress, stop);
                    daemon.download(job.id, sink, progress, stop);
                    return job;
                  });

@@ -33,7 +33,6 @@ ARROWS = {
 }
 # Headers that one module alone may include.
 ONLY_IN = {
-    "httplib.h": {"server/http"},
     "tiny_gltf.h": {"server/scene"},
     "sqlite3.h": {"server/jobs"},
     "curl/curl.h": {"client"},
