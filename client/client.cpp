@@ -75,7 +75,7 @@ Client& Client::operator=(Client&&) noexcept = default;
 Client::~Client() = default;
 
 Grid Client::voxelize(const Source& source, const Options& options,
-                      const ProgressCallback& progress, std::stop_token stop) {
+                      const ProgressCallback& progress, const std::stop_token& stop) {
   Options native = options;
   native.set("format", "native");
   std::vector<std::byte> bytes;
@@ -89,17 +89,17 @@ Grid Client::voxelize(const Source& source, const Options& options,
 }
 
 JobInfo Client::voxelize_to(const Source& source, const Options& options, const Sink& sink,
-                            const ProgressCallback& progress, std::stop_token stop) {
+                            const ProgressCallback& progress, const std::stop_token& stop) {
   return impl_->run("voxelize", source, options, sink, progress, stop);
 }
 
 JobInfo Client::render_to(const Source& source, const Options& options, const Sink& sink,
-                          const ProgressCallback& progress, std::stop_token stop) {
+                          const ProgressCallback& progress, const std::stop_token& stop) {
   return impl_->run("render", source, options, sink, progress, stop);
 }
 
 std::string Client::upload(const Source& source, const ProgressCallback& progress,
-                           std::stop_token stop) {
+                           const std::stop_token& stop) {
   return impl_->upload(source, progress, stop);
 }
 
@@ -119,7 +119,8 @@ JobInfo Client::job(std::string_view id) {
   return job_info(parse_object(impl_->call(std::move(request)).body));
 }
 
-JobInfo Client::wait(std::string_view id, const ProgressCallback& progress, std::stop_token stop) {
+JobInfo Client::wait(std::string_view id, const ProgressCallback& progress,
+                     const std::stop_token& stop) {
   return impl_->wait(Transport::escape(id), progress, stop);
 }
 
@@ -144,7 +145,7 @@ std::vector<JobInfo> Client::jobs(int limit) {
 }
 
 void Client::download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
-                      std::stop_token stop) {
+                      const std::stop_token& stop) {
   impl_->download(Transport::escape(job), sink, progress, stop);
 }
 

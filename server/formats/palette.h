@@ -14,7 +14,7 @@ using Rgb = std::array<uint8_t, 3>;
 using ColorCounts = std::unordered_map<uint32_t, uint64_t>;
 
 struct Palette {
-  std::vector<Rgb> colors;                         // at most the number asked for, at least one
+  std::vector<Rgb> colors;  // at most the number asked for; none for no counts
   std::unordered_map<uint32_t, uint8_t> index_of;  // every key of the counts -> index
 };
 

@@ -1,7 +1,7 @@
 // MagicaVoxel's .vox, version 150: chunks of id, content bytes, children bytes. Models of at most
 // 256 cells a side, placed by a scene graph; one palette of 255 colours for the file.
 //
-//   VOX 150 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA  NOTE }
+//   VOX 150 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA }
 //
 // z points up there: a cell (x, y, z) of the grid is written at (x, -z, y), which keeps handedness.
 // dims, origin and voxel_size stand in the attributes of the root node.

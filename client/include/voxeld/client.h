@@ -168,30 +168,30 @@ class VOXELD_CLIENT_API Client {
 
   // --- the whole way in one call. `stop` and the callback cancel the job.
   Grid voxelize(const Source& source, const Options& options, const ProgressCallback& progress = {},
-                std::stop_token stop = {});
+                const std::stop_token& stop = {});
   // Any format: what options name with "format".
   JobInfo voxelize_to(const Source& source, const Options& options, const Sink& sink,
-                      const ProgressCallback& progress = {}, std::stop_token stop = {});
+                      const ProgressCallback& progress = {}, const std::stop_token& stop = {});
   // A PNG.
   JobInfo render_to(const Source& source, const Options& options, const Sink& sink,
-                    const ProgressCallback& progress = {}, std::stop_token stop = {});
+                    const ProgressCallback& progress = {}, const std::stop_token& stop = {});
 
   // --- step by step
   // The asset's id.
   std::string upload(const Source& source, const ProgressCallback& progress = {},
-                     std::stop_token stop = {});
+                     const std::stop_token& stop = {});
   std::string asset_json(std::string_view asset);
   // kind: voxelize, inspect (of an asset), render (of either), export (of a grid).
   JobInfo submit(std::string_view kind, const Input& input, const Options& options);
   JobInfo job(std::string_view id);
   // Until the job has ended. Throws the job's own error when it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},
-               std::stop_token stop = {});
+               const std::stop_token& stop = {});
   JobInfo cancel(std::string_view id);
   std::vector<JobInfo> jobs(int limit = 100);
   // Resumes by itself when the connection breaks.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
-                std::stop_token stop = {});
+                const std::stop_token& stop = {});
 
  private:
   std::unique_ptr<ClientImpl> impl_;
