@@ -1,0 +1,172 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "server/formats/formats.h"
+#include "server/formats/npy_array.h"
+#include "tests/unit/formats/npy_reader.h"
+#include "tests/unit/formats/sample_grid.h"
+
+namespace voxeld {
+namespace {
+
+using Shape = std::vector<int64_t>;
+
+// Two tiles, with cells at the corners and one in between.
+const std::vector<test::TestVoxel>& voxels() {
+  static const std::vector<test::TestVoxel> all = {{{0, 0, 0}, {0, 1, 10, 255}, {127, 0, -127}},
+                                                   {{2, 4, 258}, {255, 188, 11, 0}, {-1, 2, -3}},
+                                                   {{1, 3, 256}, {100, 200, 50, 51}, {90, -90, 0}}};
+  return all;
+}
+Grid sample() {
+  return test::grid_of({3, 5, 259}, voxels(), true, true);
+}
+
+OutputOptions options_of(DType dtype, AxisOrder axes) {
+  OutputOptions options;
+  options.dtype = dtype;
+  options.axes = axes;
+  return options;
+}
+
+// Position in the array of a cell, and of one of its channels where `channel` is not negative.
+Shape position(const std::array<int, 3>& cell, AxisOrder axes, int channel = -1) {
+  Shape p =
+      axes == AxisOrder::kXyz ? Shape{cell[0], cell[1], cell[2]} : Shape{cell[2], cell[1], cell[0]};
+  if (channel >= 0) p.push_back(channel);
+  return p;
+}
+
+TEST(NpyHeader, is_a_python_dict_that_ends_at_a_multiple_of_64) {
+  const auto plain = test::read_npy(npy_header("|u1", false, Shape{0, 20, 300}));
+  EXPECT_EQ(plain.dict, "{'descr': '|u1', 'fortran_order': False, 'shape': (0, 20, 300, ), }");
+  const auto fortran = test::read_npy(npy_header("<f4", true, Shape{0}));
+  EXPECT_EQ(fortran.dict, "{'descr': '<f4', 'fortran_order': True, 'shape': (0, ), }");
+}
+
+TEST(NpyHeader, is_aligned_for_every_length_of_the_shape) {
+  int64_t side = 1;
+  for (int digits = 1; digits <= 18; ++digits, side *= 10) {
+    for (size_t axes = 1; axes <= 4; ++axes) {
+      const auto header = npy_header("|u1", false, Shape(axes, side));
+      EXPECT_EQ(header.size() % 64, 0u);
+      EXPECT_EQ(header.size(), 10u + header[8] + 256u * header[9]);
+      EXPECT_EQ(header.back(), '\n');
+    }
+  }
+}
+
+TEST(NpyOccupancy, has_each_type_and_axis_order_that_is_asked_for) {
+  const Grid grid = sample();
+  struct Case {
+    DType dtype;
+    std::string descr;
+  };
+  for (const auto& [dtype, descr] :
+       {Case{DType::kUint8, "|u1"}, Case{DType::kBool, "|b1"}, Case{DType::kFloat32, "<f4"}}) {
+    for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
+      const auto bytes = encode_npy(grid, options_of(dtype, axes));
+      ASSERT_TRUE(bytes);
+      const auto array = test::read_npy(*bytes);
+      EXPECT_EQ(array.descr, descr);
+      EXPECT_EQ(array.fortran, axes == AxisOrder::kXyz);
+      EXPECT_EQ(array.shape, axes == AxisOrder::kXyz ? Shape({3, 5, 259}) : Shape({259, 5, 3}));
+      std::vector<float> values = array.as<float>();
+      if (dtype != DType::kFloat32) values.assign(array.data.begin(), array.data.end());
+      float sum = 0;
+      for (const float value : values) sum += value;
+      EXPECT_EQ(sum, 3.0f);
+      for (const auto& voxel : voxels()) {
+        EXPECT_EQ(values[array.at(position(voxel.cell, axes))], 1.0f);
+      }
+    }
+  }
+}
+
+TEST(NpyOccupancy, the_samples_lie_the_same_in_both_axis_orders) {
+  const Grid grid = test::random_grid(1, {30, 20, 10}, 500, false, false);
+  const auto zyx = test::read_npy(npy_occupancy(grid, options_of(DType::kUint8, AxisOrder::kZyx)));
+  const auto xyz = test::read_npy(npy_occupancy(grid, options_of(DType::kUint8, AxisOrder::kXyz)));
+  EXPECT_EQ(zyx.data, xyz.data);
+}
+
+TEST(NpyOccupancy, an_empty_grid_is_all_zeros) {
+  const Grid grid = test::grid_of({4, 3, 2}, {}, false, false);
+  const auto array = test::read_npy(npy_occupancy(grid, {}));
+  EXPECT_EQ(array.shape, Shape({2, 3, 4}));
+  EXPECT_EQ(array.data, std::vector<uint8_t>(24));
+}
+
+TEST(NpyColor, is_srgb_bytes_and_zero_where_nothing_is) {
+  const Grid grid = sample();
+  for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
+    for (const DType dtype : {DType::kUint8, DType::kBool}) {
+      const auto array = test::read_npy(npy_color(grid, options_of(dtype, axes)));
+      EXPECT_EQ(array.descr, "|u1");
+      EXPECT_EQ(array.shape,
+                axes == AxisOrder::kXyz ? Shape({3, 5, 259, 4}) : Shape({259, 5, 3, 4}));
+      for (const auto& voxel : voxels()) {
+        for (int c = 0; c < 4; ++c) {
+          EXPECT_EQ(array.data[array.at(position(voxel.cell, axes, c))],
+                    voxel.color[static_cast<size_t>(c)]);
+        }
+      }
+      EXPECT_EQ(array.data[array.at(position({1, 1, 1}, axes, 0))], 0);
+    }
+  }
+}
+
+TEST(NpyColor, is_linear_light_and_alpha_in_0_to_1_as_float32) {
+  const Grid grid = sample();
+  const auto array = test::read_npy(npy_color(grid, options_of(DType::kFloat32, AxisOrder::kZyx)));
+  EXPECT_EQ(array.descr, "<f4");
+  const auto values = array.as<float>();
+  const auto at = [&](const std::array<int, 3>& cell, int channel) {
+    return values[array.at(position(cell, AxisOrder::kZyx, channel))];
+  };
+  // IEC 61966-2-1: linear up to 0.04045 (10/255 is below, 11/255 above), then a power.
+  EXPECT_FLOAT_EQ(at({0, 0, 0}, 0), 0.0f);
+  EXPECT_FLOAT_EQ(at({0, 0, 0}, 1), 1.0f / 255 / 12.92f);
+  EXPECT_FLOAT_EQ(at({0, 0, 0}, 2), 10.0f / 255 / 12.92f);
+  EXPECT_FLOAT_EQ(at({0, 0, 0}, 3), 1.0f);
+  EXPECT_FLOAT_EQ(at({2, 4, 258}, 0), 1.0f);
+  EXPECT_NEAR(at({2, 4, 258}, 1), 0.5029f, 1e-4);
+  EXPECT_FLOAT_EQ(at({2, 4, 258}, 2), std::pow((11.0f / 255 + 0.055f) / 1.055f, 2.4f));
+  EXPECT_FLOAT_EQ(at({1, 3, 256}, 3), 0.2f);
+}
+
+TEST(NpyNormal, is_int8_or_minus_1_to_1) {
+  const Grid grid = sample();
+  for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
+    const auto bytes = test::read_npy(npy_normal(grid, options_of(DType::kUint8, axes)));
+    const auto floats = test::read_npy(npy_normal(grid, options_of(DType::kFloat32, axes)));
+    EXPECT_EQ(bytes.descr, "|i1");
+    EXPECT_EQ(floats.descr, "<f4");
+    EXPECT_EQ(bytes.shape.back(), 3);
+    for (const auto& voxel : voxels()) {
+      for (int c = 0; c < 3; ++c) {
+        const auto at = bytes.at(position(voxel.cell, axes, c));
+        const int8_t expected = voxel.normal[static_cast<size_t>(c)];
+        EXPECT_EQ(bytes.as<int8_t>()[at], expected);
+        EXPECT_FLOAT_EQ(floats.as<float>()[at], static_cast<float>(expected) / 127);
+      }
+    }
+  }
+}
+
+TEST(NpyArrays, of_numbers_and_of_text) {
+  const double numbers[] = {1.5, -2, 1e300};
+  const auto doubles = test::read_npy(npy_doubles(numbers));
+  EXPECT_EQ(doubles.descr, "<f8");
+  EXPECT_EQ(doubles.shape, Shape({3}));
+  EXPECT_EQ(doubles.as<double>(), std::vector<double>({1.5, -2, 1e300}));
+  const auto text = test::read_npy(npy_text("{\"a\":1}"));
+  EXPECT_EQ(text.descr, "|u1");
+  EXPECT_EQ(std::string(text.data.begin(), text.data.end()), "{\"a\":1}");
+  EXPECT_EQ(test::read_npy(npy_text("")).shape, Shape({0}));
+}
+
+}  // namespace
+}  // namespace voxeld

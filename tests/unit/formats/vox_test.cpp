@@ -1,0 +1,169 @@
+#include "tests/unit/formats/vox_reader.h"
+
+#include <cmath>
+#include <string>
+
+#include "server/formats/formats.h"
+#include "tests/unit/formats/sample_grid.h"
+
+namespace voxeld {
+namespace {
+
+using Cells = std::map<std::array<int, 3>, std::array<uint8_t, 3>>;
+
+test::VoxScene written(const Grid& grid, int palette_max = 255) {
+  OutputOptions options;
+  options.palette_max = palette_max;
+  const auto bytes = encode_vox(grid, options);
+  EXPECT_TRUE(bytes) << (bytes ? "" : bytes.error().message());
+  return bytes ? test::VoxReader::read(*bytes) : test::VoxScene();
+}
+
+// z up: (x, -z, y), moved so that the scene is centred in x and y and stands on the floor.
+std::array<int, 3> scene_cell(const Grid& grid, int x, int y, int z) {
+  const glm::ivec3 dims = grid.spec.dims;
+  return {x - dims.x / 2, dims.z - 1 - z - dims.z / 2, y};
+}
+Cells expected_cells(const Grid& grid) {
+  Cells cells;
+  for (const SparseTile& tile : grid.tiles) {
+    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t voxel) {
+      const uint8_t* c = &tile.color[4 * voxel];
+      cells[scene_cell(grid, x, y, z)] = {c[0], c[1], c[2]};
+    });
+  }
+  return cells;
+}
+
+// At most `colors` colours, anywhere in the grid.
+Grid colored_grid(const std::array<int, 3>& dims, int voxels, int colors) {
+  Grid grid = test::random_grid(11, dims, voxels, true, false);
+  for (SparseTile& tile : grid.tiles) {
+    for (size_t v = 0; 4 * v < tile.color.size(); ++v) {
+      const auto i = static_cast<uint32_t>(tile.color[4 * v] * 256 + tile.color[4 * v + 1]);
+      const uint32_t key = i % static_cast<uint32_t>(colors) * 2654435761u;
+      for (size_t c = 0; c < 3; ++c) tile.color[4 * v + c] = static_cast<uint8_t>(key >> (8 * c));
+    }
+  }
+  return grid;
+}
+
+TEST(Vox, a_small_grid_is_one_model_with_its_cells_and_colours) {
+  const Grid grid = colored_grid({20, 31, 42}, 800, 255);
+  const auto scene = written(grid);
+  ASSERT_EQ(scene.models.size(), 1u);
+  EXPECT_EQ(scene.models[0].size, (std::array<int, 3>{20, 42, 31}));
+  EXPECT_TRUE(scene.cells() == expected_cells(grid));
+  EXPECT_EQ(scene.chunks,
+            (std::vector<std::string>{"SIZE", "XYZI", "nTRN", "nGRP", "nTRN", "nSHP", "RGBA"}));
+}
+
+TEST(Vox, cells_above_256_are_models_that_join_without_gaps) {
+  const Grid grid = colored_grid({600, 270, 300}, 4000, 200);
+  ASSERT_GT(grid.tiles.size(), 6u);
+  const auto scene = written(grid);
+  EXPECT_GT(scene.models.size(), 6u);
+  EXPECT_LE(scene.models.size(), 3u * 2u * 2u);
+  EXPECT_TRUE(scene.cells() == expected_cells(grid));
+}
+
+TEST(Vox, cells_on_both_sides_of_a_seam_stay_neighbours_for_odd_and_even_rests) {
+  for (const int side : {257, 258, 511, 512, 513}) {
+    const Grid grid = test::grid_of(
+        {side, side, side}, test::box_voxels({254, 254, 254}, {257, 257, 257}), true, false);
+    EXPECT_TRUE(written(grid).cells() == expected_cells(grid)) << side;
+  }
+}
+
+TEST(Vox, the_turn_to_z_up_keeps_handedness) {
+  const Grid grid = test::grid_of({10, 10, 10},
+                                  {{{1, 0, 0}, {1, 0, 0, 255}, {}},
+                                   {{0, 2, 0}, {0, 1, 0, 255}, {}},
+                                   {{0, 0, 3}, {0, 0, 1, 255}, {}},
+                                   {{0, 0, 0}, {0, 0, 0, 255}, {}}},
+                                  true, false);
+  std::map<std::array<uint8_t, 3>, std::array<int, 3>> place;
+  for (const auto& [cell, color] : written(grid).cells()) place[color] = cell;
+  const auto origin = place.at({0, 0, 0});
+  const auto offset = [&](const std::array<uint8_t, 3>& color) {
+    const auto& cell = place.at(color);
+    return std::array<int, 3>{cell[0] - origin[0], cell[1] - origin[1], cell[2] - origin[2]};
+  };
+  EXPECT_EQ(offset({1, 0, 0}), (std::array<int, 3>{1, 0, 0}));
+  EXPECT_EQ(offset({0, 1, 0}), (std::array<int, 3>{0, 0, 2}));
+  EXPECT_EQ(offset({0, 0, 1}), (std::array<int, 3>{0, -3, 0}));
+}
+
+TEST(Vox, the_root_says_where_the_grid_lies) {
+  const auto scene = written(test::random_grid(1, {7, 8, 9}, 20, true, false));
+  const auto& attributes = scene.transforms.at(0).attributes;
+  EXPECT_EQ(attributes.at("dims"), "7,8,9");
+  EXPECT_EQ(attributes.at("origin"), "-1.5,0.25,1e+10");
+  EXPECT_EQ(attributes.at("voxel_size"), "0.5,0.25,0.125");
+}
+
+TEST(Vox, colours_above_the_palette_are_near_ones_and_the_palette_is_kept) {
+  const Grid grid = colored_grid({60, 60, 60}, 6000, 3000);
+  const Cells exact = expected_cells(grid);
+  for (const int palette_max : {255, 16, 1}) {
+    const Cells cells = written(grid, palette_max).cells();
+    ASSERT_EQ(cells.size(), exact.size());
+    std::set<std::array<uint8_t, 3>> used;
+    for (const auto& [cell, color] : cells) {
+      EXPECT_TRUE(exact.contains(cell));
+      used.insert(color);
+    }
+    EXPECT_LE(used.size(), static_cast<size_t>(palette_max));
+  }
+}
+
+TEST(Vox, a_grid_without_colours_is_grey) {
+  const Grid grid = test::grid_of({5, 5, 5}, test::box_voxels({1, 1, 1}, {3, 3, 3}), false, false);
+  const auto cells = written(grid).cells();
+  EXPECT_EQ(cells.size(), 8u);
+  for (const auto& [cell, color] : cells) {
+    EXPECT_EQ(color, (std::array<uint8_t, 3>{0xb4, 0xb4, 0xb4}));
+  }
+}
+
+TEST(Vox, an_empty_grid_is_one_empty_model) {
+  for (const bool color : {false, true}) {
+    const auto scene = written(test::grid_of({5, 6, 7}, {}, color, false));
+    ASSERT_EQ(scene.models.size(), 1u);
+    EXPECT_EQ(scene.models[0].size, (std::array<int, 3>{5, 7, 6}));
+    EXPECT_TRUE(scene.cells().empty());
+  }
+}
+
+TEST(Vox, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
+  Grid grid = colored_grid({600, 270, 300}, 1000, 700);
+  const auto first = encode_vox(grid, {});
+  normalize_tiles(grid);
+  const auto second = encode_vox(grid, {});
+  ASSERT_TRUE(first && second);
+  EXPECT_EQ(*first, *second);
+}
+
+TEST(Vox, the_world_of_the_editor_is_the_limit) {
+  GridSpec spec;
+  spec.dims = {2000, 1000, 2000};
+  EXPECT_TRUE(check_vox_size(spec));
+  for (const glm::ivec3 dims : {glm::ivec3(2001, 5, 5), {5, 1001, 5}, {5, 5, 2001}}) {
+    spec.dims = dims;
+    const Status status = check_vox_size(spec);
+    ASSERT_FALSE(status);
+    EXPECT_EQ(status.error().code, ErrorCode::kGridTooLarge);
+    EXPECT_EQ(
+        status.error().message(),
+        "vox: MagicaVoxel's world is smaller than the grid: expected at most 2000 x 1000 (up) "
+        "x 2000 cells, got " +
+            std::to_string(dims.x) + " x " + std::to_string(dims.y) + " x " +
+            std::to_string(dims.z));
+    Grid grid;
+    grid.spec = spec;
+    EXPECT_EQ(encode_vox(grid, {}).error().code, ErrorCode::kGridTooLarge);
+  }
+}
+
+}  // namespace
+}  // namespace voxeld
