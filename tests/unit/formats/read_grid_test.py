@@ -1,0 +1,65 @@
+"""The reader of the documentation, docs/read_grid.py, against what the daemon's encoder was given.
+
+    read_grid_test.py WRITE_SAMPLE    the program that writes the samples
+"""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "docs"))
+import read_grid  # noqa: E402
+
+WRITE_SAMPLE = sys.argv.pop(1)
+
+
+class ReadGrid(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        with tempfile.TemporaryDirectory() as directory:
+            subprocess.run([WRITE_SAMPLE, directory], check=True)
+            folder = pathlib.Path(directory)
+            cls.grids = {path.stem: path.read_bytes() for path in folder.glob("*.voxg")}
+            cls.voxels = np.loadtxt(folder / "voxels.txt", dtype=int)
+
+    def rows(self, grid):
+        """Cells and channels in the order of the text: sorted by cell."""
+        columns = [np.asarray(grid["cells"]), grid["color"].astype(int),
+                   grid["normal"].astype(int)]
+        return sorted(map(tuple, np.hstack(columns)))
+
+    def test_voxels_colours_and_normals_are_what_was_written(self):
+        grid = read_grid.read_grid(self.grids["all"])
+        self.assertEqual(self.rows(grid), sorted(map(tuple, self.voxels)))
+        self.assertEqual(grid["color"].dtype, np.uint8)
+        self.assertEqual(grid["normal"].dtype, np.int8)
+
+    def test_the_grid_has_several_tiles_and_lies_where_it_was_placed(self):
+        grid = read_grid.read_grid(self.grids["all"])
+        self.assertGreater(len(np.unique(np.asarray(grid["cells"]) // 256, axis=0)), 6)
+        self.assertEqual(grid["dims"], (300, 530, 270))
+        self.assertEqual(grid["origin"], (-1.5, 0.25, 1e10))
+        self.assertEqual(grid["voxel_size"], (0.5, 0.25, 0.125))
+        self.assertEqual(grid["meta"], {"units": "mm"})
+
+    def test_channels_that_are_not_there_are_none(self):
+        grid = read_grid.read_grid(self.grids["bare"])
+        self.assertIsNone(grid["color"])
+        self.assertIsNone(grid["normal"])
+        self.assertEqual(sorted(map(tuple, grid["cells"])),
+                         sorted(map(tuple, self.voxels[:, :3])))
+
+    def test_an_empty_grid_has_no_cells(self):
+        grid = read_grid.read_grid(self.grids["empty"])
+        self.assertEqual(np.asarray(grid["cells"]).shape, (0, 3))
+
+    def test_another_file_is_refused(self):
+        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 1"):
+            read_grid.read_grid(b"VOXGRIM" + self.grids["all"][7:])
+
+
+if __name__ == "__main__":
+    unittest.main()
