@@ -77,7 +77,11 @@ int preferred_wait_seconds(const Request& request) {
   const size_t at = prefer.find("wait=");
   if (at == std::string_view::npos) return 0;
   int seconds = 0;
-  std::from_chars(prefer.data() + at + 5, prefer.data() + prefer.size(), seconds);
+  const auto [end, error] =
+      std::from_chars(prefer.data() + at + 5, prefer.data() + prefer.size(), seconds);
+  if (error == std::errc::result_out_of_range && prefer[at + 5] != '-') {
+    return limits::kPreferWaitSecondsMax;
+  }
   return std::clamp(seconds, 0, limits::kPreferWaitSecondsMax);
 }
 

@@ -1,5 +1,7 @@
 // /v1/jobs: submit, list, look at (long poll), cancel.
+#include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "server/http/api.h"
@@ -11,6 +13,8 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr int kListDefault = 100, kListMax = 1000;
+// How long a waiting poll may overlook that its client left.
+constexpr auto kPollStep = std::chrono::milliseconds(200);
 
 Result<JobRequest> read_job_request(Request& request) {
   VOXELD_ASSIGN(const std::string text, request.body->read_text(limits::kJsonBodyBytesMax));
@@ -108,10 +112,15 @@ Response get_job(Request& request, Api& api) {
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(wait);
   const auto tag = [](const JobStatus& s) { return "\"" + std::to_string(s.version) + "\""; };
   const std::string_view known = request.head.header("If-None-Match");
-  if (wait > 0 && !status->ended()) {
-    // With If-None-Match, the next change; without it, the end.
-    status = known.empty() ? api.jobs.wait_end(id, deadline, request.client_gone)
-                           : api.jobs.wait_change(id, status->version, deadline);
+  if (known.empty() && wait > 0 && !status->ended()) {
+    status = api.jobs.wait_end(id, deadline, request.client_gone);
+    if (!status) return problem(request, status.error());
+  }
+  // With If-None-Match, the next change after what the client knows, which may have been already.
+  while (known == tag(*status) && !status->ended() && JobService::Clock::now() < deadline &&
+         !request.client_gone()) {
+    status = api.jobs.wait_change(id, status->version,
+                                  std::min(deadline, JobService::Clock::now() + kPollStep));
     if (!status) return problem(request, status.error());
   }
   Response response = status_response(200, *status);

@@ -1,5 +1,7 @@
 #include "server/http/server.h"
 
+#include <utility>
+
 #include "server/http/admin.h"
 #include "server/http/api.h"
 #include "server/http/front.h"
@@ -37,7 +39,8 @@ class HttpServer : public Server {
     VOXELD_ASSIGN(front_,
                   start_front({config_.listen, config_.request_threads, config_.connections_max},
                               handler(router_), [this](const ExchangeRecord& exchange) {
-                                metrics_.record(exchange, current_route);
+                                // Requests that no handler saw leave nothing behind.
+                                metrics_.record(exchange, std::exchange(current_route, {}));
                               }));
     VOXELD_ASSIGN(admin_front_,
                   start_front({config_.admin_listen, kAdminThreads, kAdminConnectionsMax},

@@ -1,0 +1,229 @@
+// Jobs over HTTP: long polls, event streams, and what is refused at the limits.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "server/http/api.h"
+#include "tests/unit/http/server_fixture.h"
+
+namespace voxeld::http {
+namespace {
+
+class JobsApi : public ServerTest {};
+
+TEST_F(JobsApi, a_draining_daemon_refuses_new_work_as_shutting_down_and_is_not_ready) {
+  const std::string job = "/v1/jobs/" + submit();
+  FakeWorker worker = connect_worker();
+  ASSERT_TRUE(comes_true([&] { return admin("/readyz").status == 200; }));
+  jobs_->drain();
+  const HttpAnswer refused = post_job();
+  EXPECT_EQ(refused.status, 503);
+  EXPECT_EQ(refused.code(), "shutting-down");
+  EXPECT_EQ(refused.detail(), "the daemon is shutting down; try again");
+  EXPECT_EQ(refused.header("retry-after"), "2");
+  EXPECT_EQ(request("POST", "/v1/voxelize", "", "mesh").code(), "shutting-down");
+  EXPECT_EQ(get(job).status, 200) << "what exists can still be looked at";
+  const HttpAnswer ready = admin("/readyz");
+  EXPECT_EQ(ready.status, 503);
+  EXPECT_EQ(json(ready).value("ready", true), false);
+  EXPECT_EQ(json(ready).value("reason", ""), "the daemon is shutting down");
+  EXPECT_EQ(admin("/livez").status, 200);
+}
+
+TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {
+  const HttpAnswer sent = post_job();
+  EXPECT_EQ(sent.status, 202);
+  EXPECT_EQ(sent.header("location"), "/v1/jobs/" + json(sent).value("id", ""));
+  EXPECT_EQ(sent.header("retry-after"), "1");
+  const HttpAnswer status = get(sent.header("location"));
+  EXPECT_EQ(status.status, 200);
+  EXPECT_EQ(status.header("etag"), sent.header("etag"));
+  EXPECT_EQ(json(status).value("state", ""), "queued");
+  EXPECT_EQ(get(sent.header("location"), "If-None-Match: " + sent.header("etag") + "\r\n").status,
+            304);
+}
+
+TEST_F(JobsApi, a_poll_that_waits_ends_with_the_job) {
+  const std::string path = "/v1/jobs/" + submit();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(path, "Prefer: wait=60\r\n"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task && worker.complete(*task, "bytes"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(json(*answer).value("state", ""), "done");
+}
+
+TEST_F(JobsApi, a_poll_for_the_next_change_ends_with_it) {
+  const HttpAnswer sent = post_job();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"),
+                              "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 200);
+  EXPECT_EQ(json(*answer).value("state", ""), "running");
+  EXPECT_NE(answer->header("etag"), sent.header("etag"));
+}
+
+TEST_F(JobsApi, a_poll_that_missed_a_change_does_not_wait_for_the_next_one) {
+  const HttpAnswer sent = post_job();
+  FakeWorker worker = connect_worker();
+  ASSERT_TRUE(worker.claim());  // it runs now, which the client does not know
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"),
+                              "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
+  ASSERT_TRUE(client.readable(20)) << "the change has happened already";
+  EXPECT_EQ(json(*client.receive()).value("state", ""), "running");
+}
+
+TEST_F(JobsApi, stopping_does_not_wait_for_a_poll_to_end) {
+  const HttpAnswer sent = post_job();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"),
+                              "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
+  ASSERT_TRUE(comes_true(
+      [&] { return admin("/metrics").body.find("{what=\"running\"} 1\n") != std::string::npos; }));
+  const auto start = std::chrono::steady_clock::now();
+  server_->stop(0);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+}
+
+TEST_F(JobsApi, waits_are_clamped_and_nonsense_is_no_wait) {
+  const auto seconds = [](const std::string& prefer) {
+    Request request;
+    request.head.headers["Prefer"] = prefer;
+    return preferred_wait_seconds(request);
+  };
+  EXPECT_EQ(seconds("wait=7"), 7);
+  EXPECT_EQ(seconds("respond-async, wait=7"), 7);
+  EXPECT_EQ(seconds("wait=61"), limits::kPreferWaitSecondsMax);
+  EXPECT_EQ(seconds("wait=99999999999999999999"), limits::kPreferWaitSecondsMax);
+  EXPECT_EQ(seconds("wait=-1"), 0);
+  EXPECT_EQ(seconds("wait=soon"), 0);
+  EXPECT_EQ(seconds(""), 0);
+}
+
+TEST_F(JobsApi, a_one_shot_job_is_cancelled_when_its_client_leaves) {
+  HttpClient client(server_->port());
+  ASSERT_TRUE(
+      client.send("POST /v1/voxelize?size=16 HTTP/1.1\r\nHost: h\r\n"
+                  "Content-Length: 4\r\n\r\nmesh"));
+  ASSERT_TRUE(comes_true([&] { return jobs_->queued_jobs() == 1; }));
+  client.close();
+  EXPECT_TRUE(comes_true([&] {
+    const auto jobs = jobs_->list(1, JobState::kCancelled);
+    return jobs.ok() && jobs->size() == 1;
+  }));
+}
+
+TEST_F(JobsApi, a_one_shot_job_answers_with_its_result) {
+  HttpClient client(server_->port());
+  ASSERT_TRUE(
+      client.send("POST /v1/voxelize?size=16 HTTP/1.1\r\nHost: h\r\n"
+                  "Content-Length: 4\r\n\r\nmesh"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task && worker.complete(*task, "voxels"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 200);
+  EXPECT_EQ(answer->body, "voxels");
+  EXPECT_EQ(answer->header("x-voxeld-job"), task->id);
+}
+
+TEST_F(JobsApi, uploads_over_the_limit_are_payload_too_large_with_and_without_a_length) {
+  ServerConfig config;
+  config.upload_bytes_max = 10;
+  start(config);
+  EXPECT_EQ(request("POST", "/v1/assets", "", "0123456789").status, 201);
+  EXPECT_EQ(request("POST", "/v1/assets", "", "0123456789x").code(), "payload-too-large");
+  HttpClient client(server_->port());
+  ASSERT_TRUE(
+      client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n"
+                  "6\r\n012345\r\n6\r\n012345\r\n"));
+  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).code(), "payload-too-large");
+}
+
+TEST_F(JobsApi, uploads_of_another_kind_or_of_nothing_are_refused) {
+  EXPECT_EQ(request("POST", "/v1/assets", "Content-Type: multipart/form-data\r\n", "x").code(),
+            "unsupported-media-type");
+  EXPECT_EQ(request("POST", "/v1/assets").detail(), "the body is empty");
+  EXPECT_EQ(request("POST", "/v1/jobs", "", "{").code(), "bad-request");
+}
+
+class Events : public ServerTest {
+ protected:
+  // A stream whose head has arrived with `status`.
+  HttpClient subscribe(const std::string& job, int status, const std::string& lines = "") {
+    HttpClient client(server_->port());
+    EXPECT_TRUE(client.send_get("/v1/jobs/" + job + "/events", lines));
+    const auto head = client.receive_head();
+    EXPECT_EQ(head ? head->status : 0, status);
+    return client;
+  }
+};
+
+TEST_F(Events, a_stream_tells_each_change_and_ends_with_the_job) {
+  const std::string job = submit();
+  HttpClient client = subscribe(job, 200);
+  std::string text = client.receive_some();
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task && worker.complete(*task, "bytes"));
+  const auto rest = client.receive_to_end();
+  ASSERT_TRUE(rest);
+  text += *rest;
+  EXPECT_EQ(text.substr(0, 4), "id: ");
+  EXPECT_EQ(text.substr(text.size() - 2), "\n\n");
+  const size_t queued = text.find(R"("state":"queued")"), done = text.find(R"("state":"done")");
+  EXPECT_LT(queued, done);
+  EXPECT_NE(done, std::string::npos) << text;
+}
+
+TEST_F(Events, a_stream_goes_on_after_the_last_event_that_the_client_saw) {
+  const std::string job = submit();
+  HttpClient first = subscribe(job, 200);
+  const std::string seen = first.receive_some();
+  const std::string last = seen.substr(4, seen.find('\n') - 4);
+  ASSERT_EQ(request("DELETE", "/v1/jobs/" + job).status, 200);
+  HttpClient second = subscribe(job, 200, "Last-Event-ID: " + last + "\r\n");
+  const auto rest = second.receive_to_end();
+  ASSERT_TRUE(rest);
+  EXPECT_EQ(rest->find("id: " + last + "\n"), std::string::npos) << *rest;
+  EXPECT_NE(rest->find(R"("state":"cancelled")"), std::string::npos) << *rest;
+}
+
+TEST_F(Events, an_event_id_that_is_none_is_a_bad_request) {
+  const std::string path = "/v1/jobs/" + submit() + "/events";
+  EXPECT_EQ(get(path, "Last-Event-ID: x\r\n").code(), "bad-request");
+  EXPECT_EQ(get("/v1/jobs/j-0/events").code(), "not-found");
+}
+
+TEST_F(Events, streams_over_the_limit_are_too_many_requests_and_room_is_used_again) {
+  const std::string job = submit();
+  std::vector<HttpClient> clients;
+  for (int i = 0; i < kSubscribersMax; ++i) clients.push_back(subscribe(job, 200));
+  const std::string path = "/v1/jobs/" + job + "/events";
+  const HttpAnswer refused = get(path);
+  EXPECT_EQ(refused.status, 429);
+  EXPECT_EQ(refused.code(), "too-many-requests");
+  EXPECT_EQ(refused.detail(), "too many event streams");
+  EXPECT_EQ(refused.header("retry-after"), "2");
+  EXPECT_EQ(get("/v1/jobs/" + job).status, 200) << "other requests have threads left";
+  clients.pop_back();
+  EXPECT_TRUE(comes_true([&] {
+    HttpClient client(server_->port());
+    client.send_get(path);
+    const auto head = client.receive_head();
+    return head && head->status == 200;
+  }));
+}
+
+}  // namespace
+}  // namespace voxeld::http
