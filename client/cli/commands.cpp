@@ -85,6 +85,21 @@ void write_result(const Arguments& arguments, Make&& make) {
   }
 }
 
+// Waits for a job that this command submitted; interrupted, it takes the job back.
+JobInfo wait_or_cancel(Client& daemon, const std::string& job,
+                       const client::ProgressCallback& progress, const std::stop_token& stop) {
+  try {
+    return daemon.wait(job, progress, stop);
+  } catch (const Error& error) {
+    if (error.code() != "interrupted") throw;
+  }
+  try {
+    daemon.cancel(job);
+  } catch (const Error&) {  // it ended, or the daemon is gone: what the user wanted holds
+  }
+  throw Error("interrupted", 0, "stopped by the caller");
+}
+
 void run_voxelize(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
   const MeshSource mesh = MeshSource::open(arguments.input);
@@ -100,7 +115,7 @@ void run_render(const Arguments& arguments, const std::stop_token& stop) {
         arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
           JobInfo job =
               daemon.submit("render", client::Input::of_grid(arguments.grid), arguments.options);
-          job = daemon.wait(job.id, progress, stop);
+          job = wait_or_cancel(daemon, job.id, progress, stop);
           daemon.download(job.id, sink, progress, stop);
           return job;
         });
@@ -214,7 +229,7 @@ void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
   client::Options options;
   if (!mesh.source().filename().empty()) options.set("filename", mesh.source().filename());
   JobInfo job = daemon.submit("inspect", client::Input::of_asset(asset), options);
-  job = daemon.wait(job.id, {}, stop);
+  job = wait_or_cancel(daemon, job.id, {}, stop);
   bar.clear();
   Json meta = parsed(job.meta_json);
   if (arguments.json) {

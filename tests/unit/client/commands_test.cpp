@@ -1,0 +1,130 @@
+// Commands of voxel against a scripted daemon: what is asked, and what is left on the disk.
+#include "client/cli/commands.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "tests/unit/client/client_test_tools.h"
+#include "tests/unit/client/scripted_server.h"
+
+namespace voxeld::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using client::error_of;
+using test::Answer;
+using test::job_answer;
+using test::json_answer;
+using test::ScriptedServer;
+using testing::ElementsAre;
+
+class Commands : public testing::Test {
+ protected:
+  Commands()
+      : folder_(fs::temp_directory_path() / ("unit_client-commands-" + std::to_string(getpid()))) {
+    fs::create_directory(folder_);
+    std::ofstream(mesh()) << "ply\n";
+  }
+  ~Commands() override { fs::remove_all(folder_); }
+  fs::path mesh() const { return folder_ / "a.ply"; }
+  fs::path output() const { return folder_ / "out"; }
+  std::string written() const {
+    std::ifstream file(output(), std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  // Nothing but the mesh: no output, no part of one.
+  void expect_nothing_written() const {
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
+  }
+  Arguments arguments(Arguments::Command command, const ScriptedServer& server) const {
+    Arguments arguments;
+    arguments.command = command;
+    arguments.url = server.url();
+    arguments.quiet = true;
+    arguments.output = output();
+    return arguments;
+  }
+  // Runs the command and stops it when the daemon was asked `requests` times.
+  static client::Error stopped_after(const ScriptedServer& server, size_t requests,
+                                     const Arguments& arguments) {
+    std::stop_source stop;
+    std::jthread stopper([&] {
+      while (server.asked().size() < requests) std::this_thread::sleep_for(10ms);
+      stop.request_stop();
+    });
+    return error_of([&] { run_command(arguments, stop.get_token()); });
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(Commands, voxelize_writes_the_result) {
+  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
+                         job_answer("done"), Answer{.body = "RESULT"}});
+  Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
+  voxelize.input = mesh();
+  run_command(voxelize, {});
+  EXPECT_EQ(written(), "RESULT");
+}
+
+TEST_F(Commands, a_failure_leaves_no_file_and_keeps_the_old_one) {
+  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
+                         job_answer("done"), Answer{.body = "RESULT", .cut_after = 3}});
+  Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
+  voxelize.input = mesh();
+  EXPECT_EQ(error_of([&] { run_command(voxelize, {}); }).code(), "unreachable");
+  expect_nothing_written();
+  ScriptedServer second({});
+  voxelize.url = second.url();
+  std::ofstream(output()) << "old";
+  EXPECT_EQ(error_of([&] { run_command(voxelize, {}); }).code(), "bad-answer");
+  EXPECT_EQ(written(), "old");
+}
+
+TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {
+  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
+                         Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
+  voxelize.input = mesh();
+  EXPECT_EQ(stopped_after(server, 3, voxelize).code(), "interrupted");
+  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
+  expect_nothing_written();
+}
+
+TEST_F(Commands, an_interrupt_cancels_the_picture_of_a_grid) {
+  ScriptedServer server(
+      {job_answer("queued"), Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  Arguments render = arguments(Arguments::Command::kRender, server);
+  render.grid = "sha256-g";
+  EXPECT_EQ(stopped_after(server, 2, render).code(), "interrupted");
+  EXPECT_THAT(server.lines(),
+              ElementsAre("POST /v1/jobs", "GET /v1/jobs/j-1", "DELETE /v1/jobs/j-1"));
+  expect_nothing_written();
+}
+
+TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
+  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
+                         Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  Arguments info = arguments(Arguments::Command::kInfo, server);
+  info.input = mesh();
+  EXPECT_EQ(stopped_after(server, 3, info).code(), "interrupted");
+  EXPECT_EQ(server.lines().back(), "DELETE /v1/jobs/j-1");
+}
+
+TEST_F(Commands, an_interrupt_while_another_ones_job_is_waited_for_leaves_it_alone) {
+  ScriptedServer server({Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  Arguments jobs = arguments(Arguments::Command::kJobs, server);
+  jobs.job = "j-1";
+  EXPECT_EQ(stopped_after(server, 1, jobs).code(), "interrupted");
+  EXPECT_THAT(server.lines(), ElementsAre("GET /v1/jobs/j-1"));
+  expect_nothing_written();
+}
+
+}  // namespace
+}  // namespace voxeld::cli
