@@ -1,0 +1,1 @@
+voxeld_fuzzer(grid_container formats_grid_container.cpp voxeld_formats)

@@ -1,0 +1,107 @@
+// The native container. The first byte says what the rest is: a container as it is; one whose length
+// in the header is made to agree, so that the checks behind it are reached; the octree of a tile,
+// without the checksum that random bytes never have; a zstd stream; or cells of a grid that must come
+// back from its container.
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <vector>
+
+#include "proto/octree_codec.h"
+#include "proto/stream_codec.h"
+#include "server/base/check.h"
+#include "server/formats/formats.h"
+#include "tests/unit/proto/tile_maker.h"
+
+namespace {
+
+using Bytes = std::span<const uint8_t>;
+
+void container(Bytes bytes) {
+  const auto grid = voxeld::grid_from_container(bytes);
+  if (!grid) {
+    VOXELD_CHECK(grid.error().code == voxeld::ErrorCode::kBadRequest, "input is a bad request");
+    return;
+  }
+  const auto written = voxeld::encode(*grid, {});
+  VOXELD_CHECK(written.ok(), "what is read can be written");
+  const auto again = voxeld::grid_from_container(*written);
+  VOXELD_CHECK(again.ok() && voxeld::content_hash(*again) == voxeld::content_hash(*grid),
+               "what is written is the same grid");
+}
+
+void container_of_its_length(Bytes bytes) {
+  std::vector<uint8_t> fixed(bytes.begin(), bytes.end());
+  const uint64_t length = fixed.size();
+  if (length >= voxeld::kGridHeaderBytes) std::memcpy(fixed.data() + 96, &length, sizeof length);
+  container(fixed);
+}
+
+void octree(Bytes bytes) {
+  voxeld::SparseTile tile;
+  if (!voxeld::bricks_from_octree(bytes, tile)) return;
+  const auto back = voxeld::octree_from_bricks(tile);
+  VOXELD_CHECK(std::equal(back.begin(), back.end(), bytes.begin(), bytes.end()),
+               "a tile has one octree");
+}
+
+void stream(Bytes bytes) {
+  constexpr size_t kMax = 4096;
+  if (const auto raw = voxeld::decompress_stream(bytes, kMax)) {
+    VOXELD_CHECK(raw->size() <= kMax, "no stream is longer than asked for");
+  }
+  const auto stored = voxeld::compress_stream(bytes);
+  VOXELD_CHECK(stored.ok(), "any bytes can be compressed");
+  const auto back = voxeld::decompress_stream(*stored, bytes.size());
+  VOXELD_CHECK(back.ok() && std::equal(back->begin(), back->end(), bytes.begin(), bytes.end()),
+               "bytes come back");
+}
+
+// Six bytes a voxel: 16 bits of each coordinate; colours and normals are made from them.
+void cells(Bytes bytes) {
+  constexpr int kSides[3] = {2048, 700, 300};
+  std::vector<voxeld::test::TestVoxel> voxels;
+  for (; bytes.size() >= 6; bytes = bytes.subspan(6)) {
+    auto& voxel = voxels.emplace_back();
+    for (size_t c = 0; c < 3; ++c) {
+      voxel.cell[c] = (bytes[2 * c] | bytes[2 * c + 1] << 8) % kSides[c];
+      voxel.color[c] = bytes[2 * c];
+      voxel.normal[c] = static_cast<int8_t>(bytes[2 * c + 1]);
+    }
+  }
+  voxeld::Grid grid;
+  grid.spec.dims = {kSides[0], kSides[1], kSides[2]};
+  grid.has_color = grid.has_normal = true;
+  grid.tiles = voxeld::test::tiles_of(voxels, true, true);
+  voxeld::normalize_tiles(grid);
+  const auto written = voxeld::encode(grid, {});
+  VOXELD_CHECK(written.ok(), "a grid can be written");
+  const auto back = voxeld::grid_from_container(*written);
+  VOXELD_CHECK(back.ok() && back->tiles == grid.tiles, "a grid comes back");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  if (size == 0) return 0;
+  const Bytes rest(data + 1, size - 1);
+  switch (data[0] % 5) {
+    case 0:
+      container(rest);
+      break;
+    case 1:
+      container_of_its_length(rest);
+      break;
+    case 2:
+      octree(rest);
+      break;
+    case 3:
+      stream(rest);
+      break;
+    default:
+      cells(rest);
+  }
+  return 0;
+}

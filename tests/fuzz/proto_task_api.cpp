@@ -1,0 +1,38 @@
+// Messages of the task API, from a worker or a gateway that went mad. What is taken is written as a
+// message that is taken again and gives the same message.
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "proto/task_api.h"
+#include "server/base/check.h"
+
+namespace {
+
+template <typename Message>
+void check(const nlohmann::json& json,
+           voxeld::Result<Message> (*parse)(const nlohmann::json& message)) {
+  const auto message = parse(json);
+  if (!message) {
+    VOXELD_CHECK(!message.error().detail.empty(), "an error says what");
+    return;
+  }
+  const nlohmann::json written = voxeld::to_json_message(*message);
+  const auto again = parse(written);
+  VOXELD_CHECK(again.ok(), "what is written is taken");
+  VOXELD_CHECK(voxeld::to_json_message(*again) == written, "a message comes back");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const auto json = voxeld::parse_json_bounded({reinterpret_cast<const char*>(data), size});
+  if (!json) return 0;
+  check(*json, voxeld::parse_worker_hello);
+  check(*json, voxeld::parse_task);
+  check(*json, voxeld::parse_task_progress);
+  check(*json, voxeld::parse_task_completion);
+  check(*json, voxeld::parse_task_failure);
+  return 0;
+}
