@@ -144,25 +144,23 @@ TEST(Vox, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   EXPECT_EQ(*first, *second);
 }
 
-TEST(Vox, the_world_of_the_editor_is_the_limit) {
+TEST(Vox, what_the_editor_does_not_show_is_told) {
+  OutputOptions options;
+  options.format = Format::kVox;
   GridSpec spec;
   spec.dims = {2000, 1000, 2000};
-  EXPECT_TRUE(check_vox_size(spec));
+  EXPECT_TRUE(encode_warnings(spec, options).empty());
   for (const glm::ivec3 dims : {glm::ivec3(2001, 5, 5), {5, 1001, 5}, {5, 5, 2001}}) {
     spec.dims = dims;
-    const Status status = check_vox_size(spec);
-    ASSERT_FALSE(status);
-    EXPECT_EQ(status.error().code, ErrorCode::kGridTooLarge);
-    EXPECT_EQ(
-        status.error().message(),
-        "vox: MagicaVoxel's world is smaller than the grid: expected at most 2000 x 1000 (up) "
-        "x 2000 cells, got " +
-            std::to_string(dims.x) + " x " + std::to_string(dims.y) + " x " +
-            std::to_string(dims.z));
-    Grid grid;
-    grid.spec = spec;
-    EXPECT_EQ(encode_vox(grid, {}).error().code, ErrorCode::kGridTooLarge);
+    const auto warnings = encode_warnings(spec, options);
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_EQ(warnings[0].code, "outside-world");
+    EXPECT_EQ(warnings[0].detail, "vox: MagicaVoxel shows 2000 x 1000 (up) x 2000 cells of " +
+                                      std::to_string(dims.x) + " x " + std::to_string(dims.y) +
+                                      " x " + std::to_string(dims.z));
   }
+  options.format = Format::kNpy;
+  EXPECT_TRUE(encode_warnings(spec, options).empty());
 }
 
 }  // namespace
