@@ -15,7 +15,6 @@ Status check_encodable(const GridSpec& spec, const OutputOptions& options) {
                  "at most " + std::to_string(limits::kDenseCellsMax) + " cells",
                  std::to_string(spec.cell_count())};
   }
-  if (options.format == Format::kVox) return check_vox_size(spec);
   return {};
 }
 

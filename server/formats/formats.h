@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/job.h"
 #include "proto/options.h"
 #include "proto/result.h"
 #include "server/grid/grid.h"
@@ -18,8 +19,9 @@ Result<std::vector<uint8_t>> encode(const Grid& grid, const OutputOptions& optio
 // The check alone, before anything is computed.
 Status check_encodable(const GridSpec& spec, const OutputOptions& options);
 
-// Whether the grid fits MagicaVoxel's world. Errors: grid-too-large.
-Status check_vox_size(const GridSpec& spec);
+// What an encoded grid loses in the programs that it is meant for: "outside-world" for a .vox of more
+// cells than MagicaVoxel shows. The file holds everything all the same.
+std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& options);
 
 Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options);
 Result<std::vector<uint8_t>> encode_npz(const Grid& grid, const OutputOptions& options);

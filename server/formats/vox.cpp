@@ -20,6 +20,7 @@ namespace {
 constexpr int kModelSide = 256;
 constexpr int kSceneSideMax = 2000;  // the editor's world: 2000 x 2000 x 1000
 constexpr int kSceneHeightMax = 1000;
+constexpr size_t kChunkBytesMax = 0x7fffffff;  // readers take lengths as signed
 constexpr uint32_t kVersion = 150;
 constexpr uint8_t kNeutral = 0xb4;  // grids without colours
 
@@ -186,19 +187,18 @@ void add_palette(Bytes& out, const Palette& palette) {
 
 }  // namespace
 
-Status check_vox_size(const GridSpec& spec) {
+std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& options) {
+  if (options.format != Format::kVox) return {};
   const std::array<int, 3> scene = scene_size(spec);
   if (scene[0] <= kSceneSideMax && scene[1] <= kSceneSideMax && scene[2] <= kSceneHeightMax) {
     return {};
   }
-  return Error{ErrorCode::kGridTooLarge, "vox: MagicaVoxel's world is smaller than the grid",
-               "at most 2000 x 1000 (up) x 2000 cells",
-               std::to_string(spec.dims.x) + " x " + std::to_string(spec.dims.y) + " x " +
-                   std::to_string(spec.dims.z)};
+  return {{"outside-world", "vox: MagicaVoxel shows 2000 x 1000 (up) x 2000 cells of " +
+                                std::to_string(spec.dims.x) + " x " + std::to_string(spec.dims.y) +
+                                " x " + std::to_string(spec.dims.z)}};
 }
 
 Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options) {
-  VOXELD_TRY(check_vox_size(grid.spec));
   const std::array<int, 3> scene = scene_size(grid.spec);
   const Palette palette = palette_of(grid, options.palette_max);
   const Models models = models_of(grid, palette);
@@ -206,6 +206,11 @@ Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& o
   add_models(children, models, scene);
   add_scene_graph(children, models, grid);
   add_palette(children, palette);
+  if (children.size() > kChunkBytesMax) {
+    return Error{ErrorCode::kGridTooLarge, "vox: too many voxels for the file's 32-bit lengths",
+                 "at most " + std::to_string(kChunkBytesMax) + " bytes",
+                 std::to_string(children.size())};
+  }
 
   Bytes out;
   out.raw(std::array<uint8_t, 4>{'V', 'O', 'X', ' '});

@@ -15,7 +15,7 @@ namespace {
 constexpr int kGlMajor = 4, kGlMinor = 5;
 constexpr int64_t kMesaSoftwareLoopIterationsMax = 65535;
 
-Error unavailable(const DeviceId& device, std::string what, std::string expected = "",
+Error unavailable(const DeviceId& device, const std::string& what, std::string expected = "",
                   std::string got = "") {
   return Error{ErrorCode::kDeviceUnavailable, device_name(device) + ": " + what,
                std::move(expected), std::move(got)};

@@ -102,7 +102,7 @@ class OsmesaBackend final : public Context {
 
  private:
   // OSMesa insists on a window buffer; every pass draws to a framebuffer object of its own.
-  static constexpr int kWindowSide = 16;
+  static constexpr size_t kWindowSide = 16;
   OsmesaLibrary library_;
   OsmesaContext context_ = nullptr;
   mutable std::array<uint8_t, 4 * kWindowSide * kWindowSide> window_{};

@@ -29,6 +29,7 @@ Result<std::string> write_grid(TaskRun& run, const Grid& grid, bool is_result) {
 Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output) {
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const std::vector<uint8_t> bytes, encode(grid, output));
+  add_warnings(run, encode_warnings(grid.spec, output));
   return add_output(run, "result", bytes, format_media_type(output.format),
                     format_extension(output.format));
 }

@@ -48,17 +48,6 @@ size_t scene_bytes(const Scene& scene) {
   return bytes;
 }
 
-void add_warnings(TaskRun& run, const std::vector<Warning>& warnings) {
-  for (const Warning& warning : warnings) {
-    if (run.completion.warnings.size() == kWarningsMax) {
-      run.completion.warnings.push_back(
-          {"more-warnings", std::to_string(warnings.size()) + " warnings in all"});
-      return;
-    }
-    run.completion.warnings.push_back({warning.code, warning.detail.substr(0, kWarningBytesMax)});
-  }
-}
-
 // The options that make a grid what it is: neither how it is written down nor what computes it,
 // for equal grids shall have equal containers.
 json grid_options(const RequestOptions& options) {
@@ -227,6 +216,18 @@ json grid_facts(const LoadedGrid& loaded) {
           {"voxel_count", grid.voxel_count()},
           {"channels", channels},
           {"content_hash", loaded.content_hash}};
+}
+
+void add_warnings(TaskRun& run, const std::vector<Warning>& warnings) {
+  for (const Warning& warning : warnings) {
+    if (run.completion.warnings.size() > kWarningsMax) return;
+    if (run.completion.warnings.size() == kWarningsMax) {
+      run.completion.warnings.push_back(
+          {"more-warnings", "the first " + std::to_string(kWarningsMax) + " are listed"});
+      return;
+    }
+    run.completion.warnings.push_back({warning.code, warning.detail.substr(0, kWarningBytesMax)});
+  }
 }
 
 void add_meta(TaskRun& run, const json& facts) {

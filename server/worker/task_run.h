@@ -69,6 +69,8 @@ Status add_output(TaskRun& run, std::string_view roles, std::span<const uint8_t>
 // The part of the meta object that every grid has: dims, origin, voxel_size, voxel_count, channels,
 // content_hash.
 nlohmann::json grid_facts(const LoadedGrid& grid);
+// Adds to the completion's warnings, up to a limit that is told.
+void add_warnings(TaskRun& run, const std::vector<Warning>& warnings);
 // Adds the members of `facts` to the completion's meta.
 void add_meta(TaskRun& run, const nlohmann::json& facts);
 
