@@ -16,8 +16,8 @@ struct Grid {
   GridSpec spec;
   bool has_color = false;
   bool has_normal = false;
-  std::vector<SparseTile> tiles;   // occupied ones only, ascending Morton order of coord
-  std::string meta_json = "{}";    // see JobResult::meta_json; carried by every format
+  std::vector<SparseTile> tiles;  // occupied ones only, ascending Morton order of coord
+  std::string meta_json = "{}";   // see JobResult::meta_json; carried by every format
 
   uint64_t voxel_count() const;
 };

@@ -18,9 +18,7 @@ struct GridSpec {
   glm::dvec3 origin_world{0.0};  // min corner of cell (0,0,0)
   glm::dvec3 voxel_size{1.0};    // world units per cell, each > 0
 
-  int64_t cell_count() const {
-    return static_cast<int64_t>(dims.x) * dims.y * dims.z;
-  }
+  int64_t cell_count() const { return static_cast<int64_t>(dims.x) * dims.y * dims.z; }
   // Tiles to each side: ceil(dims / kTileSide).
   glm::ivec3 tile_dims() const;
   glm::dvec3 grid_from_world(const glm::dvec3& p_world) const {

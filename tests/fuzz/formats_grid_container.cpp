@@ -1,7 +1,7 @@
-// The native container. The first byte says what the rest is: a container as it is; one whose length
-// in the header is made to agree, so that the checks behind it are reached; the octree of a tile,
-// without the checksum that random bytes never have; a zstd stream; or cells of a grid that must come
-// back from its container.
+// The native container. The first byte says what the rest is: a container as it is; one whose
+// length in the header is made to agree, so that the checks behind it are reached; the octree of a
+// tile, without the checksum that random bytes never have; a zstd stream; or cells of a grid that
+// must come back from its container.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>

@@ -29,7 +29,8 @@ TEST(ContentHash, is_an_id_of_64_hex_digits) {
   EXPECT_EQ(id.find_first_not_of("0123456789abcdef", 7), std::string::npos);
 }
 
-// Computed once from the definition in server/grid/README.md by other code: results that are stored under it must be found again by later versions.
+// Computed once from the definition in server/grid/README.md by other code: results that are stored
+// under a hash must be found again by later versions.
 TEST(ContentHash, stays_what_it_was) {
   EXPECT_EQ(content_hash(Grid{}),
             "sha256-84b6f95b590d1ca83d0d55580c2bcdab14f3dd64055850085d11ad1c6658e7bf");
