@@ -19,8 +19,8 @@ Result<std::vector<uint8_t>> encode(const Grid& grid, const OutputOptions& optio
 // The check alone, before anything is computed.
 Status check_encodable(const GridSpec& spec, const OutputOptions& options);
 
-// What an encoded grid loses in the programs that it is meant for: "outside-world" for a .vox of more
-// cells than MagicaVoxel shows. The file holds everything all the same.
+// What an encoded grid loses in the programs that it is meant for: "outside-world" for a .vox of
+// more cells than MagicaVoxel shows. The file holds everything all the same.
 std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& options);
 
 Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options);
