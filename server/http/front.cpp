@@ -84,7 +84,7 @@ bool is_plain_id(std::string_view id) {
 
 using ConnectionPtr = std::unique_ptr<Connection>;
 
-class EpollFront : public Front {
+class EpollFront final : public Front {
  public:
   EpollFront(UniqueFd listener, const FrontConfig& config, Handler handler, Observer observer)
       : listener_(std::move(listener)),

@@ -109,7 +109,9 @@ Status add_header(std::string_view line, Head& head) {
                                       "Range", "Content-Encoding"}) {
     if (!less(name, once) && !less(once, name)) return bad("header " + name + " stands twice");
   }
-  it->second += ", " + std::string(value);
+  // An empty line adds no element to the list (RFC 9110 section 5.6.1).
+  if (!it->second.empty() && !value.empty()) it->second += ", ";
+  it->second += value;
   return {};
 }
 

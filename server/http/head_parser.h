@@ -10,8 +10,8 @@
 
 namespace voxeld::http {
 
-inline constexpr size_t kHeadBytesMax = 32 * 1024;  // more: bad-request, and the connection closes
-inline constexpr size_t kTargetBytesMax = 8 * 1024;
+inline constexpr size_t kHeadBytesMax = size_t{32} * 1024;  // more: bad-request, and the connection closes
+inline constexpr size_t kTargetBytesMax = size_t{8} * 1024;
 inline constexpr size_t kHeaderCountMax = 100;
 
 // `text` is everything up to and with the empty line. Errors: bad-request for bare LF, NUL and

@@ -39,7 +39,7 @@ struct RequestMetrics::Impl {
   prometheus::Family<prometheus::Gauge>& state;
 };
 
-RequestMetrics::RequestMetrics(std::shared_ptr<prometheus::Registry> registry) {
+RequestMetrics::RequestMetrics(const std::shared_ptr<prometheus::Registry>& registry) {
   if (registry) impl_ = std::make_unique<Impl>(*registry);
 }
 RequestMetrics::~RequestMetrics() = default;

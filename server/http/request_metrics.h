@@ -15,7 +15,7 @@ namespace voxeld::http {
 class RequestMetrics {
  public:
   // `registry` may be null: only the log is written then.
-  explicit RequestMetrics(std::shared_ptr<prometheus::Registry> registry);
+  explicit RequestMetrics(const std::shared_ptr<prometheus::Registry>& registry);
   ~RequestMetrics();
   // Thread-safe. `route` is the pattern, not the path, so that labels stay few.
   void record(const ExchangeRecord& exchange, const std::string& route);

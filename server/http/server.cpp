@@ -17,10 +17,10 @@ constexpr int kAdminConnectionsMax = 64;
 // thread.
 thread_local std::string current_route;
 
-class HttpServer : public Server {
+class HttpServer final : public Server {
  public:
   HttpServer(const ServerConfig& config, JobService& jobs,
-             std::shared_ptr<prometheus::Registry> registry)
+             const std::shared_ptr<prometheus::Registry>& registry)
       : config_(config), api_{jobs, config_}, metrics_(registry) {
     add_one_shot_routes(router_, api_);
     add_asset_routes(router_, api_);

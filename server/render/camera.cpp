@@ -18,7 +18,7 @@ glm::dmat4 from_row_major(const std::array<double, 16>& rows) {
   glm::dmat4 matrix;
   for (int row = 0; row < 4; ++row) {
     for (int column = 0; column < 4; ++column) {
-      matrix[column][row] = rows[static_cast<size_t>(4 * row + column)];
+      matrix[column][row] = rows[4 * static_cast<size_t>(row) + static_cast<size_t>(column)];
     }
   }
   return matrix;

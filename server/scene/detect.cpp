@@ -14,7 +14,7 @@ namespace {
 constexpr std::string_view kFormatsRead =
     "obj, ply, stl, off, gltf, glb, or a zip of one of them with its files";
 // Enough to see "asset" in front of the buffers of a glTF, and a statement after a long comment.
-constexpr size_t kHeadBytes = 64 * 1024;
+constexpr size_t kHeadBytes = size_t{64} * 1024;
 
 bool starts_with(std::string_view text, std::string_view prefix) {
   return text.substr(0, prefix.size()) == prefix;
