@@ -52,6 +52,11 @@ TEST(HeadParser, a_header_that_stands_twice_is_joined_by_a_comma) {
   EXPECT_EQ(parse_head(kGood)->header("Accept"), "a/b, c/d");
 }
 
+TEST(HeadParser, an_empty_header_value_adds_nothing_to_a_list) {
+  EXPECT_EQ(parse_head(with_lines("A: b\r\nA:\r\n"))->header("A"), "b");
+  EXPECT_EQ(parse_head(with_lines("A:\r\nA: b\r\nA: c\r\n"))->header("A"), "b, c");
+}
+
 TEST(HeadParser, an_empty_header_value_is_kept) {
   EXPECT_EQ(parse_head(kGood)->headers.count("x-empty"), 1u);
 }

@@ -1,0 +1,2 @@
+voxeld_fuzzer(http_head http_head.cpp voxeld_http)
+voxeld_fuzzer(http_body http_body.cpp voxeld_http)
