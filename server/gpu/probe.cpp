@@ -83,6 +83,7 @@ struct ChildAnswer {
 // what matters is in the answer. Returns the pid, or -1 with errno.
 pid_t start_child(const std::vector<std::string>& command, int stdout_fd) {
   std::vector<char*> arguments;
+  arguments.reserve(command.size() + 1);
   for (const std::string& one : command) arguments.push_back(const_cast<char*>(one.c_str()));
   arguments.push_back(nullptr);
   posix_spawn_file_actions_t actions;

@@ -21,7 +21,7 @@ Result<GLenum> stage_of(std::string_view file) {
 std::string program_name(const std::vector<ShaderStage>& stages, const Defines& defines) {
   std::string name;
   for (const ShaderStage& stage : stages) name += (name.empty() ? "" : " ") + stage.file;
-  for (const auto& [key, value] : defines) name += " " + key + "=" + value;
+  for (const auto& [key, value] : defines) name.append(" ").append(key).append("=").append(value);
   return name;
 }
 

@@ -139,7 +139,9 @@ Result<ResolvedShader> resolve_shader(std::string_view file, const Defines& defi
   Resolver resolver(read);
   for (const std::string_view line : kHead) resolver.append(line, 0, 0);
   for (const auto& [name, value] : defines) {
-    resolver.append("#define " + name + " " + value, 0, 0);
+    std::string line = "#define ";
+    line.append(name).append(" ").append(value);
+    resolver.append(line, 0, 0);
   }
   VOXELD_TRY(resolver.add_file(std::string(file)));
   return std::move(resolver.out);

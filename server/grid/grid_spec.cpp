@@ -143,7 +143,7 @@ glm::dmat4 world_from_file(const PlacementOptions& options) {
     for (int row = 0; row < 4; ++row) {
       for (int column = 0; column < 4; ++column) {
         world_from_turned[column][row] =
-            (*options.transform)[static_cast<size_t>(4 * row + column)];
+            (*options.transform)[4 * static_cast<size_t>(row) + static_cast<size_t>(column)];
       }
     }
   }

@@ -83,7 +83,7 @@ bool GltfReader::is_float() const {
 
 // Scaling of integers: glTF 2.0, 3.6.2.2 and KHR_mesh_quantization.
 double GltfReader::component(const uint8_t* element, int c, bool scaled) const {
-  const uint8_t* at = element + c * component_bytes_;
+  const uint8_t* at = element + std::ptrdiff_t{c} * component_bytes_;
   switch (component_type_) {
     case kF32:
       return load<float>(at);
@@ -196,8 +196,8 @@ Result<GltfReader> GltfAccessors::open(int index, const GltfExpected& expected) 
   reader.component_bytes_ = bytes_of(accessor.component_type);
   reader.component_count_ = accessor.component_count;
   reader.normalized_ = accessor.normalized;
-  const auto element_bytes =
-      static_cast<uint64_t>(reader.component_bytes_ * accessor.component_count);
+  const auto element_bytes = static_cast<uint64_t>(reader.component_bytes_) *
+                             static_cast<uint64_t>(accessor.component_count);
   reader.stride_bytes_ = element_bytes;
   if (accessor.view >= 0 && accessor.count > 0) {
     const uint64_t stride = document_.views[static_cast<size_t>(accessor.view)].stride_bytes;
@@ -217,8 +217,8 @@ Result<GltfReader> GltfAccessors::open(int index, const GltfExpected& expected) 
 // Copies the elements into a dense array and puts the sparse ones in their places.
 Status GltfAccessors::fill_sparse(int index, const std::string& path, GltfReader& reader) {
   const GltfSparse& sparse = *document_.accessors[static_cast<size_t>(index)].sparse;
-  const auto element_bytes =
-      static_cast<uint64_t>(reader.component_bytes_ * reader.component_count_);
+  const auto element_bytes = static_cast<uint64_t>(reader.component_bytes_) *
+                             static_cast<uint64_t>(reader.component_count_);
   auto found = filled_.find(index);
   if (found == filled_.end()) {
     const int index_bytes = bytes_of(sparse.index_type);
