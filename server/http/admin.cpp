@@ -38,13 +38,15 @@ void add_admin_routes(Router& router, JobService& jobs,
                       std::function<void()> refresh) {
   router.add("GET", "/livez", [](Request&) { return Response::text(200, "ok\n"); });
   router.add("GET", "/readyz", [&jobs](Request&) { return ready_response(jobs); });
-  router.add("GET", "/metrics", [metrics = std::move(metrics), refresh = std::move(refresh)](Request&) {
-    refresh();
-    Response response = Response::text(
-        200, metrics ? prometheus::TextSerializer().Serialize(metrics->Collect()) : std::string());
-    response.headers["Content-Type"] = "text/plain; version=0.0.4; charset=utf-8";
-    return response;
-  });
+  router.add(
+      "GET", "/metrics", [metrics = std::move(metrics), refresh = std::move(refresh)](Request&) {
+        refresh();
+        Response response =
+            Response::text(200, metrics ? prometheus::TextSerializer().Serialize(metrics->Collect())
+                                        : std::string());
+        response.headers["Content-Type"] = "text/plain; version=0.0.4; charset=utf-8";
+        return response;
+      });
 }
 
 }  // namespace voxeld::http

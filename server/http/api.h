@@ -22,6 +22,8 @@ struct Api {
   JobService& jobs;
   const ServerConfig& config;
   std::atomic<int> subscribers{0};
+  // The server drains: who only watches (event streams, long polls) is answered at once.
+  std::atomic<bool> stopping{false};
 };
 
 // One function per resource file.

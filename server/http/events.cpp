@@ -22,13 +22,15 @@ class Subscription {
   std::atomic<int>& count_;
 };
 
+// Until the job has ended, the client is gone or the server stops; a client that comes back later
+// goes on after the last event that it saw.
 void stream_events(EventSink& sink, Api& api, const std::string& id, int64_t after) {
-  while (!sink.client_gone()) {
+  const auto over = [&] { return api.stopping || sink.client_gone(); };
+  while (!over()) {
     // Short waits, so that a client that left frees its thread soon.
     const auto ping_at = JobService::Clock::now() + std::chrono::seconds(kPingSeconds);
     Result<std::vector<JobEvent>> events = std::vector<JobEvent>();
-    while (events.ok() && events->empty() && JobService::Clock::now() < ping_at &&
-           !sink.client_gone()) {
+    while (events.ok() && events->empty() && JobService::Clock::now() < ping_at && !over()) {
       events = api.jobs.wait_events(id, after,
                                     JobService::Clock::now() + std::chrono::milliseconds(500));
       if (events.ok() && events->empty()) {

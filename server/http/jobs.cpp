@@ -112,13 +112,14 @@ Response get_job(Request& request, Api& api) {
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(wait);
   const auto tag = [](const JobStatus& s) { return "\"" + std::to_string(s.version) + "\""; };
   const std::string_view known = request.head.header("If-None-Match");
+  const auto abandoned = [&] { return api.stopping || request.client_gone(); };
   if (known.empty() && wait > 0 && !status->ended()) {
-    status = api.jobs.wait_end(id, deadline, request.client_gone);
+    status = api.jobs.wait_end(id, deadline, abandoned);
     if (!status) return problem(request, status.error());
   }
   // With If-None-Match, the next change after what the client knows, which may have been already.
   while (known == tag(*status) && !status->ended() && JobService::Clock::now() < deadline &&
-         !request.client_gone()) {
+         !abandoned()) {
     status = api.jobs.wait_change(id, status->version,
                                   std::min(deadline, JobService::Clock::now() + kPollStep));
     if (!status) return problem(request, status.error());

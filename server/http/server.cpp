@@ -52,6 +52,7 @@ class HttpServer final : public Server {
   int admin_port() const override { return admin_front_->port(); }
 
   void stop(double seconds) override {
+    api_.stopping = true;
     if (front_) front_->stop(seconds);
     if (admin_front_) admin_front_->stop(0.1);
   }

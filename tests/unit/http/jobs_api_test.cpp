@@ -94,6 +94,18 @@ TEST_F(JobsApi, stopping_does_not_wait_for_a_poll_to_end) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
 }
 
+TEST_F(JobsApi, a_poll_is_answered_when_the_daemon_stops) {
+  const HttpAnswer sent = post_job();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"), "Prefer: wait=60\r\n"));
+  ASSERT_TRUE(comes_true(
+      [&] { return admin("/metrics").body.find("{what=\"running\"} 1\n") != std::string::npos; }));
+  server_->stop(3600);
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(json(*answer).value("state", ""), "queued");
+}
+
 TEST_F(JobsApi, waits_are_clamped_and_nonsense_is_no_wait) {
   const auto seconds = [](const std::string& prefer) {
     Request request;
@@ -197,6 +209,13 @@ TEST_F(Events, a_stream_goes_on_after_the_last_event_that_the_client_saw) {
   ASSERT_TRUE(rest);
   EXPECT_EQ(rest->find("id: " + last + "\n"), std::string::npos) << *rest;
   EXPECT_NE(rest->find(R"("state":"cancelled")"), std::string::npos) << *rest;
+}
+
+TEST_F(Events, a_stream_ends_whole_when_the_daemon_stops) {
+  HttpClient client = subscribe(submit(), 200);
+  client.receive_some();
+  server_->stop(3600);  // would be the time of the test, too
+  EXPECT_TRUE(client.receive_to_end()) << "ended by its last chunk, not cut";
 }
 
 TEST_F(Events, an_event_id_that_is_none_is_a_bad_request) {
