@@ -174,8 +174,8 @@ int64_t send_response(Connection& connection, const Head& head, Response& respon
     return 0;
   }
   const UniqueFd fd(::open(file->path.c_str(), O_RDONLY | O_CLOEXEC));
-  // The length was promised: that a blob vanished can only be told by breaking the connection, which
-  // sending from no file does.
+  // The length was promised: that a blob vanished can only be told by breaking the connection,
+  // which sending from no file does.
   return connection.send_file(fd.get(), file->offset, file->bytes) ? file->bytes : 0;
 }
 

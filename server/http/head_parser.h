@@ -10,7 +10,8 @@
 
 namespace voxeld::http {
 
-inline constexpr size_t kHeadBytesMax = size_t{32} * 1024;  // more: bad-request, and the connection closes
+// more: bad-request, and the connection closes
+inline constexpr size_t kHeadBytesMax = size_t{32} * 1024;
 inline constexpr size_t kTargetBytesMax = size_t{8} * 1024;
 inline constexpr size_t kHeaderCountMax = 100;
 

@@ -115,7 +115,8 @@ Result<int> Renderer::Impl::samples_per_side(const RenderOptions& options) const
   const int64_t steps = ray_steps_max(grid);
   const int64_t pixels = int64_t{options.width} * options.height;
   int side = pixels > quality.supersampled_pixels_max ? 1 : quality.samples_per_side;
-  while (loop_max > 0 && side > 1 && int64_t{side} * side * (steps + kShadingSteps) > loop_max) --side;
+  while (loop_max > 0 && side > 1 && int64_t{side} * side * (steps + kShadingSteps) > loop_max)
+    --side;
   if (loop_max > 0 && steps + kShadingSteps > loop_max) {
     return Error{ErrorCode::kGridTooLarge, "the grid's sides are too long to render on this device",
                  "at most " + std::to_string(loop_max) + " steps of a ray", std::to_string(steps)};

@@ -189,8 +189,8 @@ class VOXELD_CLIENT_API Client {
                const std::stop_token& stop = {});
   JobInfo cancel(std::string_view id);
   std::vector<JobInfo> jobs(int limit = 100);
-  // Resumes by itself when the connection breaks. Throws "bad-answer" when the result is then another
-  // one; the sink has the beginning of the old one.
+  // Resumes by itself when the connection breaks. Throws "bad-answer" when the result is then
+  // another one; the sink has the beginning of the old one.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
 

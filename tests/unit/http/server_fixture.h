@@ -1,4 +1,5 @@
-// The whole HTTP side over a real job service in a temporary directory; the worker is the test's own.
+// The whole HTTP side over a real job service in a temporary directory; the worker is the test's
+// own.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-// Clients that hold a connection without using it. They wait for real deadlines (10 to 30 s), so all
-// of them run side by side, once, and each test looks at what one of them met.
+// Clients that hold a connection without using it. They wait for real deadlines (10 to 30 s), so
+// all of them run side by side, once, and each test looks at what one of them met.
 #include <gtest/gtest.h>
 
 #include <chrono>
