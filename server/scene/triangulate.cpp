@@ -41,49 +41,74 @@ double orient(const glm::dvec2& a, const glm::dvec2& b, const glm::dvec2& c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-// Ear clipping (Meisters 1975, "Polygons have ears") with two additions: corners that cannot be
+// Ear clipping (Meisters 1975, "Polygons have ears") with three additions. Corners that cannot be
 // inside any ear (the convex ones) are never looked at, and the others stand in a grid of cells, so
-// that an ear looks only at those near it. Exact duplicates of an ear's corners (the bridges
-// of polygons with holes) block it only where their edges enter it.
+// that an ear looks only at those near it. A corner that is no ear is looked at again only when
+// that can have changed: when a neighbour was clipped, or the corner that blocked it was clipped or
+// became convex; so a polygon with few ears at a time (a long band) costs no round per ear. Exact
+// duplicates of an ear's corners (the bridges of polygons with holes) block it only where their
+// edges enter it.
 class EarClipper {
  public:
   EarClipper(std::span<const glm::dvec2> points, std::vector<uint32_t>& out)
-      : points_(points), out_(out) {
-    const auto count = static_cast<uint32_t>(points.size());
-    previous_.resize(count);
-    next_.resize(count);
-    for (uint32_t i = 0; i < count; ++i) {
-      previous_[i] = i == 0 ? count - 1 : i - 1;
-      next_[i] = i + 1 == count ? 0 : i + 1;
+      : points_(points), out_(out), left_(static_cast<uint32_t>(points.size())) {
+    previous_.resize(left_);
+    next_.resize(left_);
+    for (uint32_t i = 0; i < left_; ++i) {
+      previous_[i] = i == 0 ? left_ - 1 : i - 1;
+      next_[i] = i + 1 == left_ ? 0 : i + 1;
     }
     make_cells();
+    queued_.resize(left_);
+    blocked_by_.resize(left_);
   }
 
   void run() {
-    auto left = static_cast<uint32_t>(points_.size());
+    for (uint32_t i = 0; i < points_.size(); ++i) enqueue(i);
+    // Once no corner is an ear, touching corners stop blocking; without an ear even then, or after
+    // kStrictLooksPerCorner, the polygon crosses itself and the rest becomes a fan.
     uint32_t ear = 0;
-    // Without an ear in a whole round, touching corners stop blocking; without one again, the
-    // polygon crosses itself.
-    bool strict = false;
-    for (uint32_t looked_at = 0; left > 3;) {
-      if (is_ear(ear, strict)) {
-        ear = clip(ear);
-        --left;
-        looked_at = 0;
-        strict = false;
-        continue;
+    for (uint64_t looks = kStrictLooksPerCorner * points_.size();;) {
+      clip_queued();
+      if (left_ <= 3) break;
+      ear = left_corner(ear);
+      uint32_t looked_at = 0;
+      while (looked_at < left_ && looks > 0 && !is_ear(ear, true)) {
+        ear = next_[ear];
+        ++looked_at;
+        --looks;
       }
-      ear = next_[ear];
-      if (++looked_at < left) continue;
-      if (strict) break;
-      strict = true;
-      looked_at = 0;
+      if (looked_at == left_ || looks == 0) break;
+      clip(ear);
     }
+    ear = left_corner(ear);
     for (uint32_t b = next_[ear]; next_[b] != ear; b = next_[b]) emit(ear, b, next_[b]);
   }
 
  private:
   static constexpr uint32_t kCellsPerSideMax = 256;
+  static constexpr uint64_t kStrictLooksPerCorner = 64;
+  static constexpr uint32_t kNone = ~0u;
+
+  // To the end of the queue, from wherever it stands there.
+  void enqueue(uint32_t corner) {
+    queued_[corner] = static_cast<uint32_t>(queue_.size());
+    queue_.push_back(corner);
+  }
+  // A clipped corner's neighbours go to the end of the queue: a convex polygon loses every second
+  // corner first and gives no sliver fan.
+  void clip_queued() {
+    for (uint32_t i = 0; i < queue_.size() && left_ > 3; ++i) {
+      const uint32_t corner = queue_[i];
+      if (queued_[corner] == i && !is_clipped(corner) && is_ear(corner, false)) clip(corner);
+    }
+    queue_.clear();
+  }
+  // `corner`, or one after it that is left.
+  uint32_t left_corner(uint32_t corner) const {
+    while (is_clipped(corner)) corner = corner + 1 == points_.size() ? 0 : corner + 1;
+    return corner;
+  }
 
   void make_cells() {
     min_ = max_ = points_[0];
@@ -125,16 +150,19 @@ class EarClipper {
     const uint32_t x_end = cell_of(high.x, 0), y_end = cell_of(high.y, 1);
     for (uint32_t y = cell_of(low.y, 1); y <= y_end; ++y) {
       for (uint32_t x = cell_of(low.x, 0); x <= x_end; ++x) {
-        if (cell_blocks(cells_[cell_index(x, y)], a, b, c, low, high, strict)) return false;
+        const uint32_t p = blocker_in(cells_[cell_index(x, y)], a, b, c, low, high, strict);
+        if (p == kNone) continue;
+        if (!strict) blocked_by_[p].push_back(b);
+        return false;
       }
     }
     return true;
   }
 
-  // Whether a corner of the cell lies in the ear. Corners that were clipped or have become convex
-  // leave the cell on the way: they never matter again.
-  bool cell_blocks(std::vector<uint32_t>& cell, uint32_t a, uint32_t b, uint32_t c,
-                   const glm::dvec2& low, const glm::dvec2& high, bool strict) {
+  // A corner of the cell that lies in the ear, or kNone. Corners that were clipped or have become
+  // convex leave the cell on the way: they never matter again.
+  uint32_t blocker_in(std::vector<uint32_t>& cell, uint32_t a, uint32_t b, uint32_t c,
+                      const glm::dvec2& low, const glm::dvec2& high, bool strict) {
     for (size_t i = 0; i < cell.size();) {
       const uint32_t p = cell[i];
       const glm::dvec2& point = points_[p];
@@ -147,10 +175,10 @@ class EarClipper {
         cell.pop_back();
         continue;
       }
-      if (p != a && p != b && p != c && blocks(p, a, b, c, strict)) return true;
+      if (p != a && p != b && p != c && blocks(p, a, b, c, strict)) return p;
       ++i;
     }
-    return false;
+    return kNone;
   }
 
   bool blocks(uint32_t p, uint32_t a, uint32_t b, uint32_t c, bool strict) const {
@@ -169,15 +197,27 @@ class EarClipper {
   }
 
   bool is_clipped(uint32_t p) const { return next_[p] == p; }
-  // Emits the ear and answers with the corner to look at next: two further on, so that a convex
-  // polygon gives no sliver fan.
-  uint32_t clip(uint32_t b) {
+  void clip(uint32_t b) {
     const uint32_t a = previous_[b], c = next_[b];
     emit(a, b, c);
     next_[a] = c;
     previous_[c] = a;
     next_[b] = b;
-    return next_[c];
+    --left_;
+    enqueue(a);
+    enqueue(c);
+    release(b, false);
+    release(a, corner_turn(a) <= 0.0);
+    release(c, corner_turn(c) <= 0.0);
+  }
+  // Queues the corners that `p` blocked; where p still can block, only those at p's own place, for
+  // which its edges count.
+  void release(uint32_t p, bool still_blocks) {
+    std::erase_if(blocked_by_[p], [&](uint32_t b) {
+      if (still_blocks && points_[b] != points_[p]) return false;
+      if (!is_clipped(b)) enqueue(b);
+      return true;
+    });
   }
   void emit(uint32_t a, uint32_t b, uint32_t c) {
     out_.push_back(a);
@@ -187,8 +227,12 @@ class EarClipper {
 
   std::span<const glm::dvec2> points_;
   std::vector<uint32_t>& out_;
-  std::vector<uint32_t> previous_, next_;     // the ring of corners that are left
-  std::vector<std::vector<uint32_t>> cells_;  // reflex and flat corners
+  uint32_t left_;                                  // corners not clipped
+  std::vector<uint32_t> previous_, next_;          // the ring of corners that are left
+  std::vector<uint32_t> queue_;                    // corners to look at, with outdated entries
+  std::vector<uint32_t> queued_;                   // each corner's last place in the queue
+  std::vector<std::vector<uint32_t>> blocked_by_;  // the ears that a corner was found to block
+  std::vector<std::vector<uint32_t>> cells_;       // reflex and flat corners
   uint32_t cells_per_side_ = 1;
   glm::dvec2 min_{0.0}, max_{0.0};
 };
