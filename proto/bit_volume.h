@@ -18,12 +18,12 @@ namespace voxeld {
 class BitVolume {
  public:
   static constexpr int kMargin = 2;  // cells in y and z
-  static constexpr int kRowMarginBytes = 2;
+  static constexpr size_t kRowMarginBytes = 2;
 
   // All empty. `side` is a power of two.
   explicit BitVolume(int side)
       : side_(side),
-        stride_(static_cast<size_t>((side + 7) / 8 + 2 * kRowMarginBytes)),
+        stride_(static_cast<size_t>((side + 7) / 8) + 2 * kRowMarginBytes),
         bytes_(static_cast<size_t>(side + 2 * kMargin) * static_cast<size_t>(side + 2 * kMargin) *
                stride_) {}
 

@@ -1,5 +1,5 @@
 // The octree of a tile, entropy coded with contexts: the stream of codec `small`. About a quarter
-// of the bytes of the fast codec, at a hundredth of its speed. proto/SMALL.md is the specification.
+// of the bytes of the fast codec, at a hundredth of its speed.
 //
 //   byte 0   u8 layout: 0 or 1
 //   layout 0, a tile of at most kSmallVoxelsWhole voxels:

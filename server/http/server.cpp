@@ -75,8 +75,8 @@ class HttpServer final : public Server {
 }  // namespace
 
 Result<std::unique_ptr<Server>> start_server(const ServerConfig& config, JobService& jobs,
-                                             std::shared_ptr<prometheus::Registry> metrics) {
-  auto server = std::make_unique<HttpServer>(config, jobs, std::move(metrics));
+                                             const std::shared_ptr<prometheus::Registry>& metrics) {
+  auto server = std::make_unique<HttpServer>(config, jobs, metrics);
   VOXELD_TRY(server->start());
   return std::unique_ptr<Server>(std::move(server));
 }

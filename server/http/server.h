@@ -32,6 +32,6 @@ class Server {
 // Binds both listeners and serves on threads of its own. Errors: internal with the address and the
 // system's words ("127.0.0.1:8080: Address already in use").
 Result<std::unique_ptr<Server>> start_server(const ServerConfig& config, JobService& jobs,
-                                             std::shared_ptr<prometheus::Registry> metrics);
+                                             const std::shared_ptr<prometheus::Registry>& metrics);
 
 }  // namespace voxeld::http

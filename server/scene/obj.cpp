@@ -67,7 +67,11 @@ class ObjLoader {
   struct PartKey {
     uint32_t state;
     bool has_uv, has_normal;
-    auto operator<=>(const PartKey&) const = default;
+    bool operator==(const PartKey&) const = default;
+    bool operator<(const PartKey& other) const {
+      return std::tie(state, has_uv, has_normal) <
+             std::tie(other.state, other.has_uv, other.has_normal);
+    }
   };
 
   // A line names one file with blanks in its name, or several.

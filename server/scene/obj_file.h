@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include <glm/vec2.hpp>
@@ -24,7 +25,9 @@ struct ObjCorner {
 struct ObjState {
   uint32_t name = 0;      // index into ObjFile::names
   uint32_t material = 0;  // index into ObjFile::materials
-  auto operator<=>(const ObjState&) const = default;
+  bool operator<(const ObjState& other) const {
+    return std::tie(name, material) < std::tie(other.name, other.material);
+  }
 };
 
 struct ObjFace {

@@ -29,7 +29,7 @@ constexpr size_t kEndRecordSearchBytes = 65'535 + kEndRecordBytes;
 constexpr uint64_t kDirectoryBytesMax = uint64_t{limits::kBundleEntriesMax} * 4096;
 constexpr uint64_t kRatioCheckedFromBytes = 1 << 20;
 
-Error malformed(std::string what, std::string expected = {}, std::string got = {}) {
+Error malformed(const std::string& what, std::string expected = {}, std::string got = {}) {
   return {ErrorCode::kMalformedBundle, "zip: " + what, std::move(expected), std::move(got)};
 }
 

@@ -44,7 +44,7 @@ Status AttributePass::begin_tile(std::span<const uint32_t> word_offsets, uint64_
 
 size_t AttributePass::voxels_max() const {
   const auto limit = static_cast<size_t>(device_->context().info().ssbo_bytes_max);
-  return (std::min(kSumsBytesMax, limit) - 4) / (4 * channels_.count());
+  return (std::min(kSumsBytesMax, limit) - 4) / (size_t{4} * channels_.count());
 }
 
 Status AttributePass::begin_voxels(size_t first, size_t count) {

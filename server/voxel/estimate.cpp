@@ -52,7 +52,8 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
 
 int64_t mesh_bytes(const Scene& scene) {
   return static_cast<int64_t>(scene.vertex_count() * sizeof(glm::ivec3) +
-                              scene.triangle_count() * (sizeof(SnappedTriangle) + 2 * 4));
+                              scene.triangle_count() *
+                                  (sizeof(SnappedTriangle) + 2 * sizeof(uint32_t)));
 }
 
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
@@ -76,7 +77,8 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
     voxels += sum[0];
     bricks += sum[1];
   }
-  constexpr int64_t kBrickCells = limits::kBrickSide * limits::kBrickSide * limits::kBrickSide;
+  constexpr int64_t kBrickCells =
+      int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
   const int64_t brick_cells = (spec.cell_count() + kBrickCells - 1) / kBrickCells;
   voxels = std::min(voxels, spec.cell_count());
   bricks = std::min({bricks, voxels, brick_cells});
