@@ -52,13 +52,36 @@ Status check_directory(uint64_t entry_count, uint64_t directory_bytes) {
   return {};
 }
 
+// libzip takes a name to end at its first NUL, so a name with one must be seen before. What is not a
+// directory is left to libzip, which refuses it.
+Status check_names(std::span<const uint8_t> bytes, uint64_t offset, uint64_t directory_bytes) {
+  constexpr size_t kHeaderBytes = 46;
+  if (offset > bytes.size()) return {};
+  std::span<const uint8_t> rest =
+      bytes.subspan(offset, std::min<uint64_t>(directory_bytes, bytes.size() - offset));
+  while (rest.size() >= kHeaderBytes && std::memcmp(rest.data(), "PK\1\2", 4) == 0) {
+    const size_t name_bytes = little_endian(rest.data() + 28, 2);
+    const size_t entry_bytes = kHeaderBytes + name_bytes + little_endian(rest.data() + 30, 2) +
+                               little_endian(rest.data() + 32, 2);
+    if (entry_bytes > rest.size()) return {};
+    const std::span<const uint8_t> name = rest.subspan(kHeaderBytes, name_bytes);
+    if (std::find(name.begin(), name.end(), 0) != name.end()) {
+      const std::string text(name.begin(), name.end());
+      return malformed("entry " + shown(text) + " has a NUL in its name");
+    }
+    rest = rest.subspan(entry_bytes);
+  }
+  return {};
+}
+
 // Reads every record at the end of the archive that could be the one that counts, without trusting
-// any: entries and size of the central directory (APPNOTE 4.3.14 to 4.3.16).
+// any: entries and size of the central directory, and its names (APPNOTE 4.3.12 to 4.3.16).
 Status check_end_records(std::span<const uint8_t> bytes) {
   const size_t size = bytes.size();
   if (size < kEndRecordBytes)
     return malformed("truncated", "at least 22 bytes", std::to_string(size));
   bool found = false;
+  uint64_t all_directory_bytes = 0;  // so that many records cost no more than one
   const size_t first = size > kEndRecordSearchBytes ? size - kEndRecordSearchBytes : 0;
   for (size_t at = first; at + kEndRecordBytes <= size; ++at) {
     const uint8_t* record = bytes.data() + at;
@@ -68,7 +91,9 @@ Status check_end_records(std::span<const uint8_t> bytes) {
     const uint64_t directory_bytes = little_endian(record + 12, 4);
     const bool zip64 = at >= 20 && std::memcmp(record - 20, "PK\6\7", 4) == 0;
     if (!zip64) {
-      VOXELD_TRY(check_directory(entry_count, directory_bytes));
+      all_directory_bytes += directory_bytes;
+      VOXELD_TRY(check_directory(entry_count, all_directory_bytes));
+      VOXELD_TRY(check_names(bytes, little_endian(record + 16, 4), directory_bytes));
       continue;
     }
     const uint64_t offset = little_endian(record - 20 + 8, 8);
@@ -76,8 +101,12 @@ Status check_end_records(std::span<const uint8_t> bytes) {
         std::memcmp(bytes.data() + offset, "PK\6\6", 4) != 0) {
       return malformed("broken zip64 end record");
     }
-    VOXELD_TRY(check_directory(little_endian(bytes.data() + offset + 32, 8),
-                               little_endian(bytes.data() + offset + 40, 8)));
+    const uint8_t* record64 = bytes.data() + offset;
+    const uint64_t directory_bytes64 = little_endian(record64 + 40, 8);
+    VOXELD_TRY(check_directory(little_endian(record64 + 32, 8), directory_bytes64));
+    all_directory_bytes += directory_bytes64;
+    VOXELD_TRY(check_directory(0, all_directory_bytes));
+    VOXELD_TRY(check_names(bytes, little_endian(record64 + 48, 8), directory_bytes64));
   }
   if (!found) return malformed("no end record: truncated, or not a zip");
   return {};

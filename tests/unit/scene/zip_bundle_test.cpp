@@ -61,7 +61,8 @@ TEST(ZipBundle, hostile_names_are_refused) {
   for (const auto& [name, message] : cases) {
     EXPECT_EQ(open_message(ZipMaker().add(name, "x").bytes()), message);
   }
-  EXPECT_NE(open_message(ZipMaker().add(std::string("a\0b.obj", 7), "x").bytes()), "ok");
+  EXPECT_EQ(open_message(ZipMaker().add(std::string("a\0b.obj", 7), "x").bytes()),
+            "zip: entry \"a\\x00b.obj\" has a NUL in its name");
 }
 
 TEST(ZipBundle, links_and_devices_are_refused) {
