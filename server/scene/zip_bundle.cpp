@@ -52,7 +52,7 @@ Status check_directory(uint64_t entry_count, uint64_t directory_bytes) {
   return {};
 }
 
-// libzip takes a name to end at its first NUL, so a name with one must be seen before. What is not a
+// libzip takes a name to end at its first NUL, so a name with one must be seen before. What is no
 // directory is left to libzip, which refuses it.
 Status check_names(std::span<const uint8_t> bytes, uint64_t offset, uint64_t directory_bytes) {
   constexpr size_t kHeaderBytes = 46;
