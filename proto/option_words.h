@@ -19,10 +19,11 @@ inline constexpr std::array<Word<ColorMode>, 4> kColor = {{{"average", ColorMode
                                                            {"shaded", ColorMode::kShaded},
                                                            {"axis", ColorMode::kAxis},
                                                            {"none", ColorMode::kNone}}};
-inline constexpr std::array<Word<PipelineChoice>, 3> kPipeline = {
+inline constexpr std::array<Word<PipelineChoice>, 4> kPipeline = {
     {{"auto", PipelineChoice::kAuto},
      {"raster", PipelineChoice::kRaster},
-     {"compute", PipelineChoice::kCompute}}};
+     {"compute", PipelineChoice::kCompute},
+     {"cpu", PipelineChoice::kCpu}}};
 inline constexpr std::array<Word<Format>, 4> kFormat = {{{"native", Format::kNative},
                                                          {"npy", Format::kNpy},
                                                          {"npz", Format::kNpz},

@@ -22,7 +22,7 @@ enum class UpAxis { kY, kZ };  // which axis of the input points up
 enum class Rule { kTouch };    // see DESIGN of server/voxel/README
 enum class Fill { kSurface };
 enum class ColorMode { kAverage, kShaded, kAxis, kNone };
-enum class PipelineChoice { kAuto, kRaster, kCompute };
+enum class PipelineChoice { kAuto, kRaster, kCompute, kCpu };
 enum class Format { kNpy, kNpz, kVox, kNative };
 enum class Codec { kFast };
 enum class AxisOrder { kZyx, kXyz };

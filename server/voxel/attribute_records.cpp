@@ -227,12 +227,10 @@ void AttributeRecords::find_levels(int texture_side_max) {
   }
 }
 
-void AttributeRecords::write_geometry(const int32_t* vertices, int axis, uint32_t* words) const {
+void AttributeRecords::write_geometry(const std::array<glm::ivec3, 3>& q, int axis,
+                                      uint32_t* words) {
   const int x = (axis + 1) % 3, y = (axis + 2) % 3;
-  const glm::ivec3 v0(vertices[0], vertices[1], vertices[2]);
-  const glm::ivec3 v1(vertices[3], vertices[4], vertices[5]);
-  const glm::ivec3 v2(vertices[6], vertices[7], vertices[8]);
-  const glm::ivec3 d01 = v1 - v0, d02 = v2 - v0, d12 = v2 - v1;
+  const glm::ivec3 d01 = q[1] - q[0], d02 = q[2] - q[0], d12 = q[2] - q[1];
   int64_t nx = int64_t{d01[y]} * d02[axis] - int64_t{d01[axis]} * d02[y];
   int64_t ny = int64_t{d01[axis]} * d02[x] - int64_t{d01[x]} * d02[axis];
   int64_t nz = int64_t{d01[x]} * d02[y] - int64_t{d01[y]} * d02[x];
@@ -309,33 +307,38 @@ void AttributeRecords::write_normals(const MeshPart& part, Corner* corners, bool
   }
 }
 
+void AttributeRecords::write(uint32_t triangle_index, const std::array<glm::ivec3, 3>& q, int axis,
+                             const CornerOrder& order, std::span<uint32_t> words) const {
+  const SnappedTriangle& triangle = mesh_.triangles[triangle_index];
+  const MeshPart& part = scene_.parts[triangle.part];
+  write_geometry(q, axis, words.data());
+  std::array<Corner, 3> corners;
+  for (size_t i = 0; i < 3; ++i) {
+    corners[i] =
+        corner_of(part, mesh_.part_first_vertex[triangle.part], triangle.vertices[order.corner[i]]);
+  }
+  merge_equal(q, corners);
+  if (channels_.color) write_colors(part, corners.data(), axis, words.data());
+  const int image = part_image(scene_, triangle.part);
+  if (channels_.color && mode_ != ColorMode::kAxis && image >= 0) {
+    write_uvs(scene_.materials[static_cast<size_t>(part.material)], corners.data(),
+              levels_[triangle_index], words.data());
+  }
+  if (channels_.normal) write_normals(part, corners.data(), order.reversed, words.data());
+}
+
 void AttributeRecords::fill(std::span<const uint32_t> triangles, const TileWindow& window,
                             std::vector<uint32_t>& words) const {
   words.assign(triangles.size() * ATTRIBUTE_WORDS, 0u);
   parallel_chunks(triangles.size(), kTriangleGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
-      const SnappedTriangle& triangle = mesh_.triangles[triangles[t]];
-      const MeshPart& part = scene_.parts[triangle.part];
-      const auto& vertices = triangle.vertices;
-      const std::array<glm::ivec3, 3> file_q = {
-          mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]], mesh_.vertices[vertices[2]]};
-      const CornerOrder order = corner_order(file_q);
-      uint32_t* out = &words[t * ATTRIBUTE_WORDS];
-      write_geometry(&window.vertices[9 * t], window.axes[t], out);
-      std::array<Corner, 3> corners;
-      for (size_t i = 0; i < 3; ++i) {
-        corners[i] =
-            corner_of(part, mesh_.part_first_vertex[triangle.part], vertices[order.corner[i]]);
-      }
-      merge_equal({file_q[order.corner[0]], file_q[order.corner[1]], file_q[order.corner[2]]},
-                  corners);
-      if (channels_.color) write_colors(part, corners.data(), window.axes[t], out);
-      const int image = part_image(scene_, triangle.part);
-      if (channels_.color && mode_ != ColorMode::kAxis && image >= 0) {
-        write_uvs(scene_.materials[static_cast<size_t>(part.material)], corners.data(),
-                  levels_[triangles[t]], out);
-      }
-      if (channels_.normal) write_normals(part, corners.data(), order.reversed, out);
+      const auto& vertices = mesh_.triangles[triangles[t]].vertices;
+      const CornerOrder order = corner_order(
+          {mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]], mesh_.vertices[vertices[2]]});
+      const int32_t* at = &window.vertices[9 * t];
+      write(triangles[t],
+            {glm::ivec3(at[0], at[1], at[2]), {at[3], at[4], at[5]}, {at[6], at[7], at[8]}},
+            window.axes[t], order, std::span(words).subspan(t * ATTRIBUTE_WORDS, ATTRIBUTE_WORDS));
     }
   });
 }

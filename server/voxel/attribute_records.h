@@ -45,6 +45,10 @@ class AttributeRecords {
   // ATTRIBUTE_WORDS per triangle of the window that was filled from `triangles`.
   void fill(std::span<const uint32_t> triangles, const TileWindow& window,
             std::vector<uint32_t>& words) const;
+  // The same for one triangle, whose corners q are in `order` and whose dominant axis is `axis`.
+  // words: ATTRIBUTE_WORDS zeros.
+  void write(uint32_t triangle, const std::array<glm::ivec3, 3>& q, int axis,
+             const CornerOrder& order, std::span<uint32_t> words) const;
 
  private:
   // Of one corner; weighted means for corners that clipping made.
@@ -58,7 +62,7 @@ class AttributeRecords {
   static void merge_equal(const std::array<glm::ivec3, 3>& q, std::array<Corner, 3>& corners);
   void find_levels(int texture_side_max);
   int level_of(const SnappedTriangle& triangle, const Image& image) const;
-  void write_geometry(const int32_t* vertices, int axis, uint32_t* words) const;
+  static void write_geometry(const std::array<glm::ivec3, 3>& q, int axis, uint32_t* words);
   void write_colors(const MeshPart& part, const Corner* corners, int axis, uint32_t* words) const;
   void write_uvs(const Material& material, const Corner* corners, int level, uint32_t* words) const;
   void write_normals(const MeshPart& part, Corner* corners, bool reversed, uint32_t* words) const;

@@ -2,7 +2,7 @@
 
 #include <bit>
 
-#include "server/voxel/tile_device.h"
+#include "server/voxel/tile_mask.h"
 
 namespace voxeld {
 namespace {

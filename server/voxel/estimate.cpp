@@ -5,11 +5,8 @@
 #include <algorithm>
 #include <array>
 
-#include "server/voxel/attribute_pass.h"
+#include "proto/sparse_tile.h"
 #include "server/voxel/parallel.h"
-#include "server/voxel/tile_device.h"
-#include "server/voxel/tile_window.h"
-#include "shaders/shared/attributes.h"
 
 namespace voxeld {
 namespace {
@@ -84,18 +81,6 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
   bricks = std::min({bricks, voxels, brick_cells});
   return bricks * static_cast<int64_t>(sizeof(BrickMask) + 4) +
          voxels * ((channels.color ? 4 : 0) + (channels.normal ? 3 : 0));
-}
-
-int64_t device_bytes(const Scene& scene, const WantedChannels& channels, int64_t ssbo_bytes_max) {
-  const auto triangles =
-      static_cast<int64_t>(std::min(scene.triangle_count(), kWindowTrianglesMax));
-  int64_t bytes = static_cast<int64_t>(kTileMaskBytes) + triangles * 9 * 4 +
-                  static_cast<int64_t>(kWindowItemsMax * sizeof(WorkItemWords));
-  if (channels.any()) {
-    bytes += static_cast<int64_t>(kTileMaskBytes) + triangles * ATTRIBUTE_WORDS * 4 +
-             2 * std::min(static_cast<int64_t>(kSumsBytesMax), ssbo_bytes_max);
-  }
-  return bytes;
 }
 
 Status check_host_bytes(const GridSpec& spec, int64_t bytes, int64_t bytes_max) {

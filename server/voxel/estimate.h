@@ -6,7 +6,6 @@
 #include "proto/options.h"
 #include "proto/result.h"
 #include "server/voxel/attribute_records.h"
-#include "server/voxel/voxelize.h"
 
 namespace voxeld {
 
@@ -33,9 +32,6 @@ int64_t mesh_bytes(const Scene& scene);
 // Upper estimate of the bytes of the sparse result: a triangle touches at most (a + 2)(b + 2)
 // columns in its two longer directions, and four cells in each, or as many as it is deep.
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
-
-// Bytes on the device at the peak, textures at the levels that are used not counted.
-int64_t device_bytes(const Scene& scene, const WantedChannels& channels, int64_t ssbo_bytes_max);
 
 // Errors: grid-too-large.
 Status check_host_bytes(const GridSpec& spec, int64_t bytes, int64_t bytes_max);

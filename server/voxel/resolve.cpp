@@ -39,9 +39,10 @@ Shade phong(Unit n) {
   return {kAmbient + kDiffuse * toward, kSpecular * (eighth * eighth)};
 }
 
-class VoxelSums {
+// Sums of a voxel in two halves.
+class SplitSums {
  public:
-  VoxelSums(std::span<const uint32_t> sums, std::span<const uint32_t> carries, size_t at)
+  SplitSums(std::span<const uint32_t> sums, std::span<const uint32_t> carries, size_t at)
       : sums_(sums), carries_(carries), at_(at) {}
   uint64_t operator[](size_t channel) const {
     const uint64_t high = carries_.empty() ? 0u : carries_[at_ + channel];
@@ -57,7 +58,8 @@ uint32_t mean16(uint64_t sum, uint64_t weight) {
   return static_cast<uint32_t>((sum + weight / 2) / weight);
 }
 
-Unit mean_normal(const VoxelSums& sums, size_t first, uint64_t weight) {
+template <typename Sums>
+Unit mean_normal(const Sums& sums, size_t first, uint64_t weight) {
   std::array<double, 3> v{};
   for (size_t c = 0; c < 3; ++c) {
     v[c] = static_cast<double>(static_cast<int64_t>(sums[first + c] - (weight << 15)));
@@ -77,39 +79,52 @@ int8_t normal8(double n) {
   return static_cast<int8_t>(std::floor(127.0 * n + 0.5));
 }
 
+// sums: operator[] gives the voxel's sum of a channel.
+template <typename Sums>
+void resolve_voxel(const Sums& sums, const ResolveOptions& options, size_t voxel,
+                   SparseTile& tile) {
+  const AttributeChannels& channels = options.channels;
+  const uint64_t weight = sums[0];
+  if (weight == 0) return;  // never for an occupied voxel
+  Unit normal;
+  if (channels.normal) normal = mean_normal(sums, channels.count() - 3, weight);
+  if (options.write_color) {
+    const auto& srgb8 = srgb8_from_linear16();
+    uint8_t* out = &tile.color[4 * voxel];
+    const Shade shade = options.shaded ? phong(normal) : Shade{1.0, 0.0};
+    for (size_t c = 0; c < 3; ++c) {
+      const uint32_t mean = mean16(sums[1 + c], weight);
+      out[c] = options.shaded ? shaded_srgb8(mean, shade) : srgb8[mean];
+    }
+    out[3] = channels.alpha ? static_cast<uint8_t>((mean16(sums[4], weight) + 128u) / 257u)
+                            : uint8_t{255};
+  }
+  if (options.write_normal) {
+    int8_t* out = &tile.normal[3 * voxel];
+    out[0] = normal8(normal.x);
+    out[1] = normal8(normal.y);
+    out[2] = normal8(normal.z);
+  }
+}
+
 }  // namespace
 
 void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> carries,
                     const ResolveOptions& options, size_t voxel_first, SparseTile& tile) {
-  const AttributeChannels& channels = options.channels;
-  const size_t stride = channels.count();
-  const size_t normal_first = stride - 3;
-  const auto& srgb8 = srgb8_from_linear16();
+  const size_t stride = options.channels.count();
   parallel_chunks(sums.size() / stride, kVoxelGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t v = begin; v < end; ++v) {
-      const VoxelSums voxel(sums, carries, v * stride);
-      const uint64_t weight = voxel[0];
-      if (weight == 0) continue;  // never for an occupied voxel
-      Unit normal;
-      if (channels.normal) normal = mean_normal(voxel, normal_first, weight);
-      if (options.write_color) {
-        uint8_t* out = &tile.color[4 * (voxel_first + v)];
-        const Shade shade = options.shaded ? phong(normal) : Shade{1.0, 0.0};
-        for (size_t c = 0; c < 3; ++c) {
-          const uint32_t mean = mean16(voxel[1 + c], weight);
-          out[c] = options.shaded ? shaded_srgb8(mean, shade) : srgb8[mean];
-        }
-        out[3] = channels.alpha ? static_cast<uint8_t>((mean16(voxel[4], weight) + 128u) / 257u)
-                                : uint8_t{255};
-      }
-      if (options.write_normal) {
-        int8_t* out = &tile.normal[3 * (voxel_first + v)];
-        out[0] = normal8(normal.x);
-        out[1] = normal8(normal.y);
-        out[2] = normal8(normal.z);
-      }
+      resolve_voxel(SplitSums(sums, carries, v * stride), options, voxel_first + v, tile);
     }
   });
+}
+
+void resolve_voxels(std::span<const uint64_t> sums, const ResolveOptions& options,
+                    size_t voxel_first, SparseTile& tile) {
+  const size_t stride = options.channels.count();
+  for (size_t v = 0; v < sums.size() / stride; ++v) {
+    resolve_voxel(&sums[v * stride], options, voxel_first + v, tile);
+  }
 }
 
 }  // namespace voxeld

@@ -22,4 +22,8 @@ struct ResolveOptions {
 void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> carries,
                     const ResolveOptions& options, size_t voxel_first, SparseTile& tile);
 
+// The same of whole sums, on the caller's thread alone.
+void resolve_voxels(std::span<const uint64_t> sums, const ResolveOptions& options,
+                    size_t voxel_first, SparseTile& tile);
+
 }  // namespace voxeld

@@ -56,6 +56,9 @@ struct ItemSizes {
   int block_columns = 16;
 };
 
+// Triangles of one window: 19 MB of vertices and 52 MB of attributes stay far below the 128 MiB
+// that storage buffers have on software drivers, and one window serves most tiles.
+inline constexpr size_t kWindowTrianglesMax = size_t{1} << 19;
 // Work items of a window; a window with more is made of fewer triangles. 16 MiB.
 inline constexpr size_t kWindowItemsMax = size_t{1} << 21;
 

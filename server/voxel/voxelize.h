@@ -1,5 +1,5 @@
-// Scene -> Grid on a GL context, by either pipeline, tile by tile. Same bytes from both pipelines
-// and every driver: coverage and attribute sums are integers from the snapped vertices on.
+// Scene -> Grid by any pipeline, tile by tile. The same bytes from every pipeline, driver and
+// instruction set: coverage and attribute sums are integers from the snapped vertices on.
 #pragma once
 
 #include <cstdint>
@@ -9,28 +9,14 @@
 
 #include "proto/options.h"
 #include "proto/result.h"
-#include "server/gpu/context.h"
-#include "server/gpu/shader_library.h"
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"
+#include "server/voxel/tile_pipeline.h"
 
 namespace voxeld {
 
-enum class Pipeline { kRaster, kCompute };
-std::string_view pipeline_name(Pipeline pipeline);
-
-// Called after each tile; false cancels (the error is then `cancelled`).
+// Called as tiles get done, one or a few at a time; false cancels (the error is then `cancelled`).
 using TileProgress = std::function<bool(int64_t tiles_done, int64_t tiles_total)>;
-
-struct VoxelizeStats {
-  Pipeline pipeline = Pipeline::kCompute;
-  std::string pipeline_reason;  // why `auto` took it
-  int64_t triangles = 0;        // after clipping to the grid's box
-  int64_t tiles = 0;            // that triangles reach
-  int64_t work_items = 0;
-  int64_t device_bytes_peak = 0;
-  StageTimes passes;  // milliseconds by pass: snap bin upload occupancy attributes …
-};
 
 // What a request will cost, before anything is computed.
 struct VoxelizeEstimate {
@@ -40,14 +26,17 @@ struct VoxelizeEstimate {
   int64_t host_bytes = 0;    // upper estimate of the sparse result and the snapped mesh
 };
 
-// Owns programs and scratch buffers on one context; keep it between jobs. One thread.
+// Keeps the pipelines between jobs. One thread.
 class Voxelizer {
  public:
-  Voxelizer(gpu::Context& context, gpu::ShaderLibrary& shaders);
+  // `device` runs pipelines raster and compute; without one there is only cpu. cpu_threads: 0 is as
+  // many as the machine has.
+  explicit Voxelizer(std::unique_ptr<TilePipeline> device = nullptr, int cpu_threads = 0);
   ~Voxelizer();
 
   // Errors: grid-too-large with estimate and limit, empty-mesh when no triangle touches the grid's
-  // box is NOT an error (an empty grid), cancelled, internal with the driver's words.
+  // box is NOT an error (an empty grid), cancelled, device-unavailable for a pipeline that needs a
+  // GL context where there is none, internal with the driver's words.
   Result<Grid> voxelize(const Scene& scene, const VoxelizeOptions& options,
                         const TileProgress& progress, VoxelizeStats* stats);
 

@@ -10,6 +10,7 @@
 #include "server/grid/grid.h"
 #include "server/render/render.h"
 #include "server/scene/scene.h"
+#include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
 
 namespace voxeld {
@@ -36,7 +37,7 @@ struct Engine {
   Engine(std::unique_ptr<gpu::Context> gl_context, const std::string& shader_dir)
       : context(std::move(gl_context)),
         shaders(*context, shader_dir),
-        voxelizer(*context, shaders),
+        voxelizer(std::make_unique<GlPipeline>(*context, shaders)),
         renderer(*context, shaders) {}
 
   std::unique_ptr<gpu::Context> context;

@@ -1,4 +1,4 @@
-// Times both pipelines on one mesh: voxelize_bench MESH [--device D] [--color MODE] [--normal]
+// Times the pipelines on one mesh: voxelize_bench MESH [--device D] [--color MODE] [--normal]
 // [--repeat N] [--pipeline P] [--shader-dir DIR] SIZE... prints one line per pipeline and size:
 // median of the runs in milliseconds, whole and by pass, after one run that compiles the shaders.
 #include <algorithm>
@@ -14,6 +14,7 @@
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/scene/load.h"
+#include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
 
 namespace voxeld {
@@ -24,7 +25,8 @@ struct Arguments {
   VoxelizeOptions options;
   int repeat = 5;
   std::vector<int> sizes;
-  std::vector<PipelineChoice> pipelines = {PipelineChoice::kCompute, PipelineChoice::kRaster};
+  std::vector<PipelineChoice> pipelines = {PipelineChoice::kCpu, PipelineChoice::kCompute,
+                                           PipelineChoice::kRaster};
 };
 
 Arguments parse(int argc, char** argv) {
@@ -48,8 +50,10 @@ Arguments parse(int argc, char** argv) {
                                 : mode == "axis"   ? ColorMode::kAxis
                                                    : ColorMode::kNone;
     } else if (text == "--pipeline") {
-      arguments.pipelines = {value() == "raster" ? PipelineChoice::kRaster
-                                                 : PipelineChoice::kCompute};
+      const std::string name = value();
+      arguments.pipelines = {name == "raster"    ? PipelineChoice::kRaster
+                             : name == "compute" ? PipelineChoice::kCompute
+                                                 : PipelineChoice::kCpu};
     } else if (arguments.mesh.empty()) {
       arguments.mesh = text;
     } else {
@@ -108,7 +112,7 @@ Status run_all(const Arguments& arguments) {
   std::printf("%s on %s: %zu triangles\n", arguments.mesh.c_str(), context->info().renderer.c_str(),
               scene.triangle_count());
   gpu::ShaderLibrary shaders(*context, arguments.shader_dir);
-  Voxelizer voxelizer(*context, shaders);
+  Voxelizer voxelizer(std::make_unique<GlPipeline>(*context, shaders));
   for (const PipelineChoice pipeline : arguments.pipelines) {
     for (const int size : arguments.sizes) {
       VOXELD_TRY(run(arguments, scene, voxelizer, pipeline, size));

@@ -19,12 +19,14 @@ ARROWS = {
     "server/store": {"server/store", "server/base", "proto"},
     "server/gpu": {"server/gpu", "server/base", "proto", "shaders"},
     "server/formats": {"server/formats", "server/grid", "server/base", "proto"},
-    "server/voxel": {"server/voxel", "server/scene", "server/grid", "server/gpu", "server/base",
-                     "proto", "shaders"},
+    "server/voxel": {"server/voxel", "server/scene", "server/grid", "server/base", "proto",
+                     "shaders"},
+    "server/voxel/gl": {"server/voxel/gl", "server/voxel", "server/scene", "server/grid",
+                        "server/gpu", "server/base", "proto", "shaders"},
     "server/render": {"server/render", "server/grid", "server/gpu", "server/base", "proto",
                       "shaders"},
-    "server/worker": {"server/worker", "server/scene", "server/voxel", "server/render",
-                      "server/formats", "server/grid", "server/gpu", "server/base", "proto"},
+    "server/worker": {"server/worker", "server/scene", "server/voxel", "server/voxel/gl",
+                      "server/render", "server/formats", "server/grid", "server/gpu", "server/base", "proto"},
     "server/jobs": {"server/jobs", "server/store", "server/base", "proto"},
     "server/http": {"server/http", "server/jobs", "server/store", "server/base", "proto"},
     "server": {"server", "server/http", "server/jobs", "server/worker", "server/gpu",
@@ -50,6 +52,8 @@ INCLUDE = re.compile(r'^\s*#include\s+(["<])([^">]+)[">]')
 
 def module_of(path):
     parts = path.split("/")
+    if len(parts) > 3 and "/".join(parts[:3]) in ARROWS:
+        return "/".join(parts[:3])
     if parts[0] == "server" and len(parts) > 2:
         return "server/" + parts[1]
     return parts[0]

@@ -12,6 +12,7 @@
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/scene/load.h"
+#include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
 #include "tests/reference/color_oracle.h"
 #include "tests/reference/touch_oracle.h"
@@ -22,6 +23,11 @@ namespace {
 using reference::OracleGrid;
 using reference::Point;
 using reference::Triangle;
+
+constexpr std::array<std::pair<PipelineChoice, const char*>, 3> kPipelines = {
+    {{PipelineChoice::kCompute, "compute"},
+     {PipelineChoice::kRaster, "raster"},
+     {PipelineChoice::kCpu, "cpu"}}};
 
 // One context for all tests of the process.
 struct Gpu {
@@ -42,7 +48,8 @@ struct Gpu {
       made.context = std::move(context).value();
       std::cout << "renderer: " << made.context->info().renderer << std::endl;
       made.shaders = std::make_unique<gpu::ShaderLibrary>(*made.context);
-      made.voxelizer = std::make_unique<Voxelizer>(*made.context, *made.shaders);
+      made.voxelizer =
+          std::make_unique<Voxelizer>(std::make_unique<GlPipeline>(*made.context, *made.shaders));
       return made;
     }();
     return gpu;
@@ -103,11 +110,10 @@ void expect_same_cells(const reference::Occupancy& expected, const reference::Oc
 }
 
 void expect_oracle(const Scene& scene, const VoxelizeOptions& options, const std::string& what) {
-  for (const auto pipeline : {PipelineChoice::kCompute, PipelineChoice::kRaster}) {
+  for (const auto& [pipeline, name] : kPipelines) {
     const Grid grid = voxelize(scene, options, pipeline);
     expect_same_cells(reference::touched_cells(triangles_of(scene), oracle_grid(grid.spec)),
-                      dense(grid),
-                      what + (pipeline == PipelineChoice::kRaster ? " raster" : " compute"));
+                      dense(grid), what + " " + name);
   }
 }
 
@@ -281,7 +287,7 @@ void expect_colors(const Scene& scene, int size, double mean_max, double largest
   VoxelizeOptions options;
   options.placement.size = size;
   const MeshPart& part = scene.parts[0];
-  for (const auto pipeline : {PipelineChoice::kCompute, PipelineChoice::kRaster}) {
+  for (const auto& [pipeline, name] : kPipelines) {
     const Grid grid = voxelize(scene, options, pipeline);
     ASSERT_TRUE(grid.has_color);
     const auto expected = reference::average_colors(

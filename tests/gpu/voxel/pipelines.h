@@ -1,4 +1,4 @@
-// Scenes and helpers for the tests of both pipelines.
+// Scenes and helpers for the tests of the pipelines.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -9,17 +9,18 @@
 #include <string>
 #include <vector>
 
+#include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
 #include "tests/gpu/context/test_device.h"
 
 namespace voxeld::pipelines {
 
-inline constexpr std::array<PipelineChoice, 2> kBoth = {PipelineChoice::kCompute,
-                                                        PipelineChoice::kRaster};
+inline constexpr std::array<PipelineChoice, 3> kPipelines = {
+    PipelineChoice::kCompute, PipelineChoice::kRaster, PipelineChoice::kCpu};
 
 inline Voxelizer& voxelizer() {
   static gpu::ShaderLibrary shaders(gpu::test_context());
-  static Voxelizer one(gpu::test_context(), shaders);
+  static Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shaders));
   return one;
 }
 
@@ -34,14 +35,17 @@ inline Grid voxelize(const Scene& scene, VoxelizeOptions options, PipelineChoice
   return std::move(grid).value();
 }
 
-// Voxelizes by both pipelines, expects the same bytes, and gives one of the two grids.
-inline Grid voxelize_both(const Scene& scene, const VoxelizeOptions& options,
-                          const std::string& what = "") {
+// Voxelizes by all pipelines, expects the same bytes, and gives one of the grids.
+inline Grid voxelize_all(const Scene& scene, const VoxelizeOptions& options,
+                         const std::string& what = "") {
   Grid compute = voxelize(scene, options, PipelineChoice::kCompute);
-  const Grid raster = voxelize(scene, options, PipelineChoice::kRaster);
-  EXPECT_EQ(compute.has_color, raster.has_color) << what;
-  EXPECT_EQ(compute.has_normal, raster.has_normal) << what;
-  EXPECT_TRUE(compute.tiles == raster.tiles) << "the pipelines differ: " << what;
+  for (const PipelineChoice other : {PipelineChoice::kRaster, PipelineChoice::kCpu}) {
+    const std::string name = other == PipelineChoice::kCpu ? "cpu: " : "raster: ";
+    const Grid grid = voxelize(scene, options, other);
+    EXPECT_EQ(compute.has_color, grid.has_color) << name << what;
+    EXPECT_EQ(compute.has_normal, grid.has_normal) << name << what;
+    EXPECT_TRUE(compute.tiles == grid.tiles) << "differs from compute: " << name << what;
+  }
   return compute;
 }
 

@@ -47,16 +47,16 @@ TEST(Attributes, a_mesh_without_colours_gets_no_colour_channel) {
   MeshPart part;
   add_box(part, {1, 1, 1}, {7, 7, 7});
   const Scene scene = scene_of(part);
-  EXPECT_FALSE(voxelize_both(scene, unit_cells({8, 8, 8})).has_color);
+  EXPECT_FALSE(voxelize_all(scene, unit_cells({8, 8, 8})).has_color);
   VoxelizeOptions options = unit_cells({8, 8, 8});
   options.color = ColorMode::kShaded;
-  EXPECT_TRUE(voxelize_both(scene, options).has_color);
+  EXPECT_TRUE(voxelize_all(scene, options).has_color);
 }
 
 TEST(Attributes, normals_of_a_box_point_outwards) {
   MeshPart part;
   add_box(part, {1.5, 1.5, 1.5}, {6.5, 6.5, 6.5});
-  const Cells cells = cells_of(voxelize_both(scene_of(part), with_normals(unit_cells({8, 8, 8}))));
+  const Cells cells = cells_of(voxelize_all(scene_of(part), with_normals(unit_cells({8, 8, 8}))));
   EXPECT_EQ(cells.at({4, 4, 1}).normal, (Normal{0, 0, -127}));
   EXPECT_EQ(cells.at({4, 4, 6}).normal, (Normal{0, 0, 127}));
   EXPECT_EQ(cells.at({1, 4, 4}).normal, (Normal{-127, 0, 0}));
@@ -70,7 +70,7 @@ TEST(Attributes, a_mirroring_transform_keeps_normals_outwards) {
   add_box(part, {1.5, 1.5, 1.5}, {6.5, 6.5, 6.5});
   VoxelizeOptions options = with_normals(unit_cells({8, 8, 8}));
   options.placement.transform = {-1, 0, 0, 8, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-  const Cells cells = cells_of(voxelize_both(scene_of(part), options));
+  const Cells cells = cells_of(voxelize_all(scene_of(part), options));
   EXPECT_EQ(cells.at({1, 4, 4}).normal, (Normal{-127, 0, 0}));
   EXPECT_EQ(cells.at({4, 4, 6}).normal, (Normal{0, 0, 127}));
 }
@@ -84,7 +84,7 @@ TEST(Attributes, the_base_colour_is_kept_to_the_last_bit) {
   scene.materials.emplace_back();
   // sRGB 200, 100, 50.
   scene.materials[0].base_color = {0.5775804f, 0.1274377f, 0.0318960f, 0.5f};
-  for (const auto& [cell, voxel] : cells_of(voxelize_both(scene, unit_cells({8, 8, 8})))) {
+  for (const auto& [cell, voxel] : cells_of(voxelize_all(scene, unit_cells({8, 8, 8})))) {
     EXPECT_EQ(voxel.color, (Color{200, 100, 50, 128}));
   }
 }
@@ -94,7 +94,7 @@ TEST(Attributes, axis_colours_show_the_dominant_axis) {
   add_box(part, {1.5, 1.5, 1.5}, {6.5, 6.5, 6.5});
   VoxelizeOptions options = unit_cells({8, 8, 8});
   options.color = ColorMode::kAxis;
-  const Cells cells = cells_of(voxelize_both(scene_of(part), options));
+  const Cells cells = cells_of(voxelize_all(scene_of(part), options));
   EXPECT_EQ(cells.at({1, 4, 4}).color, (Color{255, 0, 0, 255}));
   EXPECT_EQ(cells.at({4, 1, 4}).color, (Color{0, 255, 0, 255}));
   EXPECT_EQ(cells.at({4, 4, 1}).color, (Color{0, 0, 255, 255}));
@@ -105,7 +105,7 @@ TEST(Attributes, shaded_colours_follow_phongs_formula) {
   add_box(part, {1.5, 1.5, 1.5}, {6.5, 6.5, 6.5});
   VoxelizeOptions options = unit_cells({8, 8, 8});
   options.color = ColorMode::kShaded;
-  const Cells cells = cells_of(voxelize_both(scene_of(part), options));
+  const Cells cells = cells_of(voxelize_all(scene_of(part), options));
   const auto srgb = [](double linear) {
     return static_cast<int>(255 * (1.055 * std::pow(linear, 1 / 2.4) - 0.055) + 0.5);
   };
@@ -123,7 +123,7 @@ TEST(Attributes, a_texel_per_voxel_is_copied) {
   const auto color_at = [](int x, int y) { return Color{10 * x, 10 * y, 255 - 5 * x, 255}; };
   Scene scene = textured_square(16, image_of(16, 16, color_at));
   scene.materials[0].wrap_u = scene.materials[0].wrap_v = Wrap::kClamp;
-  const Cells cells = cells_of(voxelize_both(scene, unit_cells({16, 16, 1})));
+  const Cells cells = cells_of(voxelize_all(scene, unit_cells({16, 16, 1})));
   ASSERT_EQ(cells.size(), 256u);
   for (const auto& [cell, voxel] : cells) {
     // On the diagonal each triangle's half is sampled at its own mean.
@@ -141,7 +141,7 @@ TEST(Attributes, a_fine_checkerboard_averages_in_linear_light) {
   };
   for (const int side : {512, 500}) {
     const Cells cells = cells_of(
-        voxelize_both(textured_square(8, image_of(side, side, checker)), unit_cells({8, 8, 1})));
+        voxelize_all(textured_square(8, image_of(side, side, checker)), unit_cells({8, 8, 1})));
     ASSERT_EQ(cells.size(), 64u);
     for (const auto& [cell, voxel] : cells) {
       // Half of the light is sRGB 188.
@@ -150,7 +150,7 @@ TEST(Attributes, a_fine_checkerboard_averages_in_linear_light) {
   }
 }
 
-TEST(Attributes, textures_of_any_size_and_wrapping_are_the_same_in_both_pipelines) {
+TEST(Attributes, textures_of_any_size_and_wrapping_are_the_same_in_all_pipelines) {
   const auto color_at = [](int x, int y) {
     return Color{(37 * x + 11 * y) & 255, (x * y) & 255, (5 * x) & 255, (255 - 3 * y) & 255};
   };
@@ -159,7 +159,7 @@ TEST(Attributes, textures_of_any_size_and_wrapping_are_the_same_in_both_pipeline
       Scene scene = textured_square(40, image_of(width, height, color_at), 2.7);
       scene.materials[0].wrap_u = scene.materials[0].wrap_v = wrap;
       scene.parts[0].uvs[0] += glm::vec2(-3.3f, 0.4f);
-      voxelize_both(scene, unit_cells({40, 40, 1}), std::to_string(width));
+      voxelize_all(scene, unit_cells({40, 40, 1}), std::to_string(width));
     }
   }
 }
@@ -178,7 +178,7 @@ TEST(Attributes, each_part_takes_its_own_texture) {
   scene.images.push_back(other.images[0]);
   scene.materials.push_back(scene.materials[0]);
   scene.materials[1].image = 1;
-  const Cells cells = cells_of(voxelize_both(scene, unit_cells({8, 8, 5})));
+  const Cells cells = cells_of(voxelize_all(scene, unit_cells({8, 8, 5})));
   EXPECT_EQ(cells.at({3, 3, 0}).color, (Color{255, 0, 0, 255}));
   EXPECT_EQ(cells.at({3, 3, 2}).color, (Color{0, 255, 0, 255}));
   EXPECT_EQ(cells.at({3, 3, 4}).color, (Color{255, 255, 255, 255}));
@@ -189,7 +189,7 @@ TEST(Attributes, texture_factor_and_vertex_colour_multiply) {
   Scene scene = textured_square(8, image_of(2, 2, gray));
   scene.materials[0].base_color = {1.0f, 0.5f, 0.5f, 1.0f};
   scene.parts[0].colors.assign(4, glm::vec4(1.0f, 1.0f, 0.5f, 1.0f));
-  for (const auto& [cell, voxel] : cells_of(voxelize_both(scene, unit_cells({8, 8, 1})))) {
+  for (const auto& [cell, voxel] : cells_of(voxelize_all(scene, unit_cells({8, 8, 1})))) {
     EXPECT_NEAR(voxel.color[0], 188, 1);  // 1/2
     EXPECT_NEAR(voxel.color[1], 188, 1);  // 1/2
     EXPECT_NEAR(voxel.color[2], 99, 1);   // 1/8
@@ -203,7 +203,7 @@ TEST(Attributes, colours_are_weighted_by_area) {
   add_quad(part, {glm::dvec3(0, 0, 0.75), {0.5, 0, 0.75}, {0.5, 0.5, 0.75}, {0, 0.5, 0.75}});
   part.colors.assign(4, glm::vec4(1.0f));
   part.colors.resize(8, glm::vec4(0.0f, 0.0f, 0.0f, 1.0f));
-  const Cells cells = cells_of(voxelize_both(scene_of(part), unit_cells({1, 1, 1})));
+  const Cells cells = cells_of(voxelize_all(scene_of(part), unit_cells({1, 1, 1})));
   // 0.8 of the light is sRGB 231.
   EXPECT_NEAR(cells.at({0, 0, 0}).color[0], 231, 1);
 }
@@ -215,7 +215,7 @@ TEST(Attributes, sums_beyond_32_bits_carry) {
     add_quad(part, {glm::dvec3(0, 0, 0.5), {8, 0, 0.5}, {8, 8, 0.5}, {0, 8, 0.5}});
   }
   part.colors.assign(part.positions.size(), glm::vec4(1.0f, 1.0f, 1.0f, 1.0f));
-  const Cells cells = cells_of(voxelize_both(scene_of(part), with_normals(unit_cells({8, 8, 1}))));
+  const Cells cells = cells_of(voxelize_all(scene_of(part), with_normals(unit_cells({8, 8, 1}))));
   ASSERT_EQ(cells.size(), 64u);
   for (const auto& [cell, voxel] : cells) {
     EXPECT_EQ(voxel.color, (Color{255, 255, 255, 255}));
@@ -227,7 +227,7 @@ TEST(Attributes, a_thin_wire_takes_its_colour_from_along_its_length) {
   MeshPart part;
   add_triangle(part, {0, 0.5, 0.5}, {32, 0.5, 0.5}, {32, 0.52, 0.5});
   part.colors = {{1, 0, 0, 1}, {0, 0, 1, 1}, {0, 0, 1, 1}};
-  const Cells cells = cells_of(voxelize_both(scene_of(part), unit_cells({32, 1, 1})));
+  const Cells cells = cells_of(voxelize_all(scene_of(part), unit_cells({32, 1, 1})));
   ASSERT_EQ(cells.size(), 32u);
   EXPECT_GT(cells.at({2, 0, 0}).color[0], 240);
   EXPECT_LT(cells.at({2, 0, 0}).color[2], 90);

@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <random>
 
-#include "tests/unit/voxel/glsl.h"
+#include "shaders/glsl.h"
 
 namespace voxeld::glsl {
 

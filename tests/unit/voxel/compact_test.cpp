@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "server/voxel/tile_device.h"
+#include "server/voxel/tile_mask.h"
 
 namespace voxeld {
 namespace {

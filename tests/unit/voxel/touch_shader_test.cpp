@@ -7,8 +7,8 @@
 #include <set>
 #include <vector>
 
+#include "shaders/glsl.h"
 #include "tests/reference/touch_oracle.h"
-#include "tests/unit/voxel/glsl.h"
 
 namespace voxeld::glsl {
 

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "server/gpu/shader_library.h"
-#include "server/voxel/tile_device.h"
-#include "server/voxel/voxelize.h"
+#include "server/voxel/gl/tile_device.h"
+#include "server/voxel/pipeline.h"
 
 namespace voxeld {
 

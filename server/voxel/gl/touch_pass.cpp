@@ -1,4 +1,4 @@
-#include "server/voxel/touch_pass.h"
+#include "server/voxel/gl/touch_pass.h"
 
 namespace voxeld {
 

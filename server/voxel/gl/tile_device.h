@@ -11,35 +11,11 @@
 #include "proto/result.h"
 #include "server/gpu/objects.h"
 #include "server/gpu/shader_library.h"
+#include "server/voxel/tile_mask.h"
 #include "server/voxel/tile_window.h"
 #include "shaders/shared/voxelize.h"
 
 namespace voxeld {
-
-inline constexpr size_t kTileMaskBytes =
-    size_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide / 8;
-inline constexpr size_t kTileMaskWords = kTileMaskBytes / 4;
-// A block of 64^3 cells is a contiguous part of the mask.
-inline constexpr size_t kBlockMaskWords = kTileMaskWords / 64;
-
-// Triangles of one window: 19 MB of vertices and 52 MB of attributes stay far below the 128 MiB
-// that storage buffers have on software drivers, and one window serves most tiles.
-inline constexpr size_t kWindowTrianglesMax = size_t{1} << 19;
-
-// Calls visit(first_word, word_count) for the maximal runs of set blocks.
-template <typename Visit>
-void for_each_block_run(uint64_t blocks, const Visit& visit) {
-  for (size_t block = 0; block < 64;) {
-    if ((blocks >> block & 1) == 0) {
-      ++block;
-      continue;
-    }
-    size_t end = block;
-    while (end < 64 && (blocks >> end & 1) != 0) ++end;
-    visit(block * kBlockMaskWords, (end - block) * kBlockMaskWords);
-    block = end;
-  }
-}
 
 // One thread: the context's.
 class TileDevice {

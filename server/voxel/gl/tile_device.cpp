@@ -1,4 +1,4 @@
-#include "server/voxel/tile_device.h"
+#include "server/voxel/gl/tile_device.h"
 
 #include "server/base/check.h"
 

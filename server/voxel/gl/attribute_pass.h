@@ -7,8 +7,8 @@
 
 #include "server/gpu/shader_library.h"
 #include "server/voxel/attribute_records.h"
-#include "server/voxel/tile_device.h"
-#include "server/voxel/voxelize.h"
+#include "server/voxel/gl/tile_device.h"
+#include "server/voxel/pipeline.h"
 
 namespace voxeld {
 

@@ -1,11 +1,11 @@
-#include "server/voxel/attribute_pass.h"
+#include "server/voxel/gl/attribute_pass.h"
 
 #include <algorithm>
 #include <array>
 
 #include "server/voxel/color_tables.h"
+#include "server/voxel/gl/touch_pass.h"
 #include "server/voxel/mip_chain.h"
-#include "server/voxel/touch_pass.h"
 #include "shaders/shared/attributes.h"
 
 namespace voxeld {

@@ -1,0 +1,177 @@
+#include "server/voxel/cpu/attribute_tile.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <bit>
+
+#include <glm/common.hpp>
+
+#include "server/voxel/cpu/attribute_visitor.h"
+#include "server/voxel/resolve.h"
+#include "server/voxel/tile_window.h"
+#include "shaders/shared/attributes.h"
+
+namespace voxeld {
+namespace {
+
+constexpr int kOctantSide = 32;
+constexpr int kOctantsPerSide = limits::kTileSide / kOctantSide;
+constexpr size_t kOctantCount = size_t{kOctantsPerSide} * kOctantsPerSide * kOctantsPerSide;
+constexpr uint32_t kOctantBricks = 64;
+// A triangle that reaches more is looked at by every octant instead of standing in so many lists.
+constexpr int kListedOctantsMax = 8;
+
+struct Box {
+  glm::ivec3 first{0}, last{0};  // inclusive; empty where last < first
+  bool empty() const { return last.x < first.x || last.y < first.y || last.z < first.z; }
+};
+
+std::array<glm::ivec3, 3> corners_in_tile(const SnappedMesh& mesh, uint32_t triangle,
+                                          const glm::ivec3& tile_coord) {
+  const glm::ivec3 tile_q = tile_coord * (limits::kTileSide * kSubVoxelsPerVoxel);
+  const auto& vertices = mesh.triangles[triangle].vertices;
+  return {mesh.vertices[vertices[0]] - tile_q, mesh.vertices[vertices[1]] - tile_q,
+          mesh.vertices[vertices[2]] - tile_q};
+}
+
+// Cells of the triangle's box.
+Box cell_box(const std::array<glm::ivec3, 3>& q) {
+  return {glm::min(q[0], glm::min(q[1], q[2])) >> 8, glm::max(q[0], glm::max(q[1], q[2])) >> 8};
+}
+
+Box octant_box(const std::array<glm::ivec3, 3>& q) {
+  const Box cells = cell_box(q);
+  return {glm::max(cells.first / kOctantSide, glm::ivec3(0)),
+          glm::min(cells.last / kOctantSide, glm::ivec3(kOctantsPerSide - 1))};
+}
+
+int volume(const Box& box) {
+  const glm::ivec3 size = box.last - box.first + 1;
+  return size.x * size.y * size.z;
+}
+
+template <typename Visit>
+void for_each_octant(const Box& box, const Visit& visit) {
+  for (int z = box.first.z; z <= box.last.z; ++z) {
+    for (int y = box.first.y; y <= box.last.y; ++y) {
+      for (int x = box.first.x; x <= box.last.x; ++x) {
+        visit(morton_encode(static_cast<uint32_t>(x), static_cast<uint32_t>(y),
+                            static_cast<uint32_t>(z)));
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void CpuAttributes::begin_job(const VoxelizePlan& plan) {
+  plan_ = &plan;
+  textures_.assign(plan.scene.images.size(), {});
+  for (size_t i = 0; i < textures_.size(); ++i) {
+    const ImageLevels& used = plan.records->image_levels()[i];
+    if (used.used()) {
+      textures_[i] = build_mip_levels(plan.scene.images[i], used.first, used.last);
+    }
+  }
+}
+
+void CpuAttributes::end_job() {
+  textures_.clear();
+  plan_ = nullptr;
+}
+
+void CpuAttributes::find_octants(const SparseTile& tile) {
+  octants_.clear();
+  size_t voxels = 0;
+  for (size_t b = 0; b < tile.masks.size(); ++b) {
+    const uint32_t morton = tile.brick_morton[b] / kOctantBricks;
+    if (octants_.empty() || octants_.back().morton != morton) octants_.push_back({morton, voxels});
+    for (const uint64_t word : tile.masks[b].words) {
+      voxels += static_cast<size_t>(std::popcount(word));
+    }
+    octants_.back().voxel_count = voxels - octants_.back().voxel_first;
+  }
+}
+
+// Counting sort; lists keep the order of the bin.
+void CpuAttributes::sort_triangles(const TileBin& bin) {
+  starts_.assign(kOctantCount + 2, 0);
+  wide_.clear();
+  for (const uint32_t triangle : bin.triangles) {
+    const Box box = octant_box(corners_in_tile(plan_->mesh, triangle, bin.coord));
+    if (box.empty()) continue;
+    if (volume(box) > kListedOctantsMax) {
+      wide_.push_back(triangle);
+    } else {
+      for_each_octant(box, [&](uint32_t octant) { ++starts_[octant + 2]; });
+    }
+  }
+  for (size_t o = 2; o < starts_.size(); ++o) starts_[o] += starts_[o - 1];
+  list_.resize(starts_.back());
+  // starts_[o + 1] is where octant o's next triangle goes, and in the end where octant o + 1
+  // begins.
+  for (const uint32_t triangle : bin.triangles) {
+    const Box box = octant_box(corners_in_tile(plan_->mesh, triangle, bin.coord));
+    if (box.empty() || volume(box) > kListedOctantsMax) continue;
+    for_each_octant(box, [&](uint32_t octant) { list_[starts_[octant + 1]++] = triangle; });
+  }
+}
+
+void CpuAttributes::run_octant(const TileBin& bin, const Octant& octant,
+                               std::span<const uint32_t> mask,
+                               std::span<const uint32_t> word_offsets, Worker& worker,
+                               SparseTile& tile) const {
+  const AttributeChannels& channels = plan_->channels.summed;
+  worker.sums.assign(octant.voxel_count * channels.count(), 0);
+  const auto place = morton_decode(octant.morton);
+  AttributeTarget target;
+  target.mask = mask;
+  target.word_offsets = word_offsets;
+  target.cell_first = glm::ivec3(place[0], place[1], place[2]) * kOctantSide;
+  target.cell_last =
+      glm::min(target.cell_first + (kOctantSide - 1), tile_cell_max(plan_->spec, bin.coord));
+  target.voxel_first = octant.voxel_first;
+  target.sums = worker.sums.data();
+  target.channels = channels;
+  const auto add = [&](uint32_t triangle) {
+    const auto q = corners_in_tile(plan_->mesh, triangle, bin.coord);
+    const Box box = cell_box(q);
+    const Box common = {glm::max(box.first, target.cell_first),
+                        glm::min(box.last, target.cell_last)};
+    if (common.empty()) return;
+    const CornerOrder order = corner_order(q);
+    AttributeSource source;
+    source.corners = {q[order.corner[0]], q[order.corner[1]], q[order.corner[2]]};
+    source.axis = dominant_axis(source.corners);
+    std::array<uint32_t, ATTRIBUTE_WORDS> words{};
+    plan_->records->write(triangle, source.corners, source.axis, order, words);
+    source.words = words.data();
+    const int image = plan_->part_images[plan_->mesh.triangles[triangle].part];
+    if (image >= 0) source.levels = textures_[static_cast<size_t>(image)];
+    add_attributes(source, target);
+  };
+  for (size_t i = starts_[octant.morton]; i < starts_[octant.morton + 1]; ++i) add(list_[i]);
+  for (const uint32_t triangle : wide_) add(triangle);
+  resolve_voxels(worker.sums, plan_->resolve_options(), octant.voxel_first, tile);
+}
+
+void CpuAttributes::run(const TileBin& bin, std::span<const uint32_t> mask,
+                        std::span<const uint32_t> word_offsets, SparseTile& tile) {
+  find_octants(tile);
+  if (octants_.empty()) return;
+  sort_triangles(bin);
+  const size_t voxels = octants_.back().voxel_first + octants_.back().voxel_count;
+  if (plan_->channels.color) tile.color.resize(4 * voxels);
+  if (plan_->channels.normal) tile.normal.resize(3 * voxels);
+  std::atomic<size_t> next = 0;
+  const auto count =
+      static_cast<int>(std::min<size_t>(octants_.size(), static_cast<size_t>(pool_->threads())));
+  pool_->run(count, [&](int worker) {
+    for (size_t o = next++; o < octants_.size(); o = next++) {
+      run_octant(bin, octants_[o], mask, word_offsets, workers_[static_cast<size_t>(worker)], tile);
+    }
+  });
+}
+
+}  // namespace voxeld

@@ -1,0 +1,62 @@
+// Colours and normals of a tile's voxels on the CPU: the sums that ../README.md defines, from the
+// same functions that the shaders run (shaders/lib), compiled as C++.
+//
+// A tile is cut into 512 octants of 32^3 cells. The voxels of an octant are neighbours in Morton
+// order and few enough that their sums stay in a core's cache, and no two threads add to the same
+// sum; so each octant is a job of its own, from zeroed sums to finished bytes.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "proto/sparse_tile.h"
+#include "server/voxel/bin.h"
+#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/mip_chain.h"
+#include "server/voxel/tile_pipeline.h"
+
+namespace voxeld {
+
+// Levels of one image, as the attribute words count them.
+using TextureLevels = std::vector<MipLevel>;
+
+class CpuAttributes {
+ public:
+  explicit CpuAttributes(WorkerPool& pool)
+      : pool_(&pool), workers_(static_cast<size_t>(pool.threads())) {}
+
+  // Builds the levels of the images that triangles use. The plan must outlive the job.
+  void begin_job(const VoxelizePlan& plan);
+  void end_job();
+
+  // Fills color and normal of `tile`, whose bricks are what touches say. mask and word_offsets: of
+  // compact_mask().
+  void run(const TileBin& bin, std::span<const uint32_t> mask,
+           std::span<const uint32_t> word_offsets, SparseTile& tile);
+
+ private:
+  struct Octant {
+    uint32_t morton = 0;  // in the tile
+    size_t voxel_first = 0, voxel_count = 0;
+  };
+  struct Worker {
+    std::vector<uint64_t> sums;
+  };
+
+  void find_octants(const SparseTile& tile);
+  void sort_triangles(const TileBin& bin);
+  void run_octant(const TileBin& bin, const Octant& octant, std::span<const uint32_t> mask,
+                  std::span<const uint32_t> word_offsets, Worker& worker, SparseTile& tile) const;
+
+  WorkerPool* pool_;
+  std::vector<Worker> workers_;
+  const VoxelizePlan* plan_ = nullptr;
+  std::vector<TextureLevels> textures_;  // per image; empty where unused
+  std::vector<Octant> octants_;          // with voxels
+  // Triangles by octant: list_[starts_[o]..starts_[o + 1]); those that reach more than a few are in
+  // wide_ instead.
+  std::vector<uint32_t> starts_, list_, wide_;
+};
+
+}  // namespace voxeld

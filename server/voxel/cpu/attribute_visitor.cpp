@@ -1,0 +1,164 @@
+#include "server/voxel/cpu/attribute_visitor.h"
+
+#include <bit>
+
+#include "proto/sparse_tile.h"
+#include "server/voxel/color_tables.h"
+#include "shaders/glsl.h"
+
+namespace voxeld {
+// Not unnamed, because not all are used; hidden, so that they can be inlined in spite of -fPIC.
+#pragma GCC visibility push(hidden)
+namespace attribute_visitor {
+
+using namespace glsl;  // NOLINT(google-build-using-namespace)
+#include "shaders/lib/attributes.glsl"
+#include "shaders/lib/touch.glsl"
+
+}  // namespace attribute_visitor
+#pragma GCC visibility pop
+
+namespace {
+
+using namespace attribute_visitor;  // NOLINT(google-build-using-namespace)
+using glm::ivec2;
+using glm::ivec3;
+using glm::uvec3;
+using glm::uvec4;
+
+class Visitor {
+ public:
+  Visitor(const AttributeSource& source, const AttributeTarget& target)
+      : source_(source), target_(target), flags_(source.words[ATTRIBUTE_FLAGS]) {}
+
+  void run() {
+    const ivec3 v0 = touch_swizzle(source_.corners[0], source_.axis);
+    const ivec3 v1 = touch_swizzle(source_.corners[1], source_.axis);
+    const ivec3 v2 = touch_swizzle(source_.corners[2], source_.axis);
+    TouchTriangle t = touch_setup(v0, v1, v2, touch_swizzle(target_.cell_last, source_.axis));
+    t.cell_min = glm::max(t.cell_min, touch_swizzle(target_.cell_first, source_.axis));
+    if (t.cell_min.x > t.cell_max.x || t.cell_min.y > t.cell_max.y || t.cell_min.z > t.cell_max.z) {
+      return;
+    }
+    const uint32_t* words = source_.words;
+    const auto reciprocal = static_cast<int64_t>(uint64_t{words[ATTRIBUTE_RECIPROCAL]} |
+                                                 uint64_t{words[ATTRIBUTE_RECIPROCAL + 1]} << 32);
+    lattice_ = attribute_setup(v0, v1, v2, static_cast<int>(words[ATTRIBUTE_SLOPE_I]),
+                               static_cast<int>(words[ATTRIBUTE_SLOPE_J]), reciprocal, flags_);
+    if (target_.channels.color) read_corners(ATTRIBUTE_COLORS, colors_);
+    if (target_.channels.normal) read_corners(ATTRIBUTE_NORMALS, normals_);
+    visit(t);
+  }
+
+ private:
+  void read_corners(size_t word, std::array<uvec4, 3>& out) const {
+    for (uvec4& corner : out) {
+      const uint32_t low = source_.words[word++], high = source_.words[word++];
+      corner = uvec4(low & 0xffffu, low >> 16, high & 0xffffu, high >> 16);
+    }
+  }
+
+  void visit(const TouchTriangle& t) {
+    const float slope = -static_cast<float>(t.normal.x) * t.inverse_z;
+    for (int j = t.cell_min.y; j <= t.cell_max.y; ++j) {
+      const ivec2 span = touch_row_span(t, j, t.cell_min.x, t.cell_max.x);
+      int64_t s = touch_height(t, span.x, j);
+      const float low = -static_cast<float>(s + t.above) * t.inverse_z;
+      const float high = static_cast<float>(t.below - s) * t.inverse_z;
+      for (int i = span.x; i <= span.y; ++i, s += t.normal.x) {
+        if (!touch_column(t, i, j)) continue;
+        const float at = slope * static_cast<float>(i - span.x);
+        visit_column(t, i, j, touch_depth(t, s, low + at, high + at));
+      }
+    }
+  }
+
+  void visit_column(const TouchTriangle& t, int i, int j, ivec2 depth) {
+    if (depth.x > depth.y) return;
+    const uint32_t inside = lattice_inside(lattice_, i, j);
+    const int64_t plane = lattice_depth(lattice_, i, j);
+    for (int k = depth.x; k <= depth.y; ++k) {
+      if (!touch_sides(t, i, j, k)) continue;
+      const uint32_t points = inside == 0 ? 0 : inside & lattice_in_cell(lattice_, plane, k);
+      add(sums_of(i, j, k), i, j, points);
+    }
+  }
+
+  // Axis z of the swizzled cell is the dominant one.
+  uint64_t* sums_of(int i, int j, int k) const {
+    const int axis = source_.axis;
+    const uint32_t m = morton_spread(static_cast<uint32_t>(i)) << (axis + 1) % 3 |
+                       morton_spread(static_cast<uint32_t>(j)) << (axis + 2) % 3 |
+                       morton_spread(static_cast<uint32_t>(k)) << axis;
+    const uint32_t below = target_.mask[m >> 5] & ((1u << (m & 31u)) - 1u);
+    const size_t voxel = target_.word_offsets[m >> 5] + static_cast<uint32_t>(std::popcount(below));
+    return target_.sums + (voxel - target_.voxel_first) * target_.channels.count();
+  }
+
+  void add(uint64_t* sums, int i, int j, uint32_t points) const {
+    const uint32_t weight =
+        points == 0 ? 1u : static_cast<uint32_t>(std::popcount(points)) * lattice_.factor;
+    const ivec3 weights = corner_weights(lattice_, sample_position(lattice_, i, j, points));
+    *sums++ += weight;
+    if (target_.channels.color) {
+      uvec4 color = blend(colors_, weights);
+      if (!source_.levels.empty()) {
+        const uvec4 texel = sample_texture(weights);
+        for (int c = 0; c < 4; ++c) color[c] = product16(color[c], texel[c]);
+      }
+      const int channels = target_.channels.alpha ? 4 : 3;
+      for (int c = 0; c < channels; ++c) *sums++ += uint64_t{weight} * color[c];
+    }
+    if (target_.channels.normal) {
+      const uvec4 normal = blend(normals_, weights);
+      for (int c = 0; c < 3; ++c) *sums++ += uint64_t{weight} * normal[c];
+    }
+  }
+
+  static uvec4 blend(const std::array<uvec4, 3>& corners, const ivec3& weights) {
+    const uvec3 w = weights15(weights);
+    return (corners[0] * w.x + corners[1] * w.y + corners[2] * w.z) >> 15u;
+  }
+
+  static uvec4 linear_texel(const MipLevel& level, int x, int y) {
+    const uint8_t* texel =
+        &level.rgba[(size_t{4} * static_cast<size_t>(level.width)) * static_cast<size_t>(y) +
+                    size_t{4} * static_cast<size_t>(x)];
+    const auto& linear = linear16_from_srgb8();
+    return {linear[texel[0]], linear[texel[1]], linear[texel[2]], texel[3] * 257u};
+  }
+
+  // Bilinear in linear light, 8 bits of fraction, so that 65535 * 65536 fits.
+  uvec4 sample_texture(const ivec3& weights) const {
+    const auto uv = [&](int word) { return static_cast<int>(source_.words[ATTRIBUTE_UVS + word]); };
+    const int u = blend_uv(uv(0), uv(2), uv(4), weights);
+    const int v = blend_uv(uv(1), uv(3), uv(5), weights);
+    const MipLevel& level = source_.levels[(flags_ >> ATTRIBUTE_LEVEL_SHIFT) & 15u];
+    const uint32_t wrap_u = (flags_ >> ATTRIBUTE_WRAP_U_SHIFT) & 3u;
+    const uint32_t wrap_v = (flags_ >> ATTRIBUTE_WRAP_V_SHIFT) & 3u;
+    const int x0 = wrap_texel(u >> 8, level.width, wrap_u);
+    const int x1 = wrap_texel((u >> 8) + 1, level.width, wrap_u);
+    const int y0 = wrap_texel(v >> 8, level.height, wrap_v);
+    const int y1 = wrap_texel((v >> 8) + 1, level.height, wrap_v);
+    const auto fx = static_cast<uint32_t>(u & 255), fy = static_cast<uint32_t>(v & 255);
+    const uvec4 sum = linear_texel(level, x0, y0) * ((256u - fx) * (256u - fy)) +
+                      linear_texel(level, x1, y0) * (fx * (256u - fy)) +
+                      linear_texel(level, x0, y1) * ((256u - fx) * fy) +
+                      linear_texel(level, x1, y1) * (fx * fy);
+    return sum >> 16u;
+  }
+
+  const AttributeSource& source_;
+  const AttributeTarget& target_;
+  uint32_t flags_;
+  AttributeTriangle lattice_{};
+  std::array<uvec4, 3> colors_{}, normals_{};
+};
+
+}  // namespace
+
+void add_attributes(const AttributeSource& source, const AttributeTarget& target) {
+  Visitor(source, target).run();
+}
+
+}  // namespace voxeld

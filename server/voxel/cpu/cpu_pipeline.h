@@ -1,0 +1,36 @@
+// Pipeline `cpu`: no GL, all cores, the widest vectors that the machine has.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "server/voxel/cpu/attribute_tile.h"
+#include "server/voxel/cpu/cpu_isa.h"
+#include "server/voxel/cpu/touch_tile.h"
+#include "server/voxel/tile_pipeline.h"
+
+namespace voxeld {
+
+class CpuPipeline final : public TilePipeline {
+ public:
+  // `threads`: 0 is as many as the machine has. The instruction set must be supported.
+  explicit CpuPipeline(int threads = 0, CpuIsa isa = best_cpu_isa());
+
+  Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
+  Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
+  void end_job() override;
+  int64_t device_bytes(const Scene&, const WantedChannels&) const override { return 0; }
+  DeviceTraits traits() const override { return {}; }
+  size_t batch_tiles() const override;
+
+ private:
+  void run_attributes(const TileBin& bin, SparseTile& tile);
+
+  CpuTouch touch_;
+  CpuAttributes attributes_;
+  const VoxelizePlan* plan_ = nullptr;
+  VoxelizeStats* stats_ = nullptr;
+  std::vector<uint32_t> mask_, word_offsets_;  // of the tile
+};
+
+}  // namespace voxeld

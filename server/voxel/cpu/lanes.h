@@ -1,0 +1,125 @@
+// Vectors for the kernels, VOXELD_LANE_BYTES wide, of the vector extension that GCC and Clang
+// share.
+// Everything in the kernels' headers is in an unnamed namespace: each instruction set compiles a
+// copy of its own, and no copy may be taken for another's.
+#pragma once
+
+#include <cstdint>
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+#ifndef VOXELD_LANE_BYTES
+#error "define VOXELD_LANE_BYTES (16, 32 or 64) before including this"
+#endif
+
+namespace voxeld {
+namespace {
+
+constexpr int kLanes = VOXELD_LANE_BYTES / 4;
+constexpr int kDoubleLanes = VOXELD_LANE_BYTES / 8;
+
+using IntLanes = int32_t __attribute__((vector_size(VOXELD_LANE_BYTES)));
+using FloatLanes = float __attribute__((vector_size(VOXELD_LANE_BYTES)));
+using DoubleLanes = double __attribute__((vector_size(VOXELD_LANE_BYTES)));
+using Int4 = int32_t __attribute__((vector_size(16)));
+
+template <typename T>
+T lesser(T a, T b) {
+  return a < b ? a : b;
+}
+template <typename T>
+T greater(T a, T b) {
+  return a > b ? a : b;
+}
+// Compilers do not make one instruction of these comparisons of floats, because of NaN and -0,
+// which the kernels never meet or care about. (maskz: GCC 12 takes the plain ones for
+// uninitialized, bug 105593.)
+#if VOXELD_LANE_BYTES == 64 && defined(__AVX512F__)
+inline FloatLanes lesser(FloatLanes a, FloatLanes b) {
+  return _mm512_maskz_min_ps(0xffff, a, b);
+}
+inline FloatLanes greater(FloatLanes a, FloatLanes b) {
+  return _mm512_maskz_max_ps(0xffff, a, b);
+}
+inline DoubleLanes lesser(DoubleLanes a, DoubleLanes b) {
+  return _mm512_maskz_min_pd(0xff, a, b);
+}
+inline DoubleLanes greater(DoubleLanes a, DoubleLanes b) {
+  return _mm512_maskz_max_pd(0xff, a, b);
+}
+#elif VOXELD_LANE_BYTES == 32 && defined(__AVX__)
+inline FloatLanes lesser(FloatLanes a, FloatLanes b) {
+  return _mm256_min_ps(a, b);
+}
+inline FloatLanes greater(FloatLanes a, FloatLanes b) {
+  return _mm256_max_ps(a, b);
+}
+inline DoubleLanes lesser(DoubleLanes a, DoubleLanes b) {
+  return _mm256_min_pd(a, b);
+}
+inline DoubleLanes greater(DoubleLanes a, DoubleLanes b) {
+  return _mm256_max_pd(a, b);
+}
+#elif VOXELD_LANE_BYTES == 16 && defined(__SSE2__)
+inline FloatLanes lesser(FloatLanes a, FloatLanes b) {
+  return _mm_min_ps(a, b);
+}
+inline FloatLanes greater(FloatLanes a, FloatLanes b) {
+  return _mm_max_ps(a, b);
+}
+inline DoubleLanes lesser(DoubleLanes a, DoubleLanes b) {
+  return _mm_min_pd(a, b);
+}
+inline DoubleLanes greater(DoubleLanes a, DoubleLanes b) {
+  return _mm_max_pd(a, b);
+}
+#endif
+
+// Bit l of the result is set where lane l is negative.
+inline uint32_t negative_lanes(IntLanes v) {
+#if VOXELD_LANE_BYTES == 64 && defined(__AVX512DQ__)
+  return _mm512_movepi32_mask(reinterpret_cast<__m512i>(v));
+#elif VOXELD_LANE_BYTES == 32 && defined(__AVX__)
+  return static_cast<uint32_t>(_mm256_movemask_ps(reinterpret_cast<__m256>(v)));
+#elif VOXELD_LANE_BYTES == 16 && defined(__SSE2__)
+  return static_cast<uint32_t>(_mm_movemask_ps(reinterpret_cast<__m128>(v)));
+#else
+  uint32_t bits = 0;
+  for (int l = 0; l < kLanes; ++l) bits |= (static_cast<uint32_t>(v[l]) >> 31) << l;
+  return bits;
+#endif
+}
+
+inline bool any_negative(Int4 v) {
+#if defined(__SSE2__)
+  return _mm_movemask_ps(reinterpret_cast<__m128>(v)) != 0;
+#else
+  return (v[0] | v[1] | v[2] | v[3]) < 0;
+#endif
+}
+
+inline IntLanes all_lanes(int32_t value) {
+  return IntLanes{} + value;
+}
+inline FloatLanes all_lanes_f(float value) {
+  return FloatLanes{} + value;
+}
+inline DoubleLanes all_lanes_d(double value) {
+  return DoubleLanes{} + value;
+}
+inline FloatLanes to_float(IntLanes v) {
+  return __builtin_convertvector(v, FloatLanes);
+}
+// Rounds towards zero; |v| < 2^31.
+inline IntLanes truncated(FloatLanes v) {
+  return __builtin_convertvector(v, IntLanes);
+}
+// -v where `mask` is set (all bits of a lane or none).
+inline IntLanes negate_where(IntLanes mask, IntLanes v) {
+  return (v ^ mask) - mask;
+}
+
+}  // namespace
+}  // namespace voxeld

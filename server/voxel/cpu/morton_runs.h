@@ -1,0 +1,78 @@
+// Sets runs of cells in a tile of Morton words.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "server/voxel/cpu/lanes.h"
+
+namespace voxeld {
+namespace {
+
+// Bit i of the 8 goes to bit 3 i.
+constexpr uint32_t spread8(uint32_t v) {
+  v = (v | v << 8) & 0x00f00fu;
+  v = (v | v << 4) & 0x0c30c3u;
+  return (v | v << 2) & 0x249249u;
+}
+inline IntLanes spread8(IntLanes v) {
+  v = (v | v << 8) & 0x00f00f;
+  v = (v | v << 4) & 0x0c30c3;
+  return (v | v << 2) & 0x249249;
+}
+
+struct SpreadTable {
+  uint32_t at[256];
+  constexpr SpreadTable() : at{} {
+    for (uint32_t i = 0; i < 256; ++i) at[i] = spread8(i);
+  }
+};
+constexpr SpreadTable kSpread;
+
+// Bits of a word's cells along one axis: entry [axis][b] has the cells i whose bit i of b is set.
+struct RunTable {
+  uint64_t at[3][16];
+  constexpr RunTable() : at{} {
+    for (uint32_t axis = 0; axis < 3; ++axis) {
+      for (uint32_t bits = 0; bits < 16; ++bits) {
+        for (uint32_t i = 0; i < 4; ++i) {
+          if ((bits >> i & 1) != 0) at[axis][bits] |= uint64_t{1} << (spread8(i) << axis);
+        }
+      }
+    }
+  }
+};
+constexpr RunTable kRun;
+
+// Cells [begin, end), not empty and at most 28 long, along x in the row whose Morton index at x = 0
+// is `row`.
+inline void set_short_run(uint64_t* words, uint32_t row, uint32_t begin, uint32_t end) {
+  uint64_t* row_words = words + (row >> 6);
+  const uint32_t shift = row & 63;
+  uint32_t bits = ((1u << (end - begin)) - 1) << (begin & 3);
+  const uint32_t* x_word = &kSpread.at[begin >> 2];
+  do {
+    row_words[*x_word++] |= kRun.at[0][bits & 15] << shift;
+    bits >>= 4;
+  } while (bits != 0);
+}
+
+// Cells [begin, end), not empty, along `axis`. Returns the blocks that hold them.
+inline uint64_t set_run(uint64_t* words, uint32_t axis, uint32_t row, uint32_t begin,
+                        uint32_t end) {
+  uint64_t blocks = 0;
+  const uint32_t shift = row & 63;
+  for (uint32_t at = begin; at < end;) {
+    const uint32_t chunk = at & ~3u;
+    const uint32_t stop = end < chunk + 4 ? end : chunk + 4;
+    const uint32_t bits = (1u << (stop - chunk)) - (1u << (at - chunk));
+    const uint32_t word = (row | kSpread.at[chunk] << axis) >> 6;
+    words[word] |= kRun.at[axis][bits] << shift;
+    blocks |= uint64_t{1} << (word >> 12);
+    at = stop;
+  }
+  return blocks;
+}
+
+}  // namespace
+}  // namespace voxeld

@@ -1,0 +1,165 @@
+#include "server/voxel/gl/gl_pipeline.h"
+
+#include <algorithm>
+
+#include "server/base/stopwatch.h"
+#include "server/voxel/compact.h"
+#include "server/voxel/tile_mask.h"
+#include "shaders/shared/attributes.h"
+
+namespace voxeld {
+namespace {
+
+// Columns to a side of a large triangle's work items on devices with thousands of lanes.
+constexpr int kHardwareBlockColumns = 4;
+
+}  // namespace
+
+GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders)
+    : context_(&context),
+      device_(context),
+      touch_(device_, shaders),
+      attributes_(device_, shaders),
+      mask_(kTileMaskWords),
+      word_offsets_(kTileMaskWords) {}
+
+Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
+  plan_ = &plan;
+  stats_ = &stats;
+  timer_.emplace(*context_);
+  if (!plan.records) return {};
+  Stopwatch watch;
+  VOXELD_TRY(attributes_.begin_job(plan.scene, *plan.records, plan.channels.summed));
+  note("textures", watch.lap());
+  return {};
+}
+
+Status GlPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
+  for (const TileBin& bin : bins) VOXELD_TRY(run_tile(bin, tiles));
+  return {};
+}
+
+void GlPipeline::end_job() {
+  if (timer_) {
+    for (const auto& [pass, ms] : timer_->results()) note(pass, ms);
+    timer_.reset();
+  }
+  attributes_.end_job();
+  plan_ = nullptr;
+  stats_ = nullptr;
+}
+
+int64_t GlPipeline::device_bytes(const Scene& scene, const WantedChannels& channels) const {
+  const auto triangles =
+      static_cast<int64_t>(std::min(scene.triangle_count(), kWindowTrianglesMax));
+  int64_t bytes = static_cast<int64_t>(kTileMaskBytes) + triangles * 9 * 4 +
+                  static_cast<int64_t>(kWindowItemsMax * sizeof(WorkItemWords));
+  if (channels.any()) {
+    bytes += static_cast<int64_t>(kTileMaskBytes) + triangles * ATTRIBUTE_WORDS * 4 +
+             2 * std::min(static_cast<int64_t>(kSumsBytesMax), context_->info().ssbo_bytes_max);
+  }
+  return bytes;
+}
+
+DeviceTraits GlPipeline::traits() const {
+  return {context_->info().is_software, context_->info().texture_side_max};
+}
+
+// Fills the window with the triangles of the bin from `first` on, and uploads it.
+Status GlPipeline::fill_and_upload(const TileBin& bin, size_t first, size_t& end) {
+  Stopwatch watch;
+  const ItemSizes sizes{context_->info().is_software ? VOXELIZE_BLOCK_COLUMNS
+                                                     : kHardwareBlockColumns};
+  size_t count = std::min(bin.triangles.size() - first, kWindowTrianglesMax);
+  while (!fill_tile_window(plan_->mesh, plan_->spec, bin.coord, bin.triangles.subspan(first, count),
+                           plan_->part_images, sizes, window_)) {
+    count = (count + 1) / 2;
+  }
+  end = first + count;
+  note("items", watch.lap());
+  if (window_.items.empty()) return {};
+  VOXELD_TRY(device_.upload_window(window_, stats_->pipeline == Pipeline::kCompute));
+  note("upload", watch.lap());
+  return {};
+}
+
+Status GlPipeline::touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one_window) {
+  VOXELD_TRY(device_.begin_tile(tile_cell_max(plan_->spec, bin.coord)));
+  blocks = 0;
+  for (size_t first = 0, end = 0; first < bin.triangles.size(); first = end) {
+    VOXELD_TRY(fill_and_upload(bin, first, end));
+    is_one_window = first == 0 && end == bin.triangles.size();
+    stats_->work_items += static_cast<int64_t>(window_.items.size());
+    if (window_.items.empty()) continue;
+    timer_->begin("occupancy");
+    VOXELD_TRY(device_.clear_mask(window_.blocks));
+    VOXELD_TRY(touch_.run(window_, stats_->pipeline));
+    timer_->end();
+    blocks |= window_.blocks;
+  }
+  return {};
+}
+
+Status GlPipeline::run_tile(const TileBin& bin, std::vector<SparseTile>& tiles) {
+  uint64_t blocks = 0;
+  bool is_one_window = false;
+  VOXELD_TRY(touch_tile(bin, blocks, is_one_window));
+  if (blocks == 0) return {};
+  ++stats_->tiles;
+  Stopwatch watch;
+  device_.read_mask(blocks, mask_);
+  note("read", watch.lap());
+  SparseTile tile;
+  tile.coord = {bin.coord.x, bin.coord.y, bin.coord.z};
+  std::span<uint32_t> offsets;
+  if (plan_->channels.any()) offsets = word_offsets_;
+  const uint64_t voxels = compact_mask(mask_, blocks, tile, offsets);
+  note("compact", watch.lap());
+  if (voxels > 0 && plan_->channels.any()) {
+    VOXELD_TRY(attributes_.begin_tile(word_offsets_, blocks));
+    note("upload", watch.lap());
+    VOXELD_TRY(sum_attributes(bin, voxels, is_one_window, tile));
+  }
+  stats_->device_bytes_peak =
+      std::max(stats_->device_bytes_peak, device_.bytes() + attributes_.bytes());
+  if (voxels > 0) tiles.push_back(std::move(tile));
+  return {};
+}
+
+Status GlPipeline::sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
+                                  SparseTile& tile) {
+  if (plan_->channels.color) tile.color.resize(4 * voxel_count);
+  if (plan_->channels.normal) tile.normal.resize(3 * voxel_count);
+  const ResolveOptions resolve = plan_->resolve_options();
+  const size_t step = attributes_.voxels_max();
+  for (size_t first = 0; first < voxel_count; first += step) {
+    timer_->begin("attributes");
+    VOXELD_TRY(attributes_.begin_voxels(first, std::min(step, voxel_count - first)));
+    timer_->end();
+    VOXELD_TRY(sum_windows(bin, is_one_window));
+    Stopwatch watch;
+    attributes_.read(sums_, carries_);
+    note("read", watch.lap());
+    resolve_voxels(sums_, carries_, resolve, first, tile);
+    note("resolve", watch.lap());
+  }
+  return {};
+}
+
+// `is_one_window`: the bin's only window is still uploaded.
+Status GlPipeline::sum_windows(const TileBin& bin, bool is_one_window) {
+  for (size_t first = 0, end = 0; first < bin.triangles.size(); first = end) {
+    end = bin.triangles.size();
+    if (!is_one_window) VOXELD_TRY(fill_and_upload(bin, first, end));
+    if (window_.items.empty()) continue;
+    Stopwatch watch;
+    plan_->records->fill(bin.triangles.subspan(first, end - first), window_, words_);
+    note("records", watch.lap());
+    timer_->begin("attributes");
+    VOXELD_TRY(attributes_.run(window_, words_, stats_->pipeline));
+    timer_->end();
+  }
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,54 @@
+// Pipelines `raster` and `compute`: a tile's mask and sums in buffers of a GL context.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "server/gpu/context.h"
+#include "server/gpu/pass_timer.h"
+#include "server/gpu/shader_library.h"
+#include "server/voxel/gl/attribute_pass.h"
+#include "server/voxel/gl/tile_device.h"
+#include "server/voxel/gl/touch_pass.h"
+#include "server/voxel/tile_pipeline.h"
+#include "server/voxel/tile_window.h"
+
+namespace voxeld {
+
+// stats.pipeline of the job tells which of the two runs.
+class GlPipeline final : public TilePipeline {
+ public:
+  GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders);
+
+  Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
+  Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
+  void end_job() override;
+  int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const override;
+  DeviceTraits traits() const override;
+
+ private:
+  Status run_tile(const TileBin& bin, std::vector<SparseTile>& tiles);
+  Status fill_and_upload(const TileBin& bin, size_t first, size_t& end);
+  Status touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one_window);
+  Status sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
+                        SparseTile& tile);
+  Status sum_windows(const TileBin& bin, bool is_one_window);
+  void note(std::string_view pass, double ms) { add_stage(stats_->passes, pass, ms); }
+
+  gpu::Context* context_;
+  TileDevice device_;
+  TouchPass touch_;
+  AttributePass attributes_;
+  // Of the job.
+  const VoxelizePlan* plan_ = nullptr;
+  VoxelizeStats* stats_ = nullptr;
+  std::optional<gpu::PassTimer> timer_;
+  // Of the tile.
+  TileWindow window_;
+  std::vector<uint32_t> mask_, word_offsets_;
+  std::vector<uint32_t> words_;  // attributes of the window
+  std::vector<uint32_t> sums_, carries_;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,33 @@
+// The mask of a tile: a bit for each cell in Morton order, as proto/sparse_tile.h has it in a
+// brick.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "proto/limits.h"
+
+namespace voxeld {
+
+inline constexpr size_t kTileMaskBytes =
+    size_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide / 8;
+inline constexpr size_t kTileMaskWords = kTileMaskBytes / 4;
+// A block of 64^3 cells is a contiguous part of the mask.
+inline constexpr size_t kBlockMaskWords = kTileMaskWords / 64;
+
+// Calls visit(first_word, word_count) for the maximal runs of set blocks.
+template <typename Visit>
+void for_each_block_run(uint64_t blocks, const Visit& visit) {
+  for (size_t block = 0; block < 64;) {
+    if ((blocks >> block & 1) == 0) {
+      ++block;
+      continue;
+    }
+    size_t end = block;
+    while (end < 64 && (blocks >> end & 1) != 0) ++end;
+    visit(block * kBlockMaskWords, (end - block) * kBlockMaskWords);
+    block = end;
+  }
+}
+
+}  // namespace voxeld
