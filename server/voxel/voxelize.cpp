@@ -39,15 +39,15 @@ Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<con
                  const TileProgress& progress, VoxelizeStats& stats,
                  std::vector<SparseTile>& tiles) {
   VOXELD_TRY(pipeline.begin_job(plan, stats));
-  for (size_t first = 0; first < bins.size();) {
-    const size_t count = std::min(pipeline.batch_tiles(), bins.size() - first);
-    VOXELD_TRY(pipeline.run_tiles(bins.subspan(first, count), tiles));
-    first += count;
-    if (progress && !progress(static_cast<int64_t>(first), static_cast<int64_t>(bins.size()))) {
+  for (size_t done = 0;;) {
+    if (progress && !progress(static_cast<int64_t>(done), static_cast<int64_t>(bins.size()))) {
       return Error{ErrorCode::kCancelled, "the job was cancelled while it was voxelized", "", ""};
     }
+    if (done == bins.size()) return {};
+    const size_t count = std::min(pipeline.batch_tiles(), bins.size() - done);
+    VOXELD_TRY(pipeline.run_tiles(bins.subspan(done, count), tiles));
+    done += count;
   }
-  return {};
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/scene/load.h"
+#include "server/voxel/estimate.h"
 
 namespace voxeld {
 namespace {
@@ -134,9 +135,10 @@ Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const Reques
                                   const OutputOptions* output) {
   const StageTimer stage(run, "voxelize");
   Voxelizer& voxelizer = run.engine.voxelizer;
-  VOXELD_ASSIGN(const VoxelizeEstimate estimate, voxelizer.estimate(scene, options.voxelize));
-  if (output != nullptr) VOXELD_TRY(check_encodable(estimate.spec, *output));
-  run.monitor.set_progress(0, estimate.tiles);
+  if (output != nullptr) {
+    VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
+    VOXELD_TRY(check_encodable(placed.spec, *output));
+  }
   VoxelizeStats stats;
   LoadedGrid made;
   VOXELD_ASSIGN(made.grid, voxelizer.voxelize(
