@@ -124,7 +124,7 @@ std::optional<Color> Grid::color(int x, int y, int z) const {
 void Grid::for_each(
     const std::function<void(int, int, int, const Color*, const Normal*)>& visit) const {
   for (const SparseTile& tile : impl_->tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t voxel) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
       Color color{};
       Normal normal{};
       if (has_color()) std::copy_n(&tile.color[4 * voxel], 4, color.begin());
@@ -139,7 +139,7 @@ std::vector<std::uint8_t> Grid::dense() const {
   const auto ny = static_cast<size_t>(impl_->header.dims[1]);
   std::vector<std::uint8_t> cells(nx * ny * static_cast<size_t>(impl_->header.dims[2]));
   for (const SparseTile& tile : impl_->tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
       cells[static_cast<size_t>(x) + nx * (static_cast<size_t>(y) + ny * static_cast<size_t>(z))] =
           1;
     });

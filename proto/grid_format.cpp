@@ -79,7 +79,7 @@ Status check_cells(const SparseTile& tile, const std::array<int32_t, 3>& dims) {
   }
   if (fits) return {};
   bool outside = false;
-  for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+  for_each_voxel(tile, [&](int x, int y, int z, size_t) {
     outside = outside || x >= dims[0] || y >= dims[1] || z >= dims[2];
   });
   if (outside) return broken(0, "a tile has voxels outside dims");

@@ -19,12 +19,14 @@
 namespace voxeld {
 
 enum class UpAxis { kY, kZ };  // which axis of the input points up
-enum class Rule { kTouch };    // see DESIGN of server/voxel/README
-enum class Fill { kSurface };
-enum class ColorMode { kAverage, kShaded, kAxis, kNone };
+// The words of server/voxel/README.md.
+enum class Rule { kTouch, kThin, kCenter, kNone };
+enum class Fill { kSurface, kSolid, kShell };
+enum class Sign { kAuto, kParity, kNonzero, kMajority, kFlood, kWinding };
+enum class ColorMode { kAverage, kNearest, kDominant, kShaded, kAxis, kNone };
 enum class PipelineChoice { kAuto, kRaster, kCompute, kCpu };
 enum class Format { kNpy, kNpz, kVox, kNative };
-enum class Codec { kFast };
+enum class Codec { kFast, kSmall };
 enum class AxisOrder { kZyx, kXyz };
 // Type of the samples of a dense output. uint8: occupancy 0/1, colour 0..255 (sRGB), normal as
 // int8; float32: occupancy 0/1, colour 0..1 (linear light), normal -1..1.
@@ -50,6 +52,8 @@ struct VoxelizeOptions {
   PlacementOptions placement;
   Rule rule = Rule::kTouch;
   Fill fill = Fill::kSurface;
+  Sign sign = Sign::kAuto;  // what is inside, where fill is solid or shell
+  double thickness = 1.0;   // of a shell, in voxels, 1..256
   ColorMode color = ColorMode::kAverage;
   // Unset: occupancy, and color where the mesh has colours.
   bool channels_given = false;
@@ -78,6 +82,8 @@ struct RenderOptions {
   // "transparent", or sRGB #rrggbb / #rrggbbaa.
   std::array<uint8_t, 4> background = {255, 255, 255, 255};
   Light light = Light::kPhong;
+  bool occlusion = false;  // ambient occlusion
+  bool shadow = false;     // of a light that is not a point
   // Plane a,b,c,d in world units: what has a*x+b*y+c*z+d > 0 is cut away.
   std::optional<std::array<double, 4>> section;
 };

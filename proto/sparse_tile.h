@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -25,19 +26,44 @@ struct BrickMask {
   bool operator==(const BrickMask&) const = default;
 };
 
+// A node of the octree all of whose voxels are occupied: 2^level bricks to a side. It costs the same
+// whatever its size, so the inside of a solid costs nothing.
+struct FullNode {
+  uint32_t brick_morton = 0;  // its first brick; a multiple of brick_count()
+  uint32_t level = 0;         // 0: one brick, ... kTileLevels: the whole tile
+
+  uint32_t brick_count() const { return uint32_t{1} << (3 * level); }
+  bool operator==(const FullNode&) const = default;
+};
+
+// Of bricks, up to the tile's root.
+inline constexpr uint32_t kTileLevels =
+    static_cast<uint32_t>(std::countr_zero(unsigned{limits::kTileSide / limits::kBrickSide}));
+
 // A cube of kTileSide^3 voxels at cell coord*kTileSide of the grid. Only occupied bricks are kept,
-// in ascending Morton order of their position in the tile, so voxels in storage order are in Morton
-// order of the tile. Attributes are stored for occupied voxels alone, in that order.
+// in ascending Morton order of their position in the tile; those of full nodes are not in the list.
+// Attributes are stored for the voxels in `masks` alone, in Morton order of the tile: voxels of full
+// nodes have none.
+//
+// One set of voxels has one form, the canonical one (canonicalize()): full nodes are as large as
+// can be, and where there are no attributes no mask is full.
 struct SparseTile {
   std::array<int32_t, 3> coord{};      // in tiles
   std::vector<uint32_t> brick_morton;  // ascending; < (kTileSide/kBrickSide)^3
   std::vector<BrickMask> masks;        // same length
+  std::vector<FullNode> full;          // ascending; neither overlaps another nor a mask
   std::vector<uint8_t> color;          // empty, or 4 per voxel: sRGB R, G, B and linear A
   std::vector<int8_t> normal;          // empty, or 3 per voxel: unit normal times 127, rounded
 
-  size_t voxel_count() const;
+  bool empty() const { return masks.empty() && full.empty(); }
+  size_t voxel_count() const;      // of masks and full nodes
+  size_t attribute_count() const;  // voxels of masks: those that have attributes
   bool operator==(const SparseTile&) const = default;
 };
+
+// Moves full masks of a tile without attributes into `full`, and joins full nodes where eight make
+// a larger one. Needs `full` in ascending order.
+void canonicalize(SparseTile& tile);
 
 // Interleaves the low 10 bits of each coordinate, x lowest.
 constexpr uint32_t morton_spread(uint32_t v) {
@@ -63,26 +89,53 @@ constexpr std::array<uint32_t, 3> morton_decode(uint32_t m) {
   return {morton_compact(m), morton_compact(m >> 1), morton_compact(m >> 2)};
 }
 
-// Calls visit(brick_index, x, y, z, voxel_index) for every occupied voxel in storage order; x, y, z
-// are cells of the grid, voxel_index counts within the tile.
+// What for_each_voxel() says of a voxel in a full node.
+inline constexpr size_t kNoAttributes = SIZE_MAX;
+
+// Calls visit(brick_morton, mask, first_voxel) for every brick with voxels, those of full nodes one
+// by one, in Morton order. first_voxel: where the brick's attributes begin, or kNoAttributes.
+template <typename Visit>
+void for_each_brick(const SparseTile& tile, Visit&& visit) {
+  BrickMask full_mask;
+  full_mask.words.fill(~uint64_t{0});
+  size_t next_full = 0, voxel_index = 0;
+  const auto visit_full_before = [&](uint32_t end) {
+    for (; next_full < tile.full.size() && tile.full[next_full].brick_morton < end; ++next_full) {
+      const FullNode& node = tile.full[next_full];
+      for (uint32_t i = 0; i < node.brick_count(); ++i) {
+        visit(node.brick_morton + i, full_mask, kNoAttributes);
+      }
+    }
+  };
+  for (size_t b = 0; b < tile.masks.size(); ++b) {
+    visit_full_before(tile.brick_morton[b]);
+    visit(tile.brick_morton[b], tile.masks[b], voxel_index);
+    for (const uint64_t word : tile.masks[b].words) {
+      voxel_index += static_cast<size_t>(std::popcount(word));
+    }
+  }
+  visit_full_before(UINT32_MAX);
+}
+
+// Calls visit(x, y, z, voxel_index) for every occupied voxel in Morton order; x, y, z are cells of
+// the grid, voxel_index counts the tile's voxels with attributes, or is kNoAttributes.
 template <typename Visit>
 void for_each_voxel(const SparseTile& tile, Visit&& visit) {
-  size_t voxel_index = 0;
-  for (size_t b = 0; b < tile.masks.size(); ++b) {
-    const auto brick = morton_decode(tile.brick_morton[b]);
+  for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t voxel_index) {
+    const auto brick = morton_decode(morton);
     const std::array<int32_t, 3> base = {
         tile.coord[0] * limits::kTileSide + static_cast<int32_t>(brick[0]) * limits::kBrickSide,
         tile.coord[1] * limits::kTileSide + static_cast<int32_t>(brick[1]) * limits::kBrickSide,
         tile.coord[2] * limits::kTileSide + static_cast<int32_t>(brick[2]) * limits::kBrickSide};
     for (uint32_t word = 0; word < 8; ++word) {
-      for (uint64_t bits = tile.masks[b].words[word]; bits != 0; bits &= bits - 1) {
-        const uint32_t bit = static_cast<uint32_t>(__builtin_ctzll(bits));
-        const auto cell = morton_decode(word * 64 + bit);
-        visit(b, base[0] + static_cast<int32_t>(cell[0]), base[1] + static_cast<int32_t>(cell[1]),
-              base[2] + static_cast<int32_t>(cell[2]), voxel_index++);
+      for (uint64_t bits = mask.words[word]; bits != 0; bits &= bits - 1) {
+        const auto cell = morton_decode(word * 64 + static_cast<uint32_t>(std::countr_zero(bits)));
+        visit(base[0] + static_cast<int32_t>(cell[0]), base[1] + static_cast<int32_t>(cell[1]),
+              base[2] + static_cast<int32_t>(cell[2]), voxel_index);
+        if (voxel_index != kNoAttributes) ++voxel_index;
       }
     }
-  }
+  });
 }
 
 }  // namespace voxeld

@@ -65,8 +65,7 @@ Array make_array(const Grid& grid, const OutputOptions& options, std::string_vie
 template <typename Visit>
 void for_each_cell(const Grid& grid, Visit&& visit) {
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile,
-                   [&](size_t, int x, int y, int z, size_t voxel) { visit(tile, x, y, z, voxel); });
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) { visit(tile, x, y, z, voxel); });
   }
 }
 

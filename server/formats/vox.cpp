@@ -90,7 +90,7 @@ std::array<int, 3> scene_size(const GridSpec& spec) {
 Models models_of(const Grid& grid, const Palette& palette) {
   Models models;
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t voxel) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
       const std::array<int, 3> p = {x, grid.spec.dims.z - 1 - z, y};
       const std::array<int, 3> model = {p[0] / kModelSide, p[1] / kModelSide, p[2] / kModelSide};
       const uint8_t entry = grid.has_color ? palette.index_of.at(key_of(tile, voxel)) : uint8_t{0};

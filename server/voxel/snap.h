@@ -42,6 +42,8 @@ struct TileSpan {
 };
 
 struct SnappedMesh {
+  // Vertices stand at (q + 1/2) / 2^sub_voxel_bits voxels.
+  int sub_voxel_bits = limits::kSubVoxelBits;
   // q per axis. First the vertices of all parts, in the order of the scene; then those that
   // clipping made. Vertices that lie outside the box and are only used by clipped triangles have
   // kOutside as x.

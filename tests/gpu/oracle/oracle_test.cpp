@@ -68,7 +68,7 @@ Grid voxelize(const Scene& scene, VoxelizeOptions options, PipelineChoice pipeli
 reference::Occupancy dense(const Grid& grid) {
   reference::Occupancy cells(static_cast<size_t>(grid.spec.cell_count()));
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
       cells[static_cast<size_t>(x + int64_t{grid.spec.dims.x} *
                                         (y + int64_t{grid.spec.dims.y} * z))] = 1;
     });
@@ -307,7 +307,7 @@ void expect_colors(const Scene& scene, int size, double mean_max, double largest
     double sum = 0, largest = 0;
     size_t compared = 0;
     for (const SparseTile& tile : grid.tiles) {
-      for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t index) {
+      for_each_voxel(tile, [&](int x, int y, int z, size_t index) {
         const auto it = expected.find(static_cast<size_t>(
             x + int64_t{grid.spec.dims.x} * (y + int64_t{grid.spec.dims.y} * z)));
         if (it == expected.end() || it->second.area < 0.2) return;

@@ -28,7 +28,7 @@ Renderer& renderer() {
 Camera camera_for(const RenderOptions& options, const Grid& grid) {
   glm::ivec3 low(1 << 30), high(0);
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
       low = glm::min(low, glm::ivec3(x, y, z));
       high = glm::max(high, glm::ivec3(x, y, z) + 1);
     });

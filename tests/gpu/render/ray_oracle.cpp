@@ -66,7 +66,7 @@ OracleRay oracle_ray(const RenderOptions& options, const glm::dmat4& clip_from_w
 OracleGrid::OracleGrid(const Grid& grid) : dims_(grid.spec.dims) {
   cells_.resize(static_cast<size_t>(grid.spec.cell_count()));
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
       cells_[static_cast<size_t>(x + dims_.x * (y + dims_.y * z))] = true;
     });
   }

@@ -68,7 +68,7 @@ using Cells = std::map<std::array<int, 3>, Voxel>;
 inline Cells cells_of(const Grid& grid) {
   Cells cells;
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t index) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t index) {
       Voxel& voxel = cells[{x, y, z}];
       if (grid.has_color) {
         for (size_t c = 0; c < 4; ++c) voxel.color[c] = tile.color[4 * index + c];

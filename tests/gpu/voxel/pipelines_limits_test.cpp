@@ -46,7 +46,7 @@ TEST(Limits, a_tile_with_more_voxels_than_the_sums_hold_is_summed_in_parts) {
   ASSERT_EQ(grid.tiles[0].voxel_count(), size_t{90} * 256 * 256);
   ASSERT_GT(grid.tiles[0].voxel_count() * 7 * 4, 2 * kSumsBytesMax);
   size_t wrong = 0;
-  for_each_voxel(grid.tiles[0], [&](size_t, int, int, int z, size_t index) {
+  for_each_voxel(grid.tiles[0], [&](int, int, int z, size_t index) {
     wrong += grid.tiles[0].color[4 * index] != (z % 2 == 1 ? 255 : 0);
     wrong += grid.tiles[0].normal[3 * index + 2] != 127;
   });

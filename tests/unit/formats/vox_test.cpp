@@ -27,7 +27,7 @@ std::array<int, 3> scene_cell(const Grid& grid, int x, int y, int z) {
 Cells expected_cells(const Grid& grid) {
   Cells cells;
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t voxel) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
       const uint8_t* c = &tile.color[4 * voxel];
       cells[scene_cell(grid, x, y, z)] = {c[0], c[1], c[2]};
     });

@@ -27,7 +27,7 @@ TEST(Grid, normalizing_sorts_tiles_by_morton_order_and_drops_empty_ones) {
   const uint64_t voxels = grid.voxel_count();
   const size_t count = grid.tiles.size();
   ASSERT_GT(count, 6u);
-  grid.tiles.insert(grid.tiles.begin(), SparseTile{{1, 1, 0}, {}, {}, {}, {}});
+  grid.tiles.insert(grid.tiles.begin(), SparseTile{{1, 1, 0}, {}, {}, {}, {}, {}});
   normalize_tiles(grid);
   EXPECT_EQ(grid.tiles.size(), count);
   EXPECT_EQ(grid.voxel_count(), voxels);

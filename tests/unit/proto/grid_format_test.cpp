@@ -134,7 +134,7 @@ TEST(GridFormat, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   const GridHeader header = header_of({600, 600, 600}, true, false);
   const auto first = encode_grid(header, tiles);
   std::ranges::shuffle(tiles, random);
-  tiles.insert(tiles.begin() + 2, SparseTile{{2, 2, 2}, {}, {}, {}, {}});  // empty: left out
+  tiles.insert(tiles.begin() + 2, SparseTile{{2, 2, 2}, {}, {}, {}, {}, {}});  // empty: left out
   const auto second = encode_grid(header, tiles);
   ASSERT_TRUE(first && second);
   EXPECT_EQ(*first, *second);

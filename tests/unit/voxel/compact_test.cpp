@@ -29,7 +29,7 @@ TEST(CompactMask, keeps_occupied_bricks_of_the_blocks_in_morton_order) {
   EXPECT_EQ(count, tile.voxel_count());
   EXPECT_TRUE(std::is_sorted(tile.brick_morton.begin(), tile.brick_morton.end()));
   size_t seen = 0;
-  for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t index) {
+  for_each_voxel(tile, [&](int x, int y, int z, size_t index) {
     const uint32_t m =
         morton_encode(static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint32_t>(z));
     ASSERT_NE(mask[m >> 5] >> (m & 31) & 1, 0u);

@@ -140,7 +140,7 @@ std::vector<SparseTile> touched_tiles(CpuTouch& touch, const SnappedMesh& mesh,
 Cells cells_of(const std::vector<SparseTile>& tiles) {
   Cells cells;
   for (const SparseTile& tile : tiles) {
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) { cells.insert({x, y, z}); });
+    for_each_voxel(tile, [&](int x, int y, int z, size_t) { cells.insert({x, y, z}); });
   }
   return cells;
 }
@@ -271,7 +271,7 @@ TEST_P(CpuTouchTest, triangles_as_large_as_the_largest_grid_are_exact) {
     tile.coord = {bin.coord.x, bin.coord.y, bin.coord.z};
     touch.run(mesh, spec, bin, tile);
     Cells got, expected;
-    for_each_voxel(tile, [&](size_t, int x, int y, int z, size_t) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
       const glm::ivec3 p(x, y, z);
       if (glm::all(glm::greaterThanEqual(p, window.first)) &&
           glm::all(glm::lessThanEqual(p, window.last))) {

@@ -116,7 +116,7 @@ TEST(VoxelizerWithoutDevice, colours_and_normals_are_those_of_the_surface) {
   const SparseTile& tile = grid->tiles[0];
   EXPECT_EQ(tile.voxel_count(), 64u);
   size_t wrong = 0;
-  for_each_voxel(tile, [&](size_t, int x, int, int z, size_t voxel) {
+  for_each_voxel(tile, [&](int x, int, int z, size_t voxel) {
     const uint8_t* color = &tile.color[4 * voxel];
     // The red square's corners at x = 4 stand half a sub-voxel inside the cells there.
     const int tolerance = x == 4 ? 2 : 0;
