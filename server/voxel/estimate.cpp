@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 
 #include "proto/sparse_tile.h"
 #include "server/voxel/parallel.h"
@@ -13,12 +14,25 @@ namespace {
 
 constexpr size_t kTriangleGrain = 1 << 15;
 
-// Voxels and bricks that one triangle can touch.
-int64_t touched_max(glm::ivec3 extent_q, int q_per_cell) {
-  std::array<int64_t, 3> cells = {extent_q.x / q_per_cell + 2, extent_q.y / q_per_cell + 2,
-                                  extent_q.z / q_per_cell + 2};
-  std::sort(cells.begin(), cells.end());
-  return cells[2] * cells[1] * std::min<int64_t>(cells[0], 4);
+constexpr int kBrickBits = limits::kSubVoxelBits + std::countr_zero(unsigned{limits::kBrickSide});
+
+// Cubes of 2^bits q to a side that one triangle can touch.
+int64_t touched_max(const glm::ivec3& extent_q, int bits) {
+  const int64_t x = (extent_q.x >> bits) + 2, y = (extent_q.y >> bits) + 2,
+                z = (extent_q.z >> bits) + 2;
+  const int64_t least = std::min({x, y, z}), most = std::max({x, y, z});
+  return most * (x + y + z - least - most) * std::min<int64_t>(least, 4);
+}
+
+constexpr int64_t kBytesPerBrick = sizeof(BrickMask) + sizeof(uint32_t);
+
+int64_t brick_count(const GridSpec& spec) {
+  const glm::ivec3 bricks = (spec.dims + limits::kBrickSide - 1) / limits::kBrickSide;
+  return int64_t{bricks.x} * bricks.y * bricks.z;
+}
+
+int64_t attribute_bytes(const WantedChannels& channels) {
+  return (channels.color ? 4 : 0) + (channels.normal ? 3 : 0);
 }
 
 }  // namespace
@@ -53,6 +67,10 @@ int64_t mesh_bytes(const Scene& scene) {
                                   (sizeof(SnappedTriangle) + 2 * sizeof(uint32_t)));
 }
 
+int64_t dense_result_bytes(const GridSpec& spec, const WantedChannels& channels) {
+  return brick_count(spec) * kBytesPerBrick + spec.cell_count() * attribute_bytes(channels);
+}
+
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
                      const WantedChannels& channels) {
   std::vector<std::array<int64_t, 2>> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
@@ -64,8 +82,8 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
           const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]],
                            &c = mesh.vertices[v[2]];
           const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
-          sum[0] += touched_max(extent, kSubVoxelsPerVoxel);
-          sum[1] += touched_max(extent, kSubVoxelsPerVoxel * limits::kBrickSide);
+          sum[0] += touched_max(extent, limits::kSubVoxelBits);
+          sum[1] += touched_max(extent, kBrickBits);
         }
         sums[chunk] = sum;
       });
@@ -74,13 +92,9 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
     voxels += sum[0];
     bricks += sum[1];
   }
-  constexpr int64_t kBrickCells =
-      int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
-  const int64_t brick_cells = (spec.cell_count() + kBrickCells - 1) / kBrickCells;
   voxels = std::min(voxels, spec.cell_count());
-  bricks = std::min({bricks, voxels, brick_cells});
-  return bricks * static_cast<int64_t>(sizeof(BrickMask) + 4) +
-         voxels * ((channels.color ? 4 : 0) + (channels.normal ? 3 : 0));
+  bricks = std::min({bricks, voxels, brick_count(spec)});
+  return bricks * kBytesPerBrick + voxels * attribute_bytes(channels);
 }
 
 Status check_host_bytes(const GridSpec& spec, int64_t bytes, int64_t bytes_max) {

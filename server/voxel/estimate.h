@@ -29,7 +29,10 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
 // Bytes of the snapped mesh and its bins.
 int64_t mesh_bytes(const Scene& scene);
 
-// Upper estimate of the bytes of the sparse result: a triangle touches at most (a + 2)(b + 2)
+// Bytes of a sparse result all of whose cells are occupied; a result never needs more.
+int64_t dense_result_bytes(const GridSpec& spec, const WantedChannels& channels);
+
+// Upper estimate of the bytes of the sparse result, at most the dense one's: a triangle touches at most (a + 2)(b + 2)
 // columns in its two longer directions, and four cells in each, or as many as it is deep.
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
 

@@ -1,93 +1,137 @@
 #include "server/voxel/snap.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <numeric>
+#include <span>
 #include <string>
 
 #include "server/voxel/clip.h"
 #include "server/voxel/parallel.h"
+#include "server/voxel/split.h"
 
 namespace voxeld {
 namespace {
 
-constexpr size_t kVertexGrain = 1 << 15;
+constexpr size_t kVertexGrain = 1 << 13;
 constexpr size_t kTriangleGrain = 1 << 14;
 // Rounding of the placement must not lose a face on the grid's box; in voxels.
 constexpr double kBoundaryTolerance = 1.0 / 4096;
 
-glm::dvec3 transformed(const glm::dmat4& world_from_file, const glm::dvec3& p_file) {
-  return glm::dvec3(world_from_file * glm::dvec4(p_file, 1.0));
-}
+// The doubles of step 1, for many vertices.
+class WorldFromFile {
+ public:
+  explicit WorldFromFile(const glm::dmat4& matrix)
+      : matrix_(matrix), is_identity_(matrix == glm::dmat4(1.0)) {}
+
+  glm::dvec3 operator()(const glm::dvec3& p_file) const {
+    return is_identity_ ? p_file : glm::dvec3(matrix_ * glm::dvec4(p_file, 1.0));
+  }
+
+ private:
+  glm::dmat4 matrix_;
+  bool is_identity_;
+};
 
 bool inside_box(const glm::dvec3& p, const glm::ivec3& dims) {
-  // Written so that NaN is outside.
-  return p.x >= -1.0 && p.x <= dims.x + 1.0 && p.y >= -1.0 && p.y <= dims.y + 1.0 && p.z >= -1.0 &&
-         p.z <= dims.z + 1.0;
+  // NaN is outside. Without short cuts: a few comparisons are cheaper than a branch that misses.
+  bool inside = true;
+  for (int c = 0; c < 3; ++c) inside = inside & (p[c] >= -1.0) & (p[c] <= dims[c] + 1.0);
+  return inside;
+}
+
+// std::floor is a call where the instruction set has no rounding. |x| < 2^31.
+int32_t floor_to_int(double x) {
+  const auto truncated = static_cast<int32_t>(x);
+  return truncated - (truncated > x ? 1 : 0);
+}
+
+// snap_coordinate(), to be inlined.
+int32_t snapped(double p_grid, int dim) {
+  const int32_t q = floor_to_int(p_grid * kSubVoxelsPerVoxel);
+  // Rounding of clipped points may leave the box by its last bit.
+  const int32_t in_box = std::clamp(q, -kSubVoxelsPerVoxel, (dim + 1) * kSubVoxelsPerVoxel);
+  const bool below = p_grid < 0.0 && p_grid >= -kBoundaryTolerance;
+  const bool above = p_grid >= dim && p_grid <= dim + kBoundaryTolerance;
+  return below ? 0 : above ? dim * kSubVoxelsPerVoxel - 1 : in_box;
 }
 
 glm::ivec3 snapped(const glm::dvec3& p_grid, const glm::ivec3& dims) {
-  return {snap_coordinate(p_grid.x, dims.x), snap_coordinate(p_grid.y, dims.y),
-          snap_coordinate(p_grid.z, dims.z)};
+  return {snapped(p_grid.x, dims.x), snapped(p_grid.y, dims.y), snapped(p_grid.z, dims.z)};
 }
 
-// Triangles and clipped vertices of one chunk of one part; vertex numbers from `first_clipped` on
-// count from the chunk's own first clipped vertex.
+// What one chunk of one part's triangles becomes. Vertex numbers from the mesh's file_vertex_count
+// on count from the chunk's own first clipped vertex.
 struct ChunkOutput {
-  std::vector<SnappedTriangle> triangles;
+  SnappedTriangle* whole = nullptr;     // where triangles that stay whole go
+  size_t whole_count = 0;               // at most as many as the chunk has
+  std::vector<SnappedTriangle> pieces;  // of others
   std::vector<ClippedVertex> clipped;
   std::vector<glm::ivec3> clipped_q;
   bool not_finite = false;
+  bool too_many = false;
+
+  size_t bytes() const {
+    return pieces.size() * sizeof(pieces[0]) +
+           clipped.size() * (sizeof(clipped[0]) + sizeof(clipped_q[0]));
+  }
 };
 
 class TriangleSnapper {
  public:
   TriangleSnapper(const SnappedMesh& mesh, const MeshPart& part, uint32_t part_index,
-                  const glm::dmat4& world_from_file, const GridSpec& spec)
+                  const WorldFromFile& world_from_file, const GridSpec& spec, size_t bytes_max)
       : mesh_(mesh),
         part_(part),
         part_index_(part_index),
         base_(mesh.part_first_vertex[part_index]),
         world_from_file_(world_from_file),
-        spec_(spec) {}
+        spec_(spec),
+        splits_(std::max({spec.dims.x, spec.dims.y, spec.dims.z}) > kUnsplitGridSide),
+        bytes_max_(bytes_max) {}
 
   void run(size_t first, size_t last, ChunkOutput& out) const {
-    out.triangles.reserve(last - first);
-    for (size_t t = first; t < last; ++t) {
+    for (size_t t = first; t < last && !out.not_finite && !out.too_many; ++t) {
       const uint32_t* index = &part_.indices[3 * t];
       const std::array<uint32_t, 3> vertices = {base_ + index[0], base_ + index[1],
                                                 base_ + index[2]};
       const glm::ivec3& a = mesh_.vertices[vertices[0]];
       const glm::ivec3& b = mesh_.vertices[vertices[1]];
       const glm::ivec3& c = mesh_.vertices[vertices[2]];
-      if (a.x == kOutside || b.x == kOutside || c.x == kOutside) {
-        add_clipped(vertices, out);
+      const bool clips = (a.x == kOutside) | (b.x == kOutside) | (c.x == kOutside);
+      if (clips || (splits_ && may_be_long(a, b, c))) {
+        add_pieces(vertices, out);
       } else {
-        add(vertices, a, b, c, out);
+        // Written in any case: the next one takes the place of one that is far.
+        out.whole[out.whole_count] = {vertices, part_index_};
+        out.whole_count += touches_box(a, b, c) ? 1 : 0;
       }
     }
   }
 
  private:
-  void add(const std::array<uint32_t, 3>& vertices, const glm::ivec3& a, const glm::ivec3& b,
-           const glm::ivec3& c, ChunkOutput& out) const {
-    TileSpan span;
-    for (int axis = 0; axis < 3; ++axis) {
-      const int low = std::min({a[axis], b[axis], c[axis]}) >> limits::kSubVoxelBits;
-      const int high = std::max({a[axis], b[axis], c[axis]}) >> limits::kSubVoxelBits;
-      if (high < 0 || low >= spec_.dims[axis]) return;
-      span.first[axis] = static_cast<uint32_t>(std::max(low, 0) / limits::kTileSide);
-      span.last[axis] =
-          static_cast<uint32_t>(std::min(high, spec_.dims[axis] - 1) / limits::kTileSide);
-    }
-    out.triangles.push_back({vertices, part_index_, span.packed()});
+  static bool may_be_long(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
+    const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
+    return std::max({extent.x, extent.y, extent.z}) >=
+           (static_cast<int>(kEdgeCellsMax) - 1) * kSubVoxelsPerVoxel;
   }
 
-  void add_clipped(const std::array<uint32_t, 3>& vertices, ChunkOutput& out) const {
+  bool touches_box(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) const {
+    bool touches = true;
+    for (int axis = 0; axis < 3; ++axis) {
+      const int low = std::min(a[axis], std::min(b[axis], c[axis]));
+      const int high = std::max(a[axis], std::max(b[axis], c[axis]));
+      touches = touches & (high >= 0) & (low < spec_.dims[axis] * kSubVoxelsPerVoxel);
+    }
+    return touches;
+  }
+
+  // What clipping and splitting leave of a triangle.
+  void add_pieces(const std::array<uint32_t, 3>& vertices, ChunkOutput& out) const {
     std::array<glm::dvec3, 3> p_grid;
     for (size_t i = 0; i < 3; ++i) {
-      p_grid[i] = spec_.grid_from_world(
-          transformed(world_from_file_, part_.positions[vertices[i] - base_]));
+      p_grid[i] = spec_.grid_from_world(world_from_file_(part_.positions[vertices[i] - base_]));
       if (!std::isfinite(p_grid[i].x + p_grid[i].y + p_grid[i].z)) {
         out.not_finite = true;
         return;
@@ -95,14 +139,29 @@ class TriangleSnapper {
     }
     const ClipPolygon polygon =
         clip_triangle(p_grid, glm::dvec3(-1.0), glm::dvec3(spec_.dims) + 1.0);
+    if (!splits_) {
+      add_fan(vertices, {polygon.corners.data(), polygon.count}, out);
+      return;
+    }
+    std::vector<SplitTriangle> pieces;
+    for (size_t i = 1; i + 1 < polygon.count; ++i) {
+      split_triangle({polygon.corners[0], polygon.corners[i], polygon.corners[i + 1]}, pieces);
+    }
+    for (const SplitTriangle& piece : pieces) add_fan(vertices, piece, out);
+    out.too_many = out.bytes() > bytes_max_;
+  }
+
+  void add_fan(const std::array<uint32_t, 3>& vertices, std::span<const ClipCorner> corners,
+               ChunkOutput& out) const {
     const auto first = static_cast<uint32_t>(mesh_.file_vertex_count + out.clipped.size());
-    for (size_t i = 0; i < polygon.count; ++i) {
-      out.clipped.push_back({vertices, polygon.corners[i].weights});
-      out.clipped_q.push_back(snapped(polygon.corners[i].p_grid, spec_.dims));
+    for (const ClipCorner& corner : corners) {
+      out.clipped.push_back({vertices, corner.weights});
+      out.clipped_q.push_back(snapped(corner.p_grid, spec_.dims));
     }
     const glm::ivec3* q = out.clipped_q.data() + (first - mesh_.file_vertex_count);
-    for (uint32_t i = 1; i + 1 < polygon.count; ++i) {
-      add({first, first + i, first + i + 1}, q[0], q[i], q[i + 1], out);
+    for (uint32_t i = 1; i + 1 < corners.size(); ++i) {
+      if (!touches_box(q[0], q[i], q[i + 1])) continue;
+      out.pieces.push_back({{first, first + i, first + i + 1}, part_index_});
     }
   }
 
@@ -110,21 +169,23 @@ class TriangleSnapper {
   const MeshPart& part_;
   uint32_t part_index_;
   uint32_t base_;
-  const glm::dmat4& world_from_file_;
+  const WorldFromFile& world_from_file_;
   const GridSpec& spec_;
+  bool splits_;
+  size_t bytes_max_;
 };
 
-void snap_vertices(const MeshPart& part, const glm::dmat4& world_from_file, const GridSpec& spec,
+void snap_vertices(const MeshPart& part, const WorldFromFile& world_from_file, const GridSpec& spec,
                    glm::ivec3* out) {
   parallel_chunks(part.positions.size(), kVertexGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
-      const glm::dvec3 p = spec.grid_from_world(transformed(world_from_file, part.positions[i]));
+      const glm::dvec3 p = spec.grid_from_world(world_from_file(part.positions[i]));
       out[i] = inside_box(p, spec.dims) ? snapped(p, spec.dims) : glm::ivec3(kOutside, 0, 0);
     }
   });
 }
 
-Status append(ChunkOutput& chunk, const MeshPart& part, SnappedMesh& mesh) {
+Status check(const ChunkOutput& chunk, const MeshPart& part) {
   if (chunk.not_finite) {
     return Error{ErrorCode::kMalformedMesh,
                  "part \"" + part.name +
@@ -132,42 +193,64 @@ Status append(ChunkOutput& chunk, const MeshPart& part, SnappedMesh& mesh) {
                      "at a finite place in the grid",
                  "", ""};
   }
-  const auto shift = static_cast<uint32_t>(mesh.clipped.size());
-  if (!chunk.clipped.empty()) {
-    for (SnappedTriangle& triangle : chunk.triangles) {
-      for (uint32_t& vertex : triangle.vertices) {
-        if (vertex >= mesh.file_vertex_count) vertex += shift;
-      }
-    }
+  if (chunk.too_many) {
+    return Error{ErrorCode::kGridTooLarge,
+                 "part \"" + part.name + "\" has too many triangles as long as the grid",
+                 "triangles of at most " + std::to_string(static_cast<int>(kEdgeCellsMax)) +
+                     " voxels, or fewer longer ones",
+                 ""};
   }
-  mesh.triangles.insert(mesh.triangles.end(), chunk.triangles.begin(), chunk.triangles.end());
+  return {};
+}
+
+void append_pieces(const ChunkOutput& chunk, SnappedMesh& mesh) {
+  const auto shift = static_cast<uint32_t>(mesh.clipped.size());
+  for (SnappedTriangle piece : chunk.pieces) {
+    for (uint32_t& vertex : piece.vertices) vertex += shift;
+    mesh.triangles.push_back(piece);
+  }
   mesh.clipped.insert(mesh.clipped.end(), chunk.clipped.begin(), chunk.clipped.end());
   mesh.vertices.insert(mesh.vertices.end(), chunk.clipped_q.begin(), chunk.clipped_q.end());
+}
+
+Status snap_triangles(const MeshPart& part, uint32_t part_index,
+                      const WorldFromFile& world_from_file, const GridSpec& spec, int64_t bytes_max,
+                      SnappedMesh& mesh) {
+  const size_t first = mesh.triangles.size(), count = part.indices.size() / 3;
+  mesh.triangles.resize(first + count);
+  std::vector<ChunkOutput> chunks(chunk_count(count, kTriangleGrain));
+  const TriangleSnapper snapper(mesh, part, part_index, world_from_file, spec,
+                                static_cast<size_t>(bytes_max) / chunks.size());
+  parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+    chunks[chunk].whole = mesh.triangles.data() + first + begin;
+    snapper.run(begin, end, chunks[chunk]);
+  });
+  SnappedTriangle* end = mesh.triangles.data() + first;
+  for (const ChunkOutput& chunk : chunks) {
+    VOXELD_TRY(check(chunk, part));
+    if (end != chunk.whole) std::copy_n(chunk.whole, chunk.whole_count, end);
+    end += chunk.whole_count;
+  }
+  mesh.triangles.resize(static_cast<size_t>(end - mesh.triangles.data()));
+  for (const ChunkOutput& chunk : chunks) append_pieces(chunk, mesh);
   return {};
+}
+
+// 1 for each vertex of the part that triangles use.
+std::vector<uint8_t> used_vertices(const MeshPart& part) {
+  std::vector<uint8_t> used(part.positions.size());
+  parallel_chunks(part.indices.size(), 4 * kTriangleGrain, [&](size_t, size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      std::atomic_ref(used[part.indices[i]]).store(1, std::memory_order_relaxed);
+    }
+  });
+  return used;
 }
 
 }  // namespace
 
 int32_t snap_coordinate(double p_grid, int dim) {
-  if (p_grid >= -kBoundaryTolerance && p_grid < 0.0) return 0;
-  if (p_grid >= dim && p_grid <= dim + kBoundaryTolerance) return dim * kSubVoxelsPerVoxel - 1;
-  const double q = std::floor(p_grid * kSubVoxelsPerVoxel);
-  // Rounding of clipped points may leave the box by its last bit.
-  return static_cast<int32_t>(
-      std::clamp(q, -double{kSubVoxelsPerVoxel}, (dim + 1.0) * kSubVoxelsPerVoxel));
-}
-
-uint32_t TileSpan::packed() const {
-  return first[0] | first[1] << 4 | first[2] << 8 | last[0] << 12 | last[1] << 16 | last[2] << 20;
-}
-
-TileSpan TileSpan::unpack(uint32_t packed) {
-  TileSpan span;
-  for (uint32_t axis = 0; axis < 3; ++axis) {
-    span.first[axis] = packed >> (4 * axis) & 15u;
-    span.last[axis] = packed >> (4 * axis + 12) & 15u;
-  }
-  return span;
+  return snapped(p_grid, dim);
 }
 
 int part_image(const Scene& scene, size_t part) {
@@ -176,17 +259,17 @@ int part_image(const Scene& scene, size_t part) {
   return scene.materials[static_cast<size_t>(material)].image;
 }
 
-Box3d world_bounds(const Scene& scene, const glm::dmat4& world_from_file) {
+Box3d world_bounds(const Scene& scene, const glm::dmat4& matrix) {
+  const WorldFromFile world_from_file(matrix);
   Box3d box;
   for (const MeshPart& part : scene.parts) {
-    std::vector<uint8_t> used(part.positions.size());
-    for (const uint32_t index : part.indices) used[index] = 1;
+    const std::vector<uint8_t> used = used_vertices(part);
     std::vector<Box3d> boxes(chunk_count(part.positions.size(), kVertexGrain));
     parallel_chunks(part.positions.size(), kVertexGrain,
                     [&](size_t chunk, size_t begin, size_t end) {
                       Box3d own;
                       for (size_t i = begin; i < end; ++i) {
-                        if (used[i] != 0) own.add(transformed(world_from_file, part.positions[i]));
+                        if (used[i] != 0) own.add(world_from_file(part.positions[i]));
                       }
                       boxes[chunk] = own;
                     });
@@ -199,8 +282,9 @@ Box3d world_bounds(const Scene& scene, const glm::dmat4& world_from_file) {
   return box;
 }
 
-Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& world_from_file,
-                               const GridSpec& spec) {
+Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, const GridSpec& spec,
+                               int64_t bytes_max) {
+  const WorldFromFile world_from_file(matrix);
   SnappedMesh mesh;
   size_t vertex_count = 0;
   for (const MeshPart& part : scene.parts) {
@@ -218,15 +302,8 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& world_from_
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
     return part_image(scene, a) < part_image(scene, b);
   });
-  mesh.triangles.reserve(scene.triangle_count());
   for (const uint32_t p : order) {
-    const MeshPart& part = scene.parts[p];
-    const TriangleSnapper snapper(mesh, part, p, world_from_file, spec);
-    std::vector<ChunkOutput> chunks(chunk_count(part.indices.size() / 3, kTriangleGrain));
-    parallel_chunks(
-        part.indices.size() / 3, kTriangleGrain,
-        [&](size_t chunk, size_t begin, size_t end) { snapper.run(begin, end, chunks[chunk]); });
-    for (ChunkOutput& chunk : chunks) VOXELD_TRY(append(chunk, part, mesh));
+    VOXELD_TRY(snap_triangles(scene.parts[p], p, world_from_file, spec, bytes_max, mesh));
   }
   return mesh;
 }

@@ -13,6 +13,7 @@
 #include "proto/result.h"
 #include "server/grid/grid_spec.h"
 #include "server/scene/scene.h"
+#include "server/voxel/raw_vector.h"
 
 namespace voxeld {
 
@@ -23,37 +24,27 @@ inline constexpr int kSubVoxelsPerVoxel = 1 << limits::kSubVoxelBits;
 int32_t snap_coordinate(double p_grid, int dim);
 
 struct SnappedTriangle {
-  std::array<uint32_t, 3> vertices{};  // indices into SnappedMesh::vertices, as in the file
-  uint32_t part = 0;                   // of the scene
-  uint32_t tiles = 0;                  // first and last tile of its bounding box, see TileSpan
+  std::array<uint32_t, 3> vertices;  // indices into SnappedMesh::vertices, as in the file
+  uint32_t part;                     // of the scene
 };
 
-// A vertex that clipping made: attributes are those of the triangle's corners, weighted.
+// A vertex that clipping or splitting made: attributes are those of the triangle's corners, weighted.
 struct ClippedVertex {
   std::array<uint32_t, 3> corners{};  // indices into SnappedMesh::vertices, of the file's vertices
   std::array<double, 3> weights{};
 };
 
-// First and last tile on each axis, inclusive, in 4 bits each: x first in the lowest.
-struct TileSpan {
-  std::array<uint32_t, 3> first{}, last{};
-  uint32_t packed() const;
-  static TileSpan unpack(uint32_t packed);
-};
-
 struct SnappedMesh {
-  // Vertices stand at (q + 1/2) / 2^sub_voxel_bits voxels.
-  int sub_voxel_bits = limits::kSubVoxelBits;
   // q per axis. First the vertices of all parts, in the order of the scene; then those that
-  // clipping made. Vertices that lie outside the box and are only used by clipped triangles have
-  // kOutside as x.
-  std::vector<glm::ivec3> vertices;
+  // clipping and splitting made. Vertices that lie outside the box and are only used by clipped
+  // triangles have kOutside as x.
+  RawVector<glm::ivec3> vertices;
   std::vector<uint32_t> part_first_vertex;  // per part; index of its first vertex
   uint32_t file_vertex_count = 0;           // vertices[file_vertex_count + i] is clipped[i]
   std::vector<ClippedVertex> clipped;
   // That touch the grid's box; grouped by the image of their material (ascending; none first), in
-  // the order of the scene within a group.
-  std::vector<SnappedTriangle> triangles;
+  // the order of the scene within a group; of each part, pieces last.
+  RawVector<SnappedTriangle> triangles;
 };
 
 inline constexpr int32_t kOutside = INT32_MIN;
@@ -64,8 +55,9 @@ int part_image(const Scene& scene, size_t part);
 // Box of the vertices that triangles use, in world space. Empty when there is no triangle.
 Box3d world_bounds(const Scene& scene, const glm::dmat4& world_from_file);
 
-// Errors: malformed-mesh for a vertex that is not finite.
+// bytes_max: of the pieces of clipped and split triangles. Errors: malformed-mesh for a vertex that
+// is not finite, grid-too-large for more pieces.
 Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& world_from_file,
-                               const GridSpec& spec);
+                               const GridSpec& spec, int64_t bytes_max = INT64_MAX);
 
 }  // namespace voxeld

@@ -76,10 +76,14 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   plan.world_from_file = placed.world_from_file;
   add_stage(stats.passes, "place", watch.lap());
   VOXELD_TRY(check_host_bytes(placed.spec, mesh_bytes(scene), host_bytes_max));
-  VOXELD_ASSIGN(plan.mesh, snap_scene(scene, placed.world_from_file, placed.spec));
-  VOXELD_TRY(check_host_bytes(
-      placed.spec, mesh_bytes(scene) + result_bytes(plan.mesh, placed.spec, plan.channels),
-      host_bytes_max));
+  const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
+  VOXELD_ASSIGN(plan.mesh, snap_scene(scene, placed.world_from_file, placed.spec, bytes_left));
+  // A close estimate takes its time, and matters only to grids that might not fit.
+  if (dense_result_bytes(placed.spec, plan.channels) > bytes_left) {
+    VOXELD_TRY(check_host_bytes(
+        placed.spec, mesh_bytes(scene) + result_bytes(plan.mesh, placed.spec, plan.channels),
+        host_bytes_max));
+  }
   stats.triangles = static_cast<int64_t>(plan.mesh.triangles.size());
   add_stage(stats.passes, "snap", watch.lap());
   for (size_t part = 0; part < scene.parts.size(); ++part) {
@@ -130,7 +134,8 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
                                              const VoxelizeOptions& options) const {
   VOXELD_ASSIGN(const Placed placed, place_scene(scene, options));
   VOXELD_TRY(check_host_bytes(placed.spec, mesh_bytes(scene), impl_->host_bytes_max));
-  VOXELD_ASSIGN(const SnappedMesh mesh, snap_scene(scene, placed.world_from_file, placed.spec));
+  VOXELD_ASSIGN(const SnappedMesh mesh, snap_scene(scene, placed.world_from_file, placed.spec,
+                                                   impl_->host_bytes_max - mesh_bytes(scene)));
   const WantedChannels channels = wanted_channels(scene, options);
   const Choice choice = choose(options.pipeline, impl_->device.get());
   const TilePipeline* pipeline = impl_->pipeline(choice.pipeline);

@@ -3,10 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
+#include <tuple>
 
 #include "server/voxel/clip.h"
+#include "server/voxel/split.h"
 #include "tests/reference/touch_oracle.h"
 
 namespace voxeld {
@@ -48,16 +51,6 @@ TEST(Snap, agrees_with_the_oracle) {
     const double p = i % 3 == 0 ? std::round(uniform(random) * 4) / 4 : uniform(random);
     ASSERT_EQ(2 * snap_coordinate(p, 2048) + 1, reference::snap_512(p, 2048)) << p;
   }
-}
-
-TEST(Snap, keeps_the_tiles_of_each_triangle) {
-  const auto mesh = snap_scene(scene_of({{10, 10, 10}, {300, 10, 10}, {10, 600, 10}}),
-                               glm::dmat4(1.0), unit_spec(1024));
-  ASSERT_TRUE(mesh.ok());
-  ASSERT_EQ(mesh->triangles.size(), 1u);
-  const TileSpan span = TileSpan::unpack(mesh->triangles[0].tiles);
-  EXPECT_EQ(span.first, (std::array<uint32_t, 3>{0, 0, 0}));
-  EXPECT_EQ(span.last, (std::array<uint32_t, 3>{1, 2, 0}));
 }
 
 TEST(Snap, drops_triangles_that_miss_the_grid) {
@@ -142,6 +135,129 @@ TEST(Clip, a_triangle_around_the_box_becomes_the_box) {
       clip_triangle({glm::dvec3(20), {21, 20, 20}, {20, 21, 20}}, glm::dvec3(-1), glm::dvec3(9))
           .count,
       0u);
+}
+
+double extent_max(const SnappedMesh& mesh, const SnappedTriangle& triangle) {
+  const glm::ivec3 &a = mesh.vertices[triangle.vertices[0]],
+                   &b = mesh.vertices[triangle.vertices[1]],
+                   &c = mesh.vertices[triangle.vertices[2]];
+  const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
+  return std::max({extent.x, extent.y, extent.z}) / 256.0;
+}
+
+// Twice the area of the projection to x and y, in voxels.
+double area_xy(const SnappedMesh& mesh, const SnappedTriangle& triangle) {
+  const glm::dvec3 a = mesh.vertices[triangle.vertices[0]], b = mesh.vertices[triangle.vertices[1]],
+                   c = mesh.vertices[triangle.vertices[2]];
+  return ((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)) / 65536;
+}
+
+TEST(Snap, splits_long_triangles_in_large_grids_and_nowhere_else) {
+  const Scene scene = scene_of({{10, 10, 10}, {2040, 100, 10}, {10, 2030, 900}});
+  const auto whole = snap_scene(scene, glm::dmat4(1.0), unit_spec(2048));
+  ASSERT_TRUE(whole.ok());
+  EXPECT_EQ(whole->triangles.size(), 1u);
+  EXPECT_TRUE(whole->clipped.empty());
+  const auto split = snap_scene(scene, glm::dmat4(1.0), unit_spec(2049));
+  ASSERT_TRUE(split.ok());
+  EXPECT_EQ(split->triangles.size(), 4u);
+  double area = 0;
+  for (const SnappedTriangle& triangle : split->triangles) {
+    EXPECT_LE(extent_max(*split, triangle), kEdgeCellsMax + 1.0 / 256);
+    area += area_xy(*split, triangle);
+  }
+  EXPECT_NEAR(area, area_xy(*whole, whole->triangles[0]), 100);
+}
+
+TEST(Snap, triangles_across_the_largest_grid_stay_in_reach_of_their_tiles) {
+  const auto mesh = snap_scene(scene_of({{0, 0, 0},
+                                         {16384, 3, 16384},
+                                         {5, 16384, 700},
+                                         {-9e5, 8000, 8000},
+                                         {9e5, 8000, 8001},
+                                         {8000, 9e5, 8000}}),
+                               glm::dmat4(1.0), unit_spec(16384));
+  ASSERT_TRUE(mesh.ok());
+  EXPECT_GT(mesh->triangles.size(), 300u);
+  for (const SnappedTriangle& triangle : mesh->triangles) {
+    ASSERT_LE(extent_max(*mesh, triangle), kEdgeCellsMax + 1.0 / 256);
+  }
+  const auto refused = snap_scene(scene_of({{0, 0, 0}, {16384, 3, 16384}, {5, 16384, 700}}),
+                                  glm::dmat4(1.0), unit_spec(16384), 5000);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
+}
+
+// Positions of the pieces' corners that have no weight of `corner`.
+std::vector<glm::dvec3> on_side_against(size_t corner, const std::vector<SplitTriangle>& pieces) {
+  std::vector<glm::dvec3> points;
+  for (const SplitTriangle& piece : pieces) {
+    for (const ClipCorner& c : piece) {
+      if (c.weights[corner] == 0) points.push_back(c.p_grid);
+    }
+  }
+  std::sort(points.begin(), points.end(), [](const glm::dvec3& a, const glm::dvec3& b) {
+    return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
+  });
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  return points;
+}
+
+SplitTriangle triangle_of(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+  SplitTriangle t;
+  t[0].p_grid = a, t[1].p_grid = b, t[2].p_grid = c;
+  for (size_t i = 0; i < 3; ++i) t[i].weights[i] = 1;
+  return t;
+}
+
+TEST(Split, neighbours_get_the_same_points_and_cover_what_they_did) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> uniform(0.0, 16384.0);
+  const auto point = [&] { return glm::dvec3(uniform(random), uniform(random), uniform(random)); };
+  const auto area = [](const SplitTriangle& t) {
+    return glm::length(glm::cross(t[1].p_grid - t[0].p_grid, t[2].p_grid - t[0].p_grid));
+  };
+  for (int t = 0; t < 300; ++t) {
+    const glm::dvec3 a = point(), b = point(), c = point(), d = a + (point() - a) * 0.1;
+    std::vector<SplitTriangle> one, other;
+    split_triangle(triangle_of(a, b, c), one);
+    split_triangle(triangle_of(b, a, d), other);
+    ASSERT_EQ(on_side_against(2, one), on_side_against(2, other)) << t;
+    double sum = 0;
+    for (const SplitTriangle& piece : one) {
+      sum += area(piece);
+      for (size_t e = 0; e < 3; ++e) {
+        const glm::dvec3 side = glm::abs(piece[e].p_grid - piece[(e + 1) % 3].p_grid);
+        ASSERT_LE(std::max({side.x, side.y, side.z}), kEdgeCellsMax);
+      }
+    }
+    EXPECT_NEAR(sum / area(triangle_of(a, b, c)), 1.0, 1e-9);
+  }
+}
+
+// The same pieces, whatever the order of the corners.
+TEST(Split, does_not_depend_on_the_order_of_corners) {
+  const glm::dvec3 a(0, 0, 0), b(9000, 200, 5), c(5100, 1200, 7000);
+  const auto pieces = [](const SplitTriangle& t) {
+    std::vector<SplitTriangle> made;
+    split_triangle(t, made);
+    std::vector<std::array<double, 9>> sorted;
+    for (const SplitTriangle& piece : made) {
+      std::array<std::array<double, 3>, 3> p{};
+      for (size_t i = 0; i < 3; ++i)
+        p[i] = {piece[i].p_grid.x, piece[i].p_grid.y, piece[i].p_grid.z};
+      std::sort(p.begin(), p.end());
+      sorted.push_back(
+          {p[0][0], p[0][1], p[0][2], p[1][0], p[1][1], p[1][2], p[2][0], p[2][1], p[2][2]});
+    }
+    std::sort(sorted.begin(), sorted.end());
+    return sorted;
+  };
+  const auto expected = pieces(triangle_of(a, b, c));
+  EXPECT_GT(expected.size(), 16u);
+  EXPECT_EQ(pieces(triangle_of(b, c, a)), expected);
+  EXPECT_EQ(pieces(triangle_of(c, b, a)), expected);
+  EXPECT_EQ(pieces(triangle_of(b, a, c)), expected);
 }
 
 TEST(Snap, bounds_are_those_of_vertices_that_triangles_use) {

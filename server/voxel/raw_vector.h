@@ -1,0 +1,34 @@
+// Vectors whose new elements are not set: each thread then writes, and so maps, its own part of a
+// large array first.
+#pragma once
+
+#include <memory>
+#include <new>
+#include <utility>
+#include <vector>
+
+namespace voxeld {
+
+template <typename T>
+struct DefaultInitAllocator : std::allocator<T> {
+  template <typename U>
+  struct rebind {
+    using other = DefaultInitAllocator<U>;
+  };
+  using std::allocator<T>::allocator;
+
+  template <typename U>
+  void construct(U* place) noexcept {
+    ::new (static_cast<void*>(place)) U;
+  }
+  template <typename U, typename... Arguments>
+  void construct(U* place, Arguments&&... arguments) {
+    ::new (static_cast<void*>(place)) U(std::forward<Arguments>(arguments)...);
+  }
+};
+
+// resize() leaves new elements as they are: every one must be written before it is read.
+template <typename T>
+using RawVector = std::vector<T, DefaultInitAllocator<T>>;
+
+}  // namespace voxeld
