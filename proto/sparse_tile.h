@@ -26,8 +26,8 @@ struct BrickMask {
   bool operator==(const BrickMask&) const = default;
 };
 
-// A node of the octree all of whose voxels are occupied: 2^level bricks to a side. It costs the same
-// whatever its size, so the inside of a solid costs nothing.
+// A node of the octree all of whose voxels are occupied: 2^level bricks to a side. It costs the
+// same whatever its size, so the inside of a solid costs nothing.
 struct FullNode {
   uint32_t brick_morton = 0;  // its first brick; a multiple of brick_count()
   uint32_t level = 0;         // 0: one brick, ... kTileLevels: the whole tile
@@ -42,8 +42,8 @@ inline constexpr uint32_t kTileLevels =
 
 // A cube of kTileSide^3 voxels at cell coord*kTileSide of the grid. Only occupied bricks are kept,
 // in ascending Morton order of their position in the tile; those of full nodes are not in the list.
-// Attributes are stored for the voxels in `masks` alone, in Morton order of the tile: voxels of full
-// nodes have none.
+// Attributes are stored for the voxels in `masks` alone, in Morton order of the tile: voxels of
+// full nodes have none.
 //
 // One set of voxels has one form, the canonical one (canonicalize()): full nodes are as large as
 // can be, and where there are no attributes no mask is full.

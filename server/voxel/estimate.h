@@ -32,8 +32,9 @@ int64_t mesh_bytes(const Scene& scene);
 // Bytes of a sparse result all of whose cells are occupied; a result never needs more.
 int64_t dense_result_bytes(const GridSpec& spec, const WantedChannels& channels);
 
-// Upper estimate of the bytes of the sparse result, at most the dense one's: a triangle touches at most (a + 2)(b + 2)
-// columns in its two longer directions, and four cells in each, or as many as it is deep.
+// Upper estimate of the bytes of the sparse result, at most the dense one's: a triangle touches at
+// most (a + 2)(b + 2) columns in its two longer directions, and four cells in each, or as many as
+// it is deep.
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
 
 // Errors: grid-too-large.

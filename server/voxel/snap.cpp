@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <glm/vector_relational.hpp>
 #include <numeric>
 #include <span>
 #include <string>
@@ -91,6 +92,15 @@ class TriangleSnapper {
         splits_(std::max({spec.dims.x, spec.dims.y, spec.dims.z}) > kUnsplitGridSide),
         bytes_max_(bytes_max) {}
 
+  // Triangles of vertices that all stand in cells of the grid.
+  void run_inside(size_t first, size_t last, ChunkOutput& out) const {
+    for (size_t t = first; t < last; ++t) {
+      const uint32_t* index = &part_.indices[3 * t];
+      out.whole[t - first] = {{base_ + index[0], base_ + index[1], base_ + index[2]}, part_index_};
+    }
+    out.whole_count = last - first;
+  }
+
   void run(size_t first, size_t last, ChunkOutput& out) const {
     for (size_t t = first; t < last && !out.not_finite && !out.too_many; ++t) {
       const uint32_t* index = &part_.indices[3 * t];
@@ -109,6 +119,8 @@ class TriangleSnapper {
       }
     }
   }
+
+  bool splits() const { return splits_; }
 
  private:
   static bool may_be_long(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
@@ -175,14 +187,23 @@ class TriangleSnapper {
   size_t bytes_max_;
 };
 
-void snap_vertices(const MeshPart& part, const WorldFromFile& world_from_file, const GridSpec& spec,
+// Returns whether all vertices stand in cells of the grid: then no triangle misses or leaves it.
+bool snap_vertices(const MeshPart& part, const WorldFromFile& world_from_file, const GridSpec& spec,
                    glm::ivec3* out) {
+  std::atomic<bool> all_in_cells = true;
   parallel_chunks(part.positions.size(), kVertexGrain, [&](size_t, size_t begin, size_t end) {
+    glm::ivec3 low(0), high(0);
     for (size_t i = begin; i < end; ++i) {
       const glm::dvec3 p = spec.grid_from_world(world_from_file(part.positions[i]));
       out[i] = inside_box(p, spec.dims) ? snapped(p, spec.dims) : glm::ivec3(kOutside, 0, 0);
+      low = glm::min(low, out[i]);
+      high = glm::max(high, out[i]);
     }
+    const bool in_cells = glm::all(glm::greaterThanEqual(low, glm::ivec3(0))) &&
+                          glm::all(glm::lessThan(high, spec.dims * kSubVoxelsPerVoxel));
+    if (!in_cells) all_in_cells = false;
   });
+  return all_in_cells;
 }
 
 Status check(const ChunkOutput& chunk, const MeshPart& part) {
@@ -215,7 +236,7 @@ void append_pieces(const ChunkOutput& chunk, SnappedMesh& mesh) {
 
 Status snap_triangles(const MeshPart& part, uint32_t part_index,
                       const WorldFromFile& world_from_file, const GridSpec& spec, int64_t bytes_max,
-                      SnappedMesh& mesh) {
+                      bool all_in_cells, SnappedMesh& mesh) {
   const size_t first = mesh.triangles.size(), count = part.indices.size() / 3;
   mesh.triangles.resize(first + count);
   std::vector<ChunkOutput> chunks(chunk_count(count, kTriangleGrain));
@@ -223,7 +244,11 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
                                 static_cast<size_t>(bytes_max) / chunks.size());
   parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     chunks[chunk].whole = mesh.triangles.data() + first + begin;
-    snapper.run(begin, end, chunks[chunk]);
+    if (all_in_cells && !snapper.splits()) {
+      snapper.run_inside(begin, end, chunks[chunk]);
+    } else {
+      snapper.run(begin, end, chunks[chunk]);
+    }
   });
   SnappedTriangle* end = mesh.triangles.data() + first;
   for (const ChunkOutput& chunk : chunks) {
@@ -293,9 +318,11 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, con
   }
   mesh.file_vertex_count = static_cast<uint32_t>(vertex_count);
   mesh.vertices.resize(vertex_count);
+  bool all_in_cells = true;
   for (size_t p = 0; p < scene.parts.size(); ++p) {
-    snap_vertices(scene.parts[p], world_from_file, spec,
-                  mesh.vertices.data() + mesh.part_first_vertex[p]);
+    const bool in_cells = snap_vertices(scene.parts[p], world_from_file, spec,
+                                        mesh.vertices.data() + mesh.part_first_vertex[p]);
+    all_in_cells = all_in_cells && in_cells;
   }
   std::vector<uint32_t> order(scene.parts.size());
   std::iota(order.begin(), order.end(), 0u);
@@ -303,7 +330,8 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, con
     return part_image(scene, a) < part_image(scene, b);
   });
   for (const uint32_t p : order) {
-    VOXELD_TRY(snap_triangles(scene.parts[p], p, world_from_file, spec, bytes_max, mesh));
+    VOXELD_TRY(
+        snap_triangles(scene.parts[p], p, world_from_file, spec, bytes_max, all_in_cells, mesh));
   }
   return mesh;
 }

@@ -28,7 +28,8 @@ struct SnappedTriangle {
   uint32_t part;                     // of the scene
 };
 
-// A vertex that clipping or splitting made: attributes are those of the triangle's corners, weighted.
+// A vertex that clipping or splitting made: attributes are those of the triangle's corners,
+// weighted.
 struct ClippedVertex {
   std::array<uint32_t, 3> corners{};  // indices into SnappedMesh::vertices, of the file's vertices
   std::array<double, 3> weights{};

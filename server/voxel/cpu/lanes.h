@@ -103,6 +103,27 @@ inline bool any_negative(Int4 v) {
 inline IntLanes all_lanes(int32_t value) {
   return IntLanes{} + value;
 }
+// 0, 1, 2, ...
+inline IntLanes lane_numbers() {
+  IntLanes v{};
+  for (int l = 0; l < kLanes; ++l) v[l] = l;
+  return v;
+}
+// The x, y and z of kLanes points.
+inline void transposed(const Int4* points, IntLanes (&axes)[3]) {
+  Int4 quarters[3][kLanes / 4];
+  for (int g = 0; g < kLanes / 4; ++g) {
+    const Int4 *a = points + 4 * g, *b = a + 1, *c = a + 2, *d = a + 3;
+    const Int4 xy_ab = __builtin_shufflevector(*a, *b, 0, 4, 1, 5);
+    const Int4 xy_cd = __builtin_shufflevector(*c, *d, 0, 4, 1, 5);
+    const Int4 z_ab = __builtin_shufflevector(*a, *b, 2, 6, 3, 7);
+    const Int4 z_cd = __builtin_shufflevector(*c, *d, 2, 6, 3, 7);
+    quarters[0][g] = __builtin_shufflevector(xy_ab, xy_cd, 0, 1, 4, 5);
+    quarters[1][g] = __builtin_shufflevector(xy_ab, xy_cd, 2, 3, 6, 7);
+    quarters[2][g] = __builtin_shufflevector(z_ab, z_cd, 0, 1, 4, 5);
+  }
+  for (int c = 0; c < 3; ++c) __builtin_memcpy(&axes[c], quarters[c], sizeof axes[c]);
+}
 inline FloatLanes all_lanes_f(float value) {
   return FloatLanes{} + value;
 }

@@ -15,10 +15,10 @@ constexpr uint32_t spread8(uint32_t v) {
   v = (v | v << 4) & 0x0c30c3u;
   return (v | v << 2) & 0x249249u;
 }
-inline IntLanes spread8(IntLanes v) {
-  v = (v | v << 8) & 0x00f00f;
-  v = (v | v << 4) & 0x0c30c3;
-  return (v | v << 2) & 0x249249;
+
+// The 3 bits at places 0, 3 and 6.
+constexpr uint32_t compact3(uint32_t v) {
+  return (v & 1) | (v >> 2 & 2) | (v >> 4 & 4);
 }
 
 struct SpreadTable {
@@ -43,19 +43,6 @@ struct RunTable {
   }
 };
 constexpr RunTable kRun;
-
-// Cells [begin, end), not empty and at most 28 long, along x in the row whose Morton index at x = 0
-// is `row`.
-inline void set_short_run(uint64_t* words, uint32_t row, uint32_t begin, uint32_t end) {
-  uint64_t* row_words = words + (row >> 6);
-  const uint32_t shift = row & 63;
-  uint32_t bits = ((1u << (end - begin)) - 1) << (begin & 3);
-  const uint32_t* x_word = &kSpread.at[begin >> 2];
-  do {
-    row_words[*x_word++] |= kRun.at[0][bits & 15] << shift;
-    bits >>= 4;
-  } while (bits != 0);
-}
 
 // Cells [begin, end), not empty, along `axis`. Returns the blocks that hold them.
 inline uint64_t set_run(uint64_t* words, uint32_t axis, uint32_t row, uint32_t begin,

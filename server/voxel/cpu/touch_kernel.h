@@ -16,6 +16,15 @@ namespace voxeld {
 inline constexpr size_t kTileWords = size_t{256} * 256 * 256 / 64;
 inline constexpr size_t kBrickWords64 = 8;
 inline constexpr size_t kBlockBricks = 512;
+inline constexpr size_t kBlockWords = kBlockBricks * kBrickWords64;
+
+// What a kernel writes to: the tile in words of Morton order, then once more in words of rows
+// (row_words.h); a cell is set where either says so. Then words that lanes without work write to,
+// and the blocks whose Morton words may not be 0.
+inline constexpr size_t kTouchRowsAt = kTileWords;
+inline constexpr int32_t kUnusedRow = int32_t{kTileWords};  // from the first row
+inline constexpr size_t kMortonBlocksAt = 2 * kTileWords + 16;
+inline constexpr size_t kTouchWords = kMortonBlocksAt + 1;
 
 struct TouchInput {
   const int32_t* vertices = nullptr;    // q, 3 per vertex
@@ -36,13 +45,14 @@ struct CompactedBlock {
 };
 
 struct TouchKernel {
-  // Sets the bits of all touched cells. Returns the blocks of 64^3 cells (bit = Morton index) that
-  // it may have written to.
+  // Sets the bits of all touched cells in kTouchWords words. Returns the blocks of 64^3 cells (bit
+  // = Morton index) that it may have written to.
   uint64_t (*touch)(const TouchInput& input, uint64_t* words);
-  // Joins block number `block` of several tiles of words, keeps the bricks that are not empty, and
-  // zeroes the block in all of them.
+  // Joins block number `block` of several tiles of kTouchWords words, keeps the bricks that are not
+  // empty, and zeroes the block in all of them.
   void (*compact)(uint64_t* const* tiles, size_t tile_count, size_t block, CompactedBlock* out);
-  // Joins it into the same block of `mask`, whose words have 32 bits, and zeroes it in `tiles`.
+  // Joins it into the same block of `mask`, whose words have 32 bits and Morton order, and zeroes
+  // it in `tiles`.
   void (*join)(uint64_t* const* tiles, size_t tile_count, size_t block, uint32_t* mask);
 };
 

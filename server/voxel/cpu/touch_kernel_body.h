@@ -7,6 +7,7 @@
 
 #include "server/voxel/cpu/lanes.h"
 #include "server/voxel/cpu/morton_runs.h"
+#include "server/voxel/cpu/row_words.h"
 #include "server/voxel/cpu/touch_kernel.h"
 #include "server/voxel/cpu/touch_large.h"
 #include "server/voxel/cpu/touch_small.h"
@@ -21,7 +22,10 @@ constexpr int kSizeClasses = 9;
 
 inline Int4 corner_of(const TouchInput& input, uint32_t vertex) {
   const int32_t* q = input.vertices + size_t{3} * vertex;
-  return Int4{q[0], q[1], q[2], 0};
+  int64_t xy;
+  __builtin_memcpy(&xy, q, sizeof xy);
+  using Long2 = int64_t __attribute__((vector_size(16)));
+  return reinterpret_cast<Int4>(Long2{xy, static_cast<uint32_t>(q[2])});
 }
 
 class TileToucher {
@@ -39,7 +43,8 @@ class TileToucher {
       add(a, b, c, cell_last);
     }
     flush();
-    return blocks_;
+    words_[kMortonBlocksAt] = morton_blocks_;
+    return blocks_ | morton_blocks_;
   }
 
  private:
@@ -54,7 +59,7 @@ class TileToucher {
         corners.q[1][axis] = b[axis];
         corners.q[2][axis] = c[axis];
       }
-      blocks_ |= LargeTriangle(corners, input_.cell_last).touch(words_);
+      morton_blocks_ |= LargeTriangle(corners, input_.cell_last).touch(words_);
       return;
     }
     mark_blocks(first, last);
@@ -64,11 +69,9 @@ class TileToucher {
     const int rows_y = last[1] - first[1] + 1, rows_z = last[2] - first[2] + 1;
     SmallBatch& batch = batches_[kSizeClass[rows_z]][kSizeClass[rows_y]];
     const int lane = batch.count++;
-    for (int axis = 0; axis < 3; ++axis) {
-      batch.q[0][axis][lane] = a[axis];
-      batch.q[1][axis][lane] = b[axis];
-      batch.q[2][axis][lane] = c[axis];
-    }
+    batch.q[0][lane] = a;
+    batch.q[1][lane] = b;
+    batch.q[2][lane] = c;
     batch.rows_y = greater(batch.rows_y, rows_y);
     batch.rows_z = greater(batch.rows_z, rows_z);
     if (batch.count == kLanes) run_batch(batch);
@@ -90,14 +93,15 @@ class TileToucher {
   void fill_row(Int4 first, Int4 last) {
     for (int z = first[2]; z <= last[2]; ++z) {
       for (int y = first[1]; y <= last[1]; ++y) {
-        set_short_run(words_, kSpread.at[y] << 1 | kSpread.at[z] << 2,
-                      static_cast<uint32_t>(first[0]), static_cast<uint32_t>(last[0] + 1));
+        set_row(words_ + kTouchRowsAt, static_cast<uint32_t>(row_word_y(y) + row_word_z(z)),
+                static_cast<uint32_t>(first[0]), static_cast<uint32_t>(last[0] + 1));
       }
     }
   }
 
   void run_batch(SmallBatch& batch) {
-    SmallTriangles(batch, input_.cell_last).touch(batch.rows_y, batch.rows_z, words_);
+    SmallTriangles(batch, input_.cell_last)
+        .touch(batch.rows_y, batch.rows_z, words_ + kTouchRowsAt);
     batch.count = batch.rows_y = batch.rows_z = 0;
   }
 
@@ -124,14 +128,12 @@ class TileToucher {
   }
 
   static void copy_lane(const SmallBatch& from, int from_lane, SmallBatch& to, int to_lane) {
-    for (int i = 0; i < 3; ++i) {
-      for (int c = 0; c < 3; ++c) to.q[i][c][to_lane] = from.q[i][c][from_lane];
-    }
+    for (int i = 0; i < 3; ++i) to.q[i][to_lane] = from.q[i][from_lane];
   }
 
   const TouchInput& input_;
   uint64_t* words_;
-  uint64_t blocks_ = 0;
+  uint64_t blocks_ = 0, morton_blocks_ = 0;
   SmallBatch batches_[kSizeClasses][kSizeClasses];  // by rows in z, in y
 };
 
@@ -139,53 +141,71 @@ inline uint64_t touch(const TouchInput& input, uint64_t* words) {
   return TileToucher(input, words).run();
 }
 
-// Joins a brick of all tiles into `brick` and zeroes it in them. Returns whether any cell is set.
-inline bool take_brick(uint64_t* const* tiles, size_t tile_count, size_t word, uint64_t* brick) {
-  uint64_t any = 0;
-  for (size_t w = 0; w < kBrickWords64; ++w) {
-    brick[w] = tiles[0][word + w];
-    any |= brick[w];
-  }
-  if (any != 0) {
-    for (size_t w = 0; w < kBrickWords64; ++w) tiles[0][word + w] = 0;
-  }
+// Joins one block of all tiles into the first one's, and zeroes it in the others. Returns whether
+// its Morton words may not be 0.
+inline bool join_block(uint64_t* const* tiles, size_t tile_count, size_t block) {
+  const size_t first = block * kBlockWords;
+  bool in_morton = (tiles[0][kMortonBlocksAt] >> block & 1) != 0;
   for (size_t t = 1; t < tile_count; ++t) {
-    uint64_t more = 0;
-    for (size_t w = 0; w < kBrickWords64; ++w) {
-      brick[w] |= tiles[t][word + w];
-      more |= tiles[t][word + w];
+    for (size_t w = kTouchRowsAt + first; w < kTouchRowsAt + first + kBlockWords; ++w) {
+      tiles[0][w] |= tiles[t][w];
+      tiles[t][w] = 0;
     }
-    if (more == 0) continue;
-    any |= more;
-    for (size_t w = 0; w < kBrickWords64; ++w) tiles[t][word + w] = 0;
+    if ((tiles[t][kMortonBlocksAt] >> block & 1) == 0) continue;
+    in_morton = true;
+    for (size_t w = first; w < first + kBlockWords; ++w) {
+      tiles[0][w] |= tiles[t][w];
+      tiles[t][w] = 0;
+    }
   }
-  return any != 0;
+  return in_morton;
+}
+
+// Takes the bricks of a block out of a tile, in Morton order: visit(number, its 8 words), for all
+// of them, also empty ones. Zeroes the block.
+template <typename Visit>
+void take_bricks(uint64_t* words, size_t block, bool in_morton, const Visit& visit) {
+  uint64_t* morton = words + block * kBlockWords;
+  uint64_t* rows = morton + kTouchRowsAt;
+  uint64_t any[64];
+  for (int i = 0; i < 64; ++i) any[i] = any_in_bricks(rows, i & 7, i >> 3);
+  for (uint32_t i = 0; i < kBlockBricks; ++i) {
+    uint64_t brick[kBrickWords64] = {};
+    const int bx = static_cast<int>(compact3(i)), by = static_cast<int>(compact3(i >> 1)),
+              bz = static_cast<int>(compact3(i >> 2));
+    if (in_morton) __builtin_memcpy(brick, morton + i * kBrickWords64, sizeof brick);
+    if ((any[by + 8 * bz] >> 8 * bx & 0xff) != 0) add_brick_of_rows(rows, bx, by, bz, brick);
+    visit(static_cast<uint32_t>(block * kBlockBricks) + i, brick);
+  }
+  __builtin_memset(rows, 0, kBlockWords * sizeof *rows);
+  if (in_morton) __builtin_memset(morton, 0, kBlockWords * sizeof *morton);
 }
 
 inline void compact(uint64_t* const* tiles, size_t tile_count, size_t block, CompactedBlock* out) {
   size_t count = 0;
   uint64_t voxels = 0;
-  for (size_t i = 0; i < kBlockBricks; ++i) {
-    const size_t brick = block * kBlockBricks + i;
-    // Written even if it is empty: the next one then takes its place.
-    uint64_t* mask = out->masks[count];
-    if (!take_brick(tiles, tile_count, brick * kBrickWords64, mask)) continue;
-    out->brick_morton[count++] = static_cast<uint32_t>(brick);
+  const bool in_morton = join_block(tiles, tile_count, block);
+  take_bricks(tiles[0], block, in_morton, [&](uint32_t number, const uint64_t* brick) {
+    uint64_t any = 0;
+    for (size_t w = 0; w < kBrickWords64; ++w) any |= brick[w];
+    if (any == 0) return;
+    out->brick_morton[count] = number;
     for (size_t w = 0; w < kBrickWords64; ++w) {
-      voxels += static_cast<uint64_t>(__builtin_popcountll(mask[w]));
+      out->masks[count][w] = brick[w];
+      voxels += static_cast<uint64_t>(__builtin_popcountll(brick[w]));
     }
-  }
+    ++count;
+  });
   out->brick_count = count;
   out->voxel_count = voxels;
 }
 
 inline void join(uint64_t* const* tiles, size_t tile_count, size_t block, uint32_t* mask) {
-  for (size_t i = 0; i < kBlockBricks; ++i) {
-    const size_t word = (block * kBlockBricks + i) * kBrickWords64;
-    uint64_t brick[kBrickWords64];
-    take_brick(tiles, tile_count, word, brick);
-    __builtin_memcpy(mask + 2 * word, brick, sizeof brick);
-  }
+  const bool in_morton = join_block(tiles, tile_count, block);
+  take_bricks(tiles[0], block, in_morton, [&](uint32_t number, const uint64_t* brick) {
+    __builtin_memcpy(mask + size_t{number} * 2 * kBrickWords64, brick,
+                     kBrickWords64 * sizeof *brick);
+  });
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "server/voxel/cpu/lanes.h"
-#include "server/voxel/cpu/morton_runs.h"
+#include "server/voxel/cpu/row_words.h"
 #include "server/voxel/cpu/touch_kernel.h"
 
 namespace voxeld {
@@ -20,9 +20,9 @@ constexpr int32_t kSmallExtent = 4096;
 // Cells of a small triangle's box, on each axis.
 constexpr int kSmallCells = kSmallExtent / 256 + 1;
 
-// Corners relative to the tile, by axis. Lanes from `count` on are not set.
+// Corners relative to the tile. Lanes from `count` on are not set.
 struct alignas(64) SmallBatch {
-  int32_t q[3][3][kLanes];  // corner, axis
+  Int4 q[3][kLanes];
   int count = 0;
   int rows_y = 0, rows_z = 0;  // at least as many as the boxes of all have
 };
@@ -61,8 +61,8 @@ class SmallTriangles {
  public:
   SmallTriangles(const SmallBatch& batch, const int32_t* cell_last) {
     IntLanes p[3][3];
+    for (int i = 0; i < 3; ++i) transposed(batch.q[i], p[i]);
     for (int c = 0; c < 3; ++c) {
-      for (int i = 0; i < 3; ++i) __builtin_memcpy(&p[i][c], batch.q[i][c], sizeof p[i][c]);
       const IntLanes low = lesser(p[0][c], lesser(p[1][c], p[2][c])) >> 8;
       const IntLanes high = greater(p[0][c], greater(p[1][c], p[2][c])) >> 8;
       first_[c] = greater(low, IntLanes{});
@@ -72,7 +72,7 @@ class SmallTriangles {
     set_up(p);
   }
 
-  void touch(int rows_y, int rows_z, uint64_t* words) const {
+  void touch(int rows_y, int rows_z, uint64_t* rows) const {
     FloatLanes begin_y[kSmallCells], end_y[kSmallCells];
     IntLanes row_y[kSmallCells];
     const FloatLanes count_x = to_float(count_[0]);
@@ -80,7 +80,7 @@ class SmallTriangles {
       begin_y[y] = FloatLanes{};
       end_y[y] = count_x;
       narrow(x_of_y_, all_lanes_f(static_cast<float>(y)), begin_y[y], end_y[y]);
-      row_y[y] = spread8(first_[1] + y) << 1;
+      row_y[y] = row_word_y(first_[1] + y);
     }
     for (int z = 0; z < rows_z; ++z) {
       const FloatLanes at = all_lanes_f(static_cast<float>(z));
@@ -89,14 +89,14 @@ class SmallTriangles {
       narrow(y_of_z_, at, first, last);
       const IntLanes y_begin = truncated(first);
       const IntLanes y_end = truncated(last) & (z < count_[2]);
-      const IntLanes row_z = spread8(first_[2] + z) << 2;
+      const IntLanes row_z = row_word_z(first_[2] + z);
       IntLanes height = normal_z_ * z + plane_;
       for (int y = 0; y < rows_y; ++y, height += normal_y_) {
         // Negative where y_begin <= y < y_end.
         const IntLanes in_row = (y_begin - y - 1) & (y - y_end);
         if (negative_lanes(in_row) == 0) continue;
         const FloatLanes begin = greater(begin_y[y], begin_z), end = lesser(end_y[y], end_z);
-        touch_row(height, begin, end, in_row, row_y[y] | row_z, words);
+        touch_row(height, begin, end, in_row, row_y[y] + row_z, rows);
       }
     }
   }
@@ -156,7 +156,7 @@ class SmallTriangles {
   // Quotients that matter are at most 18 and err by 2^-18; the margin makes the candidate the right
   // cell or the one outside of it, and the integers tell.
   void touch_row(IntLanes height, FloatLanes begin, FloatLanes end, IntLanes in_row, IntLanes row,
-                 uint64_t* words) const {
+                 uint64_t* rows) const {
     const IntLanes s_above = height + above_, s_below = height - below_;
     const FloatLanes from_plane = (1.0f - kMargin) - to_float(s_above) * inverse_x_;
     const FloatLanes to_plane = end_bias_ - to_float(s_below) * inverse_x_;
@@ -166,18 +166,9 @@ class SmallTriangles {
     // Minus (-1) where the candidate is below the plane, plus (-1) where it is above.
     x_begin -= (normal_x_ * x_begin + s_above) >> 31;
     x_end += (normal_x_ * (1 - x_end) - s_below) >> 31;
-    uint32_t lanes = negative_lanes(in_row & (x_begin - x_end));
-    if (lanes == 0) return;
-    alignas(64) uint32_t rows[kLanes], begins[kLanes], ends[kLanes];
-    x_begin += first_[0];
-    x_end += first_[0];
-    __builtin_memcpy(rows, &row, sizeof row);
-    __builtin_memcpy(begins, &x_begin, sizeof x_begin);
-    __builtin_memcpy(ends, &x_end, sizeof x_end);
-    for (; lanes != 0; lanes &= lanes - 1) {
-      const int l = __builtin_ctz(lanes);
-      set_short_run(words, rows[l], begins[l], ends[l]);
-    }
+    const IntLanes wanted = (in_row & (x_begin - x_end)) >> 31;
+    if (negative_lanes(wanted) == 0) return;
+    set_rows(rows, row, x_begin + first_[0], x_end + first_[0], wanted);
   }
 
   static constexpr float kMargin = 1.0f / 512;

@@ -81,7 +81,7 @@ CpuTouch::CpuTouch(int threads, CpuIsa isa)
 void CpuTouch::touch_part(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin,
                           size_t part, size_t parts) {
   Worker& worker = workers_[part];
-  worker.words.resize(kTileWords);
+  worker.reserve();
   TouchInput input = touch_input(mesh, spec, bin);
   const size_t first = input.list_count * part / parts;
   const size_t last = input.list_count * (part + 1) / parts;
@@ -174,7 +174,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, std::span<
     Worker& worker = workers_[static_cast<size_t>(part)];
     for (size_t i = next++; i < bins.size(); i = next++) {
       // Alone, with its own words: as the first and only part of a job of one.
-      worker.words.resize(kTileWords);
+      worker.reserve();
       const TouchInput input = touch_input(mesh, spec, bins[i]);
       uint64_t blocks = input.list_count == 0 ? 0 : kernel_->touch(input, worker.words.data());
       uint64_t* words = worker.words.data();

@@ -15,6 +15,7 @@
 #include "server/grid/grid_spec.h"
 #include "server/voxel/bin.h"
 #include "server/voxel/cpu/cpu_isa.h"
+#include "server/voxel/cpu/huge_array.h"
 #include "server/voxel/cpu/touch_kernel.h"
 #include "server/voxel/cpu/worker_pool.h"
 #include "server/voxel/snap.h"
@@ -49,7 +50,10 @@ class CpuTouch {
 
  private:
   struct Worker {
-    std::vector<uint64_t> words;  // kTileWords, all 0 between calls
+    HugeArray words;  // kTouchWords, tiles all 0 between calls; none before the first
+    void reserve() {
+      if (words.data() == nullptr) words = HugeArray(kTouchWords);
+    }
     uint64_t blocks = 0;
     uint64_t voxels = 0;
     SparseTile part;  // bricks of this worker's blocks
