@@ -74,6 +74,8 @@ Result<PackedGrid> pack_grid(const Grid& grid) {
   }
   PackedGrid packed;
   packed.spec = grid.spec;
+  packed.has_color = grid.has_color;
+  packed.has_normal = grid.has_normal;
   packed.brick_dims = ceil_shift(grid.spec.dims, RAYMARCH_BRICK_SHIFT);
   packed.block_dims = ceil_shift(grid.spec.dims, RAYMARCH_BLOCK_SHIFT);
   packed.brick_index.resize(linear_index({0, 0, packed.brick_dims.z}, packed.brick_dims));

@@ -18,6 +18,7 @@ struct PackedGrid {
   std::vector<uint32_t> brick_index;
   std::vector<uint32_t> brick_masks;
   std::vector<uint32_t> brick_offsets;
+  bool has_color = false, has_normal = false;
   std::vector<uint32_t> colors;   // empty without colours
   std::vector<uint32_t> normals;  // empty without normals
   // Cells [occupied_min, occupied_max) hold all voxels; the whole grid when there are none.

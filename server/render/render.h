@@ -1,4 +1,5 @@
-// Grid -> picture by ray marching on a GL context. A renderer belongs to its context's thread.
+// Grid -> picture by ray marching, on a GL context (gl_renderer.h) or on the CPU
+// (cpu/cpu_renderer.h): the same hits, and colours that rounding may change by one step of 255.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +12,6 @@
 
 #include "proto/options.h"
 #include "proto/result.h"
-#include "server/gpu/context.h"
-#include "server/gpu/shader_library.h"
 #include "server/grid/grid.h"
 #include "server/render/camera.h"
 
@@ -41,27 +40,23 @@ struct RenderQuality {
 // Called between picture blocks (at most 512x512 pixels); false cancels.
 using BlockProgress = std::function<bool(int64_t blocks_done, int64_t blocks_total)>;
 
+// Keeps a grid from picture to picture. One thread.
 class Renderer {
  public:
-  Renderer(gpu::Context& context, gpu::ShaderLibrary& shaders);
-  ~Renderer();
+  virtual ~Renderer() = default;
 
-  // Uploads the grid; it stays resident until the next call. Errors: grid-too-large with bytes and
+  // Takes the grid in; it stays resident until the next call. Errors: grid-too-large with bytes and
   // the device's limit.
-  Status set_grid(const Grid& grid);
+  virtual Status set_grid(const Grid& grid) = 0;
   // Without a grid, or of an empty one: the background. Voxels are drawn opaque, whatever their
   // alpha. Errors: cancelled when `progress` says false, invalid-option for a matrix that cannot be
   // inverted, internal and device-unavailable with the driver's words.
-  Result<Picture> render(const RenderOptions& options, const BlockProgress& progress);
-  void set_quality(const RenderQuality& quality);
+  virtual Result<Picture> render(const RenderOptions& options, const BlockProgress& progress) = 0;
+  virtual void set_quality(const RenderQuality& quality) = 0;
   // width*height hits, top row first; one ray through the middle of each pixel. A ray that starts
   // inside a voxel (camera in the grid, section plane) hits it through the face of the ray's
   // longest axis.
-  Result<std::vector<Hit>> render_hits(const RenderOptions& options);
-
- private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  virtual Result<std::vector<Hit>> render_hits(const RenderOptions& options) = 0;
 };
 
 // PNG by OpenImageIO, 8 bits RGBA, marked sRGB. Errors: internal.

@@ -8,7 +8,7 @@
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/grid/grid.h"
-#include "server/render/render.h"
+#include "server/render/gl_renderer.h"
 #include "server/scene/scene.h"
 #include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
@@ -43,7 +43,7 @@ struct Engine {
   std::unique_ptr<gpu::Context> context;
   gpu::ShaderLibrary shaders;
   Voxelizer voxelizer;
-  Renderer renderer;
+  GlRenderer renderer;
   InputCache cache;
 };
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "server/render/render.h"
+#include "server/render/gl_renderer.h"
 #include "tests/gpu/context/test_device.h"
 #include "tests/gpu/render/test_grids.h"
 
@@ -132,7 +132,7 @@ class Golden : public ::testing::TestWithParam<GoldenCase> {};
 
 TEST_P(Golden, picture_is_as_it_was) {
   static gpu::ShaderLibrary shaders(gpu::test_context());
-  Renderer renderer(gpu::test_context(), shaders);
+  GlRenderer renderer(gpu::test_context(), shaders);
   ASSERT_TRUE(renderer.set_grid(GetParam().grid()).ok());
   RenderOptions options;
   options.width = options.height = 64;

@@ -5,6 +5,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <random>
 
+#include "server/render/gl_renderer.h"
 #include "tests/gpu/context/test_device.h"
 #include "tests/gpu/render/ray_oracle.h"
 #include "tests/gpu/render/test_grids.h"
@@ -21,7 +22,7 @@ constexpr double kTiesMax = 0.002;
 
 Renderer& renderer() {
   static gpu::ShaderLibrary shaders(gpu::test_context());
-  static Renderer one(gpu::test_context(), shaders);
+  static GlRenderer one(gpu::test_context(), shaders);
   return one;
 }
 

@@ -1,5 +1,5 @@
 // What Renderer promises besides hits: blocks and cancelling, backgrounds, errors, big grids.
-#include "server/render/render.h"
+#include "server/render/gl_renderer.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ std::array<uint8_t, 4> pixel(const Picture& picture, int x, int y) {
 }
 
 TEST(Renderer, an_empty_grid_gives_the_background_alone) {
-  Renderer renderer(gpu::test_context(), shaders());
+  GlRenderer renderer(gpu::test_context(), shaders());
   RenderOptions options = small_options();
   options.background = {10, 200, 30, 255};
   const auto before = renderer.render(options, {});
@@ -50,7 +50,7 @@ TEST(Renderer, an_empty_grid_gives_the_background_alone) {
 }
 
 TEST(Renderer, half_transparent_backgrounds_keep_their_colour_and_alpha) {
-  Renderer renderer(gpu::test_context(), shaders());
+  GlRenderer renderer(gpu::test_context(), shaders());
   ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
   RenderOptions options = small_options();
   options.background = {200, 100, 50, 128};
@@ -63,7 +63,7 @@ TEST(Renderer, half_transparent_backgrounds_keep_their_colour_and_alpha) {
 TEST(Renderer, colours_come_out_as_they_are_stored_where_the_light_is_full) {
   GridSpec spec;
   spec.dims = {4, 1, 4};
-  Renderer renderer(gpu::test_context(), shaders());
+  GlRenderer renderer(gpu::test_context(), shaders());
   ASSERT_TRUE(renderer
                   .set_grid(make_test_grid(spec, true, false,
                                            [](const glm::ivec3& c) {
@@ -92,7 +92,7 @@ TEST(Renderer, colours_come_out_as_they_are_stored_where_the_light_is_full) {
 TEST(Renderer, the_cut_face_shows_the_voxel_that_the_plane_passes) {
   GridSpec spec;
   spec.dims = {8, 8, 8};
-  Renderer renderer(gpu::test_context(), shaders());
+  GlRenderer renderer(gpu::test_context(), shaders());
   const auto block = [](const glm::ivec3& c) {
     return TestVoxel{{0, static_cast<uint8_t>(30 * c.z), 255, 255}, {}};
   };
@@ -115,7 +115,7 @@ TEST(Renderer, the_cut_face_shows_the_voxel_that_the_plane_passes) {
 }
 
 TEST(Renderer, pictures_are_drawn_in_blocks_and_can_be_cancelled_between_them) {
-  Renderer renderer(gpu::test_context(), shaders());
+  GlRenderer renderer(gpu::test_context(), shaders());
   ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
   RenderOptions options;
   options.width = 1025;
@@ -139,7 +139,7 @@ TEST(Renderer, pictures_are_drawn_in_blocks_and_can_be_cancelled_between_them) {
 }
 
 TEST(Renderer, a_singular_matrix_is_an_invalid_option) {
-  Renderer renderer(gpu::test_context(), shaders());
+  GlRenderer renderer(gpu::test_context(), shaders());
   RenderOptions options = small_options();
   options.matrix.emplace();
   const auto picture = renderer.render(options, {});
@@ -173,7 +173,7 @@ TEST(Renderer, a_grid_of_1024_cells_a_side_renders) {
     }
   }
   EXPECT_GT(grid.voxel_count(), 1'000'000u);
-  Renderer renderer(gpu::test_context(), shaders());
+  GlRenderer renderer(gpu::test_context(), shaders());
   const Status uploaded = renderer.set_grid(grid);
   ASSERT_TRUE(uploaded.ok()) << uploaded.error().message();
   RenderOptions options = small_options();

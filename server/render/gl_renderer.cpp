@@ -1,61 +1,25 @@
-#include "server/render/render.h"
+#include "server/render/gl_renderer.h"
 
 #include <algorithm>
-#include <cmath>
-#include <glm/geometric.hpp>
 #include <string>
 
 #include "server/base/check.h"
 #include "server/gpu/objects.h"
 #include "server/render/packed_grid.h"
-#include "shaders/shared/raymarch.h"
+#include "server/render/picture_blocks.h"
+#include "server/render/raymarch_params.h"
 
 namespace voxeld {
 namespace {
-
-// Pixels to a side of the part of a picture that is drawn at once: bounds how long the device is
-// busy before the next request to cancel is heard.
-constexpr int kBlockSide = 512;
 
 // Loop iterations of a ray besides its steps: the sample loop, the rank of the voxel in its brick's
 // mask, and the neighbourhood and squarings of the estimated normal.
 constexpr int kNormalSide = 2 * RAYMARCH_NORMAL_RADIUS + 1;
 constexpr int kShadingSteps = 1 + 16 + kNormalSide * kNormalSide * kNormalSide + 3;
 
-shared::vec4 to_vec4(const glm::dvec4& v) {
-  return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z),
-          static_cast<float>(v.w)};
-}
-
-double linear_from_srgb(uint8_t value) {
-  const double c = value / 255.0;
-  return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
-}
-
-// world plane -> grid plane.
-glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec) {
-  const glm::dvec3 normal(plane[0], plane[1], plane[2]);
-  return {normal * spec.voxel_size, glm::dot(normal, spec.origin_world) + plane[3]};
-}
-
-// More steps than any ray can take: every step crosses one grid plane of voxels, bricks or blocks
-// for good, and a ray crosses each plane once.
-int ray_steps_max(const PackedGrid& grid) {
-  const auto sum = [](const glm::ivec3& v) { return v.x + v.y + v.z; };
-  return sum(grid.spec.dims) + sum(grid.brick_dims) + sum(grid.block_dims) + 8;
-}
-
-// How much of the hit face is mixed into a normal that is estimated from the neighbourhood, by the
-// width of a voxel in pixels: voxels of a few pixels shade as a smooth surface, larger ones show
-// that they are cubes.
-double face_share(double voxel_pixels) {
-  const double t = std::clamp((voxel_pixels - 2.0) / 6.0, 0.0, 1.0);
-  return 0.6 * t * t * (3.0 - 2.0 * t);
-}
-
 }  // namespace
 
-struct Renderer::Impl {
+struct GlRenderer::Impl {
   Impl(gpu::Context& c, gpu::ShaderLibrary& s)
       : context(c), shaders(s), vertices(gpu::VertexArray::create(c)) {}
 
@@ -65,7 +29,6 @@ struct Renderer::Impl {
   gpu::VertexArray vertices;
   gpu::Buffer params, block_bits, brick_index, brick_masks, brick_offsets, colors, normals;
   PackedGrid grid;  // what was uploaded, without its tables
-  bool has_color = false, has_normal = false;
 
   Result<int> samples_per_side(const RenderOptions& options) const;
   Status upload_params(const RenderOptions& options, int samples);
@@ -76,18 +39,18 @@ struct Renderer::Impl {
               const gpu::Framebuffer& target, const BlockProgress& progress);
 };
 
-Renderer::Renderer(gpu::Context& context, gpu::ShaderLibrary& shaders)
+GlRenderer::GlRenderer(gpu::Context& context, gpu::ShaderLibrary& shaders)
     : impl_(std::make_unique<Impl>(context, shaders)) {}
-Renderer::~Renderer() = default;
+GlRenderer::~GlRenderer() = default;
 
-void Renderer::set_quality(const RenderQuality& quality) {
+void GlRenderer::set_quality(const RenderQuality& quality) {
   VOXELD_CHECK(quality.samples_per_side >= 1 && quality.samples_per_side <= 4,
                "samples_per_side is 1 to 4");
   impl_->quality = quality;
 }
 
-Status Renderer::Impl::upload(gpu::Buffer& buffer, std::vector<uint32_t>& words,
-                              std::string_view label) {
+Status GlRenderer::Impl::upload(gpu::Buffer& buffer, std::vector<uint32_t>& words,
+                                std::string_view label) {
   buffer = gpu::Buffer();
   VOXELD_ASSIGN(buffer, gpu::Buffer::create(context, words.size() * sizeof(uint32_t), label));
   buffer.upload<uint32_t>(0, words);
@@ -95,7 +58,7 @@ Status Renderer::Impl::upload(gpu::Buffer& buffer, std::vector<uint32_t>& words,
   return context.check("uploading " + std::string(label));
 }
 
-Status Renderer::set_grid(const Grid& grid) {
+Status GlRenderer::set_grid(const Grid& grid) {
   Impl& impl = *impl_;
   VOXELD_ASSIGN(PackedGrid packed, pack_grid(grid));
   VOXELD_TRY(impl.upload(impl.brick_index, packed.brick_index, "ray march brick table"));
@@ -104,17 +67,14 @@ Status Renderer::set_grid(const Grid& grid) {
   VOXELD_TRY(impl.upload(impl.brick_offsets, packed.brick_offsets, "ray march brick offsets"));
   VOXELD_TRY(impl.upload(impl.colors, packed.colors, "ray march colours"));
   VOXELD_TRY(impl.upload(impl.normals, packed.normals, "ray march normals"));
-  impl.has_color = grid.has_color;
-  impl.has_normal = grid.has_normal;
   impl.grid = std::move(packed);
   return {};
 }
 
-Result<int> Renderer::Impl::samples_per_side(const RenderOptions& options) const {
+Result<int> GlRenderer::Impl::samples_per_side(const RenderOptions& options) const {
   const int64_t loop_max = context.info().loop_iterations_max;
   const int64_t steps = ray_steps_max(grid);
-  const int64_t pixels = int64_t{options.width} * options.height;
-  int side = pixels > quality.supersampled_pixels_max ? 1 : quality.samples_per_side;
+  int side = wanted_samples(options, quality);
   while (loop_max > 0 && side > 1 && int64_t{side} * side * (steps + kShadingSteps) > loop_max)
     --side;
   if (loop_max > 0 && steps + kShadingSteps > loop_max) {
@@ -124,44 +84,14 @@ Result<int> Renderer::Impl::samples_per_side(const RenderOptions& options) const
   return side;
 }
 
-Status Renderer::Impl::upload_params(const RenderOptions& options, int samples) {
-  const glm::dvec3 low = grid.spec.world_from_grid(glm::dvec3(grid.occupied_min));
-  const glm::dvec3 high = grid.spec.world_from_grid(glm::dvec3(grid.occupied_max));
-  VOXELD_ASSIGN(const PictureRays rays,
-                picture_rays(make_camera(options, low, high), grid.spec, 0.5 * (low + high)));
-  shared::RaymarchParams block;
-  block.near_0 = to_vec4(rays.near_plane[0]);
-  block.near_x = to_vec4(rays.near_plane[1]);
-  block.near_y = to_vec4(rays.near_plane[2]);
-  block.far_0 = to_vec4(rays.far_plane[0]);
-  block.far_x = to_vec4(rays.far_plane[1]);
-  block.far_y = to_vec4(rays.far_plane[2]);
-  if (options.section) block.section = to_vec4(section_in_grid(*options.section, grid.spec));
-  const glm::dvec3 voxel = grid.spec.voxel_size;
-  const double voxel_max = std::max(voxel.x, std::max(voxel.y, voxel.z));
-  block.voxel_size = to_vec4(glm::dvec4(voxel, voxel_max));
-  // Over the viewer's right shoulder, so that what is seen is lit and still has relief.
-  block.light_world =
-      to_vec4(glm::dvec4(glm::normalize(rays.to_eye + 0.45 * rays.right + 0.65 * rays.up),
-                         face_share(voxel_max / rays.world_per_pixel(options.width))));
-  block.background =
-      to_vec4({linear_from_srgb(options.background[0]), linear_from_srgb(options.background[1]),
-               linear_from_srgb(options.background[2]), options.background[3] / 255.0});
-  const glm::ivec3 dims = grid.spec.dims;
-  block.dims = {dims.x, dims.y, dims.z, ray_steps_max(grid)};
-  block.brick_dims = {grid.brick_dims.x, grid.brick_dims.y, grid.brick_dims.z, samples};
-  block.block_dims = {grid.block_dims.x, grid.block_dims.y, grid.block_dims.z, 0};
-  const uint32_t flags = (has_color ? RAYMARCH_HAS_COLOR : 0u) |
-                         (has_normal ? RAYMARCH_HAS_NORMAL : 0u) |
-                         (options.section ? RAYMARCH_HAS_SECTION : 0u) |
-                         (options.light == Light::kPhong ? RAYMARCH_PHONG : 0u);
-  block.picture = {options.width, options.height, static_cast<int32_t>(flags), 0};
+Status GlRenderer::Impl::upload_params(const RenderOptions& options, int samples) {
+  VOXELD_ASSIGN(const shared::RaymarchParams block, raymarch_params(grid, options, samples));
   VOXELD_TRY(gpu::ensure_size(params, context, sizeof block, "ray march parameters"));
   params.upload<shared::RaymarchParams>(0, std::span(&block, 1));
   return {};
 }
 
-void Renderer::Impl::bind_grid() const {
+void GlRenderer::Impl::bind_grid() const {
   params.bind_uniform(RAYMARCH_PARAMS);
   brick_index.bind_storage(RAYMARCH_BRICK_INDEX);
   brick_masks.bind_storage(RAYMARCH_BRICK_MASKS);
@@ -171,7 +101,7 @@ void Renderer::Impl::bind_grid() const {
   block_bits.bind_storage(RAYMARCH_BLOCK_BITS);
 }
 
-Status Renderer::Impl::draw_block(int x, int y, int width, int height) const {
+Status GlRenderer::Impl::draw_block(int x, int y, int width, int height) const {
   const gpu::GlApi& gl = context.gl();
   gl.Enable(GL_SCISSOR_TEST);
   gl.Scissor(x, y, width, height);
@@ -182,21 +112,6 @@ Status Renderer::Impl::draw_block(int x, int y, int width, int height) const {
 }
 
 namespace {
-
-// Calls draw(x, y, width, height) for each block of the picture.
-template <typename Draw>
-Status for_each_block(int width, int height, const BlockProgress& progress, Draw&& draw) {
-  const int across = (width + kBlockSide - 1) / kBlockSide;
-  const int down = (height + kBlockSide - 1) / kBlockSide;
-  for (int block = 0; block < across * down; ++block) {
-    const int x = block % across * kBlockSide, y = block / across * kBlockSide;
-    VOXELD_TRY(draw(x, y, std::min(kBlockSide, width - x), std::min(kBlockSide, height - y)));
-    if (progress && !progress(block + 1, int64_t{across} * down)) {
-      return Error{ErrorCode::kCancelled, "the picture was cancelled", "", ""};
-    }
-  }
-  return {};
-}
 
 void set_state(const gpu::GlApi& gl) {
   for (const GLenum off : {GL_BLEND, GL_DEPTH_TEST, GL_CULL_FACE, GL_COLOR_LOGIC_OP,
@@ -218,8 +133,9 @@ void flip_rows(std::vector<T>& rows, int height) {
 
 }  // namespace
 
-Status Renderer::Impl::draw(const RenderOptions& options, int samples, const gpu::Defines& defines,
-                            const gpu::Framebuffer& target, const BlockProgress& progress) {
+Status GlRenderer::Impl::draw(const RenderOptions& options, int samples,
+                              const gpu::Defines& defines, const gpu::Framebuffer& target,
+                              const BlockProgress& progress) {
   VOXELD_ASSIGN(const gpu::Program* program,
                 shaders.get({{"raymarch.vert"}, {"raymarch.frag"}}, defines));
   VOXELD_TRY(upload_params(options, samples));
@@ -233,7 +149,7 @@ Status Renderer::Impl::draw(const RenderOptions& options, int samples, const gpu
       [&](int x, int y, int width, int height) { return draw_block(x, y, width, height); });
 }
 
-Result<Picture> Renderer::render(const RenderOptions& options, const BlockProgress& progress) {
+Result<Picture> GlRenderer::render(const RenderOptions& options, const BlockProgress& progress) {
   Impl& impl = *impl_;
   if (impl.brick_index.id() == 0) VOXELD_TRY(set_grid(Grid{}));
   VOXELD_ASSIGN(const int samples, impl.samples_per_side(options));
@@ -249,7 +165,7 @@ Result<Picture> Renderer::render(const RenderOptions& options, const BlockProgre
   return picture;
 }
 
-Result<std::vector<Hit>> Renderer::render_hits(const RenderOptions& options) {
+Result<std::vector<Hit>> GlRenderer::render_hits(const RenderOptions& options) {
   Impl& impl = *impl_;
   if (impl.brick_index.id() == 0) VOXELD_TRY(set_grid(Grid{}));
   VOXELD_TRY(impl.samples_per_side(options));

@@ -1,0 +1,29 @@
+// The ray march as a fragment shader.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "server/gpu/context.h"
+#include "server/gpu/shader_library.h"
+#include "server/render/render.h"
+
+namespace voxeld {
+
+// Belongs to its context's thread.
+class GlRenderer final : public Renderer {
+ public:
+  GlRenderer(gpu::Context& context, gpu::ShaderLibrary& shaders);
+  ~GlRenderer() override;
+
+  Status set_grid(const Grid& grid) override;
+  Result<Picture> render(const RenderOptions& options, const BlockProgress& progress) override;
+  void set_quality(const RenderQuality& quality) override;
+  Result<std::vector<Hit>> render_hits(const RenderOptions& options) override;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace voxeld

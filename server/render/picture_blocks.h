@@ -1,0 +1,31 @@
+// Pictures are drawn block by block, which bounds how long the next request to cancel waits.
+#pragma once
+
+#include <algorithm>
+
+#include "proto/result.h"
+#include "server/render/render.h"
+
+namespace voxeld {
+
+// Pixels to a side.
+inline constexpr int kPictureBlockSide = 512;
+
+// Calls draw(x, y, width, height) -> Status for each block. Errors: cancelled when `progress` says
+// false; those of draw.
+template <typename Draw>
+Status for_each_block(int width, int height, const BlockProgress& progress, Draw&& draw) {
+  constexpr int kSide = kPictureBlockSide;
+  const int across = (width + kSide - 1) / kSide;
+  const int down = (height + kSide - 1) / kSide;
+  for (int block = 0; block < across * down; ++block) {
+    const int x = block % across * kSide, y = block / across * kSide;
+    VOXELD_TRY(draw(x, y, std::min(kSide, width - x), std::min(kSide, height - y)));
+    if (progress && !progress(block + 1, int64_t{across} * down)) {
+      return Error{ErrorCode::kCancelled, "the picture was cancelled", "", ""};
+    }
+  }
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,86 @@
+#include "server/render/raymarch_params.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+
+#include "server/render/camera.h"
+
+namespace voxeld {
+namespace {
+
+shared::vec4 to_vec4(const glm::dvec4& v) {
+  return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z),
+          static_cast<float>(v.w)};
+}
+
+double linear_from_srgb(uint8_t value) {
+  const double c = value / 255.0;
+  return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+}
+
+// world plane -> grid plane.
+glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec) {
+  const glm::dvec3 normal(plane[0], plane[1], plane[2]);
+  return {normal * spec.voxel_size, glm::dot(normal, spec.origin_world) + plane[3]};
+}
+
+// How much of the hit face is mixed into a normal that is estimated from the neighbourhood, by the
+// width of a voxel in pixels: voxels of a few pixels shade as a smooth surface, larger ones show
+// that they are cubes.
+double face_share(double voxel_pixels) {
+  const double t = std::clamp((voxel_pixels - 2.0) / 6.0, 0.0, 1.0);
+  return 0.6 * t * t * (3.0 - 2.0 * t);
+}
+
+}  // namespace
+
+// Every step crosses one grid plane of voxels, bricks or blocks for good, and a ray crosses each
+// plane once.
+int ray_steps_max(const PackedGrid& grid) {
+  const auto sum = [](const glm::ivec3& v) { return v.x + v.y + v.z; };
+  return sum(grid.spec.dims) + sum(grid.brick_dims) + sum(grid.block_dims) + 8;
+}
+
+int wanted_samples(const RenderOptions& options, const RenderQuality& quality) {
+  const int64_t pixels = int64_t{options.width} * options.height;
+  return pixels > quality.supersampled_pixels_max ? 1 : quality.samples_per_side;
+}
+
+Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const RenderOptions& options,
+                                               int samples) {
+  const glm::dvec3 low = grid.spec.world_from_grid(glm::dvec3(grid.occupied_min));
+  const glm::dvec3 high = grid.spec.world_from_grid(glm::dvec3(grid.occupied_max));
+  VOXELD_ASSIGN(const PictureRays rays,
+                picture_rays(make_camera(options, low, high), grid.spec, 0.5 * (low + high)));
+  shared::RaymarchParams block;
+  block.near_0 = to_vec4(rays.near_plane[0]);
+  block.near_x = to_vec4(rays.near_plane[1]);
+  block.near_y = to_vec4(rays.near_plane[2]);
+  block.far_0 = to_vec4(rays.far_plane[0]);
+  block.far_x = to_vec4(rays.far_plane[1]);
+  block.far_y = to_vec4(rays.far_plane[2]);
+  if (options.section) block.section = to_vec4(section_in_grid(*options.section, grid.spec));
+  const glm::dvec3 voxel = grid.spec.voxel_size;
+  const double voxel_max = std::max(voxel.x, std::max(voxel.y, voxel.z));
+  block.voxel_size = to_vec4(glm::dvec4(voxel, voxel_max));
+  // Over the viewer's right shoulder, so that what is seen is lit and still has relief.
+  block.light_world =
+      to_vec4(glm::dvec4(glm::normalize(rays.to_eye + 0.45 * rays.right + 0.65 * rays.up),
+                         face_share(voxel_max / rays.world_per_pixel(options.width))));
+  block.background =
+      to_vec4({linear_from_srgb(options.background[0]), linear_from_srgb(options.background[1]),
+               linear_from_srgb(options.background[2]), options.background[3] / 255.0});
+  const glm::ivec3 dims = grid.spec.dims;
+  block.dims = {dims.x, dims.y, dims.z, ray_steps_max(grid)};
+  block.brick_dims = {grid.brick_dims.x, grid.brick_dims.y, grid.brick_dims.z, samples};
+  block.block_dims = {grid.block_dims.x, grid.block_dims.y, grid.block_dims.z, 0};
+  const uint32_t flags = (grid.has_color ? RAYMARCH_HAS_COLOR : 0u) |
+                         (grid.has_normal ? RAYMARCH_HAS_NORMAL : 0u) |
+                         (options.section ? RAYMARCH_HAS_SECTION : 0u) |
+                         (options.light == Light::kPhong ? RAYMARCH_PHONG : 0u);
+  block.picture = {options.width, options.height, static_cast<int32_t>(flags), 0};
+  return block;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,23 @@
+// What every ray march needs to know of a picture, whatever runs it.
+#pragma once
+
+#include "proto/options.h"
+#include "proto/result.h"
+#include "server/render/packed_grid.h"
+#include "server/render/render.h"
+#include "shaders/shared/raymarch.h"
+
+namespace voxeld {
+
+// More steps than any ray through the grid can take.
+int ray_steps_max(const PackedGrid& grid);
+
+// Rays along each side of a pixel for a picture of this size, before limits of a device.
+int wanted_samples(const RenderOptions& options, const RenderQuality& quality);
+
+// Camera, light and dimensions of a picture. `samples`: along each side of a pixel. The tables of
+// `grid` are not read. Errors: invalid-option for a matrix that cannot be inverted.
+Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const RenderOptions& options,
+                                               int samples);
+
+}  // namespace voxeld
