@@ -7,9 +7,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "server/render/gl_renderer.h"
-#include "tests/gpu/context/test_device.h"
 #include "tests/gpu/render/test_grids.h"
+#include "tests/gpu/render/test_renderer.h"
 
 namespace voxeld {
 namespace {
@@ -131,13 +130,12 @@ const GoldenCase kCases[] = {
 class Golden : public ::testing::TestWithParam<GoldenCase> {};
 
 TEST_P(Golden, picture_is_as_it_was) {
-  static gpu::ShaderLibrary shaders(gpu::test_context());
-  GlRenderer renderer(gpu::test_context(), shaders);
-  ASSERT_TRUE(renderer.set_grid(GetParam().grid()).ok());
+  const auto renderer = make_test_renderer();
+  ASSERT_TRUE(renderer->set_grid(GetParam().grid()).ok());
   RenderOptions options;
   options.width = options.height = 64;
   GetParam().adjust(options);
-  const auto picture = renderer.render(options, {});
+  const auto picture = renderer->render(options, {});
   ASSERT_TRUE(picture.ok()) << picture.error().message();
   expect_golden(GetParam().name, *picture);
 }

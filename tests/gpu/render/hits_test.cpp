@@ -5,10 +5,9 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <random>
 
-#include "server/render/gl_renderer.h"
-#include "tests/gpu/context/test_device.h"
 #include "tests/gpu/render/ray_oracle.h"
 #include "tests/gpu/render/test_grids.h"
+#include "tests/gpu/render/test_renderer.h"
 
 namespace voxeld {
 namespace {
@@ -21,9 +20,8 @@ constexpr double kEdge = 1e-3;
 constexpr double kTiesMax = 0.002;
 
 Renderer& renderer() {
-  static gpu::ShaderLibrary shaders(gpu::test_context());
-  static GlRenderer one(gpu::test_context(), shaders);
-  return one;
+  static const std::unique_ptr<Renderer> one = make_test_renderer();
+  return *one;
 }
 
 Camera camera_for(const RenderOptions& options, const Grid& grid) {

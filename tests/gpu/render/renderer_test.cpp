@@ -1,5 +1,5 @@
 // What Renderer promises besides hits: blocks and cancelling, backgrounds, errors, big grids.
-#include "server/render/gl_renderer.h"
+#include "server/render/render.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,19 +8,14 @@
 
 #include "server/gpu/objects.h"
 #include "shaders/shared/raymarch.h"
-#include "tests/gpu/context/test_device.h"
 #include "tests/gpu/render/test_grids.h"
+#include "tests/gpu/render/test_renderer.h"
 
 namespace voxeld {
 namespace {
 
 using ::testing::Each;
 using ::testing::ElementsAre;
-
-gpu::ShaderLibrary& shaders() {
-  static gpu::ShaderLibrary one(gpu::test_context());
-  return one;
-}
 
 RenderOptions small_options() {
   RenderOptions options;
@@ -34,7 +29,8 @@ std::array<uint8_t, 4> pixel(const Picture& picture, int x, int y) {
 }
 
 TEST(Renderer, an_empty_grid_gives_the_background_alone) {
-  GlRenderer renderer(gpu::test_context(), shaders());
+  const auto made = make_test_renderer();
+  Renderer& renderer = *made;
   RenderOptions options = small_options();
   options.background = {10, 200, 30, 255};
   const auto before = renderer.render(options, {});
@@ -50,7 +46,8 @@ TEST(Renderer, an_empty_grid_gives_the_background_alone) {
 }
 
 TEST(Renderer, half_transparent_backgrounds_keep_their_colour_and_alpha) {
-  GlRenderer renderer(gpu::test_context(), shaders());
+  const auto made = make_test_renderer();
+  Renderer& renderer = *made;
   ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
   RenderOptions options = small_options();
   options.background = {200, 100, 50, 128};
@@ -63,7 +60,8 @@ TEST(Renderer, half_transparent_backgrounds_keep_their_colour_and_alpha) {
 TEST(Renderer, colours_come_out_as_they_are_stored_where_the_light_is_full) {
   GridSpec spec;
   spec.dims = {4, 1, 4};
-  GlRenderer renderer(gpu::test_context(), shaders());
+  const auto made = make_test_renderer();
+  Renderer& renderer = *made;
   ASSERT_TRUE(renderer
                   .set_grid(make_test_grid(spec, true, false,
                                            [](const glm::ivec3& c) {
@@ -92,7 +90,8 @@ TEST(Renderer, colours_come_out_as_they_are_stored_where_the_light_is_full) {
 TEST(Renderer, the_cut_face_shows_the_voxel_that_the_plane_passes) {
   GridSpec spec;
   spec.dims = {8, 8, 8};
-  GlRenderer renderer(gpu::test_context(), shaders());
+  const auto made = make_test_renderer();
+  Renderer& renderer = *made;
   const auto block = [](const glm::ivec3& c) {
     return TestVoxel{{0, static_cast<uint8_t>(30 * c.z), 255, 255}, {}};
   };
@@ -115,7 +114,8 @@ TEST(Renderer, the_cut_face_shows_the_voxel_that_the_plane_passes) {
 }
 
 TEST(Renderer, pictures_are_drawn_in_blocks_and_can_be_cancelled_between_them) {
-  GlRenderer renderer(gpu::test_context(), shaders());
+  const auto made = make_test_renderer();
+  Renderer& renderer = *made;
   ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
   RenderOptions options;
   options.width = 1025;
@@ -139,7 +139,8 @@ TEST(Renderer, pictures_are_drawn_in_blocks_and_can_be_cancelled_between_them) {
 }
 
 TEST(Renderer, a_singular_matrix_is_an_invalid_option) {
-  GlRenderer renderer(gpu::test_context(), shaders());
+  const auto made = make_test_renderer();
+  Renderer& renderer = *made;
   RenderOptions options = small_options();
   options.matrix.emplace();
   const auto picture = renderer.render(options, {});
@@ -173,7 +174,8 @@ TEST(Renderer, a_grid_of_1024_cells_a_side_renders) {
     }
   }
   EXPECT_GT(grid.voxel_count(), 1'000'000u);
-  GlRenderer renderer(gpu::test_context(), shaders());
+  const auto made = make_test_renderer();
+  Renderer& renderer = *made;
   const Status uploaded = renderer.set_grid(grid);
   ASSERT_TRUE(uploaded.ok()) << uploaded.error().message();
   RenderOptions options = small_options();
@@ -186,6 +188,7 @@ TEST(Renderer, a_grid_of_1024_cells_a_side_renders) {
 }
 
 TEST(RaymarchParams, lie_where_the_driver_puts_them) {
+  if (test_device_is_cpu()) GTEST_SKIP() << "there is no driver to ask on device cpu";
   using shared::RaymarchParams;
   const struct {
     const char* name;
@@ -203,7 +206,7 @@ TEST(RaymarchParams, lie_where_the_driver_puts_them) {
       {"params.block_dims", offsetof(RaymarchParams, block_dims)},
       {"params.picture", offsetof(RaymarchParams, picture)},
   };
-  const auto program = shaders().get({{"raymarch.vert"}, {"raymarch.frag"}});
+  const auto program = test_shaders().get({{"raymarch.vert"}, {"raymarch.frag"}});
   ASSERT_TRUE(program.ok()) << program.error().message();
   const gpu::GlApi& gl = gpu::test_context().gl();
   for (const auto& member : kMembers) {

@@ -1,0 +1,67 @@
+#include "server/render/cpu/raymarch_pixel.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "shaders/glsl_float.h"
+
+namespace voxeld {
+// Hidden, so that functions can be inlined in spite of -fPIC.
+#pragma GCC visibility push(hidden)
+namespace raymarch_colors {
+using namespace glsl;  // NOLINT(google-build-using-namespace)
+#include "raymarch_frag.h"
+}  // namespace raymarch_colors
+
+#define RAYMARCH_HITS 1
+namespace raymarch_hits {
+using namespace glsl;  // NOLINT(google-build-using-namespace)
+#include "raymarch_frag.h"
+}  // namespace raymarch_hits
+#pragma GCC visibility pop
+
+namespace {
+
+// The shader's parameters are the same bytes under GLM's names of types.
+template <typename Params>
+const Params& params_as(const shared::RaymarchParams& params) {
+  static_assert(sizeof(Params) == sizeof(shared::RaymarchParams));
+  static_assert(offsetof(Params, picture) == offsetof(shared::RaymarchParams, picture));
+  return reinterpret_cast<const Params&>(params);
+}
+
+template <typename Invocation, typename Params>
+Invocation bind(const RaymarchBindings& bindings, int x, int y) {
+  const PackedGrid& grid = bindings.grid;
+  return {.params = params_as<Params>(bindings.params),
+          .brick_index = grid.brick_index.data(),
+          .brick_masks = grid.brick_masks.data(),
+          .block_bits = grid.block_bits.data(),
+          .brick_offsets = grid.brick_offsets.data(),
+          .colors = grid.colors.data(),
+          .normals = grid.normals.data(),
+          .gl_FragCoord = {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, 0.0f, 1.0f}};
+}
+
+}  // namespace
+
+std::array<uint8_t, 4> raymarch_color(const RaymarchBindings& bindings, int x, int y) {
+  using namespace raymarch_colors;  // NOLINT(google-build-using-namespace)
+  auto invocation = bind<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+  invocation.main();
+  std::array<uint8_t, 4> rgba{};
+  for (int i = 0; i < 4; ++i) {
+    const float value = std::clamp(invocation.out_color[i], 0.0f, 1.0f);
+    rgba[static_cast<size_t>(i)] = static_cast<uint8_t>(std::floor(255.0f * value + 0.5f));
+  }
+  return rgba;
+}
+
+Hit raymarch_hit(const RaymarchBindings& bindings, int x, int y) {
+  using namespace raymarch_hits;  // NOLINT(google-build-using-namespace)
+  auto invocation = bind<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+  invocation.main();
+  return {{invocation.out_hit.x, invocation.out_hit.y, invocation.out_hit.z}, invocation.out_hit.w};
+}
+
+}  // namespace voxeld

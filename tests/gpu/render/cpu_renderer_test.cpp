@@ -1,0 +1,97 @@
+// The ray march on the CPU against the GL context's: one text, so the same hits but for rounding.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "tests/gpu/render/test_grids.h"
+#include "tests/gpu/render/test_renderer.h"
+
+namespace voxeld {
+namespace {
+
+// Rays that may hit another cell because a driver rounds a division differently; what is measured
+// on the software drivers is 0.
+constexpr double kOtherHitsMax = 0.001;
+// Levels of 255: pow() of a driver and of the C library.
+constexpr int kLevelMax = 2;
+
+struct Scene {
+  const char* name;
+  Grid grid;
+  RenderOptions options;
+};
+
+std::vector<Scene> scenes() {
+  GridSpec spec;
+  spec.dims = {70, 41, 96};
+  spec.voxel_size = {1, 0.5, 1};
+  RenderOptions options;
+  options.width = 150;
+  options.height = 90;
+  RenderOptions cut = options;
+  cut.section = {0.3, 1, 0.2, -32};
+  cut.background = {10, 200, 90, 100};
+  RenderOptions flat = options;
+  flat.light = Light::kFlat;
+  flat.projection = Projection::kOrthographic;
+  flat.elevation_deg = -20;
+  return {{"sphere with colours and normals", sphere_grid(60, true, true), options},
+          {"sphere with estimated normals", sphere_grid(90, false, false), options},
+          {"noise, cut", noise_grid(spec, 0.05, 3), cut},
+          {"coloured, flat light", sphere_grid(40, true, false), flat}};
+}
+
+TEST(CpuRenderer, hits_the_cells_that_gl_hits) {
+  if (test_device_is_cpu()) GTEST_SKIP() << "compared on the GL devices";
+  GlRenderer gl(gpu::test_context(), test_shaders());
+  CpuRenderer cpu(3);
+  for (const Scene& scene : scenes()) {
+    SCOPED_TRACE(scene.name);
+    ASSERT_TRUE(gl.set_grid(scene.grid).ok());
+    ASSERT_TRUE(cpu.set_grid(scene.grid).ok());
+    const auto wanted = gl.render_hits(scene.options), got = cpu.render_hits(scene.options);
+    ASSERT_TRUE(wanted.ok() && got.ok());
+    ASSERT_EQ(wanted->size(), got->size());
+    int hits = 0, others = 0;
+    for (size_t i = 0; i < got->size(); ++i) {
+      hits += (*wanted)[i].face >= 0;
+      others += (*wanted)[i].cell != (*got)[i].cell || (*wanted)[i].face != (*got)[i].face;
+    }
+    EXPECT_GT(hits, 1000);
+    EXPECT_LE(others, kOtherHitsMax * static_cast<double>(got->size()));
+  }
+}
+
+TEST(CpuRenderer, draws_the_picture_that_gl_draws) {
+  if (test_device_is_cpu()) GTEST_SKIP() << "compared on the GL devices";
+  GlRenderer gl(gpu::test_context(), test_shaders());
+  CpuRenderer cpu;
+  for (const Scene& scene : scenes()) {
+    SCOPED_TRACE(scene.name);
+    ASSERT_TRUE(gl.set_grid(scene.grid).ok());
+    ASSERT_TRUE(cpu.set_grid(scene.grid).ok());
+    const auto wanted = gl.render(scene.options, {}), got = cpu.render(scene.options, {});
+    ASSERT_TRUE(wanted.ok() && got.ok());
+    ASSERT_EQ(wanted->rgba.size(), got->rgba.size());
+    size_t others = 0;
+    for (size_t i = 0; i < got->rgba.size(); ++i) {
+      others += std::abs(wanted->rgba[i] - got->rgba[i]) > kLevelMax;
+    }
+    EXPECT_LE(static_cast<double>(others),
+              kOtherHitsMax * static_cast<double>(4 * got->rgba.size()));
+  }
+}
+
+TEST(CpuRenderer, the_number_of_threads_changes_nothing) {
+  CpuRenderer one(1), many(7);
+  for (const Scene& scene : scenes()) {
+    ASSERT_TRUE(one.set_grid(scene.grid).ok());
+    ASSERT_TRUE(many.set_grid(scene.grid).ok());
+    const auto a = one.render(scene.options, {}), b = many.render(scene.options, {});
+    ASSERT_TRUE(a.ok() && b.ok());
+    EXPECT_EQ(a->rgba, b->rgba) << scene.name;
+  }
+}
+
+}  // namespace
+}  // namespace voxeld
