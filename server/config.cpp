@@ -57,7 +57,8 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->capture_default_str();
   serve
       ->add_option("--device", config.devices,
-                   "auto, egl:N, llvmpipe, lavapipe or osmesa; several give one worker each")
+                   "auto, egl:N, llvmpipe, lavapipe, osmesa or cpu (no OpenGL); several give one "
+                   "worker each")
       ->delimiter(',')
       ->envname("VOXELD_DEVICE")
       ->capture_default_str();
@@ -97,7 +98,8 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
   CLI::App* worker =
       app.add_subcommand("worker", "Run tasks of a gateway on one device (serve starts these)");
   worker->add_option("--gateway", command.gateway, "unix:/path/to/tasks.sock")->required();
-  worker->add_option("--device", command.device, "egl:N, llvmpipe, lavapipe or osmesa")->required();
+  worker->add_option("--device", command.device, "egl:N, llvmpipe, lavapipe, osmesa or cpu")
+      ->required();
   worker->add_option("--shader-dir", command.shader_dir, "As of serve");
   add_log_level(*worker, command.log_level);
   return worker;

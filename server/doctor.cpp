@@ -40,6 +40,8 @@ std::string hint_for(const DeviceProbe& probe) {
       return "apt-get install libegl-mesa0 libgl1-mesa-dri mesa-vulkan-drivers";
     case DeviceKind::kOsmesa:
       return "apt-get install libosmesa6";
+    case DeviceKind::kCpu:
+      break;
   }
   return "";
 }
@@ -65,6 +67,10 @@ void print_device(const DeviceProbe& probe) {
     std::printf("%-10s   why     %s\n", "", probe.reason.c_str());
     const std::string hint = hint_for(probe);
     if (!hint.empty()) std::printf("%-10s   hint    %s\n", "", hint.c_str());
+    return;
+  }
+  if (probe.device.kind == DeviceKind::kCpu) {
+    std::printf("%-10s   kind    no OpenGL: pipeline cpu and the ray march on the CPU\n", "");
     return;
   }
   const DeviceInfo& info = probe.info;
@@ -106,7 +112,7 @@ json device_json(const DeviceProbe& probe) {
   return object;
 }
 
-void print_text(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoChoice>& choice) {
+void print_text(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& choice) {
   std::printf("voxeld %s\n\n", std::string(version()).c_str());
   for (const DeviceProbe& probe : probes) print_device(probe);
   std::printf("\ndriver workarounds (VOXELD_WORKAROUNDS=-name turns one off)\n");
@@ -114,25 +120,16 @@ void print_text(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoCh
     std::printf("  %-3s %-22s %s\n", gpu::workaround_enabled(one.workaround) ? "on" : "off",
                 std::string(one.name).c_str(), std::string(one.summary).c_str());
   }
-  if (choice.ok()) {
-    std::printf("\nauto takes %s: %s\n", gpu::device_name(choice->device).c_str(),
-                choice->why.c_str());
-  } else {
-    std::printf("\nauto takes nothing: %s\n", choice.error().message().c_str());
-  }
+  std::printf("\nauto takes %s: %s\n", gpu::device_name(choice.device).c_str(), choice.why.c_str());
 }
 
-void print_json(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoChoice>& choice) {
+void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& choice) {
   json object = {{"version", version()}, {"devices", json::array()}};
   for (const DeviceProbe& probe : probes) object["devices"].push_back(device_json(probe));
   for (const gpu::WorkaroundInfo& one : gpu::all_workarounds()) {
     object["workarounds"][std::string(one.name)] = gpu::workaround_enabled(one.workaround);
   }
-  if (choice.ok()) {
-    object["auto"] = {{"device", gpu::device_name(choice->device)}, {"why", choice->why}};
-  } else {
-    object["auto"] = {{"device", nullptr}, {"why", choice.error().message()}};
-  }
+  object["auto"] = {{"device", gpu::device_name(choice.device)}, {"why", choice.why}};
   std::printf("%s\n", object.dump(2, ' ', false, json::error_handler_t::replace).c_str());
 }
 
@@ -140,13 +137,13 @@ void print_json(const std::vector<DeviceProbe>& probes, const Result<gpu::AutoCh
 
 int doctor_main(const std::string& self_executable, bool as_json) {
   const std::vector<DeviceProbe> probes = gpu::probe_devices(self_executable);
-  const Result<gpu::AutoChoice> choice = gpu::choose_device(probes);
+  const gpu::AutoChoice choice = gpu::choose_device(probes);
   if (as_json) {
     print_json(probes, choice);
   } else {
     print_text(probes, choice);
   }
-  return choice.ok() ? 0 : 1;
+  return 0;
 }
 
 }  // namespace voxeld

@@ -6,7 +6,7 @@
 namespace voxeld {
 
 // Probes every device in a child process (`self_executable` probe-device …) and prints a table to
-// stdout, or with `json` one object. Exit status: 0 when `auto` finds a device, 1 otherwise.
+// stdout, or with `json` one object. Exit status: 0.
 int doctor_main(const std::string& self_executable, bool json);
 
 }  // namespace voxeld

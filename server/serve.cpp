@@ -70,8 +70,7 @@ Result<std::vector<std::string>> resolve_devices(const std::vector<std::string>&
       continue;
     }
     const Stopwatch watch;
-    VOXELD_ASSIGN(const gpu::AutoChoice choice,
-                  gpu::choose_device(gpu::probe_devices(self_executable)));
+    const gpu::AutoChoice choice = gpu::choose_device(gpu::probe_devices(self_executable));
     log::info(
         "device chosen",
         {{"device", gpu::device_name(choice.device)}, {"why", choice.why}, {"ms", watch.ms()}});

@@ -82,6 +82,10 @@ void APIENTRY log_message(GLenum /*source*/, GLenum type, GLuint id, GLenum seve
 }  // namespace
 
 Result<std::unique_ptr<Context>> Context::create(const DeviceId& device) {
+  if (device.kind == DeviceKind::kCpu) {
+    return Error{ErrorCode::kDeviceUnavailable, "device cpu has no OpenGL context",
+                 "egl:N, llvmpipe, lavapipe or osmesa", "cpu"};
+  }
   if (device.kind == DeviceKind::kOsmesa) return create_osmesa_context(device);
   return create_egl_context(device);
 }

@@ -3,12 +3,15 @@
 #include <charconv>
 #include <optional>
 
+#include "server/base/cpu_info.h"
+
 namespace voxeld::gpu {
 
 Result<DeviceId> parse_device(std::string_view text) {
   if (text == "llvmpipe") return DeviceId{DeviceKind::kLlvmpipe, 0};
   if (text == "lavapipe") return DeviceId{DeviceKind::kLavapipe, 0};
   if (text == "osmesa") return DeviceId{DeviceKind::kOsmesa, 0};
+  if (text == "cpu") return DeviceId{DeviceKind::kCpu, 0};
   constexpr std::string_view kEglPrefix = "egl:";
   if (text.starts_with(kEglPrefix)) {
     const std::string_view digits = text.substr(kEglPrefix.size());
@@ -19,7 +22,7 @@ Result<DeviceId> parse_device(std::string_view text) {
     }
   }
   return Error{ErrorCode::kInvalidOption, "unknown device",
-               "egl:N (N = 0, 1, …), llvmpipe, lavapipe or osmesa", std::string(text)};
+               "egl:N (N = 0, 1, …), llvmpipe, lavapipe, osmesa or cpu", std::string(text)};
 }
 
 std::string device_name(const DeviceId& device) {
@@ -32,6 +35,8 @@ std::string device_name(const DeviceId& device) {
       return "lavapipe";
     case DeviceKind::kOsmesa:
       return "osmesa";
+    case DeviceKind::kCpu:
+      return "cpu";
   }
   return "";
 }
@@ -56,7 +61,19 @@ const DeviceProbe* find_hardware(const std::vector<DeviceProbe>& probes) {
 
 }  // namespace
 
-Result<AutoChoice> choose_device(const std::vector<DeviceProbe>& probes) {
+DeviceInfo cpu_device_info() {
+  DeviceInfo info;
+  info.device = {DeviceKind::kCpu, 0};
+  info.vendor = "voxeld";
+  info.renderer = cpu_model() + ", " + std::to_string(cpu_thread_count()) + " threads";
+  info.version = "none";
+  info.backend = "no OpenGL";
+  info.is_software = true;
+  info.dispatch_groups_max = 0;
+  return info;
+}
+
+AutoChoice choose_device(const std::vector<DeviceProbe>& probes) {
   if (const DeviceProbe* hardware = find_hardware(probes)) {
     return AutoChoice{hardware->device,
                       device_name(hardware->device) +
@@ -73,11 +90,10 @@ Result<AutoChoice> choose_device(const std::vector<DeviceProbe>& probes) {
   }
   std::string reasons;
   for (const DeviceProbe& probe : probes) {
-    reasons += (reasons.empty() ? "" : "; ") + probe.reason;
+    if (!probe.works) reasons += (reasons.empty() ? "" : "; ") + probe.reason;
   }
-  return Error{ErrorCode::kDeviceUnavailable, "no OpenGL device works: " + reasons,
-               "one of egl:N, llvmpipe, lavapipe, osmesa",
-               std::to_string(probes.size()) + " devices that do not work"};
+  return AutoChoice{{DeviceKind::kCpu, 0},
+                    "no OpenGL device works, so everything runs on the CPU: " + reasons};
 }
 
 }  // namespace voxeld::gpu

@@ -11,9 +11,10 @@
 
 namespace voxeld::gpu {
 
-enum class DeviceKind { kEgl, kLlvmpipe, kLavapipe, kOsmesa };
+// kCpu: no GL at all; pipeline cpu and the ray march on the CPU alone.
+enum class DeviceKind { kEgl, kLlvmpipe, kLavapipe, kOsmesa, kCpu };
 
-// "egl:0", "llvmpipe", "lavapipe", "osmesa".
+// "egl:0", "llvmpipe", "lavapipe", "osmesa", "cpu".
 struct DeviceId {
   DeviceKind kind = DeviceKind::kLlvmpipe;
   int index = 0;  // of EGL's device enumeration, kEgl only
@@ -24,7 +25,8 @@ struct DeviceId {
 Result<DeviceId> parse_device(std::string_view text);
 std::string device_name(const DeviceId& device);
 
-// What was read from, or is known of, a context. All limits are respected by every pass; none is
+// What was read from, or is known of, a context. Device cpu has none: renderer names the processor,
+// and all limits of GL are 0. All limits are respected by every pass; none is
 // hit silently.
 struct DeviceInfo {
   DeviceId device;
@@ -54,6 +56,7 @@ struct DeviceProbe {
 };
 // `self_executable` is run as `<self> probe-device --device NAME` and prints one JSON object.
 // A child that takes longer than `timeout_each` is killed and its device does not work.
+// Device cpu stands last and always works.
 std::vector<DeviceProbe> probe_devices(
     const std::string& self_executable,
     std::chrono::milliseconds timeout_each = std::chrono::seconds(20));
@@ -61,12 +64,16 @@ std::vector<DeviceProbe> probe_devices(
 // the device does not work.
 int probe_device_main(const DeviceId& device);
 
+// What device cpu is.
+DeviceInfo cpu_device_info();
+
 // Hardware first (egl:N that is not software, lowest N), then llvmpipe, lavapipe, osmesa: the order
-// of measured speed. `why` says it in a sentence.
+// of measured speed. They come before cpu because they can do what it does (pipeline cpu runs beside
+// any context) and more. `why` says it in a sentence.
 struct AutoChoice {
   DeviceId device;
   std::string why;
 };
-Result<AutoChoice> choose_device(const std::vector<DeviceProbe>& probes);
+AutoChoice choose_device(const std::vector<DeviceProbe>& probes);
 
 }  // namespace voxeld::gpu

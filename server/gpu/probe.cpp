@@ -8,15 +8,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "server/base/file.h"
 #include "server/base/stopwatch.h"
-#include "server/gpu/context.h"
 #include "server/gpu/device.h"
-#include "server/gpu/egl.h"
 
 extern char** environ;
 
@@ -29,26 +26,6 @@ using nlohmann::json;
 constexpr int kEglDevicesMax = 16;
 // Of one child's answer; drivers that write to stdout must not fill the memory.
 constexpr size_t kAnswerBytesMax = size_t{1} << 20;
-
-json info_json(const DeviceInfo& info) {
-  return {{"vendor", info.vendor},
-          {"renderer", info.renderer},
-          {"version", info.version},
-          {"glsl_version", info.glsl_version},
-          {"backend", info.backend},
-          {"is_robust", info.is_robust},
-          {"is_software", info.is_software},
-          {"has_int64", info.has_int64},
-          {"has_timer_queries", info.has_timer_queries},
-          {"ssbo_bytes_max", info.ssbo_bytes_max},
-          {"ssbo_bindings_max", info.ssbo_bindings_max},
-          {"ubo_bytes_max", info.ubo_bytes_max},
-          {"texture_side_max", info.texture_side_max},
-          {"texture3d_side_max", info.texture3d_side_max},
-          {"framebuffer_side_max", info.framebuffer_side_max},
-          {"dispatch_groups_max", info.dispatch_groups_max},
-          {"loop_iterations_max", info.loop_iterations_max}};
-}
 
 DeviceInfo info_from_json(const DeviceId& device, const json& object) {
   DeviceInfo info;
@@ -205,28 +182,12 @@ std::vector<DeviceProbe> probe_devices(const std::string& self_executable,
        {DeviceKind::kLlvmpipe, DeviceKind::kLavapipe, DeviceKind::kOsmesa}) {
     probes.push_back(probe_one(self_executable, {kind, 0}, timeout_each).probe);
   }
+  DeviceProbe cpu;
+  cpu.device = {DeviceKind::kCpu, 0};
+  cpu.works = true;
+  cpu.info = cpu_device_info();
+  probes.push_back(std::move(cpu));
   return probes;
-}
-
-int probe_device_main(const DeviceId& device) {
-  const Stopwatch clock;
-  const auto context = Context::create(device);
-  json object = {{"device", device_name(device)}, {"works", context.ok()}};
-  if (device.kind == DeviceKind::kEgl) {
-    const auto found = enumerate_egl_devices();
-    object["egl_device_count"] = found.ok() ? found->size() : 0;
-  }
-  if (context.ok()) {
-    object["context_ms"] = clock.ms();
-    object["info"] = info_json((*context)->info());
-  } else {
-    object["reason"] = context.error().message();
-  }
-  const std::string line =
-      "\n" + object.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
-  std::fwrite(line.data(), 1, line.size(), stdout);
-  std::fflush(stdout);
-  return 0;
 }
 
 }  // namespace voxeld::gpu

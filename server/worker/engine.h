@@ -1,17 +1,15 @@
-// What a worker keeps from one task to the next: its GL context, compiled programs, and the inputs
-// that the next task is likely to ask for again.
+// What a worker keeps from one task to the next: its device, compiled programs, and the inputs that
+// the next task is likely to ask for again.
 #pragma once
 
 #include <memory>
 #include <string>
+#include <utility>
 
-#include "server/gpu/context.h"
-#include "server/gpu/shader_library.h"
 #include "server/grid/grid.h"
-#include "server/render/gl_renderer.h"
 #include "server/scene/scene.h"
-#include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
+#include "server/worker/open_device.h"
 
 namespace voxeld {
 
@@ -34,16 +32,13 @@ struct InputCache {
 };
 
 struct Engine {
-  Engine(std::unique_ptr<gpu::Context> gl_context, const std::string& shader_dir)
-      : context(std::move(gl_context)),
-        shaders(*context, shader_dir),
-        voxelizer(std::make_unique<GlPipeline>(*context, shaders)),
-        renderer(*context, shaders) {}
+  explicit Engine(OpenedDevice opened)
+      : device(std::move(opened)), voxelizer(std::move(device.pipeline)) {}
 
-  std::unique_ptr<gpu::Context> context;
-  gpu::ShaderLibrary shaders;
+  Renderer& renderer() { return *device.renderer; }
+
+  OpenedDevice device;  // its pipeline has gone to the voxelizer
   Voxelizer voxelizer;
-  GlRenderer renderer;
   InputCache cache;
 };
 

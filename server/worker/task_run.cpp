@@ -67,7 +67,7 @@ std::string render_key(const Task& task, const RequestOptions& options) {
 }
 
 json device_facts(const Engine& engine) {
-  const gpu::DeviceInfo& info = engine.context->info();
+  const gpu::DeviceInfo& info = engine.device.info;
   return {{"device", gpu::device_name(info.device)},
           {"renderer", info.renderer},
           {"driver", info.version}};
@@ -185,10 +185,10 @@ Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::
   InputCache& cache = run.engine.cache;
   if (cache.resident_key != grid_key) {
     cache.resident_key.clear();
-    VOXELD_TRY(run.engine.renderer.set_grid(grid.grid));
+    VOXELD_TRY(run.engine.renderer().set_grid(grid.grid));
     cache.resident_key = grid_key;
   }
-  return run.engine.renderer.render(
+  return run.engine.renderer().render(
       options, [&](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); });
 }
 

@@ -99,7 +99,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, const Task& t
   }
   if (completion || completion.error().code != ErrorCode::kInternal) return std::nullopt;
   // After a driver's failure the next task gets a fresh process unless the context is still good.
-  const Status context = engine.context->check("after a failed task");
+  const Status context = engine.device.check("after a failed task");
   if (context) return std::nullopt;
   log::error("the context is lost", {{"error", context.error().message()}});
   return kExitContextLost;
@@ -120,10 +120,10 @@ int serve_tasks(Engine& engine, TaskClient& client, const std::string& scratch) 
 Result<int> run_worker(const WorkerConfig& config) {
   VOXELD_ASSIGN(const auto client, TaskClient::connect(config.gateway));
   handle_signals(client->fd());
-  auto context = gpu::Context::create(config.device);
-  if (!context) return report_unavailable(*client, config.device, context.error());
-  Engine engine(*std::move(context), config.shader_dir);
-  const gpu::DeviceInfo& info = engine.context->info();
+  auto device = open_device(config.device, config.shader_dir);
+  if (!device) return report_unavailable(*client, config.device, device.error());
+  Engine engine(*std::move(device));
+  const gpu::DeviceInfo& info = engine.device.info;
   WorkerHello hello = make_hello(config.device);
   hello.renderer = info.renderer;
   hello.driver = info.version;

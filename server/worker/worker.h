@@ -1,4 +1,4 @@
-// The worker process: one GL context, one task at a time.
+// The worker process: one device, one task at a time.
 #pragma once
 
 #include <string>

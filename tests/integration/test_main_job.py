@@ -13,8 +13,8 @@ import pathlib
 import shutil
 import tempfile
 
-DEVICES = ("llvmpipe", "lavapipe", "osmesa")
 PIPELINES = ("raster", "compute", "cpu")
+DEVICES = {"llvmpipe": PIPELINES, "lavapipe": PIPELINES, "osmesa": PIPELINES, "cpu": ("cpu",)}
 
 
 class OneShot(DaemonTest):
@@ -72,16 +72,35 @@ class OneShot(DaemonTest):
         self.assertEqual(int.from_bytes(response.body[20:24], "big"), 200)
 
 
+class OneShotWithoutGl(OneShot):
+    """The same on a worker that has no GL context."""
+    device = "cpu"
+
+    def test_what_ran_and_why_is_in_the_answer(self):
+        response = self.daemon.post("/v1/voxelize?size=32&filename=sample.ply&cache=no",
+                                    self.fixture("sample.ply"))
+        self.assertEqual(response.status, 200, response.body)
+        self.assertEqual(response.headers["X-Voxeld-Pipeline"], "cpu")
+        self.assertEqual(response.headers["X-Voxeld-Device"].split()[0], "cpu")
+
+    def test_pipelines_that_need_gl_are_device_unavailable(self):
+        for pipeline in ("compute", "raster"):
+            response = self.daemon.post(
+                f"/v1/voxelize?size=32&filename=sample.ply&pipeline={pipeline}",
+                self.fixture("sample.ply"))
+            self.assert_problem(response, 503, "device-unavailable", pipeline, "GL context")
+
+
 class EveryDriverAndPipeline(unittest.TestCase):
     """One content hash for all of them."""
 
     def hashes(self, mesh, query):
         result = {}
         body = pathlib.Path(mesh).read_bytes()
-        for device in DEVICES:
+        for device, pipelines in DEVICES.items():
             daemon = Daemon(device=device)
             try:
-                for pipeline in PIPELINES:
+                for pipeline in pipelines:
                     response = daemon.post(
                         f"/v1/voxelize?{query}&pipeline={pipeline}&cache=no&format=native"
                         f"&filename={os.path.basename(mesh)}", body)
@@ -99,7 +118,7 @@ class EveryDriverAndPipeline(unittest.TestCase):
             hashes = self.hashes(f"{directory}/sample.glb", "size=96&channels=occupancy,color,normal")
         finally:
             shutil.rmtree(directory)
-        self.assertEqual(len(hashes), len(DEVICES) * len(PIPELINES))
+        self.assertEqual(len(hashes), sum(map(len, DEVICES.values())))
         self.assertEqual(len(set(hashes.values())), 1, hashes)
 
     @unittest.skipUnless(DATA, "VOXELD_DATA_DIR is not set: no real meshes")

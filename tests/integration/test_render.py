@@ -105,5 +105,10 @@ class Render(DaemonTest):
         self.assertEqual(struct.unpack(">II", response.body[16:24]), (4096, 4096))
 
 
+class RenderWithoutGl(Render):
+    """The same pictures from the ray march on the CPU."""
+    device = "cpu"
+
+
 if __name__ == "__main__":
     unittest.main()

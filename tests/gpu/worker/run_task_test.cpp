@@ -28,9 +28,13 @@ Engine& engine() {
   static Engine instance = [] {
     const char* name = std::getenv("VOXELD_TEST_DEVICE");
     const auto device = gpu::parse_device(name == nullptr ? "llvmpipe" : name);
-    return Engine(gpu::Context::create(device.value()).value(), "");
+    return Engine(open_device(device.value(), "").value());
   }();
   return instance;
+}
+
+bool has_gl() {
+  return engine().device.info.device.kind != gpu::DeviceKind::kCpu;
 }
 
 class RunTaskTest : public ::testing::Test {
@@ -120,6 +124,11 @@ TEST_F(RunTaskTest, both_pipelines_and_every_output_format_leave_the_same_contai
        {R"({"size":20,"format":"npy","pipeline":"compute"})",
         R"({"size":20,"format":"vox","pipeline":"raster"})", R"({"size":20,"format":"npz"})"}) {
     const auto done = run(task(JobKind::kVoxelize, kCube, options));
+    if (!has_gl() && std::string_view(options).find("pipeline") != std::string_view::npos) {
+      ASSERT_FALSE(done);
+      EXPECT_EQ(done.error().code, ErrorCode::kDeviceUnavailable);
+      continue;
+    }
     ASSERT_TRUE(done) << done.error().message();
     const std::string id = sha256_id(read_file(output(*done, "grid").path).value());
     if (first.empty()) first = id;

@@ -7,7 +7,7 @@ namespace voxeld::gpu {
 namespace {
 
 TEST(Device, names_are_parsed_and_written_back) {
-  for (const char* name : {"egl:0", "egl:12", "llvmpipe", "lavapipe", "osmesa"}) {
+  for (const char* name : {"egl:0", "egl:12", "llvmpipe", "lavapipe", "osmesa", "cpu"}) {
     const auto device = parse_device(name);
     ASSERT_TRUE(device.ok()) << name;
     EXPECT_EQ(device_name(*device), name);
@@ -21,7 +21,7 @@ TEST(Device, other_names_are_refused_with_the_forms) {
     ASSERT_FALSE(device.ok()) << name;
     EXPECT_EQ(device.error().code, ErrorCode::kInvalidOption);
     EXPECT_EQ(device.error().detail, "unknown device");
-    EXPECT_EQ(device.error().expected, "egl:N (N = 0, 1, …), llvmpipe, lavapipe or osmesa");
+    EXPECT_EQ(device.error().expected, "egl:N (N = 0, 1, …), llvmpipe, lavapipe, osmesa or cpu");
     EXPECT_EQ(device.error().got, name);
   }
 }
@@ -46,26 +46,33 @@ TEST(ChooseDevice, takes_the_first_hardware_device_before_any_software) {
   const auto choice =
       choose_device({working("llvmpipe", true, "llvmpipe"), broken("egl:0", "no"),
                      working("egl:2", false, "Card B"), working("egl:1", false, "Card A")});
-  ASSERT_TRUE(choice.ok());
-  EXPECT_EQ(device_name(choice->device), "egl:1");
-  EXPECT_EQ(choice->why, "egl:1 is the first hardware device that works: Card A");
+  EXPECT_EQ(device_name(choice.device), "egl:1");
+  EXPECT_EQ(choice.why, "egl:1 is the first hardware device that works: Card A");
 }
 
 TEST(ChooseDevice, a_software_device_by_number_is_no_hardware) {
   const auto choice =
       choose_device({working("egl:0", true, "llvmpipe"), working("osmesa", true, "llvmpipe"),
                      working("lavapipe", true, "zink")});
-  ASSERT_TRUE(choice.ok());
-  EXPECT_EQ(device_name(choice->device), "lavapipe");
-  EXPECT_EQ(choice->why,
+  EXPECT_EQ(device_name(choice.device), "lavapipe");
+  EXPECT_EQ(choice.why,
             "no hardware device works; lavapipe is the fastest software driver that does: zink");
 }
 
-TEST(ChooseDevice, nothing_that_works_is_an_error_with_every_reason) {
-  const auto choice = choose_device({broken("egl:0", "no libEGL"), broken("osmesa", "no library")});
-  ASSERT_FALSE(choice.ok());
-  EXPECT_EQ(choice.error().code, ErrorCode::kDeviceUnavailable);
-  EXPECT_EQ(choice.error().detail, "no OpenGL device works: no libEGL; no library");
+TEST(ChooseDevice, cpu_comes_after_every_driver_that_works) {
+  const AutoChoice choice =
+      choose_device({working("cpu", true, "a processor"), working("osmesa", true, "llvmpipe"),
+                     broken("llvmpipe", "no library")});
+  EXPECT_EQ(device_name(choice.device), "osmesa");
+}
+
+TEST(ChooseDevice, no_driver_that_works_leaves_cpu_with_every_reason) {
+  const AutoChoice choice =
+      choose_device({broken("egl:0", "no libEGL"), broken("osmesa", "no library"),
+                     working("cpu", true, "a processor")});
+  EXPECT_EQ(device_name(choice.device), "cpu");
+  EXPECT_EQ(choice.why,
+            "no OpenGL device works, so everything runs on the CPU: no libEGL; no library");
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ TEST(ProbeDevices, asks_for_as_many_egl_devices_as_there_are_then_the_software_d
   const FakeProbe fake(R"(echo driver noise
 echo '{"works":true,"egl_device_count":2,"context_ms":1.5,"info":{"renderer":"'$3'"}}')");
   const auto probes = probe_devices(fake.path());
-  ASSERT_EQ(probes.size(), 5u);
+  ASSERT_EQ(probes.size(), 6u);
   const char* names[] = {"egl:0", "egl:1", "llvmpipe", "lavapipe", "osmesa"};
   for (size_t i = 0; i < 5; ++i) {
     EXPECT_TRUE(probes[i].works) << probes[i].reason;
@@ -39,12 +39,15 @@ echo '{"works":true,"egl_device_count":2,"context_ms":1.5,"info":{"renderer":"'$
     EXPECT_EQ(probes[i].info.device, probes[i].device);
     EXPECT_EQ(probes[i].context_ms, 1.5);
   }
+  EXPECT_TRUE(probes[5].works);
+  EXPECT_EQ(device_name(probes[5].device), "cpu");
+  EXPECT_FALSE(probes[5].info.renderer.empty());
 }
 
 TEST(ProbeDevices, a_machine_without_egl_keeps_egl_0_with_its_reason) {
   const FakeProbe fake(R"(echo '{"works":false,"egl_device_count":0,"reason":"no libEGL"}')");
   const auto probes = probe_devices(fake.path());
-  ASSERT_EQ(probes.size(), 4u);
+  ASSERT_EQ(probes.size(), 5u);
   EXPECT_FALSE(probes[0].works);
   EXPECT_EQ(probes[0].reason, "no libEGL");
 }
@@ -57,7 +60,7 @@ lavapipe) exit 7;;
 *) echo 'no json';;
 esac)");
   const auto probes = probe_devices(fake.path());
-  ASSERT_EQ(probes.size(), 4u);
+  ASSERT_EQ(probes.size(), 5u);
   EXPECT_EQ(probes[1].reason, "llvmpipe: the driver crashed: Segmentation fault");
   EXPECT_EQ(probes[2].reason, "lavapipe: the probe ended with status 7");
   EXPECT_EQ(probes[3].reason, "osmesa: the probe gave no answer");
