@@ -1,9 +1,11 @@
 // The decoded grid of the client library, over proto's container reader.
 #include <algorithm>
 #include <bit>
+#include <iterator>
 
 #include "client/include/voxeld/client.h"
 #include "proto/grid_format.h"
+#include "proto/tile_runs.h"
 
 namespace voxeld::client {
 
@@ -13,12 +15,14 @@ struct Grid::Impl {
   std::vector<std::vector<uint32_t>> brick_offsets;  // voxels before each brick of a tile
   uint64_t voxels = 0;
 
-  // Tile, brick and voxel number of an occupied cell.
+  // Tile and voxel number of an occupied cell; kNoAttributes in a full node.
   struct Place {
     const SparseTile* tile;
     size_t voxel;
   };
   std::optional<Place> find(int x, int y, int z) const;
+  std::optional<Place> find_in_brick(const SparseTile& tile, uint32_t brick_code,
+                                     uint32_t bit) const;
 };
 
 namespace {
@@ -32,6 +36,13 @@ template <typename T>
 T checked(Result<T> result) {
   if (result.ok()) return std::move(result).value();
   throw Error("bad-answer", 0, result.error().detail, result.error().expected, result.error().got);
+}
+
+bool in_full_node(const SparseTile& tile, uint32_t brick_code) {
+  const auto after = std::ranges::upper_bound(tile.full, brick_code, {}, &FullNode::brick_morton);
+  if (after == tile.full.begin()) return false;
+  const FullNode& node = *std::prev(after);
+  return brick_code - node.brick_morton < node.brick_count();
 }
 
 }  // namespace
@@ -49,18 +60,24 @@ std::optional<Grid::Impl::Place> Grid::Impl::find(int x, int y, int z) const {
   const uint32_t code = morton_encode(tile_at[0], tile_at[1], tile_at[2]);
   const auto tile = std::ranges::lower_bound(tiles, code, {}, tile_code);
   if (tile == tiles.end() || tile_code(*tile) != code) return std::nullopt;
-  const uint32_t brick_code = morton_encode(brick_at[0], brick_at[1], brick_at[2]);
-  const auto brick = std::ranges::lower_bound(tile->brick_morton, brick_code);
-  if (brick == tile->brick_morton.end() || *brick != brick_code) return std::nullopt;
-  const auto b = static_cast<size_t>(brick - tile->brick_morton.begin());
-  const uint32_t bit = morton_encode(cell_at[0], cell_at[1], cell_at[2]);
-  const BrickMask& mask = tile->masks[b];
+  return find_in_brick(*tile, morton_encode(brick_at[0], brick_at[1], brick_at[2]),
+                       morton_encode(cell_at[0], cell_at[1], cell_at[2]));
+}
+
+std::optional<Grid::Impl::Place> Grid::Impl::find_in_brick(const SparseTile& tile,
+                                                           uint32_t brick_code,
+                                                           uint32_t bit) const {
+  if (in_full_node(tile, brick_code)) return Place{&tile, kNoAttributes};
+  const auto brick = std::ranges::lower_bound(tile.brick_morton, brick_code);
+  if (brick == tile.brick_morton.end() || *brick != brick_code) return std::nullopt;
+  const auto b = static_cast<size_t>(brick - tile.brick_morton.begin());
+  const BrickMask& mask = tile.masks[b];
   if ((mask.words[bit / 64] >> (bit % 64) & 1) == 0) return std::nullopt;
-  size_t voxel = brick_offsets[static_cast<size_t>(tile - tiles.begin())][b];
+  size_t voxel = brick_offsets[static_cast<size_t>(&tile - tiles.data())][b];
   for (size_t w = 0; w < bit / 64; ++w) voxel += static_cast<size_t>(std::popcount(mask.words[w]));
   voxel +=
       static_cast<size_t>(std::popcount(mask.words[bit / 64] & ((uint64_t{1} << (bit % 64)) - 1)));
-  return Place{&*tile, voxel};
+  return Place{&tile, voxel};
 }
 
 Grid::Grid(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -116,7 +133,7 @@ bool Grid::occupied(int x, int y, int z) const {
 
 std::optional<Color> Grid::color(int x, int y, int z) const {
   const auto place = impl_->find(x, y, z);
-  if (!place || !has_color()) return std::nullopt;
+  if (!place || !has_color() || place->voxel == kNoAttributes) return std::nullopt;
   const uint8_t* c = &place->tile->color[4 * place->voxel];
   return Color{c[0], c[1], c[2], c[3]};
 }
@@ -127,9 +144,11 @@ void Grid::for_each(
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
       Color color{};
       Normal normal{};
-      if (has_color()) std::copy_n(&tile.color[4 * voxel], 4, color.begin());
-      if (has_normal()) std::copy_n(&tile.normal[3 * voxel], 3, normal.begin());
-      visit(x, y, z, has_color() ? &color : nullptr, has_normal() ? &normal : nullptr);
+      const bool colored = has_color() && voxel != kNoAttributes;
+      const bool directed = has_normal() && voxel != kNoAttributes;
+      if (colored) std::copy_n(&tile.color[4 * voxel], 4, color.begin());
+      if (directed) std::copy_n(&tile.normal[3 * voxel], 3, normal.begin());
+      visit(x, y, z, colored ? &color : nullptr, directed ? &normal : nullptr);
     });
   }
 }
@@ -138,10 +157,13 @@ std::vector<std::uint8_t> Grid::dense() const {
   const auto nx = static_cast<size_t>(impl_->header.dims[0]);
   const auto ny = static_cast<size_t>(impl_->header.dims[1]);
   std::vector<std::uint8_t> cells(nx * ny * static_cast<size_t>(impl_->header.dims[2]));
+  const auto index = [&](int x, int y, int z) {
+    return static_cast<size_t>(x) + nx * (static_cast<size_t>(y) + ny * static_cast<size_t>(z));
+  };
   for (const SparseTile& tile : impl_->tiles) {
-    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
-      cells[static_cast<size_t>(x) + nx * (static_cast<size_t>(y) + ny * static_cast<size_t>(z))] =
-          1;
+    for_each_mask_voxel(tile, [&](int x, int y, int z, size_t) { cells[index(x, y, z)] = 1; });
+    for_each_full_run(tile, [&](int x, int y, int z, int length) {
+      std::fill_n(cells.begin() + static_cast<std::ptrdiff_t>(index(x, y, z)), length, uint8_t{1});
     });
   }
   return cells;

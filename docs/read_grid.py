@@ -3,7 +3,8 @@
 
     grid = read_grid(open("bunny.voxg", "rb").read())
     grid["cells"]   int (n, 3): x, y, z of every voxel, by tile, in Morton order
-    grid["color"]   uint8 (n, 4): sRGB and alpha, or None;  grid["normal"]  int8 (n, 3), or None
+    grid["color"]   uint8 (n, 4): sRGB and alpha, or None;  grid["normal"]  int8 (n, 3), or None;
+                    voxels without attributes (inside of a solid) are 0 in both
 """
 import json
 import struct
@@ -14,14 +15,19 @@ import zstandard
 
 
 def read_octree(octree):
-    """Morton codes of the voxels of a tile, ascending."""
-    codes, at = np.zeros(1, np.int64), 0
-    bits = np.unpackbits(np.frombuffer(octree, np.uint8)[:, None], axis=1, bitorder="little")
-    for _ in range(8):  # nodes of 256, 128, ... 2 cells
+    """Morton codes of the voxels of a tile, ascending, and which of them have attributes."""
+    codes, at, full = np.zeros(1, np.int64), 0, []
+    masks = np.frombuffer(octree, np.uint8)
+    bits = np.unpackbits(masks[:, None], axis=1, bitorder="little")
+    for level in range(8):  # nodes of 256, 128, ... 2 cells
+        cells = 8 ** (8 - level)
+        full += [code * cells + np.arange(cells) for code in codes[masks[at:at + len(codes)] == 0]]
         node, child = np.nonzero(bits[at:at + len(codes)])
         at += len(codes)
         codes = codes[node] * 8 + child
-    return codes
+    inside = np.concatenate(full) if full else np.zeros(0, np.int64)
+    order = np.argsort(np.concatenate([codes, inside]))
+    return np.concatenate([codes, inside])[order], order < len(codes)
 
 
 def compact(codes):
@@ -29,34 +35,38 @@ def compact(codes):
     return sum(((codes >> (3 * bit)) & 1) << bit for bit in range(8))
 
 
-def planes(raw, count, channels, dtype):
-    """Differences along each plane -> samples (count, channels)."""
-    differences = np.frombuffer(raw, np.uint8).reshape(channels, count)
-    return np.cumsum(differences, axis=1, dtype=np.uint8).T.view(dtype)
+def planes(raw, has_attributes, channels, dtype):
+    """Differences along each plane -> samples (voxels, channels), 0 where there are none."""
+    differences = np.frombuffer(raw, np.uint8).reshape(channels, np.count_nonzero(has_attributes))
+    samples = np.zeros((len(has_attributes), channels), np.uint8)
+    samples[has_attributes] = np.cumsum(differences, axis=1, dtype=np.uint8).T
+    return samples.view(dtype)
 
 
 def read_grid(data):
     magic, version, channels = struct.unpack_from("<8sII", data, 0)
-    if magic != b"VOXGRID\0" or version != 1:
-        raise ValueError("not a voxeld grid of version 1")
+    if magic != b"VOXGRID\0" or version != 2:
+        raise ValueError("not a voxeld grid of version 2")
+    if data[104:107] != bytes(3):
+        raise ValueError("not of codec fast")
     dims, side = struct.unpack_from("<3i", data, 16), 1 << struct.unpack_from("<I", data, 28)[0]
     origin, voxel_size = struct.unpack_from("<3d", data, 32), struct.unpack_from("<3d", data, 56)
     tiles, meta_bytes = struct.unpack_from("<II", data, 80)
     directory = 128 + (meta_bytes + 7) // 8 * 8
     cells, colors, normals = [], [], []
     for i in range(tiles):
-        x, y, z, _, count, at, *sizes = struct.unpack_from("<4IQQ3I", data, directory + 48 * i)
+        x, y, z, _, _, at, *sizes = struct.unpack_from("<4IQQ3I", data, directory + 48 * i)
         streams = []
         for size in sizes:
             streams.append(zstandard.decompress(data[at:at + size]) if size else b"")
             at += size
-        codes = read_octree(streams[0])
+        codes, has_attributes = read_octree(streams[0])
         cells.append(np.stack([compact(codes) + x * side, compact(codes >> 1) + y * side,
                                compact(codes >> 2) + z * side], axis=1))
         if channels & 1:
-            colors.append(planes(streams[1], count, 4, np.uint8))
+            colors.append(planes(streams[1], has_attributes, 4, np.uint8))
         if channels & 2:
-            normals.append(planes(streams[2], count, 3, np.int8))
+            normals.append(planes(streams[2], has_attributes, 3, np.int8))
     return {"dims": dims, "origin": origin, "voxel_size": voxel_size,
             "meta": json.loads(data[128:128 + meta_bytes] or b"{}"),
             "cells": np.concatenate(cells) if cells else np.zeros((0, 3), np.int64),

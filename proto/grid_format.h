@@ -4,7 +4,7 @@
 //
 //   byte  size  header
 //      0     8  magic "VOXGRID" and a zero byte
-//      8     4  u32 version, 1
+//      8     4  u32 version, 2
 //     12     4  u32 channels: bit 0 colour, bit 1 normal
 //     16    12  i32[3] dims: cells in x, y, z, each 1..2048
 //     28     4  u32 tile side as a power of two: 8 (256 cells)
@@ -14,27 +14,39 @@
 //     84     4  u32 meta bytes
 //     88     8  u64 voxel count of all tiles
 //     96     8  u64 bytes of the whole container
-//    104    24  reserved
+//    104     3  u8[3] codec of the octree, colour and normal streams: 0 fast, 1 small; 0 where the
+//               grid has no such channel
+//    107    21  reserved
 //    128     m  meta: a JSON object in UTF-8, then zeros up to a multiple of 8
 //
 //   directory: 48 bytes per tile, in ascending Morton order of its coord
 //      0    12  u32[3] coord, in tiles
-//     12     4  u32 brick count: occupied bricks of 8x8x8 cells
-//     16     8  u64 voxel count
+//     12     4  u32 brick count: occupied bricks of 8x8x8 cells that lie in no full node
+//     16     8  u64 voxel count, those in full nodes included
 //     24     8  u64 offset of the tile's data in the container
 //     32     4  u32 octree bytes, stored one after the
 //     36     4  u32 colour bytes, other from offset on; tiles
 //     40     4  u32 normal bytes, follow each other without gaps to the end of the container
 //     44     4  reserved
 //
-// Each stream is one zstd frame with content size and checksum. Contents:
-//   octree  child masks, breadth first: the root (256 cells), then all nodes of 128, 64, ... 2
-//           cells in Morton order. Bit i of a byte: child i = x | y<<1 | z<<2 is occupied; at 2
+// A full node is an entirely occupied one of 8 cells or more whose voxels have no attributes. The
+// attribute streams hold the voxels of the other bricks; a tile without such bricks has none, and 0
+// bytes of them.
+//
+// Codec fast: each stream is one zstd frame with content size and checksum. Contents:
+//   octree  one byte per node, breadth first: the root (256 cells), then all nodes of 128, 64, ...
+//           2 cells in Morton order. Bit i of a byte: child i = x | y<<1 | z<<2 is occupied; at 2
 //           cells the children are the cells. Only nodes that are not empty appear, so a level has
-//           as many bytes as the level above has set bits.
+//           as many bytes as the level above has set bits. Byte 0: a full node (8 cells or more);
+//           it has no children in the stream.
 //   colour  4 planes (R, G, B as sRGB, A linear) of one byte per voxel in Morton order; each byte
 //           is the difference to the one before it in its plane, modulo 256
 //   normal  3 planes (x, y, z; signed, unit normal times 127) in the same way
+//
+// One grid has one octree: full nodes are as large as can be (eight full siblings are refused), and
+// where there are no attributes a full brick is a full node (spelled out, it is refused).
+//
+// Codec small: each stream is entropy coded with contexts: proto/README.md, proto/octree_small.h.
 #pragma once
 
 #include <array>
@@ -45,14 +57,23 @@
 #include <utility>
 #include <vector>
 
+#include "proto/options.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
 
 namespace voxeld {
 
-inline constexpr uint32_t kGridVersion = 1;
+// 2: full nodes and codecs. Version 1, which nobody has released, had neither, and its readers would
+// take a full node for a broken one.
+inline constexpr uint32_t kGridVersion = 2;
 inline constexpr size_t kGridHeaderBytes = 128;
 inline constexpr size_t kGridEntryBytes = 48;
+
+// How each kind of stream is compressed.
+struct StreamCodecs {
+  Codec octree = Codec::kFast, color = Codec::kFast, normal = Codec::kFast;
+  bool operator==(const StreamCodecs&) const = default;
+};
 
 // What a container says of the grid as a whole.
 struct GridHeader {
@@ -61,12 +82,13 @@ struct GridHeader {
   std::array<double, 3> voxel_size{};  // world units
   bool has_color = false;
   bool has_normal = false;
+  StreamCodecs codecs;           // fast for channels that are not there
   std::string meta_json = "{}";  // JSON object: source, options, pipeline, units, ...
 };
 
 // Writes a whole container. Tiles must have distinct coords inside dims; their order does not
-// matter (they are stored in Morton order of coord), so equal grids give equal bytes. Empty tiles
-// are left out. Errors: internal, for tiles that break SparseTile's rules or the header's.
+// matter (they are stored in Morton order of coord) and each is written in its canonical form, so
+// equal grids give equal bytes. Empty tiles are left out. Errors: internal, for tiles that break SparseTile's rules or the header's.
 Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
                                          std::span<const SparseTile> tiles);
 
@@ -84,6 +106,7 @@ class GridReader {
   uint64_t voxel_count() const { return voxel_count_; }
   // First byte and number of bytes of a tile's data in the container, for range requests.
   std::pair<uint64_t, uint64_t> tile_byte_range(size_t index) const;
+  // The tile is canonical.
   Result<SparseTile> decode_tile(size_t index) const;
 
  private:
@@ -94,6 +117,7 @@ class GridReader {
   };
   GridReader() = default;
   Status read_header();
+  Status read_codecs();
   Status read_directory(size_t directory);
 
   GridHeader header_;

@@ -10,7 +10,7 @@
 
 namespace voxeld {
 
-// Contexts of the cells of one row. proto/SMALL.md draws them.
+// Contexts of the cells of one row. proto/README.md lists them.
 class RowContexts {
  public:
   // `level_class`: 0 for cells, 1 for nodes of 2 cells, 2 for 4, 3 for all larger.

@@ -14,42 +14,33 @@
 
 namespace voxeld {
 
-// Occupied and full bricks of a part of a tile.
-struct BrickVolumes {
-  explicit BrickVolumes(int side) : occupied(side), full(side) {}
-  BitVolume occupied, full;
-  bool has_full = false;
-};
-
-// Sets the cells of full bricks. `cells` has brick_side cells to a side of a brick: 2, 4 or 8.
-inline void fill_full_bricks(const BrickVolumes& bricks, int brick_side, BitVolume& cells) {
+// Sets all cells of full nodes. `cells` has node_side cells to a side of a node: 2, 4 or 8.
+inline void fill_full(const BitVolume& full, int node_side, BitVolume& cells) {
   for (int z = 0; z < cells.side(); ++z) {
     for (int y = 0; y < cells.side(); ++y) {
-      const uint8_t* full = bricks.full.row(y / brick_side, z / brick_side);
+      const uint8_t* nodes = full.row(y / node_side, z / node_side);
       uint8_t* row = cells.row(y, z);
-      for (int x = 0; x < bricks.full.side(); ++x) {
-        if ((full[x >> 3] >> (x & 7) & 1) == 0) continue;
-        uint8_t& byte = row[x * brick_side >> 3];
-        byte = static_cast<uint8_t>(byte | ((1u << brick_side) - 1) << (x * brick_side & 7));
+      for (int x = 0; x < full.side(); ++x) {
+        if ((nodes[x >> 3] >> (x & 7) & 1) == 0) continue;
+        uint8_t& byte = row[x * node_side >> 3];
+        byte = static_cast<uint8_t>(byte | ((1u << node_side) - 1) << (x * node_side & 7));
       }
     }
   }
 }
 
-// The cells of row (y, z) whose parents are occupied and not in full bricks. `parents_per_brick` is
-// 0 above the bricks.
+// The cells of row (y, z) whose parents are occupied and not in full nodes, of which each has
+// parents_per_full parents to a side.
 template <typename Coder>
 void code_row(Coder& coder, OccupancyModel& model, const BitVolume& parents, BitVolume& cells,
-              const BrickVolumes* bricks, int parents_per_brick, int y, int z,
-              uint32_t level_class) {
+              const BitVolume* full, int parents_per_full, int y, int z, uint32_t level_class) {
   const uint8_t* parent_row = parents.row(y >> 1, z >> 1);
   RowContexts contexts(parents, cells, y, z, level_class);
   for (size_t byte = 0; byte < parents.row_bytes(); ++byte) {
     for (uint32_t bits = parent_row[byte]; bits != 0; bits &= bits - 1) {
       const int parent_x = static_cast<int>(8 * byte) + std::countr_zero(bits);
-      if (bricks != nullptr &&
-          bricks->full.get(parent_x / parents_per_brick, (y >> 1) / parents_per_brick,
-                           (z >> 1) / parents_per_brick)) {
+      if (full != nullptr && full->get(parent_x / parents_per_full, (y >> 1) / parents_per_full,
+                                       (z >> 1) / parents_per_full)) {
         continue;
       }
       contexts.move_to(parent_x);
@@ -69,43 +60,41 @@ void code_row(Coder& coder, OccupancyModel& model, const BitVolume& parents, Bit
   }
 }
 
-// Codes one level; `cells` is complete when writing, empty (but for full bricks) when reading.
-// False when the bytes ran out.
+// Codes one level; `cells` is complete when writing, empty (but for cells in full nodes) when
+// reading. `full`: nodes whose cells are not told, or null. False when the bytes ran out.
 template <typename Coder>
 bool code_level(Coder& coder, OccupancyModel& model, const BitVolume& parents, BitVolume& cells,
-                const BrickVolumes* bricks, uint32_t level_class) {
-  const int parents_per_brick = bricks == nullptr ? 0 : parents.side() / bricks->full.side();
-  const BrickVolumes* skipped = bricks != nullptr && bricks->has_full ? bricks : nullptr;
+                const BitVolume* full, uint32_t level_class) {
+  const int parents_per_full = full == nullptr ? 0 : parents.side() / full->side();
   for (int z = 0; z < cells.side(); ++z) {
     for (int y = 0; y < cells.side(); ++y) {
-      code_row(coder, model, parents, cells, skipped, parents_per_brick, y, z, level_class);
+      code_row(coder, model, parents, cells, full, parents_per_full, y, z, level_class);
       if (coder.exhausted()) return false;
     }
   }
   return true;
 }
 
-// Which occupied bricks are full: one bit whether any is, then one for each.
+// Which occupied nodes of a level are full, one bit each but for those inside a full parent.
+// `parents_full` is null where no parent is. False when the bytes ran out.
 template <typename Coder>
-bool code_full_bricks(Coder& coder, BrickVolumes& bricks) {
-  bricks.has_full = coder.code(bricks.has_full, 1u << (kProbabilityBits - 1));
-  if (!bricks.has_full) return !coder.exhausted();
+bool code_full_nodes(Coder& coder, const BitVolume& occupied, const BitVolume* parents_full,
+                     BitVolume& full) {
   std::array<AdaptiveBit, 16> models;
-  const BitVolume& occupied = bricks.occupied;
   for (int z = 0; z < occupied.side(); ++z) {
     for (int y = 0; y < occupied.side(); ++y) {
       for (int x = 0; x < occupied.side(); ++x) {
         if (!occupied.get(x, y, z)) continue;
+        if (parents_full != nullptr && parents_full->get(x >> 1, y >> 1, z >> 1)) continue;
         const bool inside = occupied.get(x - 1, y, z) && occupied.get(x + 1, y, z) &&
                             occupied.get(x, y - 1, z) && occupied.get(x, y + 1, z) &&
                             occupied.get(x, y, z - 1) && occupied.get(x, y, z + 1);
-        AdaptiveBit& model = models[(bricks.full.get(x - 1, y, z) ? 1u : 0u) |
-                                    (bricks.full.get(x, y - 1, z) ? 2u : 0u) |
-                                    (bricks.full.get(x, y, z - 1) ? 4u : 0u) | (inside ? 8u : 0u)];
-        const bool bit =
-            coder.code(bricks.full.get(x, y, z), std::clamp(model.probability(), 1u, 65535u));
+        AdaptiveBit& model =
+            models[(full.get(x - 1, y, z) ? 1u : 0u) | (full.get(x, y - 1, z) ? 2u : 0u) |
+                   (full.get(x, y, z - 1) ? 4u : 0u) | (inside ? 8u : 0u)];
+        const bool bit = coder.code(full.get(x, y, z), std::clamp(model.probability(), 1u, 65535u));
         model.update(bit);
-        if (bit) bricks.full.set(x, y, z);
+        if (bit) full.set(x, y, z);
       }
     }
     if (coder.exhausted()) return false;

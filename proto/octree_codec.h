@@ -1,4 +1,4 @@
-// Bricks of a tile <-> breadth-first octree of child masks (proto/grid_format.h).
+// A tile's bricks and full nodes <-> breadth-first octree of child masks (proto/grid_format.h).
 #pragma once
 
 #include <cstdint>
@@ -13,10 +13,13 @@ namespace voxeld {
 // Most bytes that a tile's octree can have: 1 + 8 + ... + 8^7.
 inline constexpr size_t kOctreeBytesMax = 2'396'745;
 
-// The tile must not be empty.
-std::vector<uint8_t> octree_from_bricks(const SparseTile& tile);
+// The tile must be canonical and not empty.
+std::vector<uint8_t> octree_from_tile(const SparseTile& tile);
 
-// Fills brick_morton and masks. Errors: bad-request, for empty nodes, missing or extra bytes.
-Status bricks_from_octree(std::span<const uint8_t> octree, SparseTile& tile);
+// Fills brick_morton, masks and full, which gives a canonical tile: each tile has one octree.
+// `has_attributes`: whether the voxels of masks have any, so that a full mask is not the same as a
+// full node. Errors: bad-request, for empty nodes below the bricks, missing and extra bytes, and
+// for full nodes that are spelled out.
+Status tile_from_octree(std::span<const uint8_t> octree, bool has_attributes, SparseTile& tile);
 
 }  // namespace voxeld

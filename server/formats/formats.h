@@ -26,6 +26,7 @@ std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& 
 Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options);
 Result<std::vector<uint8_t>> encode_npz(const Grid& grid, const OutputOptions& options);
 Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options);
+// The container in the codec asked for; Codec::kSmall is for those who keep or send it.
 Result<std::vector<uint8_t>> encode_native(const Grid& grid, const OutputOptions& options);
 
 }  // namespace voxeld

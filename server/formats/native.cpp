@@ -3,9 +3,10 @@
 
 namespace voxeld {
 
-// Codec::kFast is the only one: see proto/grid_format.h.
-Result<std::vector<uint8_t>> encode_native(const Grid& grid, const OutputOptions& /*options*/) {
-  return encode_grid(container_header(grid), grid.tiles);
+Result<std::vector<uint8_t>> encode_native(const Grid& grid, const OutputOptions& options) {
+  GridHeader header = container_header(grid);
+  header.codecs = {options.codec, options.codec, options.codec};
+  return encode_grid(header, grid.tiles);
 }
 
 }  // namespace voxeld

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "proto/tile_runs.h"
 #include "server/formats/formats.h"
 #include "server/formats/npy_array.h"
 
@@ -62,10 +63,29 @@ Array make_array(const Grid& grid, const OutputOptions& options, std::string_vie
   return array;
 }
 
+// Voxels that have attributes; those of full nodes have none.
 template <typename Visit>
 void for_each_cell(const Grid& grid, Visit&& visit) {
   for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) { visit(tile, x, y, z, voxel); });
+    for_each_mask_voxel(tile,
+                        [&](int x, int y, int z, size_t voxel) { visit(tile, x, y, z, voxel); });
+  }
+}
+
+template <typename T>
+void fill_occupancy(const Grid& grid, Array& array) {
+  for_each_cell(grid, [&](const SparseTile&, int x, int y, int z, size_t) {
+    array.set(array.layout.at(x, y, z, 0), T{1});
+  });
+  for (const SparseTile& tile : grid.tiles) {
+    for_each_full_run(tile, [&](int x, int y, int z, int length) {
+      const size_t first = array.layout.at(x, y, z, 0);
+      if constexpr (sizeof(T) == 1) {
+        std::memset(array.bytes.data() + array.data + first, 1, static_cast<size_t>(length));
+      } else {
+        for (size_t i = 0; i < static_cast<size_t>(length); ++i) array.set(first + i, T{1});
+      }
+    });
   }
 }
 
@@ -93,10 +113,7 @@ std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& option
   const bool is_float = options.dtype == DType::kFloat32;
   const std::string_view descr = is_float ? "<f4" : options.dtype == DType::kBool ? "|b1" : "|u1";
   Array array = make_array(grid, options, descr, is_float ? 4 : 1, 1);
-  for_each_cell(grid, [&](const SparseTile&, int x, int y, int z, size_t) {
-    const size_t at = array.layout.at(x, y, z, 0);
-    is_float ? array.set(at, 1.0f) : array.set(at, uint8_t{1});
-  });
+  is_float ? fill_occupancy<float>(grid, array) : fill_occupancy<uint8_t>(grid, array);
   return std::move(array.bytes);
 }
 

@@ -20,9 +20,11 @@ std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
 // Whole .npy files. The memory is the same for both axis orders, x fastest: C order (z, y, x) or
 // Fortran order (x, y, z); channels of a sample are last and fastest in C order.
 std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options);
-// (z, y, x, 4) or (x, y, z, 4): sRGB bytes and alpha; float32: linear light, 0..1.
+// (z, y, x, 4) or (x, y, z, 4): sRGB bytes and alpha; float32: linear light, 0..1. Voxels without
+// attributes, those of full nodes, are 0 with alpha 0, as empty cells are.
 std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options);
-// (z, y, x, 3) or (x, y, z, 3): int8 unit normal times 127; float32: -1..1.
+// (z, y, x, 3) or (x, y, z, 3): int8 unit normal times 127; float32: -1..1. 0 where a
+// voxel has none.
 std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options);
 std::vector<uint8_t> npy_doubles(std::span<const double> values);
 std::vector<uint8_t> npy_text(std::string_view text);

@@ -4,7 +4,9 @@
 //   VOX 150 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA }
 //
 // z points up there: a cell (x, y, z) of the grid is written at (x, -z, y), which keeps handedness.
-// dims, origin and voxel_size stand in the attributes of the root node.
+// Voxels without colour (those of full nodes, and all of a grid without colours) get the mean
+// colour of the others, or a neutral grey. dims, origin and voxel_size stand in the attributes of the root node.
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <map>
@@ -22,7 +24,6 @@ constexpr int kSceneSideMax = 2000;  // the editor's world: 2000 x 2000 x 1000
 constexpr int kSceneHeightMax = 1000;
 constexpr size_t kChunkBytesMax = 0x7fffffff;  // readers take lengths as signed
 constexpr uint32_t kVersion = 150;
-constexpr uint8_t kNeutral = 0xb4;  // grids without colours
 
 class Bytes {
  public:
@@ -65,19 +66,24 @@ struct Voxel {
 // Cells of one model, by its place in the scene of models.
 using Models = std::map<std::array<int, 3>, std::vector<Voxel>>;
 
-uint32_t key_of(const SparseTile& tile, size_t voxel) {
-  const uint8_t* c = &tile.color[4 * voxel];
-  return c[0] | uint32_t{c[1]} << 8 | uint32_t{c[2]} << 16;
+uint32_t key_of(const uint8_t* color) {
+  return color[0] | uint32_t{color[1]} << 8 | uint32_t{color[2]} << 16;
+}
+
+uint64_t uncolored_count(const Grid& grid) {
+  uint64_t count = 0;
+  for (const SparseTile& tile : grid.tiles) count += tile.voxel_count() - tile.color.size() / 4;
+  return count;
 }
 
 Palette palette_of(const Grid& grid, int colors_max) {
   ColorCounts counts;
-  if (!grid.has_color) {
-    counts[kNeutral | kNeutral << 8 | kNeutral << 16] = 1;
-    return make_palette(counts, colors_max);
-  }
   for (const SparseTile& tile : grid.tiles) {
-    for (size_t voxel = 0; 4 * voxel < tile.color.size(); ++voxel) ++counts[key_of(tile, voxel)];
+    for (size_t i = 0; i < tile.color.size(); i += 4) ++counts[key_of(&tile.color[i])];
+  }
+  const uint64_t uncolored = uncolored_count(grid);
+  if (uncolored > 0 || !grid.has_color) {
+    counts[key_of(mean_color(grid).data())] += std::max<uint64_t>(uncolored, 1);
   }
   return make_palette(counts, colors_max);
 }
@@ -89,14 +95,22 @@ std::array<int, 3> scene_size(const GridSpec& spec) {
 
 Models models_of(const Grid& grid, const Palette& palette) {
   Models models;
+  std::array<int, 3> last_model = {-1, -1, -1};
+  std::vector<Voxel>* last = nullptr;  // of last_model; a map's elements stay where they are
+  const auto add = [&](int x, int y, int z, uint8_t entry) {
+    const std::array<int, 3> p = {x, grid.spec.dims.z - 1 - z, y};
+    const std::array<int, 3> model = {p[0] / kModelSide, p[1] / kModelSide, p[2] / kModelSide};
+    if (model != last_model) last = &models[last_model = model];
+    last->push_back({static_cast<uint8_t>(p[0] % kModelSide),
+                     static_cast<uint8_t>(p[1] % kModelSide),
+                     static_cast<uint8_t>(p[2] % kModelSide), static_cast<uint8_t>(entry + 1)});
+  };
+  const auto mean = palette.index_of.find(key_of(mean_color(grid).data()));
+  const uint8_t uncolored = mean == palette.index_of.end() ? uint8_t{0} : mean->second;
   for (const SparseTile& tile : grid.tiles) {
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
-      const std::array<int, 3> p = {x, grid.spec.dims.z - 1 - z, y};
-      const std::array<int, 3> model = {p[0] / kModelSide, p[1] / kModelSide, p[2] / kModelSide};
-      const uint8_t entry = grid.has_color ? palette.index_of.at(key_of(tile, voxel)) : uint8_t{0};
-      models[model].push_back(
-          {static_cast<uint8_t>(p[0] % kModelSide), static_cast<uint8_t>(p[1] % kModelSide),
-           static_cast<uint8_t>(p[2] % kModelSide), static_cast<uint8_t>(entry + 1)});
+      const bool has_color = grid.has_color && voxel != kNoAttributes;
+      add(x, y, z, has_color ? palette.index_of.at(key_of(&tile.color[4 * voxel])) : uncolored);
     });
   }
   if (models.empty()) models[{0, 0, 0}] = {};
@@ -185,6 +199,12 @@ void add_palette(Bytes& out, const Palette& palette) {
   out.chunk("RGBA", content);
 }
 
+Status check_length(uint64_t bytes) {
+  if (bytes <= kChunkBytesMax) return {};
+  return Error{ErrorCode::kGridTooLarge, "vox: too many voxels for the file's 32-bit lengths",
+               "at most " + std::to_string(kChunkBytesMax) + " bytes", std::to_string(bytes)};
+}
+
 }  // namespace
 
 std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& options) {
@@ -200,17 +220,14 @@ std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& 
 
 Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options) {
   const std::array<int, 3> scene = scene_size(grid.spec);
+  VOXELD_TRY(check_length(sizeof(Voxel) * grid.voxel_count()));  // before any memory is taken
   const Palette palette = palette_of(grid, options.palette_max);
   const Models models = models_of(grid, palette);
   Bytes children;
   add_models(children, models, scene);
   add_scene_graph(children, models, grid);
   add_palette(children, palette);
-  if (children.size() > kChunkBytesMax) {
-    return Error{ErrorCode::kGridTooLarge, "vox: too many voxels for the file's 32-bit lengths",
-                 "at most " + std::to_string(kChunkBytesMax) + " bytes",
-                 std::to_string(children.size())};
-  }
+  VOXELD_TRY(check_length(children.size()));
 
   Bytes out;
   out.raw(std::array<uint8_t, 4>{'V', 'O', 'X', ' '});

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstring>
 
+#include "proto/canonical_tile.h"
 #include "server/base/sha256.h"
 
 namespace voxeld {
@@ -29,7 +30,7 @@ uint64_t Grid::voxel_count() const {
 }
 
 void normalize_tiles(Grid& grid) {
-  std::erase_if(grid.tiles, [](const SparseTile& tile) { return tile.masks.empty(); });
+  std::erase_if(grid.tiles, [](const SparseTile& tile) { return tile.empty(); });
   std::ranges::sort(grid.tiles, {}, tile_order);
 }
 
@@ -68,11 +69,36 @@ GridHeader container_header(const Grid& grid) {
   return header;
 }
 
+namespace {
+
+// In place of the next tile's coord, which is never negative.
+constexpr int32_t kFullNodesFollow = -1;
+
+void hash_tile(const SparseTile& tile, Sha256& hash) {
+  hash.update(bytes_of(tile.coord.data(), tile.coord.size()));
+  const uint64_t bricks = tile.masks.size();
+  hash.update(bytes_of(&bricks, 1));
+  hash.update(bytes_of(tile.brick_morton.data(), tile.brick_morton.size()));
+  hash.update(bytes_of(tile.masks.data(), tile.masks.size()));
+  hash.update(bytes_of(tile.color.data(), tile.color.size()));
+  hash.update(bytes_of(tile.normal.data(), tile.normal.size()));
+  if (tile.full.empty()) return;
+  hash.update(bytes_of(&kFullNodesFollow, 1));
+  const uint64_t nodes = tile.full.size();
+  hash.update(bytes_of(&nodes, 1));
+  for (const FullNode& node : tile.full) {
+    const uint32_t words[2] = {node.brick_morton, node.level};
+    hash.update(bytes_of(words, 2));
+  }
+}
+
+}  // namespace
+
 std::string content_hash(const Grid& grid) {
   const GridHeader header = container_header(grid);
   std::vector<const SparseTile*> tiles;
   for (const SparseTile& tile : grid.tiles) {
-    if (!tile.masks.empty()) tiles.push_back(&tile);
+    if (!tile.empty()) tiles.push_back(&tile);
   }
   std::ranges::sort(tiles, {}, [](const SparseTile* tile) { return tile_order(*tile); });
 
@@ -83,15 +109,8 @@ std::string content_hash(const Grid& grid) {
   hash.update(bytes_of(header.voxel_size.data(), header.voxel_size.size()));
   const uint8_t channels[2] = {header.has_color, header.has_normal};
   hash.update(channels);
-  for (const SparseTile* tile : tiles) {
-    hash.update(bytes_of(tile->coord.data(), tile->coord.size()));
-    const uint64_t bricks = tile->masks.size();
-    hash.update(bytes_of(&bricks, 1));
-    hash.update(bytes_of(tile->brick_morton.data(), tile->brick_morton.size()));
-    hash.update(bytes_of(tile->masks.data(), tile->masks.size()));
-    hash.update(bytes_of(tile->color.data(), tile->color.size()));
-    hash.update(bytes_of(tile->normal.data(), tile->normal.size()));
-  }
+  SparseTile copy;
+  for (const SparseTile* tile : tiles) hash_tile(canonical_form(*tile, copy), hash);
   return hash.finish_id();
 }
 

@@ -23,10 +23,13 @@ struct PackedGrid {
   std::vector<uint32_t> normals;  // empty without normals
   // Cells [occupied_min, occupied_max) hold all voxels; the whole grid when there are none.
   glm::ivec3 occupied_min{0}, occupied_max{0};
-  uint64_t voxel_count = 0;
+  uint64_t voxel_count = 0;  // of the bricks in the tables, the shared one included
 };
 
-// Errors: grid-too-large when the grid has 2^32 voxels or more.
+// All bricks of full nodes are one brick of the tables, so they cost an index each and no mask, and
+// section planes may cut into them. Their voxels have the mean colour of the others.
+
+// Errors: grid-too-large when the tables would have 2^32 voxels or more.
 Result<PackedGrid> pack_grid(const Grid& grid);
 
 }  // namespace voxeld

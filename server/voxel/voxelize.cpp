@@ -45,7 +45,9 @@ Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<con
     }
     if (done == bins.size()) return {};
     const size_t count = std::min(pipeline.batch_tiles(), bins.size() - done);
+    const size_t before = tiles.size();
     VOXELD_TRY(pipeline.run_tiles(bins.subspan(done, count), tiles));
+    for (size_t i = before; i < tiles.size(); ++i) canonicalize(tiles[i]);
     done += count;
   }
 }

@@ -25,15 +25,15 @@ struct Codec {
 };
 
 std::vector<uint8_t> encode_fast(const SparseTile& tile) {
-  auto bytes = compress_stream(octree_from_bricks(tile));
+  auto bytes = compress_stream(octree_from_tile(tile));
   return bytes ? *std::move(bytes) : std::vector<uint8_t>{};
 }
 bool decode_fast(std::span<const uint8_t> bytes, SparseTile& tile) {
   const auto octree = decompress_stream(bytes, kOctreeBytesMax);
-  return octree && bricks_from_octree(*octree, tile).ok();
+  return octree && tile_from_octree(*octree, false, tile).ok();
 }
 bool decode_small(std::span<const uint8_t> bytes, SparseTile& tile) {
-  return decode_octree_small(bytes, tile).ok();
+  return decode_octree_small(bytes, false, tile).ok();
 }
 
 constexpr Codec kCodecs[] = {{"fast", encode_fast, decode_fast},

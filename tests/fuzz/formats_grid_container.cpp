@@ -1,6 +1,7 @@
 // The native container. The first byte says what the rest is: a container as it is; one whose
 // length in the header is made to agree, so that the checks behind it are reached; the octree of a
-// tile, without the checksum that random bytes never have; a zstd stream; or cells of a grid that
+// tile (after a byte that says whether there are attributes), without the checksum that random bytes
+// never have; a zstd stream; or cells of a grid that
 // must come back from its container.
 #include <algorithm>
 #include <cstddef>
@@ -9,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "proto/canonical_tile.h"
 #include "proto/octree_codec.h"
 #include "proto/stream_codec.h"
 #include "server/base/check.h"
@@ -40,9 +42,13 @@ void container_of_its_length(Bytes bytes) {
 }
 
 void octree(Bytes bytes) {
+  if (bytes.empty()) return;
   voxeld::SparseTile tile;
-  if (!voxeld::bricks_from_octree(bytes, tile)) return;
-  const auto back = voxeld::octree_from_bricks(tile);
+  const bool has_attributes = (bytes[0] & 1) != 0;
+  bytes = bytes.subspan(1);
+  if (!voxeld::tile_from_octree(bytes, has_attributes, tile)) return;
+  VOXELD_CHECK(voxeld::is_canonical(tile, has_attributes), "a tile is canonical");
+  const auto back = voxeld::octree_from_tile(tile);
   VOXELD_CHECK(std::equal(back.begin(), back.end(), bytes.begin(), bytes.end()),
                "a tile has one octree");
 }

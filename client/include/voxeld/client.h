@@ -111,10 +111,10 @@ class VOXELD_CLIENT_API Grid {
   const std::string& meta_json() const;
 
   bool occupied(int x, int y, int z) const;
-  // nullopt where the cell is empty or the grid has no colours.
+  // nullopt where the cell is empty, or the grid or this voxel (the inside of a solid) has no colour.
   std::optional<Color> color(int x, int y, int z) const;
-  // Every voxel, in Morton order within each tile; `color` and `normal` are null where the grid has
-  // none.
+  // Every voxel, in Morton order within each tile; `color` and `normal` are null where the
+  // grid or the voxel (the inside of a solid) has none.
   void for_each(const std::function<void(int x, int y, int z, const Color* color,
                                          const Normal* normal)>& visit) const;
   // One byte per cell, x fastest, 1 = occupied: dims[0]*dims[1]*dims[2] bytes.

@@ -86,6 +86,39 @@ TEST(Grid, for_each_visits_every_voxel_once_with_its_color_and_normal) {
   EXPECT_EQ(grid.voxel_count(), in.voxels.size());
 }
 
+TEST(Grid, voxels_of_full_nodes_are_occupied_and_have_no_color) {
+  GridHeader header = header_of({256, 256, 256}, true, true);
+  std::mt19937 random(5);
+  const SparseTile tile = test::tile_with_full_nodes(random, true, true);
+  ASSERT_FALSE(tile.full.empty());
+  for (const Codec codec : {Codec::kFast, Codec::kSmall}) {
+    header.codecs.octree = codec;
+    const auto bytes = encode_grid(header, std::span(&tile, 1));
+    ASSERT_TRUE(bytes.ok());
+    const Grid grid = Grid::decode(std::as_bytes(std::span(*bytes)));
+    EXPECT_EQ(grid.voxel_count(), tile.voxel_count());
+    std::vector<uint8_t> dense(size_t{1} << 24);
+    size_t next = 0;
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
+      dense[static_cast<size_t>(x + 256 * (y + 256 * z))] = 1;
+      if (next++ % 97 != 0) return;
+      EXPECT_TRUE(grid.occupied(x, y, z));
+      const auto color = grid.color(x, y, z);
+      ASSERT_EQ(color.has_value(), voxel != kNoAttributes);
+      EXPECT_TRUE(!color || (*color)[0] == tile.color[4 * voxel]);
+    });
+    EXPECT_TRUE(grid.dense() == dense);
+    size_t visited = 0, colored = 0;
+    grid.for_each([&](int, int, int, const Color* color, const Normal* normal) {
+      ++visited;
+      colored += color != nullptr ? 1 : 0;
+      EXPECT_EQ(color == nullptr, normal == nullptr);
+    });
+    EXPECT_EQ(visited, tile.voxel_count());
+    EXPECT_EQ(colored, tile.attribute_count());
+  }
+}
+
 TEST(Grid, for_each_goes_in_morton_order_within_a_tile) {
   const Grid grid = Grid::decode(
       written(header_of({64, 64, 64}, false, false), scattered({64, 64, 64}, 2)).container);

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -97,6 +98,33 @@ TEST(NpyOccupancy, an_empty_grid_is_all_zeros) {
   const auto array = test::read_npy(npy_occupancy(grid, {}));
   EXPECT_EQ(array.shape, Shape({2, 3, 4}));
   EXPECT_EQ(array.data, std::vector<uint8_t>(24));
+}
+
+TEST(NpyOccupancy, has_all_cells_of_full_nodes_in_each_type) {
+  const Grid grid = test::grid_with_a_full_brick(false, false);
+  for (const DType dtype : {DType::kUint8, DType::kFloat32}) {
+    const auto array = test::read_npy(npy_occupancy(grid, options_of(dtype, AxisOrder::kZyx)));
+    std::vector<float> values = array.as<float>();
+    if (dtype != DType::kFloat32) values.assign(array.data.begin(), array.data.end());
+    for (int z = 0; z < 16; ++z) {
+      for (int y = 0; y < 17; ++y) {
+        for (int x = 0; x < 20; ++x) {
+          const bool full = x >= 8 && x < 16 && y >= 8 && y < 16 && z >= 8;
+          const bool wanted = full || (x == 0 && y == 0 && z == 0);
+          ASSERT_EQ(values[array.at(position({x, y, z}, AxisOrder::kZyx))], wanted ? 1.0f : 0.0f);
+        }
+      }
+    }
+  }
+}
+
+TEST(NpyColor, voxels_of_full_nodes_are_zero_with_alpha_zero) {
+  const Grid grid = test::grid_with_a_full_brick(true, true);
+  const auto color = test::read_npy(npy_color(grid, {}));
+  EXPECT_EQ(color.data[color.at(position({0, 0, 0}, AxisOrder::kZyx, 2))], 30);
+  EXPECT_EQ(std::ranges::count(color.data, 0), std::ssize(color.data) - 4);
+  const auto normal = test::read_npy(npy_normal(grid, {}));
+  EXPECT_EQ(std::ranges::count(normal.data, 0), std::ssize(normal.data) - 1);
 }
 
 TEST(NpyColor, is_srgb_bytes_and_zero_where_nothing_is) {

@@ -24,6 +24,7 @@ class ReadGrid(unittest.TestCase):
             folder = pathlib.Path(directory)
             cls.grids = {path.stem: path.read_bytes() for path in folder.glob("*.voxg")}
             cls.voxels = np.loadtxt(folder / "voxels.txt", dtype=int)
+            cls.solid = np.loadtxt(folder / "solid.txt", dtype=int)
 
     def rows(self, grid):
         """Cells and channels in the order of the text: sorted by cell."""
@@ -52,12 +53,20 @@ class ReadGrid(unittest.TestCase):
         self.assertEqual(sorted(map(tuple, grid["cells"])),
                          sorted(map(tuple, self.voxels[:, :3])))
 
+    def test_voxels_of_full_nodes_are_there_and_have_no_attributes(self):
+        grid = read_grid.read_grid(self.grids["solid"])
+        self.assertEqual(self.rows(grid), sorted(map(tuple, self.solid)))
+
+    def test_the_other_codec_is_refused(self):
+        with self.assertRaisesRegex(ValueError, "not of codec fast"):
+            read_grid.read_grid(self.grids["small"])
+
     def test_an_empty_grid_has_no_cells(self):
         grid = read_grid.read_grid(self.grids["empty"])
         self.assertEqual(np.asarray(grid["cells"]).shape, (0, 3))
 
     def test_another_file_is_refused(self):
-        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 1"):
+        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 2"):
             read_grid.read_grid(b"VOXGRIM" + self.grids["all"][7:])
 
 

@@ -24,6 +24,14 @@ inline Grid grid_of(const std::array<int, 3>& dims, const std::vector<TestVoxel>
   return grid;
 }
 
+// A full brick of cells 8..15 beside one voxel with attributes at cell 0,0,0; 512 + 1 voxels.
+inline Grid grid_with_a_full_brick(bool has_color, bool has_normal) {
+  Grid grid =
+      grid_of({20, 17, 16}, {{{0, 0, 0}, {10, 20, 30, 255}, {0, 127, 0}}}, has_color, has_normal);
+  grid.tiles[0].full = {{morton_encode(1, 1, 1), 0}};
+  return grid;
+}
+
 inline Grid random_grid(uint32_t seed, const std::array<int, 3>& dims, int voxels, bool has_color,
                         bool has_normal) {
   std::mt19937 random(seed);

@@ -75,6 +75,21 @@ TEST(Vox, cells_on_both_sides_of_a_seam_stay_neighbours_for_odd_and_even_rests) 
   }
 }
 
+TEST(Vox, voxels_of_full_nodes_have_the_mean_colour_of_the_others) {
+  Grid grid = test::grid_with_a_full_brick(true, false);
+  const auto cells = written(grid).cells();
+  EXPECT_EQ(cells.size(), 513u);
+  EXPECT_EQ(cells.at(scene_cell(grid, 15, 8, 9)), (std::array<uint8_t, 3>{10, 20, 30}));
+  grid.tiles[0].masks.clear();
+  grid.tiles[0].brick_morton.clear();
+  grid.tiles[0].color.clear();
+  EXPECT_EQ(written(grid).cells().at(scene_cell(grid, 8, 8, 8)), kNeutralColor);
+  grid.tiles[0].full = {{0, kTileLevels}};
+  grid.spec.dims = {2048, 2048, 2048};
+  grid.tiles.resize(32, grid.tiles[0]);
+  EXPECT_EQ(encode_vox(grid, {}).error().code, ErrorCode::kGridTooLarge);
+}
+
 TEST(Vox, the_turn_to_z_up_keeps_handedness) {
   const Grid grid = test::grid_of({10, 10, 10},
                                   {{{1, 0, 0}, {1, 0, 0, 255}, {}},

@@ -1,4 +1,5 @@
 // write_sample DIR: a container and, as text, what it holds, for the test of docs/read_grid.py.
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <set>
@@ -10,8 +11,8 @@
 namespace voxeld {
 namespace {
 
-bool write_container(const std::string& path, const Grid& grid) {
-  const auto bytes = encode(grid, {});
+bool write_container(const std::string& path, const Grid& grid, const OutputOptions& options = {}) {
+  const auto bytes = encode(grid, options);
   if (!bytes) {
     std::fprintf(stderr, "%s\n", bytes.error().message().c_str());
     return false;
@@ -34,6 +35,29 @@ bool write_text(const std::string& path, const std::vector<test::TestVoxel>& vox
   return file.good();
 }
 
+// Full nodes beside voxels with attributes.
+bool write_solid(const std::string& directory) {
+  std::mt19937 random(3);
+  Grid grid = test::grid_of({256, 256, 256}, {}, true, true);
+  grid.tiles = {test::tile_with_full_nodes(random, true, true)};
+  std::erase_if(grid.tiles[0].full, [](const FullNode& node) { return node.level > 2; });
+  std::vector<test::TestVoxel> voxels;
+  const SparseTile& tile = grid.tiles[0];
+  for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
+    test::TestVoxel& one = voxels.emplace_back();
+    one.cell = {x, y, z};
+    if (voxel == kNoAttributes) return;
+    std::copy_n(&tile.color[4 * voxel], 4, one.color.begin());
+    std::copy_n(&tile.normal[3 * voxel], 3, one.normal.begin());
+  });
+  OutputOptions small;
+  small.codec = Codec::kSmall;
+  return !tile.full.empty() && !tile.masks.empty() &&
+         write_container(directory + "/solid.voxg", grid) &&
+         write_container(directory + "/small.voxg", grid, small) &&
+         write_text(directory + "/solid.txt", voxels);
+}
+
 // Voxels in different cells; dims that differ on each axis and end inside a tile.
 bool write_all(const std::string& directory) {
   const std::array<int, 3> dims = {300, 530, 270};
@@ -53,5 +77,5 @@ bool write_all(const std::string& directory) {
 }  // namespace voxeld
 
 int main(int argc, char** argv) {
-  return argc == 2 && voxeld::write_all(argv[1]) ? 0 : 1;
+  return argc == 2 && voxeld::write_all(argv[1]) && voxeld::write_solid(argv[1]) ? 0 : 1;
 }

@@ -59,6 +59,32 @@ TEST(ContentHash, survives_the_container) {
   EXPECT_EQ(content_hash(*back), content_hash(grid));
 }
 
+TEST(ContentHash, does_not_depend_on_how_full_bricks_are_written_down) {
+  Grid grid;
+  grid.spec.dims = {256, 256, 256};
+  std::mt19937 random(2);
+  grid.tiles = {test::tile_with_full_nodes(random, false, false)};
+  Grid spelled = grid;
+  spelled.tiles = {SparseTile{}};
+  for_each_brick(grid.tiles[0], [&](uint32_t morton, const BrickMask& mask, size_t) {
+    spelled.tiles[0].brick_morton.push_back(morton);
+    spelled.tiles[0].masks.push_back(mask);
+  });
+  ASSERT_FALSE(grid.tiles[0].full.empty());
+  EXPECT_EQ(content_hash(spelled), content_hash(grid));
+}
+
+TEST(ContentHash, a_tile_of_full_nodes_alone_counts) {
+  Grid grid;
+  grid.spec.dims = {256, 256, 256};
+  const std::string empty = content_hash(grid);
+  grid.tiles.resize(1);
+  grid.tiles[0].full = {{0, kTileLevels}};
+  normalize_tiles(grid);
+  ASSERT_EQ(grid.tiles.size(), 1u);
+  EXPECT_NE(content_hash(grid), empty);
+}
+
 TEST(ContentHash, any_difference_gives_another_hash) {
   const std::vector<std::function<void(Grid&)>> changes = {
       [](Grid&) {},
@@ -80,6 +106,15 @@ TEST(ContentHash, any_difference_gives_another_hash) {
       [](Grid& g) { g.tiles[0].normal[0] = 126; },
       [](Grid& g) { g.tiles[3].normal.back() = 0; },
       [](Grid& g) { g.tiles.pop_back(); },
+      [](Grid& g) {
+        g.tiles[0].full = {{0, 0}};
+      },
+      [](Grid& g) {
+        g.tiles[0].full = {{0, 1}};
+      },
+      [](Grid& g) {
+        g.tiles[1].full = {{0, 0}};
+      },
       [](Grid& g) { std::swap(g.tiles[0].coord, g.tiles[1].coord); },
   };
   std::set<std::string> hashes;

@@ -99,6 +99,59 @@ TEST(GridFormat, random_grids_come_back_with_each_set_of_channels) {
   }
 }
 
+TEST(GridFormat, full_nodes_come_back_with_each_set_of_channels_and_codec) {
+  for (uint32_t seed = 0; seed < 16; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const bool color = (seed & 1) != 0, normal = (seed & 2) != 0;
+    std::vector<SparseTile> tiles;
+    for (int i = 0; i < 3; ++i) {
+      tiles.push_back(test::tile_with_full_nodes(random, color, normal));
+      tiles.back().coord = {i, 2 * i, 1};
+    }
+    GridHeader header = header_of({768, 2048, 512}, color, normal);
+    if ((seed & 4) != 0) header.codecs.octree = Codec::kSmall;
+    expect_round_trip(header, tiles);
+  }
+}
+
+TEST(GridFormat, equal_voxels_without_attributes_give_equal_bytes) {
+  std::mt19937 random(7);
+  const GridHeader header = header_of({256, 256, 256}, false, false);
+  const SparseTile tile = test::tile_with_full_nodes(random, false, false);
+  SparseTile spelled;
+  for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t) {
+    spelled.brick_morton.push_back(morton);
+    spelled.masks.push_back(mask);
+  });
+  ASSERT_FALSE(tile.full.empty());
+  const auto canonical = encode_grid(header, std::span(&tile, 1));
+  const auto other = encode_grid(header, std::span(&spelled, 1));
+  ASSERT_TRUE(canonical && other);
+  EXPECT_EQ(*canonical, *other);
+}
+
+TEST(GridFormat, a_full_tile_has_no_bricks_and_no_attribute_streams) {
+  SparseTile tile;
+  tile.coord = {1, 0, 0};
+  tile.full = {{0, kTileLevels}};
+  const auto bytes = encode_grid(header_of({512, 256, 256}, true, true), std::span(&tile, 1));
+  ASSERT_TRUE(bytes);
+  EXPECT_EQ(get<uint32_t>(*bytes, kDirectory + 12), 0u);
+  EXPECT_EQ(get<uint64_t>(*bytes, kDirectory + 16), uint64_t{1} << 24);
+  EXPECT_EQ(get<uint32_t>(*bytes, kDirectory + 36), 0u);
+  EXPECT_EQ(get<uint32_t>(*bytes, kDirectory + 40), 0u);
+  EXPECT_LT(bytes->size(), kDirectory + 48 + 30);
+  const auto reader = GridReader::open(*bytes);
+  ASSERT_TRUE(reader);
+  const auto back = reader->decode_tile(0);
+  ASSERT_TRUE(back);
+  EXPECT_TRUE(*back == tile);
+  Bytes smaller = *bytes;
+  put(smaller, 16, 511);
+  EXPECT_EQ(refusal(smaller), "grid container, byte 0: a tile has voxels outside dims");
+}
+
 TEST(GridFormat, an_empty_grid_and_the_largest_dims_come_back) {
   expect_round_trip(header_of({1, 1, 1}, true, false), {});
   expect_round_trip(
@@ -109,7 +162,7 @@ TEST(GridFormat, an_empty_grid_and_the_largest_dims_come_back) {
 TEST(GridFormat, the_bytes_lie_where_the_byte_map_says) {
   const Bytes bytes = two_tiles();
   EXPECT_EQ(std::memcmp(bytes.data(), "VOXGRID\0", 8), 0);
-  EXPECT_EQ(get<uint32_t>(bytes, 8), 1u);
+  EXPECT_EQ(get<uint32_t>(bytes, 8), 2u);
   EXPECT_EQ(get<uint32_t>(bytes, 12), 3u);
   EXPECT_EQ(get<int32_t>(bytes, 16), 300);
   EXPECT_EQ(get<int32_t>(bytes, 24), 10);
@@ -192,7 +245,7 @@ TEST(GridFormat, every_field_of_the_header_is_checked) {
        "0: not a grid container: expected the magic VOXGRID, got other bytes"},
       {[](Bytes& b) { b[7] = 1; },
        "0: not a grid container: expected the magic VOXGRID, got other bytes"},
-      {[](Bytes& b) { put(b, 8, 2u); }, "8: version: expected 1, got 2"},
+      {[](Bytes& b) { put(b, 8, 1u); }, "8: version: expected 2, got 1"},
       {[](Bytes& b) { put(b, 12, 7u); }, "12: unknown channels"},
       {[](Bytes& b) { put(b, 16, 0); }, "16: dims: expected 1 to 2048, got 0"},
       {[](Bytes& b) { put(b, 20, 2049); }, "16: dims: expected 1 to 2048, got 2049"},
@@ -209,7 +262,9 @@ TEST(GridFormat, every_field_of_the_header_is_checked) {
       {[](Bytes& b) { put(b, 80, 0xffffffffu); }, "80: meta or directory is cut off"},
       {[](Bytes& b) { put(b, 84, 0xffffffffu); }, "80: meta or directory is cut off"},
       {[](Bytes& b) { put(b, 88, uint64_t{16}); }, "88: voxel count: expected 15, got 16"},
-      {[](Bytes& b) { b[104] = 1; }, "104: reserved byte: expected 0, got 1"},
+      {[](Bytes& b) { b[104] = 2; }, "104: codec of a stream: expected 0 or 1, got 2"},
+      {[](Bytes& b) { b[106] = 9; }, "106: codec of a stream: expected 0 or 1, got 9"},
+      {[](Bytes& b) { b[107] = 1; }, "107: reserved byte: expected 0, got 1"},
       {[](Bytes& b) { b[127] = 9; }, "127: reserved byte: expected 0, got 9"},
       {[](Bytes& b) { b[128 + 15] = 1; }, "143: padding: expected 0, got 1"},
   });
@@ -269,8 +324,7 @@ TEST(GridFormat, attributes_of_another_length_than_the_voxels_need_are_refused) 
               bytes.begin() + static_cast<std::ptrdiff_t>(at + color + normal));
   put(bytes, kDirectory + 36, normal);
   put(bytes, kDirectory + 40, color);
-  EXPECT_EQ(refusal(bytes), "grid container, byte " + std::to_string(at) +
-                                ": attribute bytes: expected 24, got 18");
+  EXPECT_EQ(refusal(bytes), "grid container, attributes: their bytes: expected 24, got 18");
 }
 
 TEST(GridFormat, a_flipped_byte_never_gives_more_than_a_refusal_or_another_grid) {
@@ -311,6 +365,13 @@ TEST(GridFormat, tiles_that_break_the_rules_are_never_written) {
     t.brick_morton.push_back(t.brick_morton[0]);
   });
   changed([](SparseTile& t) { t.coord = {1, 1, 1}, t.brick_morton[0] = 32767; });
+  changed([](SparseTile& t) { t.full = {{1, 1}}; });           // not aligned
+  changed([](SparseTile& t) { t.full = {{0, 0}}; });           // overlaps the brick
+  changed([](SparseTile& t) { t.full = {{8, 1}, {8, 0}}; });   // overlap each other
+  changed([](SparseTile& t) { t.full = {{16, 0}, {8, 0}}; });  // not ascending
+  changed([](SparseTile& t) { t.full = {{32768, 0}}; });       // outside the tile
+  changed([](SparseTile& t) { t.full = {{8, 6}}; });           // larger than the tile
+  changed([](SparseTile& t) { t.coord = {1, 1, 1}, t.full = {{4096, 4}}; });  // outside dims
   EXPECT_EQ(refused({good, good}).message(), "grid container: two tiles have the same coord");
 }
 

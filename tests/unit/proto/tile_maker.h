@@ -91,4 +91,41 @@ inline std::vector<TestVoxel> box_voxels(const std::array<int, 3>& min,
   return voxels;
 }
 
+// Adds what lies in one node of 2^level bricks: nothing, a full node, a brick of random cells
+// (every fourth one full), or its eight children.
+inline void add_random_node(std::mt19937& random, uint32_t brick_morton, uint32_t level,
+                            SparseTile& tile) {
+  const int kind = below(random, 8);
+  if (kind == 0) return;
+  if (kind <= 2) {
+    tile.full.push_back({brick_morton, level});
+  } else if (level == 0) {
+    tile.brick_morton.push_back(brick_morton);
+    BrickMask& mask = tile.masks.emplace_back();
+    const bool is_full = below(random, 4) == 0;
+    for (uint64_t& word : mask.words) word = is_full ? ~uint64_t{0} : uint64_t{random()} | 1;
+  } else {
+    for (uint32_t i = 0; i < 8; ++i) {
+      if (level > 2 && below(random, 3) != 0) continue;  // keeps it small
+      add_random_node(random, brick_morton + (i << 3 * (level - 1)), level - 1, tile);
+    }
+  }
+}
+
+// A canonical tile with full nodes of many sizes beside other bricks; not empty.
+inline SparseTile tile_with_full_nodes(std::mt19937& random, bool has_color, bool has_normal) {
+  SparseTile tile;
+  for (uint32_t octant = 0; octant < 8; ++octant) {
+    add_random_node(random, octant << 12, kTileLevels - 1, tile);
+  }
+  if (tile.empty()) tile.full.push_back({8, 1});
+  const size_t voxels = tile.attribute_count();
+  tile.color.resize(has_color ? 4 * voxels : 0);
+  for (uint8_t& sample : tile.color) sample = static_cast<uint8_t>(random());
+  tile.normal.resize(has_normal ? 3 * voxels : 0);
+  for (int8_t& sample : tile.normal) sample = static_cast<int8_t>(below(random, 255) - 127);
+  canonicalize(tile);
+  return tile;
+}
+
 }  // namespace voxeld::test

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "proto/octree_codec.h"
-#include "server/base/sha256.h"
 #include "tests/unit/proto/tile_maker.h"
 #include "tests/unit/proto_small/small_shapes.h"
 
@@ -14,11 +13,11 @@ namespace voxeld {
 namespace {
 
 // Returns the bytes.
-std::vector<uint8_t> expect_round_trip(const SparseTile& tile) {
+std::vector<uint8_t> expect_round_trip(const SparseTile& tile, bool has_attributes = false) {
   const auto bytes = encode_octree_small(tile);
   SparseTile back;
   back.coord = tile.coord;
-  const Status status = decode_octree_small(bytes, back);
+  const Status status = decode_octree_small(bytes, has_attributes, back);
   EXPECT_TRUE(status) << status.error().message();
   EXPECT_TRUE(back == tile);
   return bytes;
@@ -26,7 +25,7 @@ std::vector<uint8_t> expect_round_trip(const SparseTile& tile) {
 
 std::string refusal(std::span<const uint8_t> bytes) {
   SparseTile tile;
-  const Status status = decode_octree_small(bytes, tile);
+  const Status status = decode_octree_small(bytes, false, tile);
   EXPECT_FALSE(status);
   return status ? "" : status.error().message();
 }
@@ -42,9 +41,26 @@ TEST(OctreeSmall, single_voxels_come_back_from_few_bytes) {
   }
 }
 
-TEST(OctreeSmall, a_full_tile_comes_back_from_few_bytes) {
-  const SparseTile tile = test::full_tile();
-  EXPECT_LE(expect_round_trip(tile).size(), 200u);
+TEST(OctreeSmall, a_full_tile_is_one_byte) {
+  EXPECT_EQ(expect_round_trip(test::full_tile()), std::vector<uint8_t>{2});
+}
+
+TEST(OctreeSmall, full_nodes_among_others_come_back) {
+  for (uint32_t seed = 0; seed < 40; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const bool has_attributes = (seed & 1) != 0;
+    SparseTile tile = test::tile_with_full_nodes(random, has_attributes, false);
+    tile.color.clear();  // the octree does not hold it
+    expect_round_trip(tile, has_attributes);
+  }
+}
+
+TEST(OctreeSmall, a_large_full_node_costs_what_its_place_costs) {
+  SparseTile tile = test::single_voxel(255, 255, 255);
+  const size_t alone = expect_round_trip(tile).size();
+  tile.full = {{0, 4}};
+  EXPECT_LE(expect_round_trip(tile).size(), alone + 4);
 }
 
 TEST(OctreeSmall, solids_cost_what_their_surface_costs) {
@@ -91,12 +107,15 @@ TEST(OctreeSmall, full_bricks_beside_others_come_back) {
     BrickMask& mask = tile.masks.emplace_back();
     for (uint64_t& word : mask.words) word = kind == 1 ? uint64_t{random()} | 1 : ~uint64_t{0};
   }
+  expect_round_trip(tile, true);  // full bricks with attributes are told cell by cell
+  canonicalize(tile);
+  EXPECT_FALSE(tile.full.empty());
   expect_round_trip(tile);
 }
 
 TEST(OctreeSmall, an_octant_of_full_bricks_alone_has_no_stream) {
   const SparseTile tile = test::tile_where([](int x, int y, int z) {
-    return (x < 128 && y < 128 && z < 128) || (x == 200 && y == 200 && z == 200);
+    return (x < 128 && y < 128 && z < 128) || (x >= 128 && (x + y + z) % 7 == 0);
   });
   const auto bytes = expect_round_trip(tile);
   ASSERT_EQ(bytes[0], 1);
@@ -140,8 +159,10 @@ TEST(OctreeSmall, every_truncation_and_an_extra_byte_are_refused) {
 
 TEST(OctreeSmall, an_error_says_what_is_wrong) {
   EXPECT_EQ(refusal({}), "grid container, small octree: no bytes");
-  EXPECT_EQ(refusal(std::vector<uint8_t>{2}),
-            "grid container, small octree: layout: expected 0 or 1, got 2");
+  EXPECT_EQ(refusal(std::vector<uint8_t>{3}),
+            "grid container, small octree: layout: expected 0, 1 or 2, got 3");
+  EXPECT_EQ(refusal(std::vector<uint8_t>{2, 0}),
+            "grid container, small octree: bytes after a full tile");
   EXPECT_EQ(refusal(std::vector<uint8_t>{0}),
             "grid container, small octree: the stream is cut off");
   EXPECT_EQ(refusal(std::vector<uint8_t>(36, 1)),
@@ -164,6 +185,17 @@ TEST(OctreeSmall, an_error_says_what_is_wrong) {
   EXPECT_EQ(refusal(split), "grid container, small octree: the octant 7 is cut off");
 }
 
+TEST(OctreeSmall, a_full_node_that_is_spelled_out_is_refused) {
+  SparseTile tile = test::single_voxel(255, 255, 255);
+  for (uint32_t i = 0; i < 8; ++i) tile.full.push_back({i << 9, 3});
+  EXPECT_EQ(refusal(encode_octree_small(tile)),
+            "grid container, small octree: a full node is spelled out");
+  tile.full.clear();
+  tile.masks[0].words.fill(~uint64_t{0});
+  EXPECT_EQ(refusal(encode_octree_small(tile)),
+            "grid container, small octree: a full node is spelled out");
+}
+
 TEST(OctreeSmall, flipped_and_random_bytes_give_a_tile_or_an_error_in_bounded_time) {
   std::mt19937 random(4);
   const auto shell = encode_octree_small(test::sphere_shell(30, 2));
@@ -180,7 +212,7 @@ TEST(OctreeSmall, flipped_and_random_bytes_give_a_tile_or_an_error_in_bounded_ti
     }
     SparseTile tile;
     const auto start = std::chrono::steady_clock::now();
-    const Status status = decode_octree_small(bytes, tile);
+    const Status status = decode_octree_small(bytes, false, tile);
     EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(30));
     refused += status ? 0 : 1;
     EXPECT_LE(tile.voxel_count(), size_t{1} << 24);

@@ -9,7 +9,7 @@
 
 namespace voxeld::test {
 
-// The cells of a tile where is_set(x, y, z).
+// The canonical tile of the cells where is_set(x, y, z).
 template <typename IsSet>
 SparseTile tile_where(IsSet&& is_set) {
   SparseTile tile;
@@ -27,6 +27,7 @@ SparseTile tile_where(IsSet&& is_set) {
     tile.brick_morton.push_back(morton);
     tile.masks.push_back(mask);
   }
+  canonicalize(tile);
   return tile;
 }
 

@@ -60,6 +60,36 @@ TEST(PackGrid, attributes_and_the_occupied_box_follow_the_voxels) {
   EXPECT_EQ(packed->occupied_max, glm::ivec3(258, 16, 9));
 }
 
+TEST(PackGrid, bricks_of_full_nodes_share_one_brick_with_the_mean_colour) {
+  Grid grid = three_voxels();
+  grid.spec.dims.z = 24;
+  for (SparseTile& tile : grid.tiles) {
+    for (size_t i = 0; i < tile.color.size(); ++i) tile.color[i] = static_cast<uint8_t>(i % 4);
+  }
+  grid.tiles[0].full = {{morton_encode(2, 0, 0), 1}, {morton_encode(5, 0, 2), 0}};
+  const auto packed = pack_grid(grid);
+  ASSERT_TRUE(packed.ok());
+  EXPECT_THAT(packed->brick_offsets, ElementsAre(0, 512, 514));
+  EXPECT_EQ(packed->brick_masks.size(), 48u);
+  for (size_t i = 0; i < 16; ++i) EXPECT_EQ(packed->brick_masks[i], ~0u);
+  ASSERT_EQ(packed->colors.size(), 515u);
+  EXPECT_EQ(packed->colors[511], 0xff020100u);
+  EXPECT_EQ(packed->colors[512], 0x03020100u);
+  ASSERT_EQ(packed->normals.size(), 515u);
+  EXPECT_EQ(packed->normals[0], 0u);
+  for (size_t i = 0; i < packed->brick_index.size(); ++i) {
+    const size_t x = i % 38, y = i / 38 % 3, z = i / (38 * 3);
+    const bool full = (x / 2 == 1 && y < 2 && z < 2) || (x == 5 && y == 0 && z == 2);
+    const uint32_t wanted = full                          ? 1
+                            : x == 4 && y == 1 && z == 0  ? 2
+                            : x == 32 && y == 0 && z == 1 ? 3
+                                                          : 0;
+    EXPECT_EQ(packed->brick_index[i], wanted) << i;
+  }
+  EXPECT_EQ(packed->occupied_min, glm::ivec3(16, 0, 0));
+  EXPECT_EQ(packed->occupied_max, glm::ivec3(258, 16, 24));
+}
+
 TEST(PackGrid, an_empty_grid_is_framed_whole) {
   Grid grid;
   grid.spec.dims = {5, 6, 7};
