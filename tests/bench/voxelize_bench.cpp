@@ -1,6 +1,7 @@
-// Times the pipelines on one mesh: voxelize_bench MESH [--device D] [--color MODE] [--normal]
-// [--repeat N] [--pipeline P] [--shader-dir DIR] SIZE... prints one line per pipeline and size:
-// median of the runs in milliseconds, whole and by pass, after one run that compiles the shaders.
+// Times the pipelines on one mesh: voxelize_bench MESH [--device D] [--rule R] [--color MODE]
+// [--normal] [--repeat N] [--pipeline P] [--shader-dir DIR] SIZE... prints one line per pipeline
+// and size: median of the runs in milliseconds, whole and by pass, after one run that compiles the
+// shaders.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -49,6 +50,11 @@ Arguments parse(int argc, char** argv) {
                                 : mode == "shaded" ? ColorMode::kShaded
                                 : mode == "axis"   ? ColorMode::kAxis
                                                    : ColorMode::kNone;
+    } else if (text == "--rule") {
+      const std::string name = value();
+      arguments.options.rule = name == "thin"     ? Rule::kThin
+                               : name == "center" ? Rule::kCenter
+                                                  : Rule::kTouch;
     } else if (text == "--pipeline") {
       const std::string name = value();
       arguments.pipelines = {name == "raster"    ? PipelineChoice::kRaster

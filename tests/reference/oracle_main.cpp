@@ -1,6 +1,6 @@
-// voxeld_oracle MESH SIZE: the number of occupied cells and the SHA-256 of the occupancy (uint8,
-// z,y,x order, as in the data of a .npy) that rule=touch must give. The mesh comes through the
-// daemon's loaders and placement; snapping and overlap are the oracle's own.
+// voxeld_oracle MESH SIZE [touch|thin|center]: the number of occupied cells and the SHA-256 of the
+// occupancy (uint8, z,y,x order, as in the data of a .npy) that the rule must give. The mesh comes
+// through the daemon's loaders and placement; snapping and overlap are the oracle's own.
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -9,11 +9,15 @@
 #include "server/base/sha256.h"
 #include "server/grid/grid_spec.h"
 #include "server/scene/load.h"
+#include "tests/reference/line_oracle.h"
 #include "tests/reference/touch_oracle.h"
 
 namespace {
 
-int run(const std::string& path, int size) {
+using CellsByRule = voxeld::reference::Occupancy (*)(
+    const std::vector<voxeld::reference::Triangle>&, const voxeld::reference::OracleGrid&);
+
+int run(const std::string& path, int size, CellsByRule cells_by_rule) {
   const auto file = voxeld::MappedFile::open(path);
   if (!file) return std::fprintf(stderr, "%s\n", file.error().message().c_str()), 1;
   const auto scene = voxeld::load_scene(path, file->bytes(), {.decode_images = false});
@@ -39,7 +43,7 @@ int run(const std::string& path, int size) {
       {spec->dims.x, spec->dims.y, spec->dims.z},
       {spec->origin_world.x, spec->origin_world.y, spec->origin_world.z},
       {spec->voxel_size.x, spec->voxel_size.y, spec->voxel_size.z}};
-  const auto cells = voxeld::reference::touched_cells(triangles, grid);
+  const auto cells = cells_by_rule(triangles, grid);
   std::printf("dims %d %d %d occupied %zu %s\n", grid.dims[0], grid.dims[1], grid.dims[2],
               voxeld::reference::count(cells), voxeld::sha256_id(cells).c_str());
   return 0;
@@ -48,9 +52,14 @@ int run(const std::string& path, int size) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 3) {
-    std::fprintf(stderr, "usage: voxeld_oracle MESH SIZE\n");
+  const std::string rule = argc == 4 ? argv[3] : "touch";
+  const CellsByRule cells_by_rule = rule == "touch"    ? voxeld::reference::touched_cells
+                                    : rule == "thin"   ? voxeld::reference::thin_cells
+                                    : rule == "center" ? voxeld::reference::center_cells
+                                                       : nullptr;
+  if ((argc != 3 && argc != 4) || cells_by_rule == nullptr) {
+    std::fprintf(stderr, "usage: voxeld_oracle MESH SIZE [touch|thin|center]\n");
     return 2;
   }
-  return run(argv[1], std::atoi(argv[2]));
+  return run(argv[1], std::atoi(argv[2]), cells_by_rule);
 }

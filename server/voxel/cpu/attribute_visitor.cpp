@@ -79,18 +79,23 @@ class Visitor {
     const int64_t plane = lattice_depth(lattice_, i, j);
     for (int k = depth.x; k <= depth.y; ++k) {
       if (!touch_sides(t, i, j, k)) continue;
+      uint64_t* sums = sums_of(i, j, k);
+      if (sums == nullptr) continue;
       const uint32_t points = inside == 0 ? 0 : inside & lattice_in_cell(lattice_, plane, k);
-      add(sums_of(i, j, k), i, j, points);
+      add(sums, i, j, points);
     }
   }
 
-  // Axis z of the swizzled cell is the dominant one.
+  // Null where the cell is touched but not occupied, by another rule than touch. Axis z of the
+  // swizzled cell is the dominant one.
   uint64_t* sums_of(int i, int j, int k) const {
     const int axis = source_.axis;
     const uint32_t m = morton_spread(static_cast<uint32_t>(i)) << (axis + 1) % 3 |
                        morton_spread(static_cast<uint32_t>(j)) << (axis + 2) % 3 |
                        morton_spread(static_cast<uint32_t>(k)) << axis;
-    const uint32_t below = target_.mask[m >> 5] & ((1u << (m & 31u)) - 1u);
+    const uint32_t word = target_.mask[m >> 5], bit = 1u << (m & 31u);
+    if ((word & bit) == 0) return nullptr;
+    const uint32_t below = word & (bit - 1u);
     const size_t voxel = target_.word_offsets[m >> 5] + static_cast<uint32_t>(std::popcount(below));
     return target_.sums + (voxel - target_.voxel_first) * target_.channels.count();
   }

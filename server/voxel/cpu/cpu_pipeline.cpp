@@ -14,6 +14,7 @@ CpuPipeline::CpuPipeline(int threads, CpuIsa isa)
 Status CpuPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   plan_ = &plan;
   stats_ = &stats;
+  touch_.set_rule(plan.options.rule);
   if (!plan.records) return {};
   Stopwatch watch;
   attributes_.begin_job(plan);

@@ -16,6 +16,12 @@ constexpr uint32_t spread8(uint32_t v) {
   return (v | v << 2) & 0x249249u;
 }
 
+inline IntLanes spread8(IntLanes v) {
+  v = (v | v << 8) & 0x00f00f;
+  v = (v | v << 4) & 0x0c30c3;
+  return (v | v << 2) & 0x249249;
+}
+
 // The 3 bits at places 0, 3 and 6.
 constexpr uint32_t compact3(uint32_t v) {
   return (v & 1) | (v >> 2 & 2) | (v >> 4 & 4);
@@ -57,6 +63,21 @@ inline uint64_t set_run(uint64_t* words, uint32_t axis, uint32_t row, uint32_t b
     words[word] |= kRun.at[axis][bits] << shift;
     blocks |= uint64_t{1} << (word >> 12);
     at = stop;
+  }
+  return blocks;
+}
+
+// Blocks of 64^3 cells that the box of cells reaches.
+inline uint64_t blocks_of(Int4 first, Int4 last) {
+  uint64_t blocks = 0;
+  first >>= 6;
+  last >>= 6;
+  for (int z = first[2]; z <= last[2]; ++z) {
+    for (int y = first[1]; y <= last[1]; ++y) {
+      for (int x = first[0]; x <= last[0]; ++x) {
+        blocks |= uint64_t{1} << (kSpread.at[x] | kSpread.at[y] << 1 | kSpread.at[z] << 2);
+      }
+    }
   }
   return blocks;
 }

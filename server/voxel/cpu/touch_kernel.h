@@ -48,6 +48,9 @@ struct TouchKernel {
   // Sets the bits of all touched cells in kTouchWords words. Returns the blocks of 64^3 cells (bit
   // = Morton index) that it may have written to.
   uint64_t (*touch)(const TouchInput& input, uint64_t* words);
+  // The same by rule=thin and rule=center; the blocks are those of all touched cells.
+  uint64_t (*thin)(const TouchInput& input, uint64_t* words);
+  uint64_t (*center)(const TouchInput& input, uint64_t* words);
   // Joins block number `block` of several tiles of kTouchWords words, keeps the bricks that are not
   // empty, and zeroes the block in all of them.
   void (*compact)(uint64_t* const* tiles, size_t tile_count, size_t block, CompactedBlock* out);

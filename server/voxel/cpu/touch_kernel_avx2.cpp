@@ -3,6 +3,6 @@
 
 namespace voxeld {
 
-const TouchKernel kTouchKernelAvx2 = {touch, compact, join};
+const TouchKernel kTouchKernelAvx2 = {touch, thin, center, compact, join};
 
 }  // namespace voxeld

@@ -3,6 +3,6 @@
 
 namespace voxeld {
 
-const TouchKernel kTouchKernelAvx512 = {touch, compact, join};
+const TouchKernel kTouchKernelAvx512 = {touch, thin, center, compact, join};
 
 }  // namespace voxeld

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "server/voxel/cpu/lanes.h"
+#include "server/voxel/cpu/lines_kernel.h"
 #include "server/voxel/cpu/morton_runs.h"
 #include "server/voxel/cpu/row_words.h"
 #include "server/voxel/cpu/touch_kernel.h"
@@ -19,14 +20,6 @@ namespace {
 constexpr uint8_t kSizeClass[kSmallCells + 1] = {0, 0, 1, 2, 3, 4, 4, 5, 5,
                                                  6, 6, 7, 7, 7, 8, 8, 8, 8};
 constexpr int kSizeClasses = 9;
-
-inline Int4 corner_of(const TouchInput& input, uint32_t vertex) {
-  const int32_t* q = input.vertices + size_t{3} * vertex;
-  int64_t xy;
-  __builtin_memcpy(&xy, q, sizeof xy);
-  using Long2 = int64_t __attribute__((vector_size(16)));
-  return reinterpret_cast<Int4>(Long2{xy, static_cast<uint32_t>(q[2])});
-}
 
 class TileToucher {
  public:
@@ -62,7 +55,7 @@ class TileToucher {
       morton_blocks_ |= LargeTriangle(corners, input_.cell_last).touch(words_);
       return;
     }
-    mark_blocks(first, last);
+    blocks_ |= blocks_of(first, last);  // some may stay empty
     const Int4 cells = (high >> 8) - (low >> 8);
     // A box that is a row of cells: every slice of it holds a part of the triangle.
     if ((cells[0] == 0) + (cells[1] == 0) + (cells[2] == 0) >= 2) return fill_row(first, last);
@@ -75,19 +68,6 @@ class TileToucher {
     batch.rows_y = greater(batch.rows_y, rows_y);
     batch.rows_z = greater(batch.rows_z, rows_z);
     if (batch.count == kLanes) run_batch(batch);
-  }
-
-  // Of the box; some may stay empty.
-  void mark_blocks(Int4 first, Int4 last) {
-    first >>= 6;
-    last >>= 6;
-    for (int z = first[2]; z <= last[2]; ++z) {
-      for (int y = first[1]; y <= last[1]; ++y) {
-        for (int x = first[0]; x <= last[0]; ++x) {
-          blocks_ |= uint64_t{1} << (kSpread.at[x] | kSpread.at[y] << 1 | kSpread.at[z] << 2);
-        }
-      }
-    }
   }
 
   void fill_row(Int4 first, Int4 last) {

@@ -3,6 +3,6 @@
 
 namespace voxeld {
 
-const TouchKernel kTouchKernelPortable = {touch, compact, join};
+const TouchKernel kTouchKernelPortable = {touch, thin, center, compact, join};
 
 }  // namespace voxeld

@@ -3,6 +3,6 @@
 
 namespace voxeld {
 
-const TouchKernel kTouchKernelSse4 = {touch, compact, join};
+const TouchKernel kTouchKernelSse4 = {touch, thin, center, compact, join};
 
 }  // namespace voxeld

@@ -40,13 +40,8 @@ struct WideBound {
   int kind = 0;  // 1: begin, -1: end, 0: none, because the edge runs along i
 };
 
-// Edge from (pi, pj) along (di, dj); cells count from 0. side: -1 where the projection is
-// clockwise, else 0.
-inline WideBound wide_bound(int64_t pi, int64_t pj, int64_t di, int64_t dj, int64_t side) {
-  const int64_t a = side - (dj ^ side), b = (di ^ side) - side;
-  const int64_t reach_i = (a >= 0 ? 512 : 0) - (2 * pi + 1);
-  const int64_t reach_j = (b >= 0 ? 512 : 0) - (2 * pj + 1);
-  const int64_t c = (a * reach_i + b * reach_j) >> 9;
+// Where a i + b j + c >= 0.
+inline WideBound bound_of(int64_t a, int64_t b, int64_t c) {
   WideBound bound;
   if (a == 0) return bound;
   const double inverse = 1.0 / static_cast<double>(a);
@@ -54,6 +49,15 @@ inline WideBound wide_bound(int64_t pi, int64_t pj, int64_t di, int64_t dj, int6
   bound.offset = 1.0 - (static_cast<double>(c) + 0.5) * inverse;
   bound.kind = a > 0 ? 1 : -1;
   return bound;
+}
+
+// Edge from (pi, pj) along (di, dj); cells count from 0. side: -1 where the projection is
+// clockwise, else 0.
+inline WideBound wide_bound(int64_t pi, int64_t pj, int64_t di, int64_t dj, int64_t side) {
+  const int64_t a = side - (dj ^ side), b = (di ^ side) - side;
+  const int64_t reach_i = (a >= 0 ? 512 : 0) - (2 * pi + 1);
+  const int64_t reach_j = (b >= 0 ? 512 : 0) - (2 * pj + 1);
+  return bound_of(a, b, (a * reach_i + b * reach_j) >> 9);
 }
 
 // Bounds that each j or w gives for i, not yet rounded down; 0 <= i < count.

@@ -87,7 +87,22 @@ void CpuTouch::touch_part(const SnappedMesh& mesh, const GridSpec& spec, const T
   const size_t last = input.list_count * (part + 1) / parts;
   input.list += first;
   input.list_count = last - first;
-  worker.blocks = input.list_count == 0 ? 0 : kernel_->touch(input, worker.words.data());
+  worker.blocks = occupy(input, worker);
+}
+
+uint64_t CpuTouch::occupy(const TouchInput& input, Worker& worker) const {
+  if (input.list_count == 0) return 0;
+  switch (rule_) {
+    case Rule::kTouch:
+      return kernel_->touch(input, worker.words.data());
+    case Rule::kThin:
+      return kernel_->thin(input, worker.words.data());
+    case Rule::kCenter:
+      return kernel_->center(input, worker.words.data());
+    case Rule::kNone:
+      break;
+  }
+  return 0;
 }
 
 size_t CpuTouch::touch_shared(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin) {
@@ -176,7 +191,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, std::span<
       // Alone, with its own words: as the first and only part of a job of one.
       worker.reserve();
       const TouchInput input = touch_input(mesh, spec, bins[i]);
-      uint64_t blocks = input.list_count == 0 ? 0 : kernel_->touch(input, worker.words.data());
+      uint64_t blocks = occupy(input, worker);
       uint64_t* words = worker.words.data();
       for (; blocks != 0; blocks &= blocks - 1) {
         kernel_->compact(&words, 1, static_cast<size_t>(std::countr_zero(blocks)),

@@ -1,16 +1,18 @@
-// Occupancy by rule=touch on the CPU: which cells of a tile the snapped triangles touch, exactly as
-// ../README.md defines, with the same bits from every instruction set and number of threads.
+// Occupancy on the CPU: which cells of a tile the snapped triangles occupy by rule touch, thin or
+// center, exactly as ../README.md defines, with the same bits from every instruction set and
+// number of threads.
 //
-// Triangles up to 16 voxels wide are done a batch at a time, a lane for each (touch_small.h),
-// others one by one, a lane for each row of cells (touch_large.h). Threads share a tile's
-// triangles, each with a tile of its own to set bits in, which are joined block by block; or they
-// take a tile each.
+// By rule touch, triangles up to 16 voxels wide are done a batch at a time, a lane for each
+// (touch_small.h), others one by one, a lane for each row of cells (touch_large.h); the other rules
+// do the same along each axis (lines_small.h, lines_large.h). Threads share a tile's triangles, each
+// with a tile of its own to set bits in, which are joined block by block; or they take a tile each.
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "proto/options.h"
 #include "proto/sparse_tile.h"
 #include "server/grid/grid_spec.h"
 #include "server/voxel/bin.h"
@@ -31,9 +33,13 @@ class CpuTouch {
   // `threads`: 0 is as many as the machine has. The instruction set must be supported.
   explicit CpuTouch(int threads, CpuIsa isa = best_cpu_isa());
 
-  // Sets the bits of all cells of the tile that the bin's triangles touch. `mask`: kTileMaskWords
+  // What the following calls of run() set: touch until this is called; none sets nothing.
+  void set_rule(Rule rule) { rule_ = rule; }
+
+  // Sets the bits of all cells of the tile that the bin's triangles occupy. `mask`: kTileMaskWords
   // words in the layout of TileDevice::read_mask, whose old contents do not matter. Returns the
-  // blocks whose words are valid, as TileWindow::blocks; nothing is touched in others.
+  // blocks whose words are valid, as TileWindow::blocks; the triangles touch nothing in others
+  // (except by rule none, which returns none).
   uint64_t run(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin,
                std::span<uint32_t> mask);
 
@@ -70,7 +76,11 @@ class CpuTouch {
   void for_each_block(size_t parts, uint64_t blocks, const Visit& visit);
   void compact_blocks(size_t parts, uint64_t blocks, Worker& worker, SparseTile& tile);
 
+  // Of a worker's own words.
+  uint64_t occupy(const TouchInput& input, Worker& worker) const;
+
   const TouchKernel* kernel_;
+  Rule rule_ = Rule::kTouch;
   WorkerPool pool_;
   std::vector<Worker> workers_;
 };

@@ -7,6 +7,6 @@
 
 namespace voxeld {
 
-const TouchKernel kTouchKernelWide = {touch, compact, join};
+const TouchKernel kTouchKernelWide = {touch, thin, center, compact, join};
 
 }  // namespace voxeld
