@@ -1,5 +1,8 @@
+#include "proto/grid_writer.h"
+
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "proto/canonical_tile.h"
 #include "proto/grid_format.h"
@@ -25,27 +28,6 @@ bool follows_the_rules(const SparseTile& tile, const GridHeader& header) {
          check_cells(tile, header.dims);
 }
 
-struct EncodedTile {
-  std::array<int32_t, 3> coord{};
-  uint64_t bricks = 0, voxels = 0;
-  TileStreams streams;
-};
-
-Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header) {
-  if (!follows_the_rules(tile, header)) {
-    return Error{ErrorCode::kInternal, "grid container: a tile breaks the rules of SparseTile", "",
-                 ""};
-  }
-  SparseTile copy;
-  const SparseTile& canonical = canonical_form(tile, copy);
-  EncodedTile out;
-  out.coord = tile.coord;
-  out.bricks = canonical.masks.size();
-  out.voxels = canonical.voxel_count();
-  VOXELD_ASSIGN(out.streams, encode_streams(canonical, header));
-  return out;
-}
-
 void put_header(std::vector<uint8_t>& out, const GridHeader& header, size_t tiles,
                 uint64_t voxels) {
   std::memcpy(out.data(), kMagic, sizeof kMagic);
@@ -66,53 +48,100 @@ void put_header(std::vector<uint8_t>& out, const GridHeader& header, size_t tile
   }
 }
 
-void put_tile(std::vector<uint8_t>& out, size_t entry, const EncodedTile& tile) {
-  put(out, entry, tile.coord);
-  put(out, entry + 12, static_cast<uint32_t>(tile.bricks));
-  put(out, entry + 16, tile.voxels);
-  put(out, entry + 24, uint64_t{out.size()});
-  put(out, entry + 32, static_cast<uint32_t>(tile.streams.octree.size()));
-  put(out, entry + 36, static_cast<uint32_t>(tile.streams.color.size()));
-  put(out, entry + 40, static_cast<uint32_t>(tile.streams.normal.size()));
-  for (const auto* stream : {&tile.streams.octree, &tile.streams.color, &tile.streams.normal}) {
-    out.insert(out.end(), stream->begin(), stream->end());
-  }
-}
-
 }  // namespace
 
-Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
-                                         std::span<const SparseTile> tiles) {
+Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header) {
+  if (!follows_the_rules(tile, header)) {
+    return Error{ErrorCode::kInternal, "grid container: a tile breaks the rules of SparseTile", "",
+                 ""};
+  }
+  SparseTile copy;
+  const SparseTile& canonical = canonical_form(tile, copy);
+  EncodedTile out;
+  out.coord = tile.coord;
+  out.bricks = canonical.masks.size();
+  out.voxels = canonical.voxel_count();
+  VOXELD_ASSIGN(TileStreams streams, encode_streams(canonical, header));
+  out.octree = std::move(streams.octree);
+  out.color = std::move(streams.color);
+  out.normal = std::move(streams.normal);
+  return out;
+}
+
+Result<GridWriter> GridWriter::open(GridHeader header) {
   if (const Status status = check_header(header, 16); !status) {
     return Error{ErrorCode::kInternal, status.error().message(), "", ""};
   }
-  if (header.meta_json.size() > kMetaBytesMax) {
+  return GridWriter(std::move(header));
+}
+
+Status GridWriter::add(const EncodedTile& tile) {
+  if (!entries_.empty() && tile_order(entries_.back().coord) >= tile_order(tile.coord)) {
+    const bool is_twice = entries_.back().coord == tile.coord;
+    return Error{ErrorCode::kInternal,
+                 is_twice ? "grid container: two tiles have the same coord"
+                          : "grid container: tiles are not in ascending Morton order",
+                 "", ""};
+  }
+  entries_.push_back({tile.coord, tile.voxels, static_cast<uint32_t>(tile.bricks),
+                      static_cast<uint32_t>(tile.octree.size()),
+                      static_cast<uint32_t>(tile.color.size()),
+                      static_cast<uint32_t>(tile.normal.size())});
+  voxels_ += tile.voxels;
+  return {};
+}
+
+Result<std::vector<uint8_t>> GridWriter::finish(std::string meta_json) {
+  if (meta_json.size() > kMetaBytesMax) {
     return Error{ErrorCode::kInternal, "grid container: meta",
                  "at most " + std::to_string(kMetaBytesMax) + " bytes",
-                 std::to_string(header.meta_json.size())};
+                 std::to_string(meta_json.size())};
   }
+  header_.meta_json = std::move(meta_json);
+  const size_t directory = kGridHeaderBytes + padded(header_.meta_json.size());
+  std::vector<uint8_t> out(directory + kGridEntryBytes * entries_.size());
+  put_header(out, header_, entries_.size(), voxels_);
+  std::memcpy(out.data() + kGridHeaderBytes, header_.meta_json.data(), header_.meta_json.size());
+  uint64_t offset = out.size();
+  for (size_t i = 0; i < entries_.size(); ++i) {
+    const Entry& entry = entries_[i];
+    const size_t at = directory + i * kGridEntryBytes;
+    put(out, at, entry.coord);
+    put(out, at + 12, entry.bricks);
+    put(out, at + 16, entry.voxels);
+    put(out, at + 24, offset);
+    put(out, at + 32, entry.octree_bytes);
+    put(out, at + 36, entry.color_bytes);
+    put(out, at + 40, entry.normal_bytes);
+    offset += uint64_t{entry.octree_bytes} + entry.color_bytes + entry.normal_bytes;
+  }
+  put(out, 96, offset);
+  return out;
+}
+
+Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
+                                         std::span<const SparseTile> tiles) {
+  VOXELD_ASSIGN(GridWriter writer, GridWriter::open(header));
   std::vector<EncodedTile> encoded;
-  uint64_t voxels = 0;
   for (const SparseTile& tile : tiles) {
     if (tile.empty()) continue;
     VOXELD_ASSIGN(EncodedTile one, encode_tile(tile, header));
-    voxels += one.voxels;
     encoded.push_back(std::move(one));
   }
   std::ranges::sort(encoded, {}, [](const EncodedTile& tile) { return tile_order(tile.coord); });
-  if (std::ranges::adjacent_find(encoded, {}, &EncodedTile::coord) != encoded.end()) {
-    return Error{ErrorCode::kInternal, "grid container: two tiles have the same coord", "", ""};
+  size_t bytes = 0;
+  for (const EncodedTile& tile : encoded) {
+    VOXELD_TRY(writer.add(tile));
+    bytes += tile.bytes();
   }
-
-  const size_t directory = kGridHeaderBytes + padded(header.meta_json.size());
-  std::vector<uint8_t> out(directory + kGridEntryBytes * encoded.size());
-  put_header(out, header, encoded.size(), voxels);
-  std::memcpy(out.data() + kGridHeaderBytes, header.meta_json.data(), header.meta_json.size());
-  for (size_t i = 0; i < encoded.size(); ++i) {
-    put_tile(out, directory + i * kGridEntryBytes, encoded[i]);
-    encoded[i] = {};
+  VOXELD_ASSIGN(std::vector<uint8_t> out, writer.finish(header.meta_json));
+  out.reserve(out.size() + bytes);
+  for (EncodedTile& tile : encoded) {
+    for (const auto* stream : {&tile.octree, &tile.color, &tile.normal}) {
+      out.insert(out.end(), stream->begin(), stream->end());
+    }
+    tile = {};
   }
-  put(out, 96, uint64_t{out.size()});
   return out;
 }
 

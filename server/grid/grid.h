@@ -27,15 +27,14 @@ struct Grid {
 std::array<uint8_t, 3> mean_color(const Grid& grid);
 inline constexpr std::array<uint8_t, 3> kNeutralColor = {0xb4, 0xb4, 0xb4};
 
+// Tiles of a grid ascend by this: the Morton order of their coords.
+uint32_t tile_order(const SparseTile& tile);
+
 // Brings tiles into storage order and drops empty ones.
 void normalize_tiles(Grid& grid);
 
 // Reads a whole native container. Errors as GridReader.
 Result<Grid> grid_from_container(std::span<const uint8_t> bytes);
 GridHeader container_header(const Grid& grid);
-
-// Hash of dims, origin, voxel size, occupancy and attributes, without meta: equal grids from other
-// pipelines, drivers and formats have equal hashes. "sha256-<64 hex>".
-std::string content_hash(const Grid& grid);
 
 }  // namespace voxeld

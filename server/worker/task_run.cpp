@@ -8,6 +8,7 @@
 #include "server/base/file.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
+#include "server/grid/content_hash.h"
 #include "server/scene/load.h"
 #include "server/voxel/estimate.h"
 

@@ -15,6 +15,7 @@
 #include "proto/stream_codec.h"
 #include "server/base/check.h"
 #include "server/formats/formats.h"
+#include "server/grid/content_hash.h"
 #include "tests/unit/proto/tile_maker.h"
 
 namespace {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "server/formats/formats.h"
+#include "server/grid/content_hash.h"
 #include "tests/unit/formats/sample_grid.h"
 
 namespace voxeld {

@@ -6,7 +6,7 @@
 #include <set>
 #include <string>
 
-#include "server/grid/grid.h"
+#include "server/grid/content_hash.h"
 #include "tests/unit/proto/tile_maker.h"
 
 namespace voxeld {

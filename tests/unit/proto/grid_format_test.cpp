@@ -8,6 +8,7 @@
 #include <limits>
 #include <string>
 
+#include "proto/grid_writer.h"
 #include "tests/unit/proto/tile_maker.h"
 
 namespace voxeld {
@@ -336,6 +337,49 @@ TEST(GridFormat, a_flipped_byte_never_gives_more_than_a_refusal_or_another_grid)
     const std::string text = refusal(bytes);
     EXPECT_TRUE(text.empty() || text.starts_with("grid container, ")) << text;
   }
+}
+
+TEST(GridWriter, writes_the_same_bytes_tile_by_tile) {
+  std::mt19937 random(17);
+  auto tiles = test::tiles_of(test::random_voxels(random, {700, 300, 520}, 4000), true, true);
+  ASSERT_GT(tiles.size(), 4u);
+  std::ranges::sort(tiles, {}, [](const SparseTile& tile) {
+    return morton_encode(static_cast<uint32_t>(tile.coord[0]), static_cast<uint32_t>(tile.coord[1]),
+                         static_cast<uint32_t>(tile.coord[2]));
+  });
+  GridHeader header = header_of({700, 300, 520}, true, true);
+  header.meta_json = R"({"a":1})";
+  const auto expected = encode_grid(header, tiles);
+  ASSERT_TRUE(expected.ok());
+  auto writer = GridWriter::open(header);
+  ASSERT_TRUE(writer.ok());
+  Bytes data;
+  for (const SparseTile& tile : tiles) {
+    const auto encoded = encode_tile(tile, writer->header());
+    ASSERT_TRUE(encoded.ok());
+    ASSERT_TRUE(writer->add(*encoded).ok());
+    for (const auto* stream : {&encoded->octree, &encoded->color, &encoded->normal}) {
+      data.insert(data.end(), stream->begin(), stream->end());
+    }
+  }
+  EXPECT_EQ(writer->tile_count(), tiles.size());
+  auto whole = writer->finish(header.meta_json);
+  ASSERT_TRUE(whole.ok());
+  whole->insert(whole->end(), data.begin(), data.end());
+  EXPECT_TRUE(*whole == *expected);
+}
+
+TEST(GridWriter, refuses_tiles_out_of_order_and_headers_that_no_container_can_have) {
+  EXPECT_FALSE(GridWriter::open(header_of({0, 1, 1}, false, false)).ok());
+  auto writer = GridWriter::open(header_of({600, 600, 600}, false, false));
+  ASSERT_TRUE(writer.ok());
+  EncodedTile tile;
+  tile.coord = {1, 0, 0};
+  EXPECT_TRUE(writer->add(tile).ok());
+  EXPECT_EQ(writer->add(tile).error().message(), "grid container: two tiles have the same coord");
+  tile.coord = {0, 0, 0};
+  EXPECT_EQ(writer->add(tile).error().message(),
+            "grid container: tiles are not in ascending Morton order");
 }
 
 TEST(GridFormat, tiles_that_break_the_rules_are_never_written) {

@@ -1,0 +1,56 @@
+// Writes the native container tile by tile, for grids that need not be in memory at once: tiles are
+// encoded, in any thread; their bytes are stored one after the other in ascending Morton order of
+// coord; and when all are there, header, meta and directory are known, which stand before them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "proto/grid_format.h"
+#include "proto/result.h"
+#include "proto/sparse_tile.h"
+
+namespace voxeld {
+
+struct EncodedTile {
+  std::array<int32_t, 3> coord{};  // in tiles
+  uint64_t bricks = 0, voxels = 0;
+  std::vector<uint8_t> octree, color, normal;  // streams; empty where there are none
+
+  size_t bytes() const { return octree.size() + color.size() + normal.size(); }
+};
+
+// The canonical form of a tile that is not empty, as the header's channels and codecs say. Errors:
+// internal, for tiles that break SparseTile's rules or the header's.
+Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header);
+
+class GridWriter {
+ public:
+  // Errors: internal, for a header that no container can have.
+  static Result<GridWriter> open(GridHeader header);
+
+  const GridHeader& header() const { return header_; }
+  // Takes note of the next tile; its octree, colour and normal bytes follow those of the last one.
+  // Errors: internal, when its coord is not after the last one's.
+  Status add(const EncodedTile& tile);
+  size_t tile_count() const { return entries_.size(); }
+  uint64_t voxel_count() const { return voxels_; }
+  // What stands before the tiles' bytes. Replaces the header's meta.
+  Result<std::vector<uint8_t>> finish(std::string meta_json);
+
+ private:
+  struct Entry {
+    std::array<int32_t, 3> coord{};
+    uint64_t voxels = 0;
+    uint32_t bricks = 0, octree_bytes = 0, color_bytes = 0, normal_bytes = 0;
+  };
+  explicit GridWriter(GridHeader header) : header_(std::move(header)) {}
+
+  GridHeader header_;
+  std::vector<Entry> entries_;
+  uint64_t voxels_ = 0;
+};
+
+}  // namespace voxeld
