@@ -36,8 +36,7 @@ Choice choose(PipelineChoice asked, const TilePipeline* device) {
 }
 
 Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<const TileBin> bins,
-                 const TileProgress& progress, VoxelizeStats& stats,
-                 std::vector<SparseTile>& tiles) {
+                 const TileProgress& progress, VoxelizeStats& stats, TileSink& sink) {
   VOXELD_TRY(pipeline.begin_job(plan, stats));
   for (size_t done = 0;;) {
     if (progress && !progress(static_cast<int64_t>(done), static_cast<int64_t>(bins.size()))) {
@@ -45,9 +44,10 @@ Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<con
     }
     if (done == bins.size()) return {};
     const size_t count = std::min(pipeline.batch_tiles(), bins.size() - done);
-    const size_t before = tiles.size();
+    std::vector<SparseTile> tiles;
     VOXELD_TRY(pipeline.run_tiles(bins.subspan(done, count), tiles));
-    for (size_t i = before; i < tiles.size(); ++i) canonicalize(tiles[i]);
+    for (SparseTile& tile : tiles) canonicalize(tile);
+    VOXELD_TRY(sink.add(std::move(tiles)));
     done += count;
   }
 }
@@ -65,13 +65,13 @@ struct Voxelizer::Impl {
   DeviceTraits traits() const { return device ? device->traits() : DeviceTraits(); }
   // Null where a device is needed and missing.
   TilePipeline* pipeline(Pipeline which) { return which == Pipeline::kCpu ? &cpu : device.get(); }
-  Status plan_job(const Scene& scene, const VoxelizeOptions& options, VoxelizePlan& plan,
-                  VoxelizeStats& stats) const;
+  Status plan_job(const Scene& scene, const VoxelizeOptions& options, bool keeps_tiles,
+                  VoxelizePlan& plan, VoxelizeStats& stats) const;
 };
 
 // From the scene to snapped triangles, and whether the result will fit.
 Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& options,
-                                 VoxelizePlan& plan, VoxelizeStats& stats) const {
+                                 bool keeps_tiles, VoxelizePlan& plan, VoxelizeStats& stats) const {
   Stopwatch watch;
   VOXELD_ASSIGN(const Placed placed, place_scene(scene, options));
   plan.spec = placed.spec;
@@ -81,7 +81,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
   VOXELD_ASSIGN(plan.mesh, snap_scene(scene, placed.world_from_file, placed.spec, bytes_left));
   // A close estimate takes its time, and matters only to grids that might not fit.
-  if (dense_result_bytes(placed.spec, plan.channels) > bytes_left) {
+  if (keeps_tiles && dense_result_bytes(placed.spec, plan.channels) > bytes_left) {
     VOXELD_TRY(check_host_bytes(
         placed.spec, mesh_bytes(scene) + result_bytes(plan.mesh, placed.spec, plan.channels),
         host_bytes_max));
@@ -105,6 +105,14 @@ Voxelizer::~Voxelizer() = default;
 
 Result<Grid> Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options,
                                  const TileProgress& progress, VoxelizeStats* stats) {
+  Grid grid;
+  GridSink sink(grid);
+  VOXELD_TRY(voxelize(scene, options, sink, progress, stats));
+  return grid;
+}
+
+Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, TileSink& sink,
+                           const TileProgress& progress, VoxelizeStats* stats) {
   VoxelizeStats unwanted;
   if (stats == nullptr) stats = &unwanted;
   const Choice choice = choose(options.pipeline, impl_->device.get());
@@ -118,18 +126,18 @@ Result<Grid> Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& opti
                  "pipeline=cpu or auto", std::string(pipeline_name(choice.pipeline))};
   }
   VoxelizePlan plan{scene, options, wanted_channels(scene, options)};
-  VOXELD_TRY(impl_->plan_job(scene, options, plan, *stats));
+  VOXELD_TRY(impl_->plan_job(scene, options, sink.keeps_tiles(), plan, *stats));
   Grid grid;
   grid.spec = plan.spec;
   grid.has_color = plan.channels.color;
   grid.has_normal = plan.channels.normal;
+  VOXELD_TRY(sink.begin(grid));
   Stopwatch watch;
   const TileBins bins(plan.mesh, plan.spec.tile_dims());
   add_stage(stats->passes, "bin", watch.lap());
-  const Status done = run_tiles(*pipeline, plan, bins.bins(), progress, *stats, grid.tiles);
+  const Status done = run_tiles(*pipeline, plan, bins.bins(), progress, *stats, sink);
   pipeline->end_job();
-  if (!done) return done.error();
-  return grid;
+  return done;
 }
 
 Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,

@@ -12,6 +12,7 @@
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"
 #include "server/voxel/tile_pipeline.h"
+#include "server/voxel/tile_sink.h"
 
 namespace voxeld {
 
@@ -40,6 +41,11 @@ class Voxelizer {
   // GL context where there is none, internal with the driver's words.
   Result<Grid> voxelize(const Scene& scene, const VoxelizeOptions& options,
                         const TileProgress& progress, VoxelizeStats* stats);
+
+  // The same, tile by tile. Where the sink does not keep tiles, only the mesh and a batch of tiles
+  // need to fit into memory. Errors: also the sink's.
+  Status voxelize(const Scene& scene, const VoxelizeOptions& options, TileSink& sink,
+                  const TileProgress& progress, VoxelizeStats* stats);
 
   // Places the grid, snaps the mesh and checks limits. Errors: as voxelize().
   Result<VoxelizeEstimate> estimate(const Scene& scene, const VoxelizeOptions& options) const;

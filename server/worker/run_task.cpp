@@ -15,14 +15,12 @@ namespace {
 constexpr std::string_view kPngMediaType = "image/png";
 constexpr std::string_view kJsonMediaType = "application/json";
 
-// Writes the native container, and the same bytes as the answer where they are what was asked for.
-// Returns the container's id.
-Result<std::string> write_grid(TaskRun& run, const Grid& grid, bool is_result) {
+// Writes the native container in the codec that grids are kept in.
+Status write_grid(TaskRun& run, const Grid& grid) {
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const std::vector<uint8_t> container, encode_native(grid, OutputOptions{}));
-  VOXELD_TRY(add_output(run, is_result ? "grid result" : "grid", container,
-                        format_media_type(Format::kNative), format_extension(Format::kNative)));
-  return sha256_id(container);
+  return add_output(run, "grid", container, format_media_type(Format::kNative),
+                    format_extension(Format::kNative));
 }
 
 // Writes the grid in the format asked for.
@@ -34,18 +32,19 @@ Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output)
                     format_extension(output.format));
 }
 
-// asset -> scene -> grid -> native container, and the answer's format
+// asset -> scene -> tiles -> native container; -> grid -> the answer's format
 Status voxelize(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kVoxelize));
   VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
   run.engine.cache.grid.reset();
-  VOXELD_ASSIGN(LoadedGrid made, voxelize_scene(run, *scene, options, &options.output));
-  const bool native = options.output.format == Format::kNative;
-  VOXELD_ASSIGN(const std::string id, write_grid(run, made.grid, native));
-  if (!native) VOXELD_TRY(write_result(run, made.grid, options.output));
+  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, *scene, options));
+  if (!made.kept) return {};
+  if (options.output.format != Format::kNative) {
+    VOXELD_TRY(write_result(run, made.kept->grid, options.output));
+  }
   // Who has voxelized a mesh mostly looks at it next.
-  run.engine.cache.grid = std::make_shared<const LoadedGrid>(std::move(made));
-  run.engine.cache.grid_key = id;
+  run.engine.cache.grid = std::make_shared<const LoadedGrid>(std::move(*made.kept));
+  run.engine.cache.grid_key = made.id;
   return {};
 }
 
@@ -56,7 +55,7 @@ Status render(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, scope));
   VOXELD_ASSIGN(const auto grid,
                 run.task.input_is_grid ? load_input_grid(run) : grid_to_render(run, options));
-  if (!run.task.input_is_grid) VOXELD_TRY(write_grid(run, grid->grid, false));
+  if (!run.task.input_is_grid) VOXELD_TRY(write_grid(run, grid->grid));
   VOXELD_ASSIGN(const Picture picture,
                 render_picture(run, *grid, run.engine.cache.grid_key, options.render));
   const StageTimer stage(run, "encode");

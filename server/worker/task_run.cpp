@@ -11,6 +11,7 @@
 #include "server/grid/content_hash.h"
 #include "server/scene/load.h"
 #include "server/voxel/estimate.h"
+#include "server/worker/grid_file.h"
 
 namespace voxeld {
 namespace {
@@ -76,15 +77,33 @@ json device_facts(const Engine& engine) {
 
 // The object that every output carries. It says nothing of pipeline, device or time.
 std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
-                           const LoadedGrid& made) {
+                           const json& facts) {
   json meta = {{"source_hash", task.input_hash},
                {"source_format", scene.format},
                {"source_triangles", scene.triangle_count()},
                {"units", options.voxelize.placement.units},
                {"options", grid_options(options)},
                {"algorithm_version", kAlgorithmVersion}};
-  meta.update(grid_facts(made));
+  meta.update(facts);
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+// What is known of the making of a grid, besides what its container says.
+void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats) {
+  add_meta(run, json::parse(container_meta));
+  add_meta(run, device_facts(run.engine));
+  add_meta(run, {{"triangles", stats.triangles},
+                 {"tiles", stats.tiles},
+                 {"pipeline", pipeline_name(stats.pipeline)},
+                 {"pipeline_reason", stats.pipeline_reason},
+                 {"device_bytes_peak", stats.device_bytes_peak}});
+  json passes = json::object();
+  for (const auto& [name, ms] : stats.passes) passes[name] = ms;
+  add_meta(run, {{"passes_ms", passes}});
+}
+
+TileProgress progress_of(TaskRun& run) {
+  return [&run](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); };
 }
 
 }  // namespace
@@ -132,35 +151,57 @@ Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
   return cache.grid;
 }
 
-Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options,
-                                  const OutputOptions* output) {
+Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options) {
   const StageTimer stage(run, "voxelize");
-  Voxelizer& voxelizer = run.engine.voxelizer;
-  if (output != nullptr) {
-    VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
-    VOXELD_TRY(check_encodable(placed.spec, *output));
-  }
   VoxelizeStats stats;
   LoadedGrid made;
-  VOXELD_ASSIGN(made.grid, voxelizer.voxelize(
-                               scene, options.voxelize,
-                               [&](int64_t done, int64_t total) {
-                                 return run.monitor.set_progress(done, total);
-                               },
-                               &stats));
+  VOXELD_ASSIGN(made.grid,
+                run.engine.voxelizer.voxelize(scene, options.voxelize, progress_of(run), &stats));
   made.content_hash = content_hash(made.grid);
-  made.grid.meta_json = container_meta(run.task, scene, options, made);
-  add_meta(run, json::parse(made.grid.meta_json));
-  add_meta(run, device_facts(run.engine));
-  add_meta(run, {{"triangles", stats.triangles},
-                 {"tiles", stats.tiles},
-                 {"pipeline", pipeline_name(stats.pipeline)},
-                 {"pipeline_reason", stats.pipeline_reason},
-                 {"device_bytes_peak", stats.device_bytes_peak}});
-  json passes = json::object();
-  for (const auto& [name, ms] : stats.passes) passes[name] = ms;
-  add_meta(run, {{"passes_ms", passes}});
+  made.grid.meta_json = container_meta(run.task, scene, options, grid_facts(made));
+  add_making_meta(run, made.grid.meta_json, stats);
   return made;
+}
+
+Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
+                                     const RequestOptions& options) {
+  const OutputOptions& asked = options.output;
+  const bool is_native = asked.format == Format::kNative;
+  const bool is_result = is_native && asked.codec == OutputOptions{}.codec;
+  const fs::path path = next_output(run);
+  GridFile file(path, OutputOptions{}.codec);
+  GridFile result(path.string() + "-result", asked.codec);
+  std::vector<GridFile*> files = {&file};
+  if (is_native && !is_result) files.push_back(&result);
+  GridOutput output(files, !is_native);
+  const Stopwatch watch;
+  run.monitor.set_stage("voxelize");
+  VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
+  VOXELD_TRY(check_encodable(placed.spec, asked));
+  VoxelizeStats stats;
+  VOXELD_TRY(
+      run.engine.voxelizer.voxelize(scene, options.voxelize, output, progress_of(run), &stats));
+  add_stage(run.completion.timings, "voxelize", watch.ms() - output.encode_ms());
+  add_stage(run.completion.timings, "encode", output.encode_ms());
+  const StageTimer stage(run, "encode");
+  const std::string hash = output.finish_hash();
+  const std::string meta = container_meta(run.task, scene, options,
+                                          grid_facts(output.grid(), output.voxel_count(), hash));
+  add_making_meta(run, meta, stats);
+  for (GridFile* one : files) VOXELD_TRY(one->finish(meta));
+  const std::string_view type = format_media_type(Format::kNative);
+  const std::string_view extension = format_extension(Format::kNative);
+  list_output(run, file.path(), is_result ? "grid result" : "grid", type, extension);
+  if (files.size() > 1) list_output(run, result.path(), "result", type, extension);
+  WrittenGrid written;
+  VOXELD_ASSIGN(const MappedFile container, MappedFile::open(file.path()));
+  written.id = sha256_id(container.bytes());
+  if (output.has_tiles()) {
+    written.kept = LoadedGrid{output.take_grid(), hash};
+    written.kept->grid.meta_json = meta;
+  }
+  VOXELD_TRY(run.monitor.check());
+  return written;
 }
 
 Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
@@ -174,7 +215,7 @@ Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
   }
   VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
   cache.grid.reset();
-  VOXELD_ASSIGN(LoadedGrid made, voxelize_scene(run, *scene, options, nullptr));
+  VOXELD_ASSIGN(LoadedGrid made, voxelize_scene(run, *scene, options));
   cache.grid = std::make_shared<const LoadedGrid>(std::move(made));
   cache.grid_key = key;
   return cache.grid;
@@ -193,22 +234,29 @@ Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::
       options, [&](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); });
 }
 
-Status add_output(TaskRun& run, std::string_view roles, std::span<const uint8_t> bytes,
-                  std::string_view media_type, std::string_view extension) {
-  const size_t number = run.completion.outputs.size();
-  const fs::path path = run.scratch / (run.task.id + "-" + std::to_string(number));
-  VOXELD_TRY(write_file(path, bytes));
+fs::path next_output(const TaskRun& run) {
+  return run.scratch / (run.task.id + "-" + std::to_string(run.completion.outputs.size()));
+}
+
+void list_output(TaskRun& run, const fs::path& path, std::string_view roles,
+                 std::string_view media_type, std::string_view extension) {
   while (!roles.empty()) {
     const std::string_view role = roles.substr(0, roles.find(' '));
     roles.remove_prefix(std::min(role.size() + 1, roles.size()));
     run.completion.outputs.push_back({std::string(role), path.string(), std::string(media_type),
                                       output_stem(run.task.filename) + std::string(extension)});
   }
+}
+
+Status add_output(TaskRun& run, std::string_view roles, std::span<const uint8_t> bytes,
+                  std::string_view media_type, std::string_view extension) {
+  const fs::path path = next_output(run);
+  VOXELD_TRY(write_file(path, bytes));
+  list_output(run, path, roles, media_type, extension);
   return run.monitor.check();
 }
 
-json grid_facts(const LoadedGrid& loaded) {
-  const Grid& grid = loaded.grid;
+json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash) {
   json channels = json::array({"occupancy"});
   if (grid.has_color) channels.push_back("color");
   if (grid.has_normal) channels.push_back("normal");
@@ -216,9 +264,13 @@ json grid_facts(const LoadedGrid& loaded) {
   return {{"dims", {spec.dims.x, spec.dims.y, spec.dims.z}},
           {"origin", {spec.origin_world.x, spec.origin_world.y, spec.origin_world.z}},
           {"voxel_size", {spec.voxel_size.x, spec.voxel_size.y, spec.voxel_size.z}},
-          {"voxel_count", grid.voxel_count()},
+          {"voxel_count", voxel_count},
           {"channels", channels},
-          {"content_hash", loaded.content_hash}};
+          {"content_hash", content_hash}};
+}
+
+json grid_facts(const LoadedGrid& loaded) {
+  return grid_facts(loaded.grid, loaded.grid.voxel_count(), loaded.content_hash);
 }
 
 void add_warnings(TaskRun& run, const std::vector<Warning>& warnings) {

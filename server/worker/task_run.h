@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -50,10 +51,17 @@ Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_
 // The native container as a grid, from the cache likewise. Stage: parse.
 Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run);
 
-// Checks that the grid can be made (and written as `output`, when given), makes it, and puts what
-// is known of its making into the completion's meta. Stage: voxelize.
-Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options,
-                                  const OutputOptions* output);
+// Makes the grid and puts what is known of its making into the completion's meta. Stage: voxelize.
+Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options);
+// Checks that the grid can be made and written as the request's output, makes it, and lists its
+// native container under `roles`; for result_codec, a second one as the result. Stages: voxelize
+// and encode.
+struct WrittenGrid {
+  std::optional<LoadedGrid> kept;  // where the request's output needs it, or it is not large
+  std::string id;                  // of the container
+};
+Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
+                                     const RequestOptions& options);
 // As voxelize_scene for a picture; from the cache when the last render of this mesh used the same
 // placement.
 Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
@@ -62,12 +70,18 @@ Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
 Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
                                const RenderOptions& options);
 
+// A place in the scratch directory for the next output.
+std::filesystem::path next_output(const TaskRun& run);
+// Lists what is there under `roles` (space-separated).
+void list_output(TaskRun& run, const std::filesystem::path& path, std::string_view roles,
+                 std::string_view media_type, std::string_view extension);
 // Writes bytes to the scratch directory and lists them under `roles` (space-separated).
 Status add_output(TaskRun& run, std::string_view roles, std::span<const uint8_t> bytes,
                   std::string_view media_type, std::string_view extension);
 
 // The part of the meta object that every grid has: dims, origin, voxel_size, voxel_count, channels,
-// content_hash.
+// content_hash. Of `grid`, its tiles do not count.
+nlohmann::json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash);
 nlohmann::json grid_facts(const LoadedGrid& grid);
 // Adds to the completion's warnings, up to a limit that is told.
 void add_warnings(TaskRun& run, const std::vector<Warning>& warnings);

@@ -1,0 +1,120 @@
+#include "server/worker/grid_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <system_error>
+
+#include "server/base/stopwatch.h"
+#include "server/voxel/parallel.h"
+
+namespace voxeld {
+namespace {
+
+constexpr size_t kPendingBytesMax = size_t{32} << 20;
+constexpr size_t kCopyBytes = size_t{4} << 20;
+
+size_t bytes_of(const SparseTile& tile) {
+  return tile.masks.size() * (sizeof(BrickMask) + sizeof(uint32_t)) +
+         tile.full.size() * sizeof(FullNode) + tile.color.size() + tile.normal.size();
+}
+
+Result<UniqueFd> create(const std::filesystem::path& path) {
+  UniqueFd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (!fd.valid()) return errno_error("creating", path);
+  return fd;
+}
+
+// All of `from`, from its first byte, to the end of `to`.
+Status copy_all(const UniqueFd& from, const UniqueFd& to, const std::filesystem::path& path) {
+  std::vector<uint8_t> buffer(kCopyBytes);
+  for (off_t at = 0;;) {
+    const ssize_t count = ::pread(from.get(), buffer.data(), buffer.size(), at);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return errno_error("reading", path);
+    if (count == 0) return {};
+    VOXELD_TRY(write_all(to.get(), std::span(buffer).first(static_cast<size_t>(count))));
+    at += count;
+  }
+}
+
+}  // namespace
+
+GridFile::~GridFile() {
+  std::error_code ignored;
+  if (spilled_.valid()) std::filesystem::remove(spill_path(), ignored);
+}
+
+Status GridFile::begin(const Grid& grid) {
+  GridHeader header = container_header(grid);
+  header.codecs = {codec_, codec_, codec_};
+  VOXELD_ASSIGN(writer_, GridWriter::open(std::move(header)));
+  return {};
+}
+
+Status GridFile::add(std::span<const SparseTile> tiles) {
+  std::vector<std::optional<Result<EncodedTile>>> encoded(tiles.size());
+  parallel_chunks(tiles.size(), 1, [&](size_t, size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      encoded[i].emplace(encode_tile(tiles[i], writer_->header()));
+    }
+  });
+  for (auto& tile : encoded) {
+    if (!tile->ok()) return tile->error();
+    VOXELD_TRY(store(**tile));
+    tile.reset();
+  }
+  return {};
+}
+
+Status GridFile::store(const EncodedTile& tile) {
+  VOXELD_TRY(writer_->add(tile));
+  for (const auto* stream : {&tile.octree, &tile.color, &tile.normal}) {
+    pending_.insert(pending_.end(), stream->begin(), stream->end());
+  }
+  return pending_.size() < kPendingBytesMax ? Status() : spill();
+}
+
+Status GridFile::spill() {
+  if (!spilled_.valid()) {
+    VOXELD_ASSIGN(spilled_, create(spill_path()));
+  }
+  VOXELD_TRY(write_all(spilled_.get(), pending_));
+  pending_.clear();
+  return {};
+}
+
+Status GridFile::finish(const std::string& meta_json) {
+  VOXELD_ASSIGN(const std::vector<uint8_t> front, writer_->finish(meta_json));
+  VOXELD_ASSIGN(const UniqueFd file, create(path_));
+  VOXELD_TRY(write_all(file.get(), front));
+  if (spilled_.valid()) VOXELD_TRY(copy_all(spilled_, file, spill_path()));
+  return write_all(file.get(), pending_);
+}
+
+Status GridOutput::begin(const Grid& grid) {
+  grid_ = grid;
+  hasher_.emplace(grid);
+  for (GridFile* file : files_) VOXELD_TRY(file->begin(grid));
+  return {};
+}
+
+Status GridOutput::add(std::vector<SparseTile> tiles) {
+  const Stopwatch watch;
+  for (GridFile* file : files_) VOXELD_TRY(file->add(tiles));
+  for (const SparseTile& tile : tiles) {
+    hasher_->add(tile);
+    kept_bytes_ += bytes_of(tile);
+  }
+  encode_ms_ += watch.ms();
+  if (!keep_ && kept_bytes_ > kKeptTileBytesMax) {
+    has_tiles_ = false;
+    grid_.tiles = {};
+  }
+  if (!has_tiles_) return {};
+  for (SparseTile& tile : tiles) grid_.tiles.push_back(std::move(tile));
+  return {};
+}
+
+}  // namespace voxeld

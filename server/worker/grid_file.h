@@ -1,0 +1,82 @@
+// Native containers that are written while the tiles come, and the sink that feeds them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "proto/grid_writer.h"
+#include "proto/options.h"
+#include "proto/result.h"
+#include "server/base/file.h"
+#include "server/grid/content_hash.h"
+#include "server/voxel/tile_sink.h"
+
+namespace voxeld {
+
+// Tiles are kept beside what is written of them up to this: who has voxelized a mesh mostly looks
+// at it next.
+inline constexpr size_t kKeptTileBytesMax = size_t{512} << 20;
+
+// One container. Holds back a few tiles' bytes; more are in a file beside `path` until finish().
+class GridFile {
+ public:
+  GridFile(std::filesystem::path path, Codec codec) : path_(std::move(path)), codec_(codec) {}
+  ~GridFile();
+  GridFile(const GridFile&) = delete;
+  GridFile& operator=(const GridFile&) = delete;
+
+  Status begin(const Grid& grid);
+  // Encodes them, a few at a time in parallel.
+  Status add(std::span<const SparseTile> tiles);
+  // Writes the file at path().
+  Status finish(const std::string& meta_json);
+
+  const std::filesystem::path& path() const { return path_; }
+  uint64_t voxel_count() const { return writer_->voxel_count(); }
+
+ private:
+  Status store(const EncodedTile& tile);
+  Status spill();
+  std::filesystem::path spill_path() const { return path_.string() + ".tiles"; }
+
+  std::filesystem::path path_;
+  Codec codec_;
+  std::optional<GridWriter> writer_;
+  std::vector<uint8_t> pending_;  // after those in the file
+  UniqueFd spilled_;
+};
+
+// The sink of a voxelize task: containers in one or two codecs, the content hash, and the grid
+// itself where it is wanted or small enough to stay.
+class GridOutput : public TileSink {
+ public:
+  // keep: all tiles, whatever they need.
+  GridOutput(std::vector<GridFile*> files, bool keep) : files_(std::move(files)), keep_(keep) {}
+
+  Status begin(const Grid& grid) override;
+  Status add(std::vector<SparseTile> tiles) override;
+  bool keeps_tiles() const override { return keep_; }
+  // Once after the last tile.
+  std::string finish_hash() { return hasher_->finish(); }
+
+  const Grid& grid() const { return grid_; }  // its tiles: only if has_tiles()
+  Grid take_grid() { return std::move(grid_); }
+  bool has_tiles() const { return has_tiles_; }
+  uint64_t voxel_count() const { return files_.front()->voxel_count(); }
+  double encode_ms() const { return encode_ms_; }
+
+ private:
+  std::vector<GridFile*> files_;
+  bool keep_;
+  Grid grid_;
+  std::optional<ContentHasher> hasher_;
+  size_t kept_bytes_ = 0;
+  bool has_tiles_ = true;
+  double encode_ms_ = 0;
+};
+
+}  // namespace voxeld
