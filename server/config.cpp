@@ -101,8 +101,25 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
   worker->add_option("--device", command.device, "egl:N, llvmpipe, lavapipe, osmesa or cpu")
       ->required();
   worker->add_option("--shader-dir", command.shader_dir, "As of serve");
+  worker->add_option("--data", command.data_dir, "Directory of calibration.json");
   add_log_level(*worker, command.log_level);
   return worker;
+}
+
+CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
+  CLI::App* doctor =
+      app.add_subcommand("doctor", "Tell which devices work here, and what auto chooses");
+  doctor->add_flag("--json", command.json, "One JSON object instead of a table");
+  CLI::Option* calibrate = doctor->add_flag(
+      "--calibrate", command.calibrate,
+      "Measure the pipelines of each device and store what pipeline=auto decides by");
+  doctor->add_option("--data", command.data_dir, "Directory of calibration.json; as of serve")
+      ->envname("VOXELD_DATA")
+      ->capture_default_str();
+  doctor->add_option("--device", command.devices, "Devices to calibrate instead of all that work")
+      ->delimiter(',')
+      ->needs(calibrate);
+  return doctor;
 }
 
 // `voxeld --listen …` means `voxeld serve --listen …`.
@@ -130,11 +147,14 @@ Command parse_command_line(int argc, const char* const* argv) {
   ProbeDeviceCommand probe_command;
   const CLI::App* serve = add_serve(app, serve_config);
   const CLI::App* worker = add_worker(app, worker_command);
-  CLI::App* doctor =
-      app.add_subcommand("doctor", "Tell which devices work here, and what auto chooses");
-  doctor->add_flag("--json", doctor_command.json, "One JSON object instead of a table");
+  doctor_command.data_dir = default_data_dir();
+  CalibrateDeviceCommand calibrate_command;
+  const CLI::App* doctor = add_doctor(app, doctor_command);
   CLI::App* probe = app.add_subcommand("probe-device", "Open one device and describe it as JSON");
   probe->add_option("--device", probe_command.device)->required();
+  CLI::App* calibrate =
+      app.add_subcommand("calibrate-device", "Measure one device and print what it found as JSON");
+  calibrate->add_option("--device", calibrate_command.device)->required();
   const CLI::App* version = app.add_subcommand("version", "Print the version");
   try {
     app.parse(with_default_subcommand(argc, argv));
@@ -145,6 +165,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   if (worker->parsed()) return worker_command;
   if (doctor->parsed()) return doctor_command;
   if (probe->parsed()) return probe_command;
+  if (calibrate->parsed()) return calibrate_command;
   if (version->parsed() || print_version) return VersionCommand{};
   return ExitCommand{64};
 }

@@ -31,11 +31,19 @@ struct WorkerCommand {
   std::string gateway;
   std::string device;
   std::string shader_dir;
+  std::string data_dir;
   log::Level log_level = log::Level::kInfo;
 };
 
 struct DoctorCommand {
   bool json = false;
+  bool calibrate = false;
+  std::filesystem::path data_dir;    // of calibration.json; default: as of serve
+  std::vector<std::string> devices;  // to calibrate; empty: all that work
+};
+
+struct CalibrateDeviceCommand {
+  std::string device;
 };
 
 struct ProbeDeviceCommand {
@@ -50,7 +58,7 @@ struct ExitCommand {
 };
 
 using Command = std::variant<ServeConfig, WorkerCommand, DoctorCommand, ProbeDeviceCommand,
-                             VersionCommand, ExitCommand>;
+                             CalibrateDeviceCommand, VersionCommand, ExitCommand>;
 
 // Parses arguments, then VOXELD_… variables for flags that are not given, then defaults. Prints
 // help and errors itself. Without a subcommand: serve.

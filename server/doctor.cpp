@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include "proto/version.h"
 #include "server/gpu/device.h"
 #include "server/gpu/workarounds.h"
+#include "server/worker/calibrate_device.h"
 
 namespace voxeld {
 namespace {
@@ -16,6 +18,8 @@ using gpu::DeviceInfo;
 using gpu::DeviceKind;
 using gpu::DeviceProbe;
 using nlohmann::json;
+
+constexpr int kExitUsage = 64;
 
 // "128 MiB", "64 KiB"; rounded down.
 std::string bytes_text(int64_t bytes) {
@@ -112,9 +116,73 @@ json device_json(const DeviceProbe& probe) {
   return object;
 }
 
-void print_text(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& choice) {
+// Nothing: it was not asked for.
+using Calibrated = std::optional<Result<CalibrationReport>>;
+
+Result<std::vector<gpu::DeviceId>> devices_to_calibrate(const DoctorCommand& command,
+                                                        const std::vector<DeviceProbe>& probes) {
+  std::vector<gpu::DeviceId> devices;
+  for (const std::string& name : command.devices) {
+    VOXELD_ASSIGN(const gpu::DeviceId device, gpu::parse_device(name));
+    devices.push_back(device);
+  }
+  if (!command.devices.empty()) return devices;
+  for (const DeviceProbe& probe : probes) {
+    if (probe.works) devices.push_back(probe.device);
+  }
+  return devices;
+}
+
+void print_calibration(const Result<CalibrationReport>& report) {
+  if (!report) {
+    std::printf("\nnot calibrated: %s\n", report.error().message().c_str());
+    return;
+  }
+  std::printf("\nmeasured, and stored in %s; workers that start from now on use it\n",
+              report->path.c_str());
+  if (!report->warning.empty()) std::printf("warning: %s\n", report->warning.c_str());
+  std::printf("%-10s %s\n", "device", calibration_table_head().c_str());
+  for (const CalibratedDevice& device : report->devices) {
+    if (!device.failure.empty()) {
+      std::printf("%-10s could not be measured: %s\n", device.device.c_str(),
+                  device.failure.c_str());
+    }
+    for (const std::string& row : device.rows) {
+      std::printf("%-10s %s\n", device.device.c_str(), row.c_str());
+    }
+  }
+}
+
+json calibration_json(const Result<CalibrationReport>& report) {
+  if (!report) return {{"error", report.error().message()}};
+  json object = {{"path", report->path.string()}, {"devices", json::array()}};
+  if (!report->warning.empty()) object["warning"] = report->warning;
+  for (const CalibratedDevice& device : report->devices) {
+    object["devices"].push_back({{"device", device.device}, {"failure", device.failure}});
+  }
+  return object;
+}
+
+int calibration_status(const Calibrated& calibrated) {
+  if (!calibrated) return 0;
+  if (!calibrated->ok()) return 1;
+  const auto& devices = (*calibrated)->devices;
+  return std::any_of(devices.begin(), devices.end(),
+                     [](const CalibratedDevice& device) { return !device.failure.empty(); })
+             ? 1
+             : 0;
+}
+
+void print_text(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& choice,
+                const DoctorCommand& command) {
   std::printf("voxeld %s\n\n", std::string(version()).c_str());
-  for (const DeviceProbe& probe : probes) print_device(probe);
+  for (const DeviceProbe& probe : probes) {
+    print_device(probe);
+    if (probe.works) {
+      std::printf("%-10s   auto    %s\n", "",
+                  calibration_state(command.data_dir, probe.info).c_str());
+    }
+  }
   std::printf("\ndriver workarounds (VOXELD_WORKAROUNDS=-name turns one off)\n");
   for (const gpu::WorkaroundInfo& one : gpu::all_workarounds()) {
     std::printf("  %-3s %-22s %s\n", gpu::workaround_enabled(one.workaround) ? "on" : "off",
@@ -123,9 +191,16 @@ void print_text(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& c
   std::printf("\nauto takes %s: %s\n", gpu::device_name(choice.device).c_str(), choice.why.c_str());
 }
 
-void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& choice) {
+void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& choice,
+                const DoctorCommand& command, const Calibrated& calibrated) {
   json object = {{"version", version()}, {"devices", json::array()}};
-  for (const DeviceProbe& probe : probes) object["devices"].push_back(device_json(probe));
+  for (const DeviceProbe& probe : probes) {
+    object["devices"].push_back(device_json(probe));
+    if (probe.works) {
+      object["devices"].back()["calibration"] = calibration_state(command.data_dir, probe.info);
+    }
+  }
+  if (calibrated) object["calibration"] = calibration_json(*calibrated);
   for (const gpu::WorkaroundInfo& one : gpu::all_workarounds()) {
     object["workarounds"][std::string(one.name)] = gpu::workaround_enabled(one.workaround);
   }
@@ -135,15 +210,25 @@ void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& c
 
 }  // namespace
 
-int doctor_main(const std::string& self_executable, bool as_json) {
+int doctor_main(const std::string& self_executable, const DoctorCommand& command) {
   const std::vector<DeviceProbe> probes = gpu::probe_devices(self_executable);
   const gpu::AutoChoice choice = gpu::choose_device(probes);
-  if (as_json) {
-    print_json(probes, choice);
-  } else {
-    print_text(probes, choice);
+  Calibrated calibrated;
+  if (command.calibrate) {
+    const auto devices = devices_to_calibrate(command, probes);
+    if (!devices) {
+      std::fprintf(stderr, "voxeld: %s\n", devices.error().message().c_str());
+      return kExitUsage;
+    }
+    calibrated = calibrate_devices(self_executable, *devices, command.data_dir);
   }
-  return 0;
+  if (command.json) {
+    print_json(probes, choice, command, calibrated);
+  } else {
+    print_text(probes, choice, command);
+    if (calibrated) print_calibration(*calibrated);
+  }
+  return calibration_status(calibrated);
 }
 
 }  // namespace voxeld

@@ -12,6 +12,7 @@
 #include "server/doctor.h"
 #include "server/gpu/device.h"
 #include "server/serve.h"
+#include "server/worker/calibrate_device.h"
 #include "server/worker/worker.h"
 
 namespace voxeld {
@@ -35,7 +36,7 @@ int run_worker(const WorkerCommand& command) {
   const auto device = gpu::parse_device(command.device);
   if (!device) return usage_error(device.error());
   log::configure(command.log_level, "worker " + gpu::device_name(*device));
-  return worker_main({command.gateway, *device, command.shader_dir});
+  return worker_main({command.gateway, *device, command.shader_dir, command.data_dir});
 }
 
 int run_probe(const ProbeDeviceCommand& command) {
@@ -44,14 +45,21 @@ int run_probe(const ProbeDeviceCommand& command) {
   return gpu::probe_device_main(*device);
 }
 
+int run_calibrate(const CalibrateDeviceCommand& command) {
+  const auto device = gpu::parse_device(command.device);
+  if (!device) return usage_error(device.error());
+  return calibrate_device_main(*device);
+}
+
 int run(const Command& command, const std::string& self) {
   return std::visit(
       [&](const auto& chosen) -> int {
         using Chosen = std::decay_t<decltype(chosen)>;
         if constexpr (std::is_same_v<Chosen, ServeConfig>) return serve_main(chosen, self);
         if constexpr (std::is_same_v<Chosen, WorkerCommand>) return run_worker(chosen);
-        if constexpr (std::is_same_v<Chosen, DoctorCommand>) return doctor_main(self, chosen.json);
+        if constexpr (std::is_same_v<Chosen, DoctorCommand>) return doctor_main(self, chosen);
         if constexpr (std::is_same_v<Chosen, ProbeDeviceCommand>) return run_probe(chosen);
+        if constexpr (std::is_same_v<Chosen, CalibrateDeviceCommand>) return run_calibrate(chosen);
         if constexpr (std::is_same_v<Chosen, ExitCommand>) return chosen.status;
         if constexpr (std::is_same_v<Chosen, VersionCommand>) {
           std::printf("voxeld %s\n", std::string(version()).c_str());

@@ -118,7 +118,8 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.data_dir = config.data_dir;
   jobs.devices = std::move(devices);
   jobs.worker_executable = self_executable;
-  jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level))};
+  jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level)), "--data",
+                           config.data_dir.string()};
   if (!config.shader_dir.empty()) {
     jobs.worker_arguments.insert(jobs.worker_arguments.end(), {"--shader-dir", config.shader_dir});
   }

@@ -19,6 +19,7 @@
 #include "server/scene/scene.h"
 #include "server/voxel/attribute_records.h"
 #include "server/voxel/bin.h"
+#include "server/voxel/cost_model.h"
 #include "server/voxel/estimate.h"
 #include "server/voxel/pipeline.h"
 #include "server/voxel/resolve.h"
@@ -46,6 +47,7 @@ struct VoxelizePlan {
 struct VoxelizeStats {
   Pipeline pipeline = Pipeline::kCompute;
   std::string pipeline_reason;  // why `auto` took it
+  Workload work;                // what `auto` predicts from
   int64_t triangles = 0;        // after clipping to the grid's box
   int64_t tiles = 0;            // that triangles reach
   int64_t work_items = 0;

@@ -9,32 +9,6 @@
 namespace voxeld {
 namespace {
 
-struct Choice {
-  Pipeline pipeline;
-  std::string reason;
-};
-
-Choice choose(PipelineChoice asked, const TilePipeline* device) {
-  switch (asked) {
-    case PipelineChoice::kRaster:
-      return {Pipeline::kRaster, "asked for"};
-    case PipelineChoice::kCompute:
-      return {Pipeline::kCompute, "asked for"};
-    case PipelineChoice::kCpu:
-      return {Pipeline::kCpu, "asked for"};
-    case PipelineChoice::kAuto:
-      break;
-  }
-  if (device == nullptr) return {Pipeline::kCpu, "cpu: there is no GL context"};
-  if (device->traits().is_software) {
-    return {Pipeline::kCpu,
-            "cpu: the device is a software driver, which would run shaders on the same cores"};
-  }
-  return {Pipeline::kCompute,
-          "compute: the device is hardware, and hardware for data centres has few units that "
-          "rasterize"};
-}
-
 Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<const TileBin> bins,
                  const TileProgress& progress, VoxelizeStats& stats, TileSink& sink) {
   VOXELD_TRY(pipeline.begin_job(plan, stats));
@@ -61,13 +35,33 @@ struct Voxelizer::Impl {
   std::unique_ptr<TilePipeline> device;
   CpuPipeline cpu;
   int64_t host_bytes_max = default_host_bytes_max();
+  CalibrationLookup calibration;
 
   DeviceTraits traits() const { return device ? device->traits() : DeviceTraits(); }
   // Null where a device is needed and missing.
   TilePipeline* pipeline(Pipeline which) { return which == Pipeline::kCpu ? &cpu : device.get(); }
+  PipelineDecision decide(PipelineChoice asked, const Workload& work,
+                          const WantedChannels& channels) const;
+  Status check_asked(PipelineChoice asked) const;
   Status plan_job(const Scene& scene, const VoxelizeOptions& options, bool keeps_tiles,
                   VoxelizePlan& plan, VoxelizeStats& stats) const;
 };
+
+PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& work,
+                                         const WantedChannels& channels) const {
+  const DeviceTraits of_device = traits();
+  return decide_pipeline(asked, {device ? &of_device : nullptr, calibration}, work, channels.any());
+}
+
+// A pipeline that this device does not have is refused before any work.
+Status Voxelizer::Impl::check_asked(PipelineChoice asked) const {
+  const auto named = asked_pipeline(asked);
+  if (!named || *named == Pipeline::kCpu || device != nullptr) return {};
+  return Error{ErrorCode::kDeviceUnavailable,
+               "pipeline " + std::string(pipeline_name(*named)) +
+                   " needs a GL context, and this device has none",
+               "pipeline=cpu or auto", std::string(pipeline_name(*named))};
+}
 
 // From the scene to snapped triangles, and whether the result will fit.
 Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& options,
@@ -115,16 +109,7 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
                            const TileProgress& progress, VoxelizeStats* stats) {
   VoxelizeStats unwanted;
   if (stats == nullptr) stats = &unwanted;
-  const Choice choice = choose(options.pipeline, impl_->device.get());
-  stats->pipeline = choice.pipeline;
-  stats->pipeline_reason = choice.reason;
-  TilePipeline* pipeline = impl_->pipeline(choice.pipeline);
-  if (pipeline == nullptr) {
-    return Error{ErrorCode::kDeviceUnavailable,
-                 "pipeline " + std::string(pipeline_name(choice.pipeline)) +
-                     " needs a GL context, and this device has none",
-                 "pipeline=cpu or auto", std::string(pipeline_name(choice.pipeline))};
-  }
+  VOXELD_TRY(impl_->check_asked(options.pipeline));
   VoxelizePlan plan{scene, options, wanted_channels(scene, options)};
   VOXELD_TRY(impl_->plan_job(scene, options, sink.keeps_tiles(), plan, *stats));
   Grid grid;
@@ -135,6 +120,11 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
   Stopwatch watch;
   const TileBins bins(plan.mesh, plan.spec.tile_dims());
   add_stage(stats->passes, "bin", watch.lap());
+  stats->work = estimate_workload(plan.mesh, bins.bins());
+  const PipelineDecision decision = impl_->decide(options.pipeline, stats->work, plan.channels);
+  stats->pipeline = decision.pipeline;
+  stats->pipeline_reason = decision.reason;
+  TilePipeline* pipeline = impl_->pipeline(decision.pipeline);
   const Status done = run_tiles(*pipeline, plan, bins.bins(), progress, *stats, sink);
   pipeline->end_job();
   return done;
@@ -147,11 +137,13 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
   VOXELD_ASSIGN(const SnappedMesh mesh, snap_scene(scene, placed.world_from_file, placed.spec,
                                                    impl_->host_bytes_max - mesh_bytes(scene)));
   const WantedChannels channels = wanted_channels(scene, options);
-  const Choice choice = choose(options.pipeline, impl_->device.get());
-  const TilePipeline* pipeline = impl_->pipeline(choice.pipeline);
+  const TileBins bins(mesh, placed.spec.tile_dims());
   VoxelizeEstimate estimate;
   estimate.spec = placed.spec;
-  estimate.tiles = static_cast<int64_t>(TileBins(mesh, placed.spec.tile_dims()).bins().size());
+  estimate.tiles = static_cast<int64_t>(bins.bins().size());
+  estimate.pipeline =
+      impl_->decide(options.pipeline, estimate_workload(mesh, bins.bins()), channels);
+  const TilePipeline* pipeline = impl_->pipeline(estimate.pipeline.pipeline);
   if (pipeline != nullptr) estimate.device_bytes = pipeline->device_bytes(scene, channels);
   estimate.host_bytes = mesh_bytes(scene) + result_bytes(mesh, placed.spec, channels);
   VOXELD_TRY(check_host_bytes(placed.spec, estimate.host_bytes, impl_->host_bytes_max));
@@ -160,6 +152,10 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
 
 void Voxelizer::set_host_bytes_max(int64_t bytes) {
   impl_->host_bytes_max = bytes;
+}
+
+void Voxelizer::set_calibration(CalibrationLookup calibration) {
+  impl_->calibration = std::move(calibration);
 }
 
 }  // namespace voxeld

@@ -11,6 +11,7 @@
 #include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"
+#include "server/voxel/choose.h"
 #include "server/voxel/tile_pipeline.h"
 #include "server/voxel/tile_sink.h"
 
@@ -26,6 +27,8 @@ struct VoxelizeEstimate {
   int64_t tiles = 0;
   int64_t device_bytes = 0;  // peak: tile mask, triangle windows, attribute window, textures
   int64_t host_bytes = 0;    // upper estimate of the sparse result and the snapped mesh
+  // Of the pipeline that would run, and why that; the time where the device is calibrated.
+  PipelineDecision pipeline;
 };
 
 // Keeps the pipelines between jobs. One thread.
@@ -53,6 +56,9 @@ class Voxelizer {
   // Requests that are estimated to need more memory of the machine are grid-too-large. Default:
   // three quarters of it.
   void set_host_bytes_max(int64_t bytes);
+
+  // What `auto` decides by: measurements of this device, or why there are none.
+  void set_calibration(CalibrationLookup calibration);
 
  private:
   struct Impl;

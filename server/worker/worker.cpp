@@ -12,6 +12,7 @@
 
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
+#include "server/worker/calibration_key.h"
 #include "server/worker/engine.h"
 #include "server/worker/run_task.h"
 #include "server/worker/task_client.h"
@@ -117,6 +118,22 @@ int serve_tasks(Engine& engine, TaskClient& client, const std::string& scratch) 
   }
 }
 
+// A file that cannot be used costs the choice of pipelines its numbers, nothing else.
+void use_calibration(const std::filesystem::path& data_dir, Engine& engine) {
+  const gpu::DeviceInfo& info = engine.device.info;
+  CalibrationLookup lookup = find_calibration(data_dir / kCalibrationFileName,
+                                              gpu::device_name(info.device), calibration_key(info));
+  if (lookup.found) {
+    log::info("calibration", {{"date", lookup.calibration.date}});
+  } else if (lookup.is_unreadable) {
+    log::warn("the calibration cannot be read; voxeld doctor --calibrate makes a new one",
+              {{"error", lookup.why_not}});
+  } else {
+    log::info("no calibration", {{"why", lookup.why_not}});
+  }
+  engine.voxelizer.set_calibration(std::move(lookup));
+}
+
 Result<int> run_worker(const WorkerConfig& config) {
   VOXELD_ASSIGN(const auto client, TaskClient::connect(config.gateway));
   handle_signals(client->fd());
@@ -124,6 +141,7 @@ Result<int> run_worker(const WorkerConfig& config) {
   if (!device) return report_unavailable(*client, config.device, device.error());
   Engine engine(*std::move(device));
   const gpu::DeviceInfo& info = engine.device.info;
+  if (!config.data_dir.empty()) use_calibration(config.data_dir, engine);
   WorkerHello hello = make_hello(config.device);
   hello.renderer = info.renderer;
   hello.driver = info.version;

@@ -11,6 +11,7 @@ struct WorkerConfig {
   std::string gateway;  // "unix:/path/to/tasks.sock"
   gpu::DeviceId device;
   std::string shader_dir;  // empty: embedded
+  std::string data_dir;    // where calibration.json is looked for; empty: nowhere
 };
 
 // Connects, then claims and runs tasks until the gateway goes away or SIGTERM. Exit status: 0 after

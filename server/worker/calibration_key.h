@@ -1,0 +1,15 @@
+// What a device's measurements are kept under.
+#pragma once
+
+#include "server/base/algorithm_version.h"
+#include "server/base/cpu_info.h"
+#include "server/gpu/device.h"
+#include "server/voxel/calibration.h"
+
+namespace voxeld {
+
+inline CalibrationKey calibration_key(const gpu::DeviceInfo& info) {
+  return {info.renderer, info.version, cpu_model(), cpu_thread_count(), kAlgorithmVersion};
+}
+
+}  // namespace voxeld
