@@ -33,6 +33,7 @@ std::string hint_for(const DeviceProbe& probe) {
   const auto says = [&](std::string_view text) {
     return probe.reason.find(text) != std::string::npos;
   };
+  if (says("built without OpenGL")) return "build with VOXELD_WITH_GL=ON";
   if (says("libEGL.so.1")) return "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri";
   switch (probe.device.kind) {
     case DeviceKind::kEgl:

@@ -8,9 +8,9 @@
 namespace voxeld {
 
 // Probes every device in a child process (`self_executable` probe-device …) and prints a table to
-// stdout, or one object of JSON. With `calibrate`, measures the devices that work, or those that are
-// named, as well, and stores that in the data directory. Exit status: 0; 1 when a device that was to
-// be measured could not be; 64 for a device's name that is none.
+// stdout, or one object of JSON. With `calibrate`, measures the devices that work, or those that
+// are named, as well, and stores that in the data directory. Exit status: 0; 1 when a device that
+// was to be measured could not be; 64 for a device's name that is none.
 int doctor_main(const std::string& self_executable, const DoctorCommand& command);
 
 }  // namespace voxeld

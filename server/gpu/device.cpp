@@ -90,7 +90,8 @@ AutoChoice choose_device(const std::vector<DeviceProbe>& probes) {
   }
   std::string reasons;
   for (const DeviceProbe& probe : probes) {
-    if (!probe.works) reasons += (reasons.empty() ? "" : "; ") + probe.reason;
+    if (probe.works || reasons.find(probe.reason) != std::string::npos) continue;
+    reasons += (reasons.empty() ? "" : "; ") + probe.reason;
   }
   return AutoChoice{{DeviceKind::kCpu, 0},
                     "no OpenGL device works, so everything runs on the CPU: " + reasons};

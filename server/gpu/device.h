@@ -68,8 +68,8 @@ int probe_device_main(const DeviceId& device);
 DeviceInfo cpu_device_info();
 
 // Hardware first (egl:N that is not software, lowest N), then llvmpipe, lavapipe, osmesa: the order
-// of measured speed. They come before cpu because they can do what it does (pipeline cpu runs beside
-// any context) and more. `why` says it in a sentence.
+// of measured speed. They come before cpu because they can do what it does (pipeline cpu runs
+// beside any context) and more. `why` says it in a sentence.
 struct AutoChoice {
   DeviceId device;
   std::string why;

@@ -20,7 +20,8 @@ struct OpenedDevice {
   std::function<Status(std::string_view where)> check;  // whether it still works
 };
 
-// Device cpu always opens. `shader_dir`: empty for the shaders built in. Errors: device-unavailable.
+// Device cpu always opens. `shader_dir`: empty for the shaders built in. Errors:
+// device-unavailable.
 Result<OpenedDevice> open_device(const gpu::DeviceId& device, const std::string& shader_dir);
 
 // The same for a device with a GL context.

@@ -1,0 +1,11 @@
+// encode_png() of a build without OpenImageIO.
+#include "server/render/render.h"
+
+namespace voxeld {
+
+Result<std::vector<uint8_t>> encode_png(const Picture&) {
+  return Error{ErrorCode::kUnsupportedFeature, "this voxeld was built without OpenImageIO",
+               "a build that writes PNG", "VOXELD_WITH_IMAGES=OFF"};
+}
+
+}  // namespace voxeld
