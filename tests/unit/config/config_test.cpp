@@ -46,6 +46,19 @@ TEST(Config, devices_come_repeated_or_with_commas) {
       both);
 }
 
+TEST(Config, doctor_calibrates_what_is_named_in_the_data_directory_of_serve) {
+  Variable data("VOXELD_DATA", "/state/elsewhere");
+  const auto plain = std::get<DoctorCommand>(parse({"doctor"}));
+  EXPECT_FALSE(plain.calibrate);
+  EXPECT_EQ(plain.data_dir, "/state/elsewhere");
+  const auto calibrate = std::get<DoctorCommand>(
+      parse({"doctor", "--calibrate", "--data", "/d", "--device", "cpu,llvmpipe"}));
+  EXPECT_TRUE(calibrate.calibrate);
+  EXPECT_EQ(calibrate.data_dir, "/d");
+  EXPECT_EQ(calibrate.devices, (std::vector<std::string>{"cpu", "llvmpipe"}));
+  EXPECT_EQ(std::get<ExitCommand>(parse({"doctor", "--device", "cpu"})).status, 64);
+}
+
 TEST(Config, variables_stand_in_for_flags_and_flags_win) {
   Variable listen("VOXELD_LISTEN", "127.0.0.1:1");
   Variable device("VOXELD_DEVICE", "osmesa");
