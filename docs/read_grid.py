@@ -4,7 +4,7 @@
     grid = read_grid(open("bunny.voxg", "rb").read())
     grid["cells"]   int (n, 3): x, y, z of every voxel, by tile, in Morton order
     grid["color"]   uint8 (n, 4): sRGB and alpha, or None;  grid["normal"]  int8 (n, 3), or None;
-                    voxels without attributes (inside of a solid) are 0 in both
+                    0 where a voxel has no attributes (the inside of a solid)
 """
 import json
 import struct
@@ -16,8 +16,7 @@ import zstandard
 
 def read_octree(octree):
     """Morton codes of the voxels of a tile, ascending, and which of them have attributes."""
-    codes, at, full = np.zeros(1, np.int64), 0, []
-    masks = np.frombuffer(octree, np.uint8)
+    codes, at, full, masks = np.zeros(1, np.int64), 0, [], np.frombuffer(octree, np.uint8)
     bits = np.unpackbits(masks[:, None], axis=1, bitorder="little")
     for level in range(8):  # nodes of 256, 128, ... 2 cells
         cells = 8 ** (8 - level)
@@ -25,9 +24,9 @@ def read_octree(octree):
         node, child = np.nonzero(bits[at:at + len(codes)])
         at += len(codes)
         codes = codes[node] * 8 + child
-    inside = np.concatenate(full) if full else np.zeros(0, np.int64)
-    order = np.argsort(np.concatenate([codes, inside]))
-    return np.concatenate([codes, inside])[order], order < len(codes)
+    all_codes = np.concatenate([codes, *full])
+    order = np.argsort(all_codes)
+    return all_codes[order], order < len(codes)
 
 
 def compact(codes):
@@ -45,10 +44,8 @@ def planes(raw, has_attributes, channels, dtype):
 
 def read_grid(data):
     magic, version, channels = struct.unpack_from("<8sII", data, 0)
-    if magic != b"VOXGRID\0" or version != 2:
-        raise ValueError("not a voxeld grid of version 2")
-    if data[104:107] != bytes(3):
-        raise ValueError("not of codec fast")
+    if magic != b"VOXGRID\0" or version != 2 or data[104:107] != bytes(3):
+        raise ValueError("not a voxeld grid of version 2 and codec fast")
     dims, side = struct.unpack_from("<3i", data, 16), 1 << struct.unpack_from("<I", data, 28)[0]
     origin, voxel_size = struct.unpack_from("<3d", data, 32), struct.unpack_from("<3d", data, 56)
     tiles, meta_bytes = struct.unpack_from("<II", data, 80)

@@ -166,7 +166,9 @@ Result<SparseTile> GridReader::decode_tile(size_t index) const {
   const Entry& entry = entries_[index];
   SparseTile tile;
   tile.coord = entry.coord;
-  VOXELD_TRY(decode_octree_stream(bytes_.subspan(entry.offset, entry.octree_bytes), header_, tile));
+  VOXELD_TRY(decode_octree_stream(bytes_.subspan(entry.offset, entry.octree_bytes),
+                                  header_.codecs.octree, header_.has_color || header_.has_normal,
+                                  tile));
   const size_t voxels = tile.voxel_count();
   if (tile.masks.size() != entry.brick_count || voxels != entry.voxel_count) {
     return broken(entry.offset, "octree does not match its directory entry",

@@ -61,10 +61,13 @@ Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header
   out.coord = tile.coord;
   out.bricks = canonical.masks.size();
   out.voxels = canonical.voxel_count();
-  VOXELD_ASSIGN(TileStreams streams, encode_streams(canonical, header));
-  out.octree = std::move(streams.octree);
-  out.color = std::move(streams.color);
-  out.normal = std::move(streams.normal);
+  VOXELD_ASSIGN(out.octree, encode_octree_stream(canonical, header.codecs.octree));
+  if (!canonical.color.empty()) {
+    VOXELD_ASSIGN(out.color, encode_color_stream(canonical, header.codecs.color));
+  }
+  if (!canonical.normal.empty()) {
+    VOXELD_ASSIGN(out.normal, encode_normal_stream(canonical, header.codecs.normal));
+  }
   return out;
 }
 

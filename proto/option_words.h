@@ -28,7 +28,8 @@ inline constexpr std::array<Word<Format>, 4> kFormat = {{{"native", Format::kNat
                                                          {"npy", Format::kNpy},
                                                          {"npz", Format::kNpz},
                                                          {"vox", Format::kVox}}};
-inline constexpr std::array<Word<Codec>, 1> kCodec = {{{"fast", Codec::kFast}}};
+inline constexpr std::array<Word<Codec>, 2> kCodec = {
+    {{"fast", Codec::kFast}, {"small", Codec::kSmall}}};
 inline constexpr std::array<Word<AxisOrder>, 2> kAxes = {
     {{"zyx", AxisOrder::kZyx}, {"xyz", AxisOrder::kXyz}}};
 inline constexpr std::array<Word<DType>, 3> kDType = {

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <string>
 
+#include "proto/attribute_small.h"
 #include "proto/octree_codec.h"
 #include "proto/octree_small.h"
 #include "proto/stream_codec.h"
@@ -29,40 +30,36 @@ Result<std::vector<uint8_t>> decode_planes(std::span<const uint8_t> bytes, size_
 
 }  // namespace
 
-Result<TileStreams> encode_streams(const SparseTile& tile, const GridHeader& header) {
-  TileStreams out;
-  if (header.codecs.octree == Codec::kSmall) {
-    out.octree = encode_octree_small(tile);
-  } else {
-    VOXELD_ASSIGN(out.octree, compress_stream(octree_from_tile(tile)));
-  }
-  if (tile.masks.empty()) return out;
-  if (header.has_color) {
-    VOXELD_ASSIGN(out.color, compress_stream(planes_from_samples(tile.color, kColorChannels)));
-  }
-  if (header.has_normal) {
-    VOXELD_ASSIGN(out.normal,
-                  compress_stream(planes_from_samples(normal_bytes(tile), kNormalChannels)));
-  }
-  return out;
+Result<std::vector<uint8_t>> encode_octree_stream(const SparseTile& tile, Codec codec) {
+  if (codec == Codec::kSmall) return encode_octree_small(tile);
+  return compress_stream(octree_from_tile(tile));
 }
 
-Status decode_octree_stream(std::span<const uint8_t> bytes, const GridHeader& header,
+Result<std::vector<uint8_t>> encode_color_stream(const SparseTile& tile, Codec codec) {
+  if (codec == Codec::kSmall) return encode_color_small(tile);
+  return compress_stream(planes_from_samples(tile.color, kColorChannels));
+}
+
+Result<std::vector<uint8_t>> encode_normal_stream(const SparseTile& tile, Codec codec) {
+  if (codec == Codec::kSmall) return encode_normal_small(tile);
+  return compress_stream(planes_from_samples(normal_bytes(tile), kNormalChannels));
+}
+
+Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool has_attributes,
                             SparseTile& tile) {
-  const bool has_attributes = header.has_color || header.has_normal;
-  if (header.codecs.octree == Codec::kSmall) {
-    return decode_octree_small(bytes, has_attributes, tile);
-  }
+  if (codec == Codec::kSmall) return decode_octree_small(bytes, has_attributes, tile);
   VOXELD_ASSIGN(const auto octree, decompress_stream(bytes, kOctreeBytesMax));
   return tile_from_octree(octree, has_attributes, tile);
 }
 
-Status decode_color_stream(std::span<const uint8_t> bytes, Codec /*codec*/, SparseTile& tile) {
+Status decode_color_stream(std::span<const uint8_t> bytes, Codec codec, SparseTile& tile) {
+  if (codec == Codec::kSmall) return decode_color_small(bytes, tile);
   VOXELD_ASSIGN(tile.color, decode_planes(bytes, tile.attribute_count(), kColorChannels));
   return {};
 }
 
-Status decode_normal_stream(std::span<const uint8_t> bytes, Codec /*codec*/, SparseTile& tile) {
+Status decode_normal_stream(std::span<const uint8_t> bytes, Codec codec, SparseTile& tile) {
+  if (codec == Codec::kSmall) return decode_normal_small(bytes, tile);
   VOXELD_ASSIGN(const auto samples, decode_planes(bytes, tile.attribute_count(), kNormalChannels));
   tile.normal.resize(samples.size());
   if (!samples.empty()) std::memcpy(tile.normal.data(), samples.data(), samples.size());

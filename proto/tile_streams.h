@@ -9,15 +9,14 @@
 
 namespace voxeld {
 
-struct TileStreams {
-  std::vector<uint8_t> octree, color, normal;
-};
+// The tile must be canonical and not empty; for the attributes, it must have them.
+Result<std::vector<uint8_t>> encode_octree_stream(const SparseTile& tile, Codec codec);
+Result<std::vector<uint8_t>> encode_color_stream(const SparseTile& tile, Codec codec);
+Result<std::vector<uint8_t>> encode_normal_stream(const SparseTile& tile, Codec codec);
 
-// The tile must be canonical, not empty, and hold the header's channels.
-Result<TileStreams> encode_streams(const SparseTile& tile, const GridHeader& header);
-
-// Each fills its part of the tile, the octree first: the others need its masks. Errors: bad-request.
-Status decode_octree_stream(std::span<const uint8_t> bytes, const GridHeader& header,
+// Each fills its part of the tile, the octree first: the others need its masks. `has_attributes`:
+// whether the voxels of masks have any. Errors: bad-request.
+Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool has_attributes,
                             SparseTile& tile);
 Status decode_color_stream(std::span<const uint8_t> bytes, Codec codec, SparseTile& tile);
 Status decode_normal_stream(std::span<const uint8_t> bytes, Codec codec, SparseTile& tile);

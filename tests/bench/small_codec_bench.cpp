@@ -1,110 +1,167 @@
-// Sizes and speeds of the geometry codecs: small_codec_bench [--repeat N] GRID.voxg... prints one
-// line per container: bits per voxel of `fast` (octree bytes and zstd) and of `small`, and how many
-// million voxels per second one core encodes and decodes with each; medians of the runs.
+// Sizes and speeds of the container's codecs: small_codec_bench [--repeat N] [--size N] [--color]
+// [--normal] FILE... takes containers (.voxg) and meshes, which pipeline cpu voxelizes, and prints
+// for each stream and codec: bits per voxel that it holds, bytes, and how many million voxels and
+// megabytes of plain stream (octree bytes, samples) one core encodes and decodes in a second;
+// medians of the runs.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "proto/grid_format.h"
 #include "proto/octree_codec.h"
-#include "proto/octree_small.h"
-#include "proto/stream_codec.h"
+#include "proto/tile_streams.h"
 #include "server/base/file.h"
 #include "server/base/stopwatch.h"
+#include "server/grid/grid.h"
+#include "server/scene/load.h"
+#include "server/voxel/voxelize.h"
 
 namespace voxeld {
 namespace {
 
-struct Codec {
-  const char* name;
-  std::vector<uint8_t> (*encode)(const SparseTile& tile);
-  bool (*decode)(std::span<const uint8_t> bytes, SparseTile& tile);
+struct Arguments {
+  int repeat = 5;
+  VoxelizeOptions options;
+  std::vector<std::string> files;
 };
 
-std::vector<uint8_t> encode_fast(const SparseTile& tile) {
-  auto bytes = compress_stream(octree_from_tile(tile));
-  return bytes ? *std::move(bytes) : std::vector<uint8_t>{};
-}
-bool decode_fast(std::span<const uint8_t> bytes, SparseTile& tile) {
-  const auto octree = decompress_stream(bytes, kOctreeBytesMax);
-  return octree && tile_from_octree(*octree, false, tile).ok();
-}
-bool decode_small(std::span<const uint8_t> bytes, SparseTile& tile) {
-  return decode_octree_small(bytes, false, tile).ok();
+Arguments parse(int argc, char** argv) {
+  Arguments arguments;
+  arguments.options.pipeline = PipelineChoice::kCpu;
+  arguments.options.color = ColorMode::kAverage;
+  arguments.options.channels_given = true;
+  for (int i = 1; i < argc; ++i) {
+    const std::string text = argv[i];
+    const auto number = [&] { return i + 1 < argc ? std::max(1, std::atoi(argv[++i])) : 1; };
+    if (text == "--repeat") {
+      arguments.repeat = number();
+    } else if (text == "--size") {
+      arguments.options.placement.size = number();
+    } else if (text == "--color") {
+      arguments.options.channel_color = true;
+    } else if (text == "--normal") {
+      arguments.options.channel_normal = true;
+    } else {
+      arguments.files.push_back(text);
+    }
+  }
+  return arguments;
 }
 
-constexpr Codec kCodecs[] = {{"fast", encode_fast, decode_fast},
-                             {"small", encode_octree_small, decode_small}};
+// One kind of stream: what it is without compression, and how it goes there and back.
+struct Stream {
+  const char* name;
+  std::function<size_t(const SparseTile& tile)> plain_bytes;
+  std::function<size_t(const SparseTile& tile)> voxels;
+  std::function<Result<std::vector<uint8_t>>(const SparseTile& tile, Codec codec)> encode;
+  // `tile` has all but this stream's part.
+  std::function<Status(std::span<const uint8_t> bytes, Codec codec, SparseTile& tile)> decode;
+};
 
 double median(std::vector<double> values) {
   std::ranges::sort(values);
   return values[values.size() / 2];
 }
 
-// Bits per voxel and speeds of one codec on all tiles; false when a tile does not come back.
-bool measure(const Codec& codec, const std::vector<SparseTile>& tiles, uint64_t voxels,
-             int repeat) {
+Status decode_all(const Stream& stream, Codec codec, const std::vector<std::vector<uint8_t>>& bytes,
+                  std::vector<SparseTile>& tiles) {
+  for (size_t i = 0; i < tiles.size(); ++i) VOXELD_TRY(stream.decode(bytes[i], codec, tiles[i]));
+  return {};
+}
+
+Status measure(const Stream& stream, Codec codec, const std::vector<SparseTile>& tiles,
+               int repeat) {
   std::vector<double> encode_ms, decode_ms;
-  size_t bytes = 0;
+  size_t bytes = 0, plain = 0, voxels = 0;
   for (int run = 0; run < repeat; ++run) {
     std::vector<std::vector<uint8_t>> encoded;
     Stopwatch encode_watch;
-    for (const SparseTile& tile : tiles) encoded.push_back(codec.encode(tile));
-    encode_ms.push_back(encode_watch.lap());
-    std::vector<SparseTile> decoded(tiles.size());
-    Stopwatch decode_watch;
-    for (size_t i = 0; i < tiles.size(); ++i) {
-      decoded[i].coord = tiles[i].coord;
-      if (!codec.decode(encoded[i], decoded[i])) return false;
+    for (const SparseTile& tile : tiles) {
+      VOXELD_ASSIGN(std::vector<uint8_t> one, stream.encode(tile, codec));
+      encoded.push_back(std::move(one));
     }
+    encode_ms.push_back(encode_watch.lap());
+    std::vector<SparseTile> decoded = tiles;
+    Stopwatch decode_watch;
+    VOXELD_TRY(decode_all(stream, codec, encoded, decoded));
     decode_ms.push_back(decode_watch.lap());
-    if (decoded != tiles) return false;
+    if (decoded != tiles) return Error{ErrorCode::kInternal, "a tile did not come back", "", ""};
     bytes = 0;
     for (const auto& tile : encoded) bytes += tile.size();
   }
-  const auto count = static_cast<double>(voxels);
-  std::printf("  %s %.3f b/voxel, %zu bytes, encode %.1f, decode %.1f Mvoxel/s", codec.name,
-              8.0 * static_cast<double>(bytes) / count, bytes, count / median(encode_ms) / 1000,
-              count / median(decode_ms) / 1000);
-  return true;
+  for (const SparseTile& tile : tiles) {
+    plain += stream.plain_bytes(tile);
+    voxels += stream.voxels(tile);
+  }
+  const auto speed = [&](double amount, const std::vector<double>& ms) {
+    return amount / median(ms) / 1000;
+  };
+  const auto count = static_cast<double>(voxels), size = static_cast<double>(plain);
+  std::printf(
+      "  %-7s %-5s %7.3f bits/voxel %10zu bytes  encode %7.2f Mvoxel/s %7.2f MB/s  "
+      "decode %7.2f Mvoxel/s %7.2f MB/s\n",
+      stream.name, codec == Codec::kFast ? "fast" : "small",
+      8.0 * static_cast<double>(bytes) / count, bytes, speed(count, encode_ms),
+      speed(size, encode_ms), speed(count, decode_ms), speed(size, decode_ms));
+  std::fflush(stdout);
+  return {};
 }
 
-bool measure_container(const std::string& path, int repeat) {
-  const auto bytes = read_file(path);
-  if (!bytes) return false;
-  const auto reader =
-      GridReader::open({reinterpret_cast<const uint8_t*>(bytes->data()), bytes->size()});
-  if (!reader) return false;
-  std::vector<SparseTile> tiles;
-  for (size_t i = 0; i < reader->tile_count(); ++i) {
-    auto tile = reader->decode_tile(i);
-    if (!tile) return false;
-    tile->color.clear();
-    tile->normal.clear();
-    tiles.push_back(*std::move(tile));
+std::vector<Stream> streams_of(const Grid& grid) {
+  const bool has_attributes = grid.has_color || grid.has_normal;
+  std::vector<Stream> streams = {
+      {"octree", [](const SparseTile& tile) { return octree_from_tile(tile).size(); },
+       [](const SparseTile& tile) { return tile.voxel_count(); }, encode_octree_stream,
+       [=](std::span<const uint8_t> bytes, Codec codec, SparseTile& tile) {
+         return decode_octree_stream(bytes, codec, has_attributes, tile);
+       }}};
+  const auto voxels = [](const SparseTile& tile) { return tile.attribute_count(); };
+  if (grid.has_color) {
+    streams.push_back({"color", [](const SparseTile& tile) { return tile.color.size(); }, voxels,
+                       encode_color_stream, decode_color_stream});
   }
-  std::printf("%-20s %9llu voxels %3zu tiles", path.substr(path.rfind('/') + 1).c_str(),
-              static_cast<unsigned long long>(reader->voxel_count()), tiles.size());
-  for (const Codec& codec : kCodecs) {
-    if (!measure(codec, tiles, reader->voxel_count(), repeat)) return false;
+  if (grid.has_normal) {
+    streams.push_back({"normal", [](const SparseTile& tile) { return tile.normal.size(); }, voxels,
+                       encode_normal_stream, decode_normal_stream});
   }
-  std::printf("\n");
-  return true;
+  return streams;
+}
+
+Result<Grid> load_grid(const std::string& path, const VoxelizeOptions& options) {
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
+  if (path.ends_with(".voxg")) return grid_from_container(file.bytes());
+  VOXELD_ASSIGN(const Scene scene, load_scene(path, file.bytes()));
+  return Voxelizer(nullptr).voxelize(scene, options, {}, nullptr);
+}
+
+Status run(const std::string& path, const Arguments& arguments) {
+  VOXELD_ASSIGN(const Grid grid, load_grid(path, arguments.options));
+  std::printf("%s: %d x %d x %d, %llu voxels, %zu tiles\n", path.c_str(), grid.spec.dims.x,
+              grid.spec.dims.y, grid.spec.dims.z,
+              static_cast<unsigned long long>(grid.voxel_count()), grid.tiles.size());
+  for (const Stream& stream : streams_of(grid)) {
+    std::vector<SparseTile> tiles;
+    for (const SparseTile& tile : grid.tiles) {
+      if (stream.voxels(tile) > 0) tiles.push_back(tile);
+    }
+    for (const Codec codec : {Codec::kFast, Codec::kSmall}) {
+      VOXELD_TRY(measure(stream, codec, tiles, arguments.repeat));
+    }
+  }
+  return {};
 }
 
 }  // namespace
 }  // namespace voxeld
 
 int main(int argc, char** argv) {
-  int repeat = 5;
-  for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--repeat") == 0 && i + 1 < argc) {
-      repeat = std::max(1, std::atoi(argv[++i]));
-    } else if (!voxeld::measure_container(argv[i], repeat)) {
-      std::fprintf(stderr, "%s: not a container, or a codec failed\n", argv[i]);
+  const voxeld::Arguments arguments = voxeld::parse(argc, argv);
+  for (const std::string& path : arguments.files) {
+    if (const auto status = voxeld::run(path, arguments); !status) {
+      std::fprintf(stderr, "%s: %s\n", path.c_str(), status.error().message().c_str());
       return 1;
     }
   }

@@ -52,6 +52,20 @@ class Formats(DaemonTest):
                          np.asarray(grid["normal"])).all())
         self.assertLess(len((ROOT / "docs/read_grid.py").read_text().splitlines()), 75)
 
+    def test_codec_small_is_smaller_and_gives_the_same_grid(self):
+        query = "size=200&channels=occupancy,color,normal&format=native"
+        fast = self.voxelize(query + "&codec=fast")
+        small = self.voxelize(query + "&codec=small")
+        self.assertEqual(fast.body[104:107], bytes([0, 0, 0]))
+        self.assertEqual(small.body[104:107], bytes([1, 1, 1]))
+        self.assertLess(len(small.body), 0.8 * len(fast.body))
+        grid = small.headers["X-Voxeld-Grid"]
+        self.assertEqual(grid, fast.headers["X-Voxeld-Grid"])
+        stored = self.daemon.get(f"/v1/grids/{grid}")
+        self.assertEqual(stored.body, fast.body)
+        exported = self.daemon.get(f"/v1/grids/{grid}?codec=small")
+        self.assertEqual(exported.body, small.body)
+
     def test_a_vox_above_256_opens_in_goxel(self):
         query = "size=300&channels=occupancy,color"
         dense = self.npz(query)

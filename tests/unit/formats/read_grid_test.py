@@ -58,7 +58,7 @@ class ReadGrid(unittest.TestCase):
         self.assertEqual(self.rows(grid), sorted(map(tuple, self.solid)))
 
     def test_the_other_codec_is_refused(self):
-        with self.assertRaisesRegex(ValueError, "not of codec fast"):
+        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 2 and codec fast"):
             read_grid.read_grid(self.grids["small"])
 
     def test_an_empty_grid_has_no_cells(self):

@@ -67,7 +67,7 @@ const std::map<std::string, OptionCase>& cases() {
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
       {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, "native | npy | npz | vox"}},
-      {"codec", {{"fast"}, {"small", ""}, "fast"}},
+      {"codec", {{"fast", "small"}, {"best", ""}, "fast | small"}},
       {"axes", {{"zyx", "xyz"}, {"yxz", ""}, "zyx | xyz"}},
       {"dtype", {{"uint8", "bool", "float32"}, {"float64", ""}, "uint8 | bool | float32"}},
       {"palette", {{"1", "255"}, {"0", "256", ""}, "an integer from 1 to 255"}},

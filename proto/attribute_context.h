@@ -1,0 +1,104 @@
+// What is known of a voxel's attributes before they are coded: those of its neighbours with lower
+// numbers. proto/README.md specifies it.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "proto/occupancy_model.h"
+#include "proto/voxel_numbers.h"
+
+namespace voxeld {
+
+inline constexpr size_t kAttributeChannelsMax = 4;
+
+struct NeighborStep {
+  int x = 0, y = 0, z = 0;
+  uint32_t weight = 0;  // in means: 3 across a face, 2 across an edge, 1 across a corner
+};
+
+// The 26 neighbours: across faces, edges, corners; among those by ascending z, then y, then x.
+constexpr std::array<NeighborStep, 26> make_neighbor_steps() {
+  std::array<NeighborStep, 26> steps{};
+  size_t count = 0;
+  for (int distance = 1; distance <= 3; ++distance) {
+    for (int i = 0; i < 27; ++i) {
+      const int x = i % 3 - 1, y = i / 3 % 3 - 1, z = i / 9 - 1;
+      if (x * x + y * y + z * z != distance) continue;
+      steps[count++] = {x, y, z, static_cast<uint32_t>(4 - distance)};
+    }
+  }
+  return steps;
+}
+inline constexpr std::array<NeighborStep, 26> kNeighborSteps = make_neighbor_steps();
+
+// What the coded neighbours of one voxel say.
+struct AttributeNeighbors {
+  uint32_t count = 0;       // coded neighbours
+  uint32_t first = 0;       // number of the first of them; the voxel before where there are none
+  uint32_t same_count = 0;  // of the coded neighbours, those with the attributes of `first`
+  uint32_t error = 0;       // mean of their errors
+  std::array<int, kAttributeChannelsMax> mean{};   // weighted
+  std::array<int, kAttributeChannelsMax> range{};  // largest less smallest
+};
+
+// 0, 1, 2, 3..4, 5..8, 9..16, 17..32, more: 0..7.
+constexpr uint32_t quantized(uint32_t value) {
+  return value <= 2 ? value : std::min(static_cast<uint32_t>(std::bit_width(value - 1)) + 1, 7u);
+}
+
+// 0: none, 1..4: positive, ascending, 5..8: negative.
+constexpr uint32_t quantized_difference(int difference) {
+  if (difference == 0) return 0;
+  const auto size = static_cast<uint32_t>(difference < 0 ? -difference : difference);
+  const uint32_t step = size <= 1 ? 1 : size <= 4 ? 2 : size <= 16 ? 3 : 4;
+  return difference < 0 ? step + 4 : step;
+}
+
+// `samples` has `channels` bytes per voxel, `errors` one; both are known for numbers < `number`.
+inline AttributeNeighbors attribute_neighbors(const VoxelNumbers& numbers,
+                                              const std::array<uint32_t, 3>& cell, uint32_t number,
+                                              std::span<const uint8_t> samples, size_t channels,
+                                              std::span<const uint8_t> errors) {
+  AttributeNeighbors found;
+  std::array<int, kAttributeChannelsMax> sum{}, low{}, high{};
+  low.fill(255);
+  uint32_t weights = 0, error = 0;
+  for (const NeighborStep& step : kNeighborSteps) {
+    const uint32_t other =
+        numbers.find(static_cast<int>(cell[0]) + step.x, static_cast<int>(cell[1]) + step.y,
+                     static_cast<int>(cell[2]) + step.z);
+    if (other >= number) continue;  // not coded yet, or none
+    if (found.count++ == 0) found.first = other;
+    weights += step.weight;
+    error += errors[other];
+    bool same = true;
+    for (size_t c = 0; c < channels; ++c) {
+      const int sample = samples[other * channels + c];
+      sum[c] += static_cast<int>(step.weight) * sample;
+      low[c] = std::min(low[c], sample);
+      high[c] = std::max(high[c], sample);
+      same = same && sample == samples[found.first * channels + c];
+    }
+    found.same_count += same ? 1 : 0;
+  }
+  if (found.count == 0) {
+    found.first = number == 0 ? 0 : number - 1;
+    for (size_t c = 0; c < channels; ++c) {
+      found.mean[c] = number == 0 ? 128 : samples[found.first * channels + c];
+    }
+    return found;
+  }
+  found.error = error / found.count;
+  for (size_t c = 0; c < channels; ++c) {
+    found.mean[c] = (sum[c] + static_cast<int>(weights / 2)) / static_cast<int>(weights);
+    found.range[c] = high[c] - low[c];
+  }
+  return found;
+}
+
+}  // namespace voxeld
