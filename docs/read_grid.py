@@ -53,10 +53,8 @@ def read_grid(data):
     cells, colors, normals = [], [], []
     for i in range(tiles):
         x, y, z, _, _, at, *sizes = struct.unpack_from("<4IQQ3I", data, directory + 48 * i)
-        streams = []
-        for size in sizes:
-            streams.append(zstandard.decompress(data[at:at + size]) if size else b"")
-            at += size
+        ends = np.cumsum([at, *sizes])
+        streams = [zstandard.decompress(data[a:b]) if a < b else b"" for a, b in zip(ends, ends[1:])]
         codes, has_attributes = read_octree(streams[0])
         cells.append(np.stack([compact(codes) + x * side, compact(codes >> 1) + y * side,
                                compact(codes >> 2) + z * side], axis=1))

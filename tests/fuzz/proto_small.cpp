@@ -1,0 +1,111 @@
+// The streams of codec small. The first byte says what the rest is: the octree of a tile without or
+// with attributes; colours or normals of a small tile; or cells that must come back.
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "proto/attribute_small.h"
+#include "proto/canonical_tile.h"
+#include "proto/octree_small.h"
+#include "server/base/check.h"
+#include "tests/unit/proto/tile_maker.h"
+
+namespace {
+
+using Bytes = std::span<const uint8_t>;
+
+void octree(Bytes bytes, bool has_attributes) {
+  voxeld::SparseTile tile;
+  if (const auto status = voxeld::decode_octree_small(bytes, has_attributes, tile); !status) {
+    VOXELD_CHECK(status.error().code == voxeld::ErrorCode::kBadRequest, "input is a bad request");
+    return;
+  }
+  VOXELD_CHECK(!tile.empty() && voxeld::full_nodes_are_apart(tile) &&
+                   voxeld::is_canonical(tile, has_attributes) &&
+                   std::ranges::find(tile.masks, voxeld::BrickMask{}) == tile.masks.end(),
+               "a tile is canonical");
+  voxeld::SparseTile back;
+  const auto written = voxeld::encode_octree_small(tile);
+  VOXELD_CHECK(voxeld::decode_octree_small(written, has_attributes, back).ok() && back == tile,
+               "what is read can be written");
+}
+
+// A ball of bricks' corners: neighbours of all kinds, few enough to be quick.
+voxeld::SparseTile small_tile() {
+  voxeld::SparseTile tile;
+  for (const uint32_t brick : {0u, 1u, 2u, 7u, 100u, 32767u}) {
+    tile.brick_morton.push_back(brick);
+    tile.masks.emplace_back().words = {~uint64_t{0}, 1, 0x8000000000000001u, 0xff, 0, 0xf0f0, 3, 5};
+  }
+  return tile;
+}
+
+void attributes(Bytes bytes) {
+  voxeld::SparseTile tile = small_tile();
+  const size_t voxels = tile.attribute_count();
+  if (voxeld::decode_color_small(bytes, tile)) {
+    VOXELD_CHECK(tile.color.size() == 4 * voxels, "a colour per voxel");
+    voxeld::SparseTile back = small_tile();
+    VOXELD_CHECK(voxeld::decode_color_small(voxeld::encode_color_small(tile), back).ok() &&
+                     back.color == tile.color,
+                 "colours come back");
+  }
+  if (voxeld::decode_normal_small(bytes, tile)) {
+    VOXELD_CHECK(tile.normal.size() == 3 * voxels, "a normal per voxel");
+    voxeld::SparseTile back = small_tile();
+    VOXELD_CHECK(voxeld::decode_normal_small(voxeld::encode_normal_small(tile), back).ok() &&
+                     back.normal == tile.normal,
+                 "normals come back");
+  }
+}
+
+// Four bytes a voxel: x, y, z and what its attributes are made from; then bricks that become full.
+void cells(Bytes bytes) {
+  std::vector<voxeld::test::TestVoxel> voxels;
+  std::vector<uint32_t> full;
+  for (; bytes.size() >= 4; bytes = bytes.subspan(4)) {
+    if (bytes[3] >= 250) {
+      full.push_back((bytes[0] | uint32_t{bytes[1]} << 8) & 0x7fff);
+      continue;
+    }
+    auto& voxel = voxels.emplace_back();
+    voxel.cell = {bytes[0], bytes[1], bytes[2]};
+    voxel.color = {bytes[3], bytes[0], 7, 255};
+    voxel.normal = {static_cast<int8_t>(bytes[3]), static_cast<int8_t>(bytes[1]), -128};
+  }
+  if (voxels.empty()) return;
+  voxeld::SparseTile tile = voxeld::test::tiles_of(voxels, true, true)[0];
+  std::ranges::sort(full);
+  full.erase(std::unique(full.begin(), full.end()), full.end());
+  for (const uint32_t brick : full) {
+    if (!std::ranges::binary_search(tile.brick_morton, brick)) tile.full.push_back({brick, 0});
+  }
+  voxeld::canonicalize(tile);
+  voxeld::SparseTile back;
+  const bool read =
+      voxeld::decode_octree_small(voxeld::encode_octree_small(tile), true, back).ok() &&
+      voxeld::decode_color_small(voxeld::encode_color_small(tile), back).ok() &&
+      voxeld::decode_normal_small(voxeld::encode_normal_small(tile), back).ok();
+  VOXELD_CHECK(read && back == tile, "a tile comes back");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  if (size == 0) return 0;
+  const Bytes rest(data + 1, size - 1);
+  switch (data[0] % 4) {
+    case 0:
+    case 1:
+      octree(rest, data[0] % 4 == 1);
+      break;
+    case 2:
+      attributes(rest);
+      break;
+    default:
+      cells(rest);
+  }
+  return 0;
+}
