@@ -50,12 +50,49 @@ bool write_solid(const std::string& directory) {
     std::copy_n(&tile.color[4 * voxel], 4, one.color.begin());
     std::copy_n(&tile.normal[3 * voxel], 3, one.normal.begin());
   });
-  OutputOptions small;
-  small.codec = Codec::kSmall;
   return !tile.full.empty() && !tile.masks.empty() &&
          write_container(directory + "/solid.voxg", grid) &&
-         write_container(directory + "/small.voxg", grid, small) &&
          write_text(directory + "/solid.txt", voxels);
+}
+
+constexpr OutputOptions kSmall = {.codec = Codec::kSmall};
+
+// Few voxels, for a slow reader, of smooth and of random attributes, and full nodes of three sizes.
+bool write_small(const std::string& directory) {
+  std::mt19937 random(8);
+  auto voxels = test::random_voxels(random, {256, 256, 256}, 800);
+  for (int i = 0; i < 900; ++i) {
+    const int x = 30 + i % 30, y = 40 + i / 30;
+    voxels.push_back({{x, y, 100 + x * y / 200},
+                      {static_cast<uint8_t>(3 * x), static_cast<uint8_t>(5 * y), uint8_t(x + y),
+                       static_cast<uint8_t>(i < 500 ? 255 : 100)},
+                      {static_cast<int8_t>(x), static_cast<int8_t>(-y), int8_t{99}}});
+  }
+  Grid grid = test::grid_of({256, 256, 256}, voxels, true, true);
+  SparseTile& tile = grid.tiles[0];
+  for (const FullNode& node : {FullNode{64, 0}, FullNode{4096, 3}, FullNode{7 << 12, 2}}) {
+    const uint32_t end = node.brick_morton + node.brick_count();
+    const auto next = std::ranges::lower_bound(tile.brick_morton, node.brick_morton);
+    if (next == tile.brick_morton.end() || *next >= end) tile.full.push_back(node);
+  }
+  return tile.full.size() > 1 && write_container(directory + "/small.voxg", grid, kSmall) &&
+         write_container(directory + "/small_as_fast.voxg", grid);
+}
+
+// A block of bricks over the middle of the tile that all have a hole: above 262144 voxels, so its
+// octree is cut into octants.
+bool write_split(const std::string& directory) {
+  Grid grid = test::grid_of({256, 256, 256}, {}, false, false);
+  SparseTile& tile = grid.tiles.emplace_back();
+  for (uint32_t morton = 0; morton < 32768; ++morton) {
+    const auto [x, y, z] = morton_decode(morton);
+    if (x < 12 || x > 20 || y < 12 || y > 20 || z < 13 || z > 20) continue;
+    tile.brick_morton.push_back(morton);
+    tile.masks.emplace_back().words.fill(~uint64_t{0});
+    tile.masks.back().words[morton % 8] ^= uint64_t{1} << (morton % 61);
+  }
+  return write_container(directory + "/split.voxg", grid, kSmall) &&
+         write_container(directory + "/split_as_fast.voxg", grid);
 }
 
 // Voxels in different cells; dims that differ on each axis and end inside a tile.
@@ -77,5 +114,8 @@ bool write_all(const std::string& directory) {
 }  // namespace voxeld
 
 int main(int argc, char** argv) {
-  return argc == 2 && voxeld::write_all(argv[1]) && voxeld::write_solid(argv[1]) ? 0 : 1;
+  return argc == 2 && voxeld::write_all(argv[1]) && voxeld::write_solid(argv[1]) &&
+                 voxeld::write_small(argv[1]) && voxeld::write_split(argv[1])
+             ? 0
+             : 1;
 }
