@@ -36,7 +36,9 @@ uint attribute_word(int word) {
 
 bool find_voxel(int i, int j, int k, out uint voxel) {
   uint m = tile_morton(i, j, k, item.axis);
-  uint below = mask[m >> 5] & ((1u << (m & 31u)) - 1u);
+  uint word = mask[m >> 5], bit = 1u << (m & 31u);
+  if ((word & bit) == 0u) return false;
+  uint below = word & (bit - 1u);
   voxel = word_offsets[m >> 5] + uint(bitCount(below)) - params.voxel_first;
   return voxel < params.voxel_count;
 }

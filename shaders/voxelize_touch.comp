@@ -1,10 +1,16 @@
 // Pipeline compute: one invocation per work item sets the bits of the cells that a triangle touches
 // in a block of columns. TOUCH_INT and TOUCH_INT3 choose the integers of the plane test; with
-// TOUCH_ROWS every triangle lies in one row of cells, all of which it touches.
+// TOUCH_ROWS every triangle lies in one row of cells, all of which it touches. With RULE_THIN or
+// RULE_CENTER, only of those that it occupies by that rule.
 #include "shared/voxelize.h"
 #include "lib/touch.glsl"
 #include "lib/touch_item.glsl"
 #include "lib/touch_mask.glsl"
+#if defined(RULE_THIN) || defined(RULE_CENTER)
+#define HAS_CROSSHAIR
+#include "lib/crosshair.glsl"
+Crosshair crosshair;  // of the triangle at hand
+#endif
 
 layout(local_size_x = VOXELIZE_GROUP_SIZE) in;
 layout(std430, binding = VOXELIZE_TRIANGLES) readonly buffer Triangles { int triangles[]; };
@@ -22,6 +28,9 @@ void flush_bits() {
 }
 
 void visit_cell(int i, int j, int k) {
+#ifdef HAS_CROSSHAIR
+  if (!crosshair_meets(crosshair, ivec3(i, j, k))) return;
+#endif
   uint m = tile_morton(i, j, k, item_axis);
   if ((m >> 5) != pending_word) {
     flush_bits();
@@ -60,6 +69,9 @@ void main() {
     visit_cell(low.x + n * direction.x, low.y + n * direction.y, low.z + n * direction.z);
   }
 #else
+#ifdef HAS_CROSSHAIR
+  crosshair = crosshair_setup(v0, v1, v2);
+#endif
   visit_block(touch_setup(v0, v1, v2, cell_last), item.first, item.last);
 #endif
   flush_bits();

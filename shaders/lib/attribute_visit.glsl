@@ -7,7 +7,7 @@
 
 // The including file defines these.
 uint attribute_word(int word);                          // of the triangle at hand
-bool find_voxel(int i, int j, int k, out uint voxel);   // false: in another window
+bool find_voxel(int i, int j, int k, out uint voxel);   // false: in another window, or not occupied
 void add_to_sum(uint voxel, uint channel, uint value);
 uint linear_from_srgb8(uint value);                     // 16 bits
 uvec4 fetch_texel(ivec2 at, int level);

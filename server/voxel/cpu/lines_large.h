@@ -1,6 +1,7 @@
 // Where lines through cells' centres meet a triangle of any size, seen along one axis: rows of
 // columns, of which the sides of the triangle bound a run, and in it the plane's depth a few
-// columns at a time. lines_small.h says what is computed; here with doubles, exact as touch_large.h shows.
+// columns at a time. lines_small.h says what is computed; here with doubles, exact as
+// touch_large.h shows.
 #pragma once
 
 #include <cstddef>

@@ -1,13 +1,14 @@
 // Where lines through cells' centres meet triangles at most 16 voxels wide, a batch at a time:
-// lanes are triangles, seen along one axis; loops run over the columns of cells along it whose centres
-// are in the triangle's box. All decisions are 32-bit integers.
+// lanes are triangles, seen along one axis; loops run over the columns of cells along it whose
+// centres are in the triangle's box. All decisions are 32-bit integers.
 //
 // A column's centre is at (512 i + 256, 512 j + 256), corners are at P = 2 q + 1, in 1/512 voxel.
 // - Inside: a (x - Px) + b (y - Py) >= 0 for each side, which divided by 512 and rounded down is
 //   a i + b j + c >= 0 with c = floor((a (256 - Px) + b (256 - Py)) / 512).
-// - Depth: the plane is not below the floor of cell k iff n.x (x - Px) + n.y (y - Py) +
-//   n.z (512 k - Pz) <= 0, n.z > 0; divided by 512 and rounded up, iff n.z k + height <= 0 with the integer
-//   height = n.x i + n.y j + ceil((n.x (256 - Px) + n.y (256 - Py) - n.z Pz) / 512). So the cell is
+// - Depth: the plane is not below the floor of cell k iff, with n.z > 0,
+//   n.x (x - Px) + n.y (y - Py) + n.z (512 k - Pz) <= 0; divided by 512 and rounded up, iff
+//   n.z k + height <= 0 with the integer height = n.x i + n.y j +
+//   ceil((n.x (256 - Px) + n.y (256 - Py) - n.z Pz) / 512). So the cell is
 //   k = floor(-height / n.z).
 #pragma once
 

@@ -3,9 +3,10 @@
 // number of threads.
 //
 // By rule touch, triangles up to 16 voxels wide are done a batch at a time, a lane for each
-// (touch_small.h), others one by one, a lane for each row of cells (touch_large.h); the other rules
-// do the same along each axis (lines_small.h, lines_large.h). Threads share a tile's triangles, each
-// with a tile of its own to set bits in, which are joined block by block; or they take a tile each.
+// (touch_small.h), others one by one, a lane for each row of cells (touch_large.h); the other
+// rules do the same along each axis (lines_small.h, lines_large.h). Threads share a tile's
+// triangles, each with a tile of its own to set bits in, which are joined block by block; or they
+// take a tile each.
 #pragma once
 
 #include <cstdint>

@@ -93,7 +93,7 @@ Status GlPipeline::touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one
     if (window_.items.empty()) continue;
     timer_->begin("occupancy");
     VOXELD_TRY(device_.clear_mask(window_.blocks));
-    VOXELD_TRY(touch_.run(window_, stats_->pipeline));
+    VOXELD_TRY(touch_.run(window_, stats_->pipeline, plan_->options.rule));
     timer_->end();
     blocks |= window_.blocks;
   }

@@ -1,6 +1,15 @@
 #include "server/voxel/gl/touch_pass.h"
 
 namespace voxeld {
+namespace {
+
+gpu::Defines rule_defines(Rule rule) {
+  if (rule == Rule::kThin) return {{"RULE_THIN", "1"}};
+  if (rule == Rule::kCenter) return {{"RULE_CENTER", "1"}};
+  return {};
+}
+
+}  // namespace
 
 gpu::Defines touch_class_defines(TouchClass touch_class) {
   switch (touch_class) {
@@ -14,10 +23,12 @@ gpu::Defines touch_class_defines(TouchClass touch_class) {
   return {{"TOUCH_INT", "int64_t"}, {"TOUCH_INT3", "i64vec3"}};
 }
 
-Status TouchPass::run(const TileWindow& window, Pipeline pipeline) {
+Status TouchPass::run(const TileWindow& window, Pipeline pipeline, Rule rule) {
+  if (rule == Rule::kNone) return {};
   if (pipeline == Pipeline::kRaster) {
     VOXELD_ASSIGN(const gpu::Program* program,
-                  shaders_->get({{"voxelize.vert"}, {"voxelize.geom"}, {"voxelize_touch.frag"}}));
+                  shaders_->get({{"voxelize.vert"}, {"voxelize.geom"}, {"voxelize_touch.frag"}},
+                                rule_defines(rule)));
     VOXELD_TRY(device_->run_triangles(*program, 0, window.triangle_count(), {}));
     return device_->context().check("finding touched cells");
   }
@@ -29,8 +40,11 @@ Status TouchPass::run(const TileWindow& window, Pipeline pipeline) {
     for (; r < window.ranges.size() && window.ranges[r].touch_class == touch_class; ++r) {
       count += window.ranges[r].count;
     }
-    VOXELD_ASSIGN(const gpu::Program* program,
-                  shaders_->get({{"voxelize_touch.comp"}}, touch_class_defines(touch_class)));
+    // By other rules than touch, triangles in one row of cells are tested like other small ones.
+    const bool is_tested = rule != Rule::kTouch && touch_class == TouchClass::kRows;
+    gpu::Defines defines = touch_class_defines(is_tested ? TouchClass::kSmall : touch_class);
+    for (const auto& define : rule_defines(rule)) defines.push_back(define);
+    VOXELD_ASSIGN(const gpu::Program* program, shaders_->get({{"voxelize_touch.comp"}}, defines));
     device_->run_items(*program, first, count, {});
   }
   return device_->context().check("finding touched cells");

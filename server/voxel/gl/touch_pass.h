@@ -1,6 +1,7 @@
 // The pass that finds the occupied cells of a tile.
 #pragma once
 
+#include "proto/options.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/pipeline.h"
@@ -15,8 +16,9 @@ class TouchPass {
   TouchPass(TileDevice& device, gpu::ShaderLibrary& shaders)
       : device_(&device), shaders_(&shaders) {}
 
-  // Sets the bits of the window's triangles. The window is uploaded and its blocks are cleared.
-  Status run(const TileWindow& window, Pipeline pipeline);
+  // Sets the bits of the cells that the window's triangles occupy by `rule`; none sets nothing. The
+  // window is uploaded and its blocks are cleared.
+  Status run(const TileWindow& window, Pipeline pipeline, Rule rule);
 
  private:
   TileDevice* device_;

@@ -1,4 +1,4 @@
-// Both pipelines against the oracle of tests/reference, which shares nothing with them.
+// All pipelines against the oracle of tests/reference, which shares nothing with them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,6 +15,7 @@
 #include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
 #include "tests/reference/color_oracle.h"
+#include "tests/reference/line_oracle.h"
 #include "tests/reference/touch_oracle.h"
 
 namespace voxeld {
@@ -28,6 +29,9 @@ constexpr std::array<std::pair<PipelineChoice, const char*>, 3> kPipelines = {
     {{PipelineChoice::kCompute, "compute"},
      {PipelineChoice::kRaster, "raster"},
      {PipelineChoice::kCpu, "cpu"}}};
+
+constexpr std::array<std::pair<Rule, const char*>, 3> kRules = {
+    {{Rule::kTouch, "touch"}, {Rule::kThin, "thin"}, {Rule::kCenter, "center"}}};
 
 // One context for all tests of the process.
 struct Gpu {
@@ -109,11 +113,22 @@ void expect_same_cells(const reference::Occupancy& expected, const reference::Oc
   EXPECT_EQ(extra, 0u) << what << " of " << reference::count(expected);
 }
 
-void expect_oracle(const Scene& scene, const VoxelizeOptions& options, const std::string& what) {
-  for (const auto& [pipeline, name] : kPipelines) {
-    const Grid grid = voxelize(scene, options, pipeline);
-    expect_same_cells(reference::touched_cells(triangles_of(scene), oracle_grid(grid.spec)),
-                      dense(grid), what + " " + name);
+reference::Occupancy expected_cells(const Scene& scene, const GridSpec& spec, Rule rule) {
+  const std::vector<Triangle> triangles = triangles_of(scene);
+  if (rule == Rule::kThin) return reference::thin_cells(triangles, oracle_grid(spec));
+  if (rule == Rule::kCenter) return reference::center_cells(triangles, oracle_grid(spec));
+  return reference::touched_cells(triangles, oracle_grid(spec));
+}
+
+void expect_oracle(const Scene& scene, VoxelizeOptions options, const std::string& what) {
+  for (const auto& [rule, rule_name] : kRules) {
+    options.rule = rule;
+    reference::Occupancy expected;
+    for (const auto& [pipeline, name] : kPipelines) {
+      const Grid grid = voxelize(scene, options, pipeline);
+      if (expected.empty()) expected = expected_cells(scene, grid.spec, rule);
+      expect_same_cells(expected, dense(grid), what + " " + rule_name + " " + name);
+    }
   }
 }
 
@@ -127,6 +142,36 @@ Scene scene_of(const std::vector<Triangle>& triangles) {
     }
   }
   return scene;
+}
+
+// Walls over lines through centres of columns, seen edge-on along an axis, and sides through
+// centres: corners at (odd, odd) / 512 from a centre. Coordinates are exact.
+void add_ties(std::vector<Triangle>& triangles, uint64_t seed, int count, int extent, int size) {
+  std::mt19937_64 random(seed);
+  const auto integer = [&](int low, int high) {
+    return low + static_cast<int>(random() % static_cast<uint64_t>(high - low + 1));
+  };
+  for (int t = 0; t < count; ++t) {
+    const auto axis = static_cast<size_t>(integer(0, 2)), x = (axis + 1) % 3, y = (axis + 2) % 3;
+    const double at_x = integer(0, extent - 1) + 0.5, at_y = integer(0, extent - 1) + 0.5;
+    const double at_z = integer(0, extent - 1);
+    const int ratio = 2 * integer(-2, 1) + 1;
+    Triangle triangle;
+    for (Point& p : triangle) {
+      const int odd = 2 * integer(-128 * size, 128 * size) + 1;
+      p[x] = at_x + odd / 512.0;
+      p[y] = at_y + (t % 3 == 0 ? 2 * integer(-128, 127) + 1 : odd * ratio) / 512.0;
+      p[axis] = at_z + integer(-256 * size, 256 * size) / 512.0;
+    }
+    if (t % 3 == 1) {
+      // A side through the centre, and a corner anywhere.
+      triangle[2][x] = at_x + integer(-256 * size, 256 * size) / 512.0;
+    }
+    for (Point& p : triangle) {
+      for (double& v : p) v = std::clamp(v, 0.0, static_cast<double>(extent));
+    }
+    triangles.push_back(triangle);
+  }
 }
 
 // A soup of every kind of trouble: slivers, degenerate triangles, coordinates on grid planes and
@@ -170,7 +215,7 @@ std::vector<Triangle> soup(uint64_t seed, int count, double extent, double size_
   return triangles;
 }
 
-TEST(Oracle, soups_of_awkward_triangles_give_exactly_the_touched_cells) {
+TEST(Oracle, soups_of_awkward_triangles_give_exactly_the_cells_of_each_rule) {
   for (const uint64_t seed : {1u, 2u, 3u}) {
     VoxelizeOptions options;
     options.placement.size = 64;
@@ -178,19 +223,29 @@ TEST(Oracle, soups_of_awkward_triangles_give_exactly_the_touched_cells) {
   }
 }
 
-TEST(Oracle, grids_that_cross_tiles_give_exactly_the_touched_cells) {
+TEST(Oracle, walls_and_sides_over_centres_give_exactly_the_cells_of_each_rule) {
+  for (const int size : {1, 4, 30}) {
+    VoxelizeOptions options;
+    options.placement.size = 64;
+    std::vector<Triangle> triangles = soup(7, 8, 64, 2);  // corners of the box
+    add_ties(triangles, static_cast<uint64_t>(size), 1500 / size, 64, size);
+    expect_oracle(scene_of(triangles), options, "size " + std::to_string(size));
+  }
+}
+
+TEST(Oracle, grids_that_cross_tiles_give_exactly_the_cells_of_each_rule) {
   VoxelizeOptions options;
   options.placement.size = 300;
   expect_oracle(scene_of(soup(4, 3000, 300, 40)), options, "300");
 }
 
-TEST(Oracle, giant_triangles_give_exactly_the_touched_cells) {
+TEST(Oracle, giant_triangles_give_exactly_the_cells_of_each_rule) {
   VoxelizeOptions options;
   options.placement.size = 256;
   expect_oracle(scene_of(soup(5, 20, 256, 256)), options, "giant");
 }
 
-TEST(Oracle, grids_that_are_not_cubes_give_exactly_the_touched_cells) {
+TEST(Oracle, grids_that_are_not_cubes_give_exactly_the_cells_of_each_rule) {
   for (const std::array<int, 3> dims :
        {std::array{1, 1, 1}, {1, 40, 7}, {33, 5, 64}, {257, 3, 9}}) {
     VoxelizeOptions options;
@@ -200,7 +255,7 @@ TEST(Oracle, grids_that_are_not_cubes_give_exactly_the_touched_cells) {
   }
 }
 
-TEST(Oracle, a_real_scan_gives_exactly_the_touched_cells) {
+TEST(Oracle, a_real_scan_gives_exactly_the_cells_of_each_rule) {
   const char* data = std::getenv("VOXELD_DATA_DIR");
   if (data == nullptr) GTEST_SKIP() << "VOXELD_DATA_DIR is not set: no real meshes";
   const std::string path = std::string(data) + "/scans/bunny/bun_zipper.ply";

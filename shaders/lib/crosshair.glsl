@@ -1,0 +1,120 @@
+// Which of the cells that a triangle touches it occupies by rule thin or center: where the lines
+// through cells' centres meet it, by exact integers. server/voxel/README.md says what that means;
+// tests/unit/voxel compiles this file as C++.
+//
+// Positions and TOUCH_INT are those of lib/touch.glsl. RULE_CENTER: only lines along z of the
+// swizzled frame, the triangle's dominant axis, and centres on a common side belong to one of the
+// two triangles; otherwise lines along all axes, and closed triangles.
+
+// A triangle as lines along one axis see it. Turned cyclically so that this axis is z; lines run
+// through centres of columns (i, j), at 512 i + 256 where corners stand at 2 q + 1.
+struct LinesAlong {
+  ivec3 v0, v1, v2;
+  ivec3 edge0, edge1, edge2;  // (a, b, c): a*i + b*j + c >= 0 where the centre is inside
+  TOUCH_INT3 normal;          // normal.z >= 0
+  TOUCH_INT plane;            // s = normal.(i, j, k) + plane <= 0 iff depth >= k
+};
+
+struct Crosshair {
+  LinesAlong z;
+#ifndef RULE_CENTER
+  LinesAlong x, y;
+#endif
+};
+
+// Edge function of the edge from (x, y) along (dx, dy), at centres: a 512th of an integer, rounded
+// down. An edge with a = 0 runs between centres.
+ivec3 line_edge(int x, int y, int dx, int dy, int side) {
+  int a = -dy * side;
+  int b = dx * side;
+  int sum = a * (255 - 2 * (x & 255)) + b * (255 - 2 * (y & 255));
+#ifdef RULE_CENTER
+  if (a <= 0) sum -= 1;
+#endif
+  return ivec3(a, b, (sum >> 9) - a * (x >> 8) - b * (y >> 8));
+}
+
+// Vertices turned. The sums are no larger than those of touch_setup().
+LinesAlong lines_along(ivec3 v0, ivec3 v1, ivec3 v2) {
+  LinesAlong t;
+  ivec3 d0 = v1 - v0;
+  ivec3 d1 = v2 - v1;
+  ivec3 d2 = v0 - v2;
+  TOUCH_INT3 n = TOUCH_INT3(TOUCH_INT(d0.y) * TOUCH_INT(d1.z) - TOUCH_INT(d0.z) * TOUCH_INT(d1.y),
+                            TOUCH_INT(d0.z) * TOUCH_INT(d1.x) - TOUCH_INT(d0.x) * TOUCH_INT(d1.z),
+                            TOUCH_INT(d0.x) * TOUCH_INT(d1.y) - TOUCH_INT(d0.y) * TOUCH_INT(d1.x));
+  int side = n.z >= TOUCH_INT(0) ? 1 : -1;
+  if (n.z < TOUCH_INT(0)) n = -n;
+  t.v0 = v0;
+  t.v1 = v1;
+  t.v2 = v2;
+  t.edge0 = line_edge(v0.x, v0.y, d0.x, d0.y, side);
+  t.edge1 = line_edge(v1.x, v1.y, d1.x, d1.y, side);
+  t.edge2 = line_edge(v2.x, v2.y, d2.x, d2.y, side);
+  t.normal = n;
+  // A 512th, rounded up.
+  TOUCH_INT sum = n.x * TOUCH_INT(255 - 2 * (v0.x & 255)) +
+                  n.y * TOUCH_INT(255 - 2 * (v0.y & 255)) - n.z * TOUCH_INT(2 * (v0.z & 255) + 1);
+  t.plane = ((sum + TOUCH_INT(511)) >> 9) -
+            (n.x * TOUCH_INT(v0.x >> 8) + n.y * TOUCH_INT(v0.y >> 8) + n.z * TOUCH_INT(v0.z >> 8));
+  return t;
+}
+
+#ifndef RULE_CENTER
+// Bit 0: the edge from p to e passes x = i + 1/2 at depth k or more; bit 1: below depth k + 1.
+// Where a centre lies on a triangle that is seen edge-on, every edge that passes x passes there.
+int edge_on_ends(ivec3 p, ivec3 e, int i, int k) {
+  int x = 512 * i + 256;
+  if (((2 * p.x + 1 - x) ^ (2 * e.x + 1 - x)) >= 0) return 0;  // both on one side
+  // Signs in 32 bits: negated under a condition as 64-bit integers, dx and dz come out wrong on
+  // llvmpipe of Mesa 22.3.6 (seen as wrong cells of edge-on triangles).
+  int side = e.x > p.x ? 1 : -1;
+  TOUCH_INT dx = TOUCH_INT(side * (e.x - p.x));
+  TOUCH_INT dz = TOUCH_INT(side * (e.z - p.z));
+  // dx times the depth above the floor of cell k, in 1/512 voxel.
+  TOUCH_INT rise = TOUCH_INT(2 * p.z + 1 - 512 * k) * dx + dz * TOUCH_INT(x - (2 * p.x + 1));
+  return (rise >= TOUCH_INT(0) ? 1 : 0) | (rise < TOUCH_INT(512) * dx ? 2 : 0);
+}
+#endif
+
+// Whether the half-open segment of cell (i, j, k) along z that runs through its centre meets the
+// triangle.
+bool line_meets(LinesAlong t, ivec3 cell) {
+  if (((t.edge0.x * cell.x + t.edge0.y * cell.y + t.edge0.z) |
+       (t.edge1.x * cell.x + t.edge1.y * cell.y + t.edge1.z) |
+       (t.edge2.x * cell.x + t.edge2.y * cell.y + t.edge2.z)) < 0) {
+    return false;
+  }
+  if (t.normal.z == TOUCH_INT(0)) {
+#ifdef RULE_CENTER
+    return false;
+#else
+    return (edge_on_ends(t.v0, t.v1, cell.x, cell.z) | edge_on_ends(t.v1, t.v2, cell.x, cell.z) |
+            edge_on_ends(t.v2, t.v0, cell.x, cell.z)) == 3;
+#endif
+  }
+  TOUCH_INT s = t.normal.x * TOUCH_INT(cell.x) + t.normal.y * TOUCH_INT(cell.y) +
+                t.normal.z * TOUCH_INT(cell.z) + t.plane;
+  return s <= TOUCH_INT(0) && s + t.normal.z > TOUCH_INT(0);
+}
+
+// Vertices swizzled, as for touch_setup().
+Crosshair crosshair_setup(ivec3 v0, ivec3 v1, ivec3 v2) {
+  Crosshair c;
+  c.z = lines_along(v0, v1, v2);
+#ifndef RULE_CENTER
+  c.x = lines_along(touch_swizzle(v0, 0), touch_swizzle(v1, 0), touch_swizzle(v2, 0));
+  c.y = lines_along(touch_swizzle(v0, 1), touch_swizzle(v1, 1), touch_swizzle(v2, 1));
+#endif
+  return c;
+}
+
+// Whether the triangle occupies a cell, which it touches.
+bool crosshair_meets(Crosshair c, ivec3 cell) {
+#ifdef RULE_CENTER
+  return line_meets(c.z, cell);
+#else
+  return line_meets(c.z, cell) || line_meets(c.x, touch_swizzle(cell, 0)) ||
+         line_meets(c.y, touch_swizzle(cell, 1));
+#endif
+}
