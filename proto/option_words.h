@@ -13,7 +13,10 @@ namespace voxeld::option_words {
 using option_values::Word;
 
 inline constexpr std::array<Word<UpAxis>, 2> kUp = {{{"y", UpAxis::kY}, {"z", UpAxis::kZ}}};
-inline constexpr std::array<Word<Rule>, 1> kRule = {{{"touch", Rule::kTouch}}};
+inline constexpr std::array<Word<Rule>, 4> kRule = {{{"touch", Rule::kTouch},
+                                                     {"thin", Rule::kThin},
+                                                     {"center", Rule::kCenter},
+                                                     {"none", Rule::kNone}}};
 inline constexpr std::array<Word<Fill>, 1> kFill = {{{"surface", Fill::kSurface}}};
 inline constexpr std::array<Word<ColorMode>, 4> kColor = {{{"average", ColorMode::kAverage},
                                                            {"shaded", ColorMode::kShaded},

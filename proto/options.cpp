@@ -240,7 +240,11 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
 }
 
 Status check_combinations(const RequestOptions& options) {
-  const PlacementOptions& p = options.voxelize.placement;
+  const VoxelizeOptions& v = options.voxelize;
+  if (v.rule == Rule::kNone && v.fill == Fill::kSurface) {
+    return invalid("rule", "touch, thin or center where fill is surface", "none");
+  }
+  const PlacementOptions& p = v.placement;
   const int given = (p.size ? 1 : 0) + (p.dims ? 1 : 0) + (p.voxel_size ? 1 : 0);
   if (given > 1) {
     return Error{ErrorCode::kInvalidOption, "size, dims and voxel_size exclude each other",

@@ -1,5 +1,6 @@
 // Pipeline raster: the fragment of a column walks the depth range of the triangle's plane and sets
-// the bits of the cells that pass the exact test, and with RULE_THIN or RULE_CENTER the rule's, too.
+// the bits of the cells that pass the exact test, and with RULE_THIN or RULE_CENTER the rule's
+// test, too.
 #include "shared/voxelize.h"
 #include "lib/touch.glsl"
 #include "lib/touch_mask.glsl"

@@ -24,9 +24,9 @@ def make_fixtures(directory):
     subprocess.run([BIN / "voxeld_make_fixtures", directory], check=True, stdout=subprocess.DEVNULL)
 
 
-def oracle(mesh, size):
-    """(dims, occupied, sha256 id of the uint8 zyx occupancy) that rule=touch must give."""
-    out = subprocess.run([BIN / "voxeld_oracle", mesh, str(size)], check=True,
+def oracle(mesh, size, rule="touch"):
+    """(dims, occupied, sha256 id of the uint8 zyx occupancy) that the rule must give."""
+    out = subprocess.run([BIN / "voxeld_oracle", mesh, str(size), rule], check=True,
                          capture_output=True, text=True).stdout.split()
     return tuple(int(v) for v in out[1:4]), int(out[5]), out[6]
 

@@ -46,7 +46,8 @@ class Errors(DaemonTest):
                 "size=0": ("size", "2048", "0"), "size=abc": ("abc",), "size=3&dims=1,2,3": ("dims",),
                 "dims=1,2": ("dims",), "voxel_size=-1": ("voxel_size",), "voxel_size=nan": ("nan",),
                 "bounds=0,0,0,0,0,0": ("bounds",), "format=obj": ("npy", "obj"),
-                "rule=thin": ("touch",), "fill=solid": ("surface",), "color=blue": ("average",),
+                "rule=thick": ("touch", "thin", "center"),
+                "rule=none": ("fill is surface", "none"), "fill=solid": ("surface",), "color=blue": ("average",),
                 "channels=occupancy,smell": ("smell",), "pipeline=fast": ("raster",),
                 "axes=yzx": ("zyx",), "dtype=int7": ("uint8",), "size=8&size=9": ("size",),
                 "padding=-1": ("padding",), "up=w": ("up",)}.items():

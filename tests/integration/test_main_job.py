@@ -29,6 +29,25 @@ class OneShot(DaemonTest):
         self.assertEqual(max(grid.shape), 64)
         self.assertEqual(int(grid.sum()), occupied)
 
+    def test_each_rule_gives_what_the_oracle_says_by_every_pipeline(self):
+        counts = {}
+        for rule in ("touch", "thin", "center"):
+            dims, occupied, sha256 = oracle(self.fixtures / "sample.ply", 48, rule)
+            counts[rule] = occupied
+            for pipeline in PIPELINES:
+                with self.subTest(f"{rule} {pipeline}"):
+                    response = self.daemon.post(
+                        f"/v1/voxelize?size=48&format=npy&rule={rule}&pipeline={pipeline}",
+                        self.fixture("sample.ply"))
+                    self.assertEqual(response.status, 200, response.body)
+                    self.assertEqual(response.headers["X-Voxeld-Pipeline"], pipeline)
+                    grid = np.load(io.BytesIO(response.body))
+                    self.assertEqual(grid.shape, dims[::-1])
+                    self.assertEqual(int(grid.sum()), occupied)
+                    self.assertEqual("sha256-" + hashlib.sha256(grid.tobytes()).hexdigest(), sha256)
+        self.assertGreater(counts["touch"], counts["thin"])
+        self.assertGreaterEqual(counts["thin"], counts["center"])
+
     def test_npz_carries_colour_and_place(self):
         response = self.daemon.post("/v1/voxelize?size=48&format=npz&filename=sample.glb",
                                     self.fixture("sample.glb"))

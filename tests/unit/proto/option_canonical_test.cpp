@@ -136,6 +136,17 @@ TEST(JsonOptions, numbers_texts_and_lists_mean_the_same) {
   EXPECT_FALSE(no_cache->use_cache);
 }
 
+TEST(CanonicalOptions, tell_rules_apart) {
+  const std::string touch = canonical({}, OptionScope::kVoxelize);
+  EXPECT_EQ(canonical({{"rule", "touch"}}, OptionScope::kVoxelize), touch);
+  for (const std::string rule : {"thin", "center"}) {
+    std::string expected = touch;
+    expected.replace(expected.find("touch"), 5, rule);
+    EXPECT_EQ(canonical({{"rule", rule}}, OptionScope::kVoxelize), expected);
+    EXPECT_EQ(canonical_of_json(R"({"rule": ")" + rule + "\"}", OptionScope::kVoxelize), expected);
+  }
+}
+
 TEST(JsonOptions, values_of_other_types_are_refused) {
   for (const std::string_view value : {"null", "{}", "[]", "[null]", "[[3,4,5]]"}) {
     const Error error = refused("{\"dims\": " + std::string(value) + "}");

@@ -56,7 +56,7 @@ const std::map<std::string, OptionCase>& cases() {
       {"padding", {{"0", "1", "63"}, {"-1", "513", "", "1.0"}, "an integer from 0 to 512"}},
       {"up", {{"y", "z"}, {"x", "Y", "", "yz"}, "y | z"}},
       {"units", {{"m", "cm", "mm", "in", "ft"}, {"km", "", "M"}, "m | cm | mm | in | ft"}},
-      {"rule", {{"touch"}, {"thin", ""}, "touch"}},
+      {"rule", {{"touch", "thin", "center"}, {"thick", ""}, "touch | thin | center | none"}},
       {"fill", {{"surface"}, {"solid", ""}, "surface"}},
       {"color",
        {{"average", "shaded", "axis", "none"}, {"red", ""}, "average | shaded | axis | none"}},
@@ -271,6 +271,16 @@ TEST(Options, size_dims_and_voxel_size_exclude_each_other) {
               "size, dims and voxel_size exclude each other: expected at most one of them, got 2");
   }
   EXPECT_EQ(refused({size, dims, voxel_size}, OptionScope::kVoxelize).got, "3");
+}
+
+TEST(Options, rule_none_needs_something_else_than_a_surface) {
+  for (const OptionPairs& pairs :
+       {OptionPairs{{"rule", "none"}}, OptionPairs{{"rule", "none"}, {"fill", "surface"}}}) {
+    const Error error = refused(pairs, OptionScope::kVoxelize);
+    EXPECT_EQ(error.code, ErrorCode::kInvalidOption);
+    EXPECT_EQ(error.message(),
+              "rule: expected touch, thin or center where fill is surface, got \"none\"");
+  }
 }
 
 TEST(Options, padding_leaves_room_also_in_the_default_size) {
