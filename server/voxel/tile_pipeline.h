@@ -21,6 +21,7 @@
 #include "server/voxel/bin.h"
 #include "server/voxel/cost_model.h"
 #include "server/voxel/estimate.h"
+#include "server/voxel/fill_stats.h"
 #include "server/voxel/pipeline.h"
 #include "server/voxel/resolve.h"
 #include "server/voxel/snap.h"
@@ -52,7 +53,8 @@ struct VoxelizeStats {
   int64_t tiles = 0;            // that triangles reach
   int64_t work_items = 0;
   int64_t device_bytes_peak = 0;
-  StageTimes passes;  // milliseconds by pass: snap bin upload occupancy attributes …
+  std::optional<FillStats> fill;  // of solids and shells
+  StageTimes passes;              // milliseconds by pass: snap bin upload occupancy attributes …
 };
 
 struct DeviceTraits {

@@ -1,27 +1,50 @@
 #include "server/voxel/voxelize.h"
 
 #include <algorithm>
+#include <functional>
+#include <iterator>
 
 #include "server/base/stopwatch.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/estimate.h"
+#include "server/voxel/solid/solid_filler.h"
 
 namespace voxeld {
 namespace {
 
+// Progress over the tiles of the surface and the columns of tiles that are filled after them.
+class Steps {
+ public:
+  Steps(const TileProgress& progress, size_t tiles, size_t columns)
+      : progress_(progress), tiles_(tiles), total_(tiles + columns) {}
+
+  Status surface_done(size_t tiles) const { return done(tiles); }
+  Status fill_done(size_t columns) const { return done(tiles_ + columns); }
+
+ private:
+  Status done(size_t count) const {
+    if (!progress_ || progress_(static_cast<int64_t>(count), static_cast<int64_t>(total_))) {
+      return {};
+    }
+    return Error{ErrorCode::kCancelled, "the job was cancelled while it was voxelized", "", ""};
+  }
+
+  const TileProgress& progress_;
+  const size_t tiles_, total_;
+};
+
+// Tiles are handed over as they come, as the pipeline made them.
 Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<const TileBin> bins,
-                 const TileProgress& progress, VoxelizeStats& stats, TileSink& sink) {
+                 const Steps& steps, VoxelizeStats& stats,
+                 const std::function<Status(std::vector<SparseTile>)>& take) {
   VOXELD_TRY(pipeline.begin_job(plan, stats));
   for (size_t done = 0;;) {
-    if (progress && !progress(static_cast<int64_t>(done), static_cast<int64_t>(bins.size()))) {
-      return Error{ErrorCode::kCancelled, "the job was cancelled while it was voxelized", "", ""};
-    }
+    VOXELD_TRY(steps.surface_done(done));
     if (done == bins.size()) return {};
     const size_t count = std::min(pipeline.batch_tiles(), bins.size() - done);
     std::vector<SparseTile> tiles;
     VOXELD_TRY(pipeline.run_tiles(bins.subspan(done, count), tiles));
-    for (SparseTile& tile : tiles) canonicalize(tile);
-    VOXELD_TRY(sink.add(std::move(tiles)));
+    VOXELD_TRY(take(std::move(tiles)));
     done += count;
   }
 }
@@ -45,6 +68,8 @@ struct Voxelizer::Impl {
   Status check_asked(PipelineChoice asked) const;
   Status plan_job(const Scene& scene, const VoxelizeOptions& options, bool keeps_tiles,
                   VoxelizePlan& plan, VoxelizeStats& stats) const;
+  Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
+                   TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
 };
 
 PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& work,
@@ -93,6 +118,31 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   return {};
 }
 
+// The surface's tiles, all of them; then what is inside.
+Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const VoxelizePlan& plan,
+                                  const TileBins& bins, TileSink& sink,
+                                  const TileProgress& progress, VoxelizeStats& stats) {
+  const std::vector<TileBin> no_bins;
+  const std::vector<TileBin>& surface = plan.options.rule == Rule::kNone ? no_bins : bins.bins();
+  const Steps steps(progress, surface.size(), tile_column_count(plan.spec.dims));
+  std::vector<SparseTile> tiles;
+  const Status done = run_tiles(surface_pipeline, plan, surface, steps, stats,
+                                [&](std::vector<SparseTile> made) -> Status {
+                                  std::ranges::move(made, std::back_inserter(tiles));
+                                  return {};
+                                });
+  surface_pipeline.end_job();
+  VOXELD_TRY(done);
+  VOXELD_TRY(SolidFiller(cpu.pool())
+                 .fill(
+                     plan,
+                     [&]() -> Result<std::vector<SparseTile>> {
+                       return cpu.touch_tiles(plan.mesh, plan.spec, bins.bins());
+                     },
+                     [&](size_t columns) { return steps.fill_done(columns); }, tiles, stats));
+  return sink.add(std::move(tiles));
+}
+
 Voxelizer::Voxelizer(std::unique_ptr<TilePipeline> device, int cpu_threads)
     : impl_(std::make_unique<Impl>(std::move(device), cpu_threads)) {}
 Voxelizer::~Voxelizer() = default;
@@ -111,7 +161,8 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
   if (stats == nullptr) stats = &unwanted;
   VOXELD_TRY(impl_->check_asked(options.pipeline));
   VoxelizePlan plan{scene, options, wanted_channels(scene, options)};
-  VOXELD_TRY(impl_->plan_job(scene, options, sink.keeps_tiles(), plan, *stats));
+  const bool fills = options.fill != Fill::kSurface;
+  VOXELD_TRY(impl_->plan_job(scene, options, fills || sink.keeps_tiles(), plan, *stats));
   Grid grid;
   grid.spec = plan.spec;
   grid.has_color = plan.channels.color;
@@ -124,9 +175,14 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
   const PipelineDecision decision = impl_->decide(options.pipeline, stats->work, plan.channels);
   stats->pipeline = decision.pipeline;
   stats->pipeline_reason = decision.reason;
-  TilePipeline* pipeline = impl_->pipeline(decision.pipeline);
-  const Status done = run_tiles(*pipeline, plan, bins.bins(), progress, *stats, sink);
-  pipeline->end_job();
+  TilePipeline& pipeline = *impl_->pipeline(decision.pipeline);
+  if (fills) return impl_->run_solid(pipeline, plan, bins, sink, progress, *stats);
+  const Status done = run_tiles(pipeline, plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
+                                *stats, [&](std::vector<SparseTile> tiles) {
+                                  for (SparseTile& tile : tiles) canonicalize(tile);
+                                  return sink.add(std::move(tiles));
+                                });
+  pipeline.end_job();
   return done;
 }
 

@@ -55,6 +55,17 @@ Status CpuPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseT
   return {};
 }
 
+std::vector<SparseTile> CpuPipeline::touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,
+                                                 std::span<const TileBin> bins) {
+  std::vector<SparseTile> tiles(bins.size());
+  for (size_t i = 0; i < bins.size(); ++i) {
+    tiles[i].coord = {bins[i].coord.x, bins[i].coord.y, bins[i].coord.z};
+  }
+  touch_.run(mesh, spec, bins, tiles);
+  std::erase_if(tiles, [](const SparseTile& tile) { return tile.empty(); });
+  return tiles;
+}
+
 void CpuPipeline::run_attributes(const TileBin& bin, SparseTile& tile) {
   Stopwatch watch;
   const uint64_t blocks = touch_.run(plan_->mesh, plan_->spec, bin, mask_);

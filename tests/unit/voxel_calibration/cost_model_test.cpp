@@ -77,7 +77,7 @@ TEST(CostModel, too_few_or_impossible_measurements_are_refused) {
 
 TEST(Workload, counts_what_triangles_cover) {
   SnappedMesh mesh;
-  const int unit = 1 << mesh.sub_voxel_bits;
+  const int unit = 1 << limits::kSubVoxelBits;
   mesh.vertices = {{0, 0, 0}, {9 * unit, 0, 0}, {0, 4 * unit, 0}, {unit / 2, unit / 2, 0}};
   // 10 x 5 columns, and 1.5 x 1.5.
   mesh.triangles.resize(2);
@@ -93,7 +93,7 @@ TEST(Workload, counts_what_triangles_cover) {
 
 TEST(Workload, of_many_triangles_is_estimated_from_some) {
   SnappedMesh mesh;
-  const int unit = 1 << mesh.sub_voxel_bits;
+  const int unit = 1 << limits::kSubVoxelBits;
   mesh.vertices = {{0, 0, 0}, {unit, 0, 0}, {0, unit, 0}};
   SnappedTriangle triangle;
   triangle.vertices = {0, 1, 2};

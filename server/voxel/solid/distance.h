@@ -1,0 +1,38 @@
+// Exact squared Euclidean distances in a box of cells.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+namespace voxeld {
+
+// Cells [0, size) of which some are set, and the cube [first, first + side) within whose distances
+// are wanted.
+struct DistanceBox {
+  glm::ivec3 size{0}, first{0};
+  int side = 0;
+};
+
+inline constexpr uint32_t kNoDistance = UINT32_MAX;  // nothing is set
+
+struct DistanceScratch {
+  std::vector<uint8_t> row;
+  std::vector<uint32_t> of_rows, of_planes;
+  std::vector<uint32_t> line, result;
+  std::vector<int32_t> apex, from;
+};
+
+// Writes for every cell of the cube, x fastest, then y, then z, the squared distance of its centre to
+// that of the nearest set cell of the box. Sides are at most 4096 cells. Along x, y, z in turn, each
+// in linear time: Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing distance
+// transforms in linear time"; Felzenszwalb & Huttenlocher 2012, "Distance transforms of sampled
+// functions". `fill_row(y, z, row)` sets a row of the box to 0 and 1.
+void squared_distances(const DistanceBox& box,
+                       const std::function<void(int, int, std::span<uint8_t>)>& fill_row,
+                       DistanceScratch& scratch, std::vector<uint32_t>& out);
+
+}  // namespace voxeld

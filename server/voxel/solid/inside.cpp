@@ -1,0 +1,132 @@
+#include "server/voxel/solid/inside.h"
+
+#include <algorithm>
+#include <atomic>
+#include <memory>
+
+#include "server/voxel/solid/column_maker.h"
+
+namespace voxeld {
+namespace {
+
+// Fewer columns than this for each thread are shared out in rows.
+constexpr size_t kColumnsPerThread = 2;
+
+// The tiles of one column on their way.
+struct ColumnTiles {
+  ColumnTiles(size_t tiles, size_t lanes) : whole(tiles) {
+    for (size_t i = 0; i < tiles; ++i) bits.emplace_back(lanes);
+  }
+  std::vector<TileBits> bits;
+  std::vector<int> whole;  // 1: inside altogether
+
+  void move_to(const TriangleColumns& columns, size_t column, std::vector<SparseTile>& out) {
+    const ColumnWindow window = columns.window(column);
+    for (size_t z = 0; z < bits.size(); ++z) {
+      SparseTile tile;
+      tile.coord = {window.u_first / limits::kTileSide, window.v_first / limits::kTileSide,
+                    static_cast<int32_t>(z)};
+      bits[z].move_to(tile);
+      if (whole[z] != 0) tile.full.push_back({0, kTileLevels});
+      whole[z] = 0;
+      if (!tile.empty()) out.push_back(std::move(tile));
+    }
+  }
+};
+
+struct Worker {
+  ColumnMaker maker;
+  std::unique_ptr<ColumnTiles> column;
+  std::vector<SparseTile> tiles;
+  AxisVotes votes;
+};
+
+class InsideRun {
+ public:
+  InsideRun(const InsideJob& job, WorkerPool& pool)
+      : plan_(job, pool), pool_(pool), workers_(static_cast<size_t>(pool.threads())) {}
+
+  Status run(const ColumnProgress& progress) {
+    const size_t columns = plan_.triangles.count();
+    const bool alone = columns >= kColumnsPerThread * workers_.size();
+    const size_t step = alone ? kColumnsPerThread * workers_.size() : 1;
+    for (size_t first = 0; first < columns; first += step) {
+      if (alone) {
+        run_columns(first, std::min(first + step, columns));
+      } else {
+        run_shared(first);
+      }
+      if (progress) VOXELD_TRY(progress(std::min(first + step, columns)));
+    }
+    return {};
+  }
+
+  void finish(std::vector<SparseTile>& tiles, AxisVotes& votes) {
+    for (Worker& worker : workers_) {
+      std::ranges::move(worker.tiles, std::back_inserter(tiles));
+      votes.inside += worker.votes.inside;
+      votes.disagree += worker.votes.disagree;
+    }
+  }
+
+ private:
+  size_t tiles_z() const { return static_cast<size_t>(plan_.tiles_z()); }
+
+  void run_columns(size_t first, size_t last) {
+    std::atomic<size_t> next = first;
+    pool_.run(pool_.threads(), [&](int index) {
+      Worker& worker = workers_[static_cast<size_t>(index)];
+      if (!worker.column) worker.column = std::make_unique<ColumnTiles>(tiles_z(), 1);
+      ColumnTiles& column = *worker.column;
+      for (size_t i = next++; i < last; i = next++) {
+        worker.maker.run(plan_, i, {}, column.bits, column.whole, worker.votes);
+        column.move_to(plan_.triangles, i, worker.tiles);
+      }
+    });
+  }
+
+  void run_shared(size_t column) {
+    // What the axes say goes from row to row along y.
+    const size_t parts = plan_.needs_axes() ? 1 : workers_.size();
+    if (!shared_) shared_ = std::make_unique<ColumnTiles>(tiles_z(), parts);
+    pool_.run(static_cast<int>(parts), [&](int index) {
+      Worker& worker = workers_[static_cast<size_t>(index)];
+      const ColumnShare share = {static_cast<size_t>(index), parts};
+      worker.maker.run(plan_, column, share, shared_->bits, shared_->whole, worker.votes);
+    });
+    shared_->move_to(plan_.triangles, column, workers_.front().tiles);
+  }
+
+  InsidePlan plan_;
+  WorkerPool& pool_;
+  std::vector<Worker> workers_;
+  std::unique_ptr<ColumnTiles> shared_;
+};
+
+}  // namespace
+
+const SparseTile* SurfaceTiles::find(const glm::ivec3& coord) const {
+  for (const SparseTile& tile : tiles) {
+    if (tile.coord[0] == coord.x && tile.coord[1] == coord.y && tile.coord[2] == coord.z) {
+      return &tile;
+    }
+  }
+  return nullptr;
+}
+
+size_t tile_column_count(const glm::ivec3& dims) {
+  const auto tiles = [](int cells) {
+    return static_cast<size_t>((cells + limits::kTileSide - 1) / limits::kTileSide);
+  };
+  return tiles(dims.x) * tiles(dims.y);
+}
+
+Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
+                   std::vector<SparseTile>& tiles, AxisVotes& votes) {
+  InsideRun run(job, pool);
+  VOXELD_TRY(run.run(progress));
+  run.finish(tiles, votes);
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,43 @@
+// fill=solid and fill=shell: from a grid's surface to its inside. Surface tiles come from any
+// pipeline; the inside is the same whichever it was.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/solid/inside.h"
+#include "server/voxel/tile_pipeline.h"
+
+namespace voxeld {
+
+// One thread.
+class SolidFiller {
+ public:
+  explicit SolidFiller(WorkerPool& pool) : pool_(pool) {}
+
+  // Makes the tiles that rule=touch gives, without attributes, in any order.
+  using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
+
+  // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
+  // fill asks for, in Morton order of coord. `touch` is called where the fill needs the cells that
+  // rule=touch gives and `tiles` are others. Errors: those of `touch` and `progress`, which is called
+  // with tile columns done of tile_column_count().
+  Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
+              std::vector<SparseTile>& tiles, VoxelizeStats& stats);
+
+ private:
+  struct Choice {
+    Sign sign;
+    bool closed;
+  };
+  Choice choose(const VoxelizePlan& plan, const FillMesh& mesh, FillStats& fill) const;
+  Result<std::vector<SparseTile>> inside(const VoxelizePlan& plan, const FillMesh& mesh,
+                                         const TouchTiles& touch, const ColumnProgress& progress,
+                                         const std::vector<SparseTile>& surface, Sign sign,
+                                         AxisVotes& votes);
+
+  WorkerPool& pool_;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,71 @@
+// Cells of a tile row by row, as sweeps make them, and their way into bricks.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "proto/sparse_tile.h"
+#include "server/voxel/solid/crossings.h"
+
+namespace voxeld {
+
+inline constexpr int kTileBricks = limits::kTileSide / limits::kBrickSide;  // to a side
+inline constexpr size_t kTileBrickCount = size_t{kTileBricks} * kTileBricks * kTileBricks;
+
+// The 32 bricks of a row along x: word (z*8 + y)*4 + x/64, bit x%64; z, y within the brick.
+inline constexpr size_t kBlockRowWords = limits::kTileSide / 64;
+inline constexpr size_t kBlockPlaneWords = limits::kBrickSide * kBlockRowWords;
+inline constexpr size_t kBlockWords = limits::kBrickSide * kBlockPlaneWords;
+using BrickRow = std::array<uint64_t, kBlockWords>;
+
+// The brick_x-th brick of the row.
+BrickMask brick_of_row(const BrickRow& rows, int brick_x);
+
+// Bits of a tile that are all 0 unless toggled, kept as brick rows of 2 KiB; 2 MiB.
+class ToggleVolume {
+ public:
+  ToggleVolume() : words_(kTileBrickCount / kTileBricks * kBlockWords) {}
+
+  void toggle(uint32_t x, uint32_t y, uint32_t z) {
+    const size_t row = size_t{z >> 3} * kTileBricks + (y >> 3);
+    used_[row] = true;
+    words_[row * kBlockWords + ((z & 7) * 8 + (y & 7)) * kBlockRowWords + (x >> 6)] ^= uint64_t{1}
+                                                                                       << (x & 63);
+  }
+  bool used(size_t row) const { return used_[row]; }
+  const uint64_t* row(size_t row) const { return &words_[row * kBlockWords]; }
+  // Back to 0; does nothing where nothing was toggled.
+  void clear(size_t row);
+
+ private:
+  std::vector<uint64_t> words_;
+  std::array<bool, kTileBricks * kTileBricks> used_{};  // by z/8 * 32 + y/8
+};
+
+// The bricks of a tile, in any order of rows. Several threads may add rows where each has a lane of
+// its own.
+class TileBits {
+ public:
+  // `lanes`: 1 to 255.
+  explicit TileBits(size_t lanes = 1) : lanes_(lanes) {}
+
+  void add_row(size_t lane, int brick_y, int brick_z, const BrickRow& rows);
+  // Appends what was added, canonical, to `tile`, and empties this.
+  void move_to(SparseTile& tile);
+
+ private:
+  enum State : uint8_t { kEmpty, kFull, kMixed };
+
+  struct alignas(64) Lane {
+    std::vector<BrickMask> masks;
+    bool used = false;
+  };
+  std::vector<Lane> lanes_;
+  // By Morton index of the brick; where mixed, the lane in 8 bits and the mask in 24.
+  std::vector<uint8_t> states_ = std::vector<uint8_t>(kTileBrickCount);
+  std::vector<uint32_t> places_ = std::vector<uint32_t>(kTileBrickCount);
+};
+
+}  // namespace voxeld

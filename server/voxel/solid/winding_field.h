@@ -1,0 +1,69 @@
+// Generalized winding numbers of meshes with holes (Jacobson, Kavan & Sorkine-Hornung 2013, "Robust
+// inside-outside segmentation using generalized winding numbers"), exactly where it matters.
+//
+// A mesh M and the cones C that close it (boundary.h) have an integer winding number N, which
+// signed crossings of columns give exactly. The mesh's own is w = N - c, with c the solid angle of
+// the few triangles of C over 4 pi. So w > 1/2 where N > 1/2 + c; c changes slowly away from the
+// cones, and whole cubes have one threshold for N.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+namespace voxeld {
+
+class WindingField {
+ public:
+  // `cones`: three corners each, q at `sub_voxel_bits`; see closing_cones().
+  WindingField(const std::vector<glm::ivec3>& cones, int sub_voxel_bits);
+
+  bool empty() const { return triangles_.empty(); }
+
+  // The least integer N with N > 1/2 + c at the centre of a cell.
+  int threshold(const glm::ivec3& cell) const;
+  // The same for all cells of the cube whose first cell is `first`; nullopt where it is not known
+  // to be one.
+  std::optional<int> threshold(const glm::ivec3& first, int side) const;
+
+ private:
+  // Corners in half sub-voxels, odd numbers; centres of cells are even. a to b is an edge of the
+  // mesh's boundary, c the cone's apex.
+  struct Triangle {
+    glm::i64vec3 a, b, c;
+  };
+  // A range of triangles_, halved at its longest side; the children follow (first) and stand at
+  // `second`.
+  struct Node {
+    uint32_t first, count, second;  // second: 0 for a leaf
+    glm::dvec3 centre;              // of area; in half sub-voxels, as all of these
+    glm::dvec3 dipole;              // sum of the normals, as long as the areas
+    double area, radius;
+    double rim;  // length of the edges a to b: of the mesh's boundary
+  };
+  // c and, where half_diagonal is > 0, how far it may change within that distance.
+  struct Value {
+    double c = 0, change = 0;
+  };
+
+  // Bounds of how c changes within the half diagonal of a cube.
+  struct Change {
+    double by_area = 0, by_rim = 0, far_error = 0;
+  };
+
+  uint32_t build(uint32_t first, uint32_t count);
+  Value value(const glm::i64vec3& p, double half_diagonal) const;
+  // False where the cube meets the triangle, so that c jumps in it.
+  bool add_change(const Triangle& triangle, const glm::dvec3& at, double half_diagonal,
+                  Change& change) const;
+  glm::i64vec3 centre(const glm::ivec3& first, int side) const;
+
+  std::vector<Triangle> triangles_;
+  std::vector<Node> nodes_;
+  int64_t half_cell_;
+};
+
+}  // namespace voxeld
