@@ -15,6 +15,9 @@
 namespace voxeld {
 namespace {
 
+// As many as DoubleLanes.
+using HalfIntLanes = int32_t __attribute__((vector_size(VOXELD_LANE_BYTES / 2)));
+
 // Side from (pi, pj) along (di, dj) as a bound on the centres of row j. side: -1 where the
 // projection is clockwise, else 0. kCenter: see edge_lanes(). A side along the row bounds nothing:
 // the box ends there, too.
@@ -84,13 +87,14 @@ class LargeLines {
     slope_i_ = static_cast<double>(n[0]);
     slope_j_ = static_cast<double>(n[1]);
     inverse_ = 1.0 / static_cast<double>(n[2]);
+    is_flat_ = 8 * (n[0] < 0 ? -n[0] : n[0]) <= n[2];
     return true;
   }
 
   // 1 + the cell of each column, limited to 0 and kTileCells + 1. floor((1/2 - height) / n.z) is
   // the cell, and the quotient at least 2^-39.1 away from an integer; for cells up to 257 it errs
   // by less than 2^-42.
-  void find_depths(double* depths, int j, int i_begin, int i_end) const {
+  void find_depths(int32_t* depths, int j, int i_begin, int i_end) const {
     DoubleLanes at{};
     for (int l = 0; l < kDoubleLanes; ++l) at[l] = l;
     const DoubleLanes row = all_lanes_d(slope_j_ * j + constant_);
@@ -98,23 +102,46 @@ class LargeLines {
       const DoubleLanes height = slope_i_ * (at + all_lanes_d(i)) + row;
       DoubleLanes depth = 1.0 + (0.5 - height) * inverse_;
       depth = greater(lesser(depth, all_lanes_d(kTileCells + 1)), DoubleLanes{});
-      __builtin_memcpy(depths + i, &depth, sizeof depth);
+      const HalfIntLanes cells = __builtin_convertvector(depth, HalfIntLanes);
+      __builtin_memcpy(depths + i, &cells, sizeof cells);
     }
   }
 
-  // Columns side by side often have the same depth: their cells are one run.
   void set_row(uint64_t* words, int j, int i_begin, int i_end) const {
-    alignas(64) double depths[kTileCells + kDoubleLanes];
+    alignas(64) int32_t depths[kTileCells + kDoubleLanes];
     find_depths(depths, j, i_begin, i_end);
+    const uint32_t row = kSpread.at[first_[1] + j] << (corners_.axis + 2) % 3;
+    if (is_flat_) {
+      set_runs(words, depths, row, i_begin, i_end);
+    } else {
+      set_cells(words, depths, row, i_begin, i_end);
+    }
+  }
+
+  bool is_in_tile(int k) const { return k >= 0 && k <= corners_.cell_last[2]; }
+
+  // Columns side by side mostly have the same depth: their cells are one run.
+  void set_runs(uint64_t* words, const int32_t* depths, uint32_t row, int i_begin,
+                int i_end) const {
     const auto axis_i = static_cast<uint32_t>((corners_.axis + 1) % 3);
-    const uint32_t row_j = kSpread.at[first_[1] + j] << (corners_.axis + 2) % 3;
     for (int i = i_begin; i < i_end;) {
-      const int begin = i, k = static_cast<int>(depths[i]) - 1;
-      for (++i; i < i_end && static_cast<int>(depths[i]) - 1 == k; ++i) {
+      const int begin = i, k = depths[i] - 1;
+      for (++i; i < i_end && depths[i] - 1 == k; ++i) {
       }
-      if (k < 0 || k > corners_.cell_last[2]) continue;
-      set_run(words, axis_i, row_j | kSpread.at[k] << corners_.axis,
+      if (!is_in_tile(k)) continue;
+      set_run(words, axis_i, row | kSpread.at[k] << corners_.axis,
               static_cast<uint32_t>(first_[0] + begin), static_cast<uint32_t>(first_[0] + i));
+    }
+  }
+
+  void set_cells(uint64_t* words, const int32_t* depths, uint32_t row, int i_begin,
+                 int i_end) const {
+    const int axis_i = (corners_.axis + 1) % 3, axis_k = corners_.axis;
+    for (int i = i_begin; i < i_end; ++i) {
+      const int k = depths[i] - 1;
+      if (!is_in_tile(k)) continue;
+      const uint32_t m = row | kSpread.at[first_[0] + i] << axis_i | kSpread.at[k] << axis_k;
+      words[m >> 6] |= uint64_t{1} << (m & 63);
     }
   }
 
@@ -122,6 +149,7 @@ class LargeLines {
   int first_[2], count_[2];  // columns of the box inside the tile whose centres are in the box
   WideBound bounds_[3];
   double slope_i_, slope_j_, constant_, inverse_;
+  bool is_flat_;  // in i: runs of 8 cells or more at the same depth
 };
 
 }  // namespace

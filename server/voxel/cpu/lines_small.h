@@ -141,10 +141,11 @@ class SmallLines {
     k += first_[2];
     lanes &= negative_lanes(~(k | (cell_last_[2] - k)));
     const IntLanes cell = column | spread8(k) << axis_;
-    alignas(64) uint32_t cells[kLanes];
-    __builtin_memcpy(cells, &cell, sizeof cell);
+    // Not by memcpy, which GCC 12 here does through general registers.
+    alignas(64) int32_t cells[kLanes];
+    *reinterpret_cast<IntLanes*>(cells) = cell;
     for (; lanes != 0; lanes &= lanes - 1) {
-      const uint32_t m = cells[__builtin_ctz(lanes)];
+      const auto m = static_cast<uint32_t>(cells[__builtin_ctz(lanes)]);
       words[m >> 6] |= uint64_t{1} << (m & 63);
     }
   }
