@@ -91,15 +91,14 @@ Grid Grid::decode(std::span<const std::byte> container) {
   auto impl = std::make_unique<Impl>();
   impl->header = reader.header();
   impl->voxels = reader.voxel_count();
-  for (size_t i = 0; i < reader.tile_count(); ++i) {
-    SparseTile tile = checked(reader.decode_tile(i));
+  impl->tiles = checked(reader.decode_tiles());
+  for (const SparseTile& tile : impl->tiles) {
     std::vector<uint32_t> offsets;
     uint32_t voxels = 0;
     for (const BrickMask& mask : tile.masks) {
       offsets.push_back(voxels);
       for (const uint64_t word : mask.words) voxels += static_cast<uint32_t>(std::popcount(word));
     }
-    impl->tiles.push_back(std::move(tile));
     impl->brick_offsets.push_back(std::move(offsets));
   }
   return Grid(std::move(impl));

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "proto/grid_layout.h"
+#include "proto/parallel.h"
 #include "proto/tile_streams.h"
 
 namespace voxeld {
@@ -183,6 +184,21 @@ Result<SparseTile> GridReader::decode_tile(size_t index) const {
   if (!color.empty()) VOXELD_TRY(decode_color_stream(color, header_.codecs.color, tile));
   if (!normal.empty()) VOXELD_TRY(decode_normal_stream(normal, header_.codecs.normal, tile));
   return tile;
+}
+
+Result<std::vector<SparseTile>> GridReader::decode_tiles() const {
+  std::vector<SparseTile> tiles(tile_count());
+  std::vector<Status> done(tile_count());
+  for_each_parallel(tile_count(), [&](size_t i) {
+    auto tile = decode_tile(i);
+    if (tile) {
+      tiles[i] = *std::move(tile);
+    } else {
+      done[i] = tile.error();
+    }
+  });
+  for (const Status& status : done) VOXELD_TRY(status);
+  return tiles;
 }
 
 }  // namespace voxeld

@@ -108,6 +108,9 @@ class GridReader {
   std::pair<uint64_t, uint64_t> tile_byte_range(size_t index) const;
   // The tile is canonical.
   Result<SparseTile> decode_tile(size_t index) const;
+  // All of them, in the order of their indexes, decoded on all cores; the first error where there
+  // are some.
+  Result<std::vector<SparseTile>> decode_tiles() const;
 
  private:
   struct Entry {

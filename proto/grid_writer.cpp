@@ -7,6 +7,7 @@
 #include "proto/canonical_tile.h"
 #include "proto/grid_format.h"
 #include "proto/grid_layout.h"
+#include "proto/parallel.h"
 #include "proto/tile_streams.h"
 
 namespace voxeld {
@@ -71,6 +72,24 @@ Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header
   return out;
 }
 
+Result<std::vector<EncodedTile>> encode_tiles(std::span<const SparseTile> tiles,
+                                              const GridHeader& header) {
+  std::vector<EncodedTile> encoded(tiles.size());
+  std::vector<Status> done(tiles.size());
+  for_each_parallel(tiles.size(), [&](size_t i) {
+    if (tiles[i].empty()) return;
+    auto one = encode_tile(tiles[i], header);
+    if (one) {
+      encoded[i] = *std::move(one);
+    } else {
+      done[i] = one.error();
+    }
+  });
+  for (const Status& status : done) VOXELD_TRY(status);
+  std::erase_if(encoded, [](const EncodedTile& tile) { return tile.octree.empty(); });
+  return encoded;
+}
+
 Result<GridWriter> GridWriter::open(GridHeader header) {
   if (const Status status = check_header(header, 16); !status) {
     return Error{ErrorCode::kInternal, status.error().message(), "", ""};
@@ -125,12 +144,7 @@ Result<std::vector<uint8_t>> GridWriter::finish(std::string meta_json) {
 Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
                                          std::span<const SparseTile> tiles) {
   VOXELD_ASSIGN(GridWriter writer, GridWriter::open(header));
-  std::vector<EncodedTile> encoded;
-  for (const SparseTile& tile : tiles) {
-    if (tile.empty()) continue;
-    VOXELD_ASSIGN(EncodedTile one, encode_tile(tile, header));
-    encoded.push_back(std::move(one));
-  }
+  VOXELD_ASSIGN(std::vector<EncodedTile> encoded, encode_tiles(tiles, header));
   std::ranges::sort(encoded, {}, [](const EncodedTile& tile) { return tile_order(tile.coord); });
   size_t bytes = 0;
   for (const EncodedTile& tile : encoded) {

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,10 @@ struct EncodedTile {
 // The canonical form of a tile that is not empty, as the header's channels and codecs say. Errors:
 // internal, for tiles that break SparseTile's rules or the header's.
 Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header);
+
+// The same for many, on all cores; empty tiles are left out.
+Result<std::vector<EncodedTile>> encode_tiles(std::span<const SparseTile> tiles,
+                                              const GridHeader& header);
 
 class GridWriter {
  public:

@@ -32,11 +32,7 @@ Result<Grid> grid_from_container(std::span<const uint8_t> bytes) {
   grid.has_color = header.has_color;
   grid.has_normal = header.has_normal;
   grid.meta_json = header.meta_json;
-  grid.tiles.reserve(reader.tile_count());
-  for (size_t i = 0; i < reader.tile_count(); ++i) {
-    VOXELD_ASSIGN(SparseTile tile, reader.decode_tile(i));
-    grid.tiles.push_back(std::move(tile));
-  }
+  VOXELD_ASSIGN(grid.tiles, reader.decode_tiles());
   return grid;
 }
 

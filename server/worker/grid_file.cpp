@@ -3,11 +3,10 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
+#include <cerrno>
 #include <system_error>
 
 #include "server/base/stopwatch.h"
-#include "server/voxel/parallel.h"
 
 namespace voxeld {
 namespace {
@@ -54,17 +53,8 @@ Status GridFile::begin(const Grid& grid) {
 }
 
 Status GridFile::add(std::span<const SparseTile> tiles) {
-  std::vector<std::optional<Result<EncodedTile>>> encoded(tiles.size());
-  parallel_chunks(tiles.size(), 1, [&](size_t, size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      encoded[i].emplace(encode_tile(tiles[i], writer_->header()));
-    }
-  });
-  for (auto& tile : encoded) {
-    if (!tile->ok()) return tile->error();
-    VOXELD_TRY(store(**tile));
-    tile.reset();
-  }
+  VOXELD_ASSIGN(const std::vector<EncodedTile> encoded, encode_tiles(tiles, writer_->header()));
+  for (const EncodedTile& tile : encoded) VOXELD_TRY(store(tile));
   return {};
 }
 

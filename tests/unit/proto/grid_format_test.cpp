@@ -194,6 +194,28 @@ TEST(GridFormat, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   EXPECT_EQ(*first, *second);
 }
 
+TEST(GridFormat, all_tiles_at_once_are_what_each_is_alone) {
+  std::mt19937 random(6);
+  const auto tiles = test::tiles_of(test::random_voxels(random, {900, 900, 900}, 900), true, true);
+  auto bytes = encode_grid(header_of({900, 900, 900}, true, true), tiles);
+  ASSERT_TRUE(bytes);
+  const auto reader = GridReader::open(*bytes);
+  ASSERT_TRUE(reader);
+  ASSERT_GT(reader->tile_count(), 10u);
+  const auto all = reader->decode_tiles();
+  ASSERT_TRUE(all);
+  ASSERT_EQ(all->size(), reader->tile_count());
+  for (size_t i = 0; i < all->size(); ++i) EXPECT_TRUE((*all)[i] == *reader->decode_tile(i)) << i;
+
+  // Two broken tiles: the error of the first.
+  for (const size_t i : {size_t{7}, size_t{3}}) {
+    put(*bytes, kDirectory + 48 * i + 12, 99'999u);
+  }
+  const auto broken = GridReader::open(*bytes);
+  ASSERT_TRUE(broken);
+  EXPECT_EQ(broken->decode_tiles().error().message(), broken->decode_tile(3).error().message());
+}
+
 TEST(GridFormat, the_byte_range_of_a_tile_is_its_data_and_ranges_follow_each_other) {
   const Bytes bytes = two_tiles();
   const auto reader = GridReader::open(bytes);

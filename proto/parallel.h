@@ -1,0 +1,47 @@
+// Work on tiles that do not depend on each other, on all cores.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+namespace voxeld {
+
+// Calls work(i) once for each i < count, in any order, on as many threads as the machine has, the
+// calling one among them, and returns when all are done. What `work` throws is thrown here; calls
+// that have not begun by then are left out.
+template <typename Work>
+void for_each_parallel(size_t count, Work&& work) {
+  std::atomic<size_t> next = 0;
+  std::mutex mutex;
+  std::exception_ptr failure;
+  const auto run = [&] {
+    for (size_t i = next++; i < count; i = next++) {
+      try {
+        work(i);
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        failure = std::current_exception();
+        next = count;
+      }
+    }
+  };
+  {
+    const size_t cores = std::max<size_t>(std::thread::hardware_concurrency(), 1);
+    std::vector<std::jthread> helpers;
+    try {
+      for (size_t i = 1; i < std::min(cores, count); ++i) helpers.emplace_back(run);
+    } catch (const std::system_error&) {
+      // No more threads to be had: those that there are do the work.
+    }
+    run();
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace voxeld
