@@ -63,8 +63,8 @@
 
 namespace voxeld {
 
-// 2: full nodes and codecs. Version 1, which nobody has released, had neither, and its readers would
-// take a full node for a broken one.
+// 2: full nodes and codecs. Version 1, which was never released, had neither, and its readers take a
+// full node for a broken one.
 inline constexpr uint32_t kGridVersion = 2;
 inline constexpr size_t kGridHeaderBytes = 128;
 inline constexpr size_t kGridEntryBytes = 48;
@@ -88,7 +88,8 @@ struct GridHeader {
 
 // Writes a whole container. Tiles must have distinct coords inside dims; their order does not
 // matter (they are stored in Morton order of coord) and each is written in its canonical form, so
-// equal grids give equal bytes. Empty tiles are left out. Errors: internal, for tiles that break SparseTile's rules or the header's.
+// equal grids give equal bytes. Empty tiles are left out. Errors: internal, for tiles that break
+// SparseTile's rules or the header's.
 Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
                                          std::span<const SparseTile> tiles);
 

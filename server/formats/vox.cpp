@@ -5,7 +5,8 @@
 //
 // z points up there: a cell (x, y, z) of the grid is written at (x, -z, y), which keeps handedness.
 // Voxels without colour (those of full nodes, and all of a grid without colours) get the mean
-// colour of the others, or a neutral grey. dims, origin and voxel_size stand in the attributes of the root node.
+// colour of the others, or a neutral grey. dims, origin and voxel_size stand in the attributes of
+// the root node.
 #include <algorithm>
 #include <array>
 #include <cstring>

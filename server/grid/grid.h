@@ -23,7 +23,7 @@ struct Grid {
 };
 
 // Mean colour of the voxels that have one, of linear light, as sRGB R, G, B; for pictures and
-// palettes, which need a colour for the voxels of full nodes. A neutral grey where no voxel has any.
+// palettes, which need a colour for the voxels of full nodes. kNeutralColor where no voxel has any.
 std::array<uint8_t, 3> mean_color(const Grid& grid);
 inline constexpr std::array<uint8_t, 3> kNeutralColor = {0xb4, 0xb4, 0xb4};
 

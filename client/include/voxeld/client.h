@@ -111,7 +111,8 @@ class VOXELD_CLIENT_API Grid {
   const std::string& meta_json() const;
 
   bool occupied(int x, int y, int z) const;
-  // nullopt where the cell is empty, or the grid or this voxel (the inside of a solid) has no colour.
+  // nullopt where the cell is empty, or the grid or this voxel (the inside of a solid) has no
+  // colour.
   std::optional<Color> color(int x, int y, int z) const;
   // Every voxel, in Morton order within each tile; `color` and `normal` are null where the
   // grid or the voxel (the inside of a solid) has none.
