@@ -1,8 +1,8 @@
 // The native container. The first byte says what the rest is: a container as it is; one whose
 // length in the header is made to agree, so that the checks behind it are reached; the octree of a
 // tile (after a byte that says whether there are attributes), without the checksum that random
-// bytes never have; a zstd stream; or cells of a grid that must come back from its container. Seeds:
-// the containers of write_sample DIR, each after a zero byte.
+// bytes never have; a zstd stream; or cells of a grid that must come back from its container.
+// Seeds: the containers of write_sample DIR, each after a zero byte.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
