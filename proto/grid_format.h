@@ -63,7 +63,7 @@
 
 namespace voxeld {
 
-// 2: full nodes and codecs. Version 1, which was never released, had neither, and its readers take a
+// 2: full nodes and codecs. Version 1, which was never released, had neither; its readers take a
 // full node for a broken one.
 inline constexpr uint32_t kGridVersion = 2;
 inline constexpr size_t kGridHeaderBytes = 128;
