@@ -34,6 +34,8 @@ inline constexpr int kBundleRatioMax = 200;  // inflated over stored, per entry 
 inline constexpr int64_t kImagePixelsMax = int64_t{16384} * 16384 / 4;  // 67 Mpx, 268 MB as RGBA8
 inline constexpr int kImageSideMax = 32'768;
 
+inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
+
 // Pictures: invalid-option.
 inline constexpr int kRenderSideMax = 4096;
 

@@ -17,7 +17,17 @@ inline constexpr std::array<Word<Rule>, 4> kRule = {{{"touch", Rule::kTouch},
                                                      {"thin", Rule::kThin},
                                                      {"center", Rule::kCenter},
                                                      {"none", Rule::kNone}}};
-inline constexpr std::array<Word<Fill>, 1> kFill = {{{"surface", Fill::kSurface}}};
+inline constexpr std::array<Word<Fill>, 3> kFill = {
+    {{"surface", Fill::kSurface}, {"solid", Fill::kSolid}, {"shell", Fill::kShell}}};
+inline constexpr std::array<Word<Sign>, 6> kSign = {{{"auto", Sign::kAuto},
+                                                     {"parity", Sign::kParity},
+                                                     {"nonzero", Sign::kNonzero},
+                                                     {"majority", Sign::kMajority},
+                                                     {"flood", Sign::kFlood},
+                                                     {"winding", Sign::kWinding}}};
+inline std::string_view sign_name(Sign sign) {
+  return option_values::word_of<Sign>(sign, kSign);
+}
 inline constexpr std::array<Word<ColorMode>, 4> kColor = {{{"average", ColorMode::kAverage},
                                                            {"shaded", ColorMode::kShaded},
                                                            {"axis", ColorMode::kAxis},

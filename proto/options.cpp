@@ -139,9 +139,19 @@ Status set_placement(PlacementOptions& p, std::string_view name, std::string_vie
   return set_numbers(p.transform, name, text);
 }
 
+Status set_number(double& field, std::string_view name, std::string_view text, double min,
+                  double max) {
+  VOXELD_ASSIGN(field, number_between(name, text, min, max));
+  return {};
+}
+
 Status set_voxelize(VoxelizeOptions& v, std::string_view name, std::string_view text) {
   if (name == "rule") return set_word(v.rule, name, text, words::kRule);
   if (name == "fill") return set_word(v.fill, name, text, words::kFill);
+  if (name == "sign") return set_word(v.sign, name, text, words::kSign);
+  if (name == "thickness") {
+    return set_number(v.thickness, name, text, 1, limits::kShellThicknessMax);
+  }
   if (name == "color") return set_word(v.color, name, text, words::kColor);
   if (name == "channels") return set_channels(v, text);
   if (name == "pipeline") return set_word(v.pipeline, name, text, words::kPipeline);
@@ -154,12 +164,6 @@ Status set_output(OutputOptions& o, std::string_view name, std::string_view text
   if (name == "axes") return set_word(o.axes, name, text, words::kAxes);
   if (name == "dtype") return set_word(o.dtype, name, text, words::kDType);
   return set_int(o.palette_max, name, text, 1, 255);
-}
-
-Status set_number(double& field, std::string_view name, std::string_view text, double min,
-                  double max) {
-  VOXELD_ASSIGN(field, number_between(name, text, min, max));
-  return {};
 }
 
 Status set_render(RenderOptions& r, std::string_view name, std::string_view text) {
@@ -239,6 +243,17 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
   return set_render(options.render, option.name, text);
 }
 
+// Options that would say nothing are more likely a mistake.
+Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& given) {
+  if (given.contains("sign") && v.fill == Fill::kSurface) {
+    return invalid("sign", "fill solid or shell with it", "surface");
+  }
+  if (given.contains("thickness") && v.fill != Fill::kShell) {
+    return invalid("thickness", "fill shell with it", word_of<Fill>(v.fill, words::kFill));
+  }
+  return {};
+}
+
 Status check_combinations(const RequestOptions& options) {
   const VoxelizeOptions& v = options.voxelize;
   if (v.rule == Rule::kNone && v.fill == Fill::kSurface) {
@@ -296,6 +311,7 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
     }
     VOXELD_TRY(set_option(options, *row, text));
   }
+  VOXELD_TRY(check_fill(options.voxelize, seen));
   VOXELD_TRY(check_combinations(options));
   return options;
 }

@@ -47,7 +47,10 @@ class Errors(DaemonTest):
                 "dims=1,2": ("dims",), "voxel_size=-1": ("voxel_size",), "voxel_size=nan": ("nan",),
                 "bounds=0,0,0,0,0,0": ("bounds",), "format=obj": ("npy", "obj"),
                 "rule=thick": ("touch", "thin", "center"),
-                "rule=none": ("fill is surface", "none"), "fill=solid": ("surface",), "color=blue": ("average",),
+                "rule=none": ("fill is surface", "none"),
+                "fill=full": ("surface", "solid"), "sign=parity": ("fill",),
+                "fill=solid&thickness=2": ("shell",), "fill=shell&thickness=257": ("256",),
+                "color=blue": ("average",),
                 "channels=occupancy,smell": ("smell",), "pipeline=fast": ("raster",),
                 "axes=yzx": ("zyx",), "dtype=int7": ("uint8",), "size=8&size=9": ("size",),
                 "padding=-1": ("padding",), "up=w": ("up",)}.items():

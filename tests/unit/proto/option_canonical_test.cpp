@@ -44,6 +44,17 @@ TEST(CanonicalOptions, spell_out_every_default_in_a_fixed_order) {
             R"("elevation":"20","zoom":"1","background":"#ffffffff","light":"phong"})");
 }
 
+TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {
+  EXPECT_NE(canonical({{"fill", "solid"}}, OptionScope::kVoxelize)
+                .find(R"("fill":"solid","sign":"auto","color")"),
+            std::string::npos);
+  const std::string shell =
+      canonical({{"fill", "shell"}, {"sign", "flood"}}, OptionScope::kVoxelize);
+  EXPECT_NE(shell.find(R"("fill":"shell","sign":"flood","thickness":"1","color")"),
+            std::string::npos);
+  EXPECT_EQ(canonical_of_json(shell, OptionScope::kVoxelize), shell);
+}
+
 TEST(CanonicalOptions, a_default_that_is_spelled_out_changes_nothing) {
   for (const OptionScope scope : kScopes) {
     const std::string text = canonical({}, scope);

@@ -57,7 +57,9 @@ const std::map<std::string, OptionCase>& cases() {
       {"up", {{"y", "z"}, {"x", "Y", "", "yz"}, "y | z"}},
       {"units", {{"m", "cm", "mm", "in", "ft"}, {"km", "", "M"}, "m | cm | mm | in | ft"}},
       {"rule", {{"touch", "thin", "center"}, {"thick", ""}, "touch | thin | center | none"}},
-      {"fill", {{"surface"}, {"solid", ""}, "surface"}},
+      {"fill", {{"surface", "solid", "shell"}, {"full", ""}, "surface | solid | shell"}},
+      {"sign", {{}, {"even", ""}, "auto | parity | nonzero | majority | flood | winding"}},
+      {"thickness", {{}, {"0.99", "256.1", "nan", ""}, "a number from 1 to 256"}},
       {"color",
        {{"average", "shaded", "axis", "none"}, {"red", ""}, "average | shaded | axis | none"}},
       {"channels",
@@ -231,7 +233,7 @@ TEST(Options, pictures_values_reach_their_fields) {
 TEST(Options, unknown_names_are_refused_with_the_nearest_ones) {
   const Error error = refused({{"siez", "1"}}, OptionScope::kVoxelize);
   EXPECT_EQ(error.code, ErrorCode::kUnknownOption);
-  EXPECT_EQ(error.message(), "no such option: expected one of size, dims, fill, …, got \"siez\"");
+  EXPECT_EQ(error.message(), "no such option: expected one of size, sign, dims, …, got \"siez\"");
   EXPECT_EQ(refused({{"voxelsize", "1"}}, OptionScope::kVoxelize).expected.substr(0, 17),
             "one of voxel_size");
   // The name is echoed in part, whatever its length.
@@ -253,6 +255,30 @@ TEST(Options, each_scope_takes_its_own_options_alone) {
   }
   const Error error = refused({{"width", "5"}}, OptionScope::kVoxelize);
   EXPECT_EQ(error.detail, "option does not apply to this request");
+}
+
+TEST(Options, sign_and_thickness_need_a_fill_that_they_apply_to) {
+  for (const char* sign : {"auto", "parity", "nonzero", "majority", "flood", "winding"}) {
+    EXPECT_TRUE(
+        parse_options(OptionPairs{{"fill", "solid"}, {"sign", sign}}, OptionScope::kVoxelize));
+    EXPECT_TRUE(
+        parse_options(OptionPairs{{"sign", sign}, {"fill", "shell"}}, OptionScope::kVoxelize));
+    EXPECT_EQ(refused({{"sign", sign}}, OptionScope::kVoxelize).message(),
+              "sign: expected fill solid or shell with it, got \"surface\"");
+  }
+  for (const char* thickness : {"1", "256", "2.5"}) {
+    EXPECT_TRUE(parse_options(OptionPairs{{"fill", "shell"}, {"thickness", thickness}},
+                              OptionScope::kVoxelize));
+    EXPECT_EQ(
+        refused({{"fill", "solid"}, {"thickness", thickness}}, OptionScope::kVoxelize).message(),
+        "thickness: expected fill shell with it, got \"solid\"");
+  }
+  const VoxelizeOptions shell =
+      parsed({{"fill", "shell"}, {"sign", "flood"}, {"thickness", "2.5"}}, OptionScope::kVoxelize)
+          .voxelize;
+  EXPECT_EQ(shell.fill, Fill::kShell);
+  EXPECT_EQ(shell.sign, Sign::kFlood);
+  EXPECT_EQ(shell.thickness, 2.5);
 }
 
 TEST(Options, an_option_is_given_once) {
