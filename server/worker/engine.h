@@ -3,12 +3,14 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"
 #include "server/voxel/voxelize.h"
+#include "server/worker/mesh_topology.h"
 #include "server/worker/open_device.h"
 
 namespace voxeld {
@@ -26,6 +28,8 @@ struct LoadedGrid {
 struct InputCache {
   std::string scene_key;  // input hash and what of the file name matters
   std::shared_ptr<const Scene> scene;
+  std::string topology_key;  // of the scene
+  std::optional<MeshTopology> topology;
   std::string grid_key;  // hash of the container, or of input and options for renders of a mesh
   std::shared_ptr<const LoadedGrid> grid;
   std::string resident_key;  // the grid that the renderer has in its buffers

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "server/worker/mesh_topology.h"
+#include "proto/option_words.h"
 
 namespace voxeld {
 namespace {
@@ -61,9 +61,17 @@ json describe_missing(const Scene& scene) {
   return list;
 }
 
+void add_enclosed(const MeshTopology& topology, json& description) {
+  if (topology.enclosed_components) {
+    description["enclosed_components"] = *topology.enclosed_components;
+  }
+  if (topology.inner_walls) description["inner_walls"] = *topology.inner_walls;
+}
+
 void add_topology(const Scene& scene, json& description) {
-  for (const char* name : {"watertight", "open_edges", "non_manifold_edges", "flipped_edges",
-                           "degenerate_triangles"}) {
+  for (const char* name :
+       {"watertight", "open_edges", "non_manifold_edges", "flipped_edges", "degenerate_triangles",
+        "components", "enclosed_components", "inner_walls"}) {
     description[name] = nullptr;
   }
   const auto topology = mesh_topology(scene);
@@ -73,9 +81,35 @@ void add_topology(const Scene& scene, json& description) {
   description["non_manifold_edges"] = topology->non_manifold_edges;
   description["flipped_edges"] = topology->flipped_edges;
   description["degenerate_triangles"] = topology->degenerate_triangles;
+  description["components"] = topology->components;
+  add_enclosed(*topology, description);
 }
 
 }  // namespace
+
+json describe_fill(const FillStats& fill, const std::optional<MeshTopology>& topology) {
+  json description = {{"sign", option_words::sign_name(fill.sign)},
+                      {"reason", fill.reason},
+                      {"closed", nullptr},
+                      {"open_edges", nullptr},
+                      {"non_manifold_edges", nullptr},
+                      {"flipped_edges", nullptr},
+                      {"components", nullptr},
+                      {"enclosed_components", nullptr},
+                      {"inner_walls", nullptr},
+                      {"ambiguous_fraction", nullptr}};
+  if (fill.ambiguous_fraction) description["ambiguous_fraction"] = *fill.ambiguous_fraction;
+  if (!topology) return description;
+  description["closed"] = topology->closed();
+  description["open_edges"] = topology->open_edges;
+  description["non_manifold_edges"] = topology->non_manifold_edges;
+  description["flipped_edges"] = topology->flipped_edges;
+  description["components"] = topology->components;
+  add_enclosed(*topology, description);
+  // The axes agree on closed meshes.
+  if (topology->closed() && !fill.ambiguous_fraction) description["ambiguous_fraction"] = 0.0;
+  return description;
+}
 
 json describe_scene(const Scene& scene) {
   const Box3d box = scene.bounds();

@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <span>
 #include <utility>
 #include <vector>
+
+#include "server/worker/mesh_components.h"
 
 namespace voxeld {
 namespace {
@@ -32,6 +35,15 @@ class PositionNumbers {
     return slots_[slot];
   }
   size_t size() const { return positions_.size(); }
+  std::vector<glm::dvec3> positions() const {
+    std::vector<glm::dvec3> points;
+    points.reserve(positions_.size());
+    for (const Bits& p : positions_) {
+      points.emplace_back(std::bit_cast<double>(p[0]), std::bit_cast<double>(p[1]),
+                          std::bit_cast<double>(p[2]));
+    }
+    return points;
+  }
 
  private:
   using Bits = std::array<uint64_t, 3>;
@@ -54,23 +66,52 @@ class PositionNumbers {
   std::vector<Bits> positions_;
 };
 
-// Undirected edge a < b as a << 33 | b << 1 | direction: equal edges sort next to each other.
-// Numbers have 32 bits less the one that kTopologyTrianglesMax leaves unused.
-uint64_t edge_key(uint32_t from, uint32_t to) {
-  const uint64_t low = std::min(from, to), high = std::max(from, to);
-  return low << 33 | high << 1 | (from < to ? 0u : 1u);
+using Corners = std::array<uint32_t, 3>;
+
+// The other end of an edge that hangs on its end with the lower number.
+struct HalfEdge {
+  uint32_t high;
+  int32_t direction;  // 1: from the lower number to the higher
+};
+
+void count_edge(std::span<const HalfEdge> uses, MeshTopology& topology) {
+  int64_t balance = 0;
+  for (const HalfEdge& use : uses) balance += use.direction;
+  if (balance != 0) ++topology.unbalanced_edges;
+  if (uses.size() == 1) ++topology.open_edges;
+  if (uses.size() > 2) ++topology.non_manifold_edges;
+  if (uses.size() == 2 && balance != 0) ++topology.flipped_edges;
 }
 
-void count_edges(std::vector<uint64_t>& edges, MeshTopology& topology) {
-  std::sort(edges.begin(), edges.end());
-  for (size_t first = 0; first < edges.size();) {
-    size_t last = first + 1;
-    while (last < edges.size() && edges[last] >> 1 == edges[first] >> 1) ++last;
-    const size_t uses = last - first;
-    if (uses == 1) ++topology.open_edges;
-    if (uses > 2) ++topology.non_manifold_edges;
-    if (uses == 2 && edges[first] == edges[first + 1]) ++topology.flipped_edges;
-    first = last;
+// Edges are sorted by their lower end in linear time; few hang on one.
+void count_edges(const std::vector<Corners>& triangles, size_t position_count,
+                 MeshTopology& topology) {
+  const auto for_each_edge = [&](const auto& visit) {
+    for (const Corners& v : triangles) {
+      for (size_t i = 0; i < 3; ++i) {
+        const uint32_t from = v[i], to = v[(i + 1) % 3];
+        visit(std::min(from, to), std::max(from, to), from < to ? 1 : -1);
+      }
+    }
+  };
+  std::vector<size_t> first(position_count + 1);
+  for_each_edge([&](uint32_t low, uint32_t, int) { ++first[low + 1]; });
+  for (size_t i = 0; i < position_count; ++i) first[i + 1] += first[i];
+  std::vector<HalfEdge> edges(3 * triangles.size());
+  std::vector<size_t> place(first.begin(), first.end() - 1);
+  for_each_edge([&](uint32_t low, uint32_t high, int direction) {
+    edges[place[low]++] = {high, direction};
+  });
+  for (size_t low = 0; low < position_count; ++low) {
+    const std::span<HalfEdge> here =
+        std::span(edges).subspan(first[low], first[low + 1] - first[low]);
+    std::ranges::sort(here, {}, &HalfEdge::high);
+    for (size_t begin = 0; begin < here.size();) {
+      size_t end = begin + 1;
+      while (end < here.size() && here[end].high == here[begin].high) ++end;
+      count_edge(here.subspan(begin, end - begin), topology);
+      begin = end;
+    }
   }
 }
 
@@ -81,25 +122,24 @@ std::optional<MeshTopology> mesh_topology(const Scene& scene) {
   if (triangle_count > static_cast<size_t>(kTopologyTrianglesMax)) return std::nullopt;
   MeshTopology topology;
   PositionNumbers numbers(std::min(scene.vertex_count(), triangle_count * 3));
-  std::vector<uint64_t> edges;
-  edges.reserve(triangle_count * 3);
+  std::vector<Corners> triangles;
+  triangles.reserve(triangle_count);
   for (const MeshPart& part : scene.parts) {
     for (size_t corner = 0; corner + 2 < part.indices.size(); corner += 3) {
-      std::array<uint32_t, 3> v{};
+      Corners v{};
       for (size_t i = 0; i < 3; ++i) {
         v[i] = numbers.number_of(part.positions[part.indices[corner + i]]);
       }
       if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) {
         ++topology.degenerate_triangles;
-        continue;
+      } else {
+        triangles.push_back(v);
       }
-      edges.push_back(edge_key(v[0], v[1]));
-      edges.push_back(edge_key(v[1], v[2]));
-      edges.push_back(edge_key(v[2], v[0]));
     }
   }
   topology.distinct_positions = static_cast<int64_t>(numbers.size());
-  count_edges(edges, topology);
+  count_edges(triangles, numbers.size(), topology);
+  count_components(triangles, numbers.positions(), topology);
   return topology;
 }
 

@@ -1,4 +1,4 @@
-// Whether a mesh closes.
+// Whether a mesh closes, and what parts it has.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,21 @@ struct MeshTopology {
   int64_t open_edges = 0;          // in one triangle
   int64_t non_manifold_edges = 0;  // in more than two
   int64_t flipped_edges = 0;       // in two that run along it in the same direction
+  // Edges that triangles do not run along as often in one direction as in the other.
+  int64_t unbalanced_edges = 0;
+  int64_t components = 0;  // parts that share no position
+  // Components whose first vertex lies inside of another, closed one (a winding number of more than
+  // 1/2 there), and those of them that are closed and turned like it: their inside is inside of
+  // another, so their faces are walls that no outside sees. Unset where it would take long.
+  std::optional<int64_t> enclosed_components;
+  std::optional<int64_t> inner_walls;
   bool watertight() const { return open_edges == 0 && non_manifold_edges == 0; }
+  // Every triangle's edges cancel out: winding numbers are integers.
+  bool closed() const { return unbalanced_edges == 0; }
 };
+
+// Triangles that are looked at for enclosed components: each angle takes some 50 ns.
+inline constexpr int64_t kEnclosureAnglesMax = 10'000'000;
 
 // Largest mesh that is looked at: it takes about 40 bytes per triangle for a moment.
 inline constexpr int64_t kTopologyTrianglesMax = 20'000'000;

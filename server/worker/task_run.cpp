@@ -12,6 +12,7 @@
 #include "server/scene/load.h"
 #include "server/voxel/estimate.h"
 #include "server/worker/grid_file.h"
+#include "server/worker/inspect.h"
 
 namespace voxeld {
 namespace {
@@ -77,7 +78,7 @@ json device_facts(const Engine& engine) {
 
 // The object that every output carries. It says nothing of pipeline, device or time.
 std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
-                           const json& facts) {
+                           const json& facts, const json& fill) {
   json meta = {{"source_hash", task.input_hash},
                {"source_format", scene.format},
                {"source_triangles", scene.triangle_count()},
@@ -85,6 +86,7 @@ std::string container_meta(const Task& task, const Scene& scene, const RequestOp
                {"options", grid_options(options)},
                {"algorithm_version", kAlgorithmVersion}};
   meta.update(facts);
+  if (!fill.is_null()) meta["solid"] = fill;
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
@@ -104,6 +106,18 @@ void add_making_meta(TaskRun& run, const std::string& container_meta, const Voxe
 
 TileProgress progress_of(TaskRun& run) {
   return [&run](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); };
+}
+
+// Null for surfaces. How the mesh closes is the same for every request of it.
+json fill_report(TaskRun& run, const Scene& scene, const std::optional<FillStats>& fill) {
+  if (!fill) return {};
+  InputCache& cache = run.engine.cache;
+  const std::string key = scene_key(run.task, false);
+  if (cache.topology_key != key) {
+    cache.topology = mesh_topology(scene);
+    cache.topology_key = key;
+  }
+  return describe_fill(*fill, cache.topology);
 }
 
 }  // namespace
@@ -158,7 +172,8 @@ Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const Reques
   VOXELD_ASSIGN(made.grid,
                 run.engine.voxelizer.voxelize(scene, options.voxelize, progress_of(run), &stats));
   made.content_hash = content_hash(made.grid);
-  made.grid.meta_json = container_meta(run.task, scene, options, grid_facts(made));
+  made.grid.meta_json = container_meta(run.task, scene, options, grid_facts(made),
+                                       fill_report(run, scene, stats.fill));
   add_making_meta(run, made.grid.meta_json, stats);
   return made;
 }
@@ -186,7 +201,8 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   const StageTimer stage(run, "encode");
   const std::string hash = output.finish_hash();
   const std::string meta = container_meta(run.task, scene, options,
-                                          grid_facts(output.grid(), output.voxel_count(), hash));
+                                          grid_facts(output.grid(), output.voxel_count(), hash),
+                                          fill_report(run, scene, stats.fill));
   add_making_meta(run, meta, stats);
   for (GridFile* one : files) VOXELD_TRY(one->finish(meta));
   const std::string_view type = format_media_type(Format::kNative);

@@ -1,0 +1,20 @@
+// The connected parts of a mesh, and which lie inside of others.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+#include "server/worker/mesh_topology.h"
+
+namespace voxeld {
+
+// Fills in components, enclosed_components and inner_walls. `triangles`: three numbers of positions
+// each.
+void count_components(std::span<const std::array<uint32_t, 3>> triangles,
+                      const std::vector<glm::dvec3>& positions, MeshTopology& topology);
+
+}  // namespace voxeld
