@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <numeric>
 
 #include "proto/sparse_tile.h"
 #include "server/voxel/parallel.h"
@@ -95,6 +96,38 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
   voxels = std::min(voxels, spec.cell_count());
   bricks = std::min({bricks, voxels, brick_count(spec)});
   return bricks * kBytesPerBrick + voxels * attribute_bytes(channels);
+}
+
+int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
+                   int64_t surface_bytes, int threads) {
+  if (options.fill == Fill::kSurface) return 0;
+  // An upper bound of crossings: columns that the boxes of triangles reach, along one axis or three.
+  const bool votes = options.sign == Sign::kAuto || options.sign == Sign::kMajority;
+  std::vector<int64_t> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
+  parallel_chunks(
+      mesh.triangles.size(), kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+        for (size_t t = begin; t < end; ++t) {
+          const auto& v = mesh.triangles[t].vertices;
+          const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]],
+                           &c = mesh.vertices[v[2]];
+          const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
+          const glm::i64vec3 cells = glm::i64vec3(extent >> limits::kSubVoxelBits) + int64_t{1};
+          sums[chunk] += cells.x * cells.y;
+          if (votes) sums[chunk] += cells.y * cells.z + cells.z * cells.x;
+        }
+      });
+  const int64_t crossings = std::accumulate(sums.begin(), sums.end(), int64_t{0});
+  constexpr int64_t kCrossingBytes = 12;  // as found, sorted, and its change of state
+  constexpr int64_t kVolumeBytes = int64_t{2} << 20, kTileBytes = int64_t{164} << 10;
+  const glm::ivec3 tiles = spec.tile_dims();
+  const int64_t per_thread = (votes ? 4 : 2) * kVolumeBytes + tiles.z * kTileBytes;
+  int64_t bytes = 2 * surface_bytes + crossings * kCrossingBytes + threads * per_thread;
+  // Floods and shells look bricks up: 4 or 8 bytes for each of a tile that holds surface.
+  if (options.sign == Sign::kFlood || options.fill == Fill::kShell) {
+    const int64_t tile_count = int64_t{tiles.x} * tiles.y * tiles.z;
+    bytes += tile_count * (int64_t{8} << 15) + 3 * surface_bytes;
+  }
+  return bytes;
 }
 
 Status check_host_bytes(const GridSpec& spec, int64_t bytes, int64_t bytes_max) {

@@ -37,6 +37,13 @@ int64_t dense_result_bytes(const GridSpec& spec, const WantedChannels& channels)
 // it is deep.
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
 
+// What fill=solid and shell need more than the surface, whose result_bytes() are given: bricks of
+// the inside beside those of the surface and while both are united, crossings of columns, and what
+// each thread keeps. The walls that an open mesh casts along an axis of parity come on top. 0 for
+// fill=surface.
+int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
+                   int64_t surface_bytes, int threads);
+
 // Errors: grid-too-large.
 Status check_host_bytes(const GridSpec& spec, int64_t bytes, int64_t bytes_max);
 

@@ -70,7 +70,18 @@ struct Voxelizer::Impl {
                   VoxelizePlan& plan, VoxelizeStats& stats) const;
   Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
                    TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
+  // An upper estimate of what the machine's memory must hold.
+  int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const GridSpec& spec,
+                    const VoxelizeOptions& options, const WantedChannels& channels) const;
 };
+
+int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
+                                   const GridSpec& spec, const VoxelizeOptions& options,
+                                   const WantedChannels& channels) const {
+  const int64_t surface_bytes = result_bytes(mesh, spec, channels);
+  return mesh_bytes(scene) + surface_bytes +
+         fill_bytes(mesh, spec, options, surface_bytes, cpu.threads());
+}
 
 PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& work,
                                          const WantedChannels& channels) const {
@@ -100,10 +111,11 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
   VOXELD_ASSIGN(plan.mesh, snap_scene(scene, placed.world_from_file, placed.spec, bytes_left));
   // A close estimate takes its time, and matters only to grids that might not fit.
-  if (keeps_tiles && dense_result_bytes(placed.spec, plan.channels) > bytes_left) {
-    VOXELD_TRY(check_host_bytes(
-        placed.spec, mesh_bytes(scene) + result_bytes(plan.mesh, placed.spec, plan.channels),
-        host_bytes_max));
+  const bool fills = options.fill != Fill::kSurface;
+  if (keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left)) {
+    VOXELD_TRY(check_host_bytes(placed.spec,
+                                job_bytes(scene, plan.mesh, placed.spec, options, plan.channels),
+                                host_bytes_max));
   }
   stats.triangles = static_cast<int64_t>(plan.mesh.triangles.size());
   add_stage(stats.passes, "snap", watch.lap());
@@ -201,7 +213,7 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
       impl_->decide(options.pipeline, estimate_workload(mesh, bins.bins()), channels);
   const TilePipeline* pipeline = impl_->pipeline(estimate.pipeline.pipeline);
   if (pipeline != nullptr) estimate.device_bytes = pipeline->device_bytes(scene, channels);
-  estimate.host_bytes = mesh_bytes(scene) + result_bytes(mesh, placed.spec, channels);
+  estimate.host_bytes = impl_->job_bytes(scene, mesh, placed.spec, options, channels);
   VOXELD_TRY(check_host_bytes(placed.spec, estimate.host_bytes, impl_->host_bytes_max));
   return estimate;
 }

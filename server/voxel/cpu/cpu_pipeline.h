@@ -27,6 +27,7 @@ class CpuPipeline final : public TilePipeline {
   std::vector<SparseTile> touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,
                                       std::span<const TileBin> bins);
   WorkerPool& pool() { return touch_.pool(); }
+  int threads() const { return touch_.threads(); }
 
  private:
   void run_attributes(const TileBin& bin, SparseTile& tile);

@@ -96,8 +96,8 @@ TEST(Fill, neither_order_nor_threads_change_a_byte) {
   }
   const Scene shuffled = scene_of(triangles);
   for (const Sign sign : kSigns) {
-    for (const int size : {60, 600}) {
-      if (size == 600 && sign != Sign::kAuto && sign != Sign::kNonzero) continue;
+    for (const int size : {60, 300}) {
+      if (size == 300 && sign != Sign::kAuto && sign != Sign::kNonzero) continue;
       VoxelizeOptions options = solid(sign);
       options.placement.size = size;
       const Grid one = voxelized(scene, options, nullptr, 1);
@@ -265,12 +265,38 @@ TEST(Fill, can_be_cancelled_in_its_second_half) {
   EXPECT_LT(last, 9);
 }
 
+TEST(Fill, estimates_cover_what_a_fill_needs) {
+  Voxelizer voxelizer(nullptr, 2);
+  VoxelizeOptions options = solid(Sign::kParity);
+  options.rule = Rule::kTouch;
+  options.placement.size = 500;
+  const Scene scene = wavy_sphere(4);
+  options.fill = Fill::kSurface;
+  const int64_t surface = voxelizer.estimate(scene, options)->host_bytes;
+  options.fill = Fill::kSolid;
+  const int64_t parity = voxelizer.estimate(scene, options)->host_bytes;
+  options.sign = Sign::kMajority;
+  const int64_t majority = voxelizer.estimate(scene, options)->host_bytes;
+  EXPECT_LT(surface, parity);
+  EXPECT_LT(parity, majority);
+  int64_t bytes = 0;
+  for (const SparseTile& tile : voxelized(scene, options).tiles) {
+    bytes += static_cast<int64_t>(tile.masks.size() * 68 + tile.full.size() * sizeof(FullNode));
+  }
+  EXPECT_LT(bytes, parity - surface);
+  voxelizer.set_host_bytes_max((surface + parity) / 2);
+  options.sign = Sign::kParity;
+  const auto refused = voxelizer.voxelize(scene, options, {}, nullptr);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
+}
+
 TEST(Fill, the_daemon_keeps_its_voxelizer_from_one_fill_to_the_next) {
   const Scene open = open_sphere(), closed = wavy_sphere(3);
   Voxelizer voxelizer(nullptr, 2);
   for (const Sign sign : {Sign::kAuto, Sign::kParity, Sign::kWinding}) {
     VoxelizeOptions options = solid(sign);
-    for (const int size : {300, 50}) {
+    for (const int size : {270, 50}) {
       options.placement.size = size;
       for (const Scene* scene : {&open, &closed}) {
         const auto grid = voxelizer.voxelize(*scene, options, {}, nullptr);
