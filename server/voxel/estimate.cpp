@@ -101,7 +101,8 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
 int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
                    int64_t surface_bytes, int threads) {
   if (options.fill == Fill::kSurface) return 0;
-  // An upper bound of crossings: columns that the boxes of triangles reach, along one axis or three.
+  // An upper bound of crossings: columns that the boxes of triangles reach, along one axis or
+  // three.
   const bool votes = options.sign == Sign::kAuto || options.sign == Sign::kMajority;
   std::vector<int64_t> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
   parallel_chunks(

@@ -14,8 +14,8 @@ struct FillStats {
   std::string reason;       // why `auto` took it, or "asked for"
   // Edges at which the snapped mesh does not close, where it was looked at (sign auto and winding).
   std::optional<int64_t> boundary_edges;
-  // Of the cells that parity along at least one axis finds inside, the share on which the three axes
-  // disagree and that are not surface. 0 for closed meshes; unset where it was not looked at.
+  // Of the cells that parity along at least one axis finds inside, the share on which the three
+  // axes disagree and that are not surface. 0 for closed meshes; unset where it was not looked at.
   std::optional<double> ambiguous_fraction;
 };
 

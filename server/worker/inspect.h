@@ -12,12 +12,13 @@ namespace voxeld {
 // {format, triangles, vertices, bounds {min, max}, has_colors, parts [{name, triangles, vertices,
 // material}], materials [{name, base_color, texture, found}], missing_files [{name, needed_by}],
 // watertight, open_edges, non_manifold_edges, flipped_edges, degenerate_triangles, components,
-// enclosed_components, inner_walls}. What is counted is null for meshes above kTopologyTrianglesMax.
+// enclosed_components, inner_walls}. What is counted is null for meshes above
+// kTopologyTrianglesMax.
 nlohmann::json describe_scene(const Scene& scene);
 
 // The report of a fill, for the meta object: {sign, reason, closed, open_edges, non_manifold_edges,
-// flipped_edges, components, enclosed_components, inner_walls, ambiguous_fraction}; null where it is
-// not known.
+// flipped_edges, components, enclosed_components, inner_walls, ambiguous_fraction}; null where it
+// is not known.
 nlohmann::json describe_fill(const FillStats& fill, const std::optional<MeshTopology>& topology);
 
 }  // namespace voxeld

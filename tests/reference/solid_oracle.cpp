@@ -37,8 +37,8 @@ int side_of(const std::array<Wide, 2>& a, const std::array<Wide, 2>& b,
 }
 
 // +1 where the line down from the centre of the cell meets the triangle's underside (it faces
-// down), -1 where it meets the upper side, 0 where it misses it or the triangle is edge-on. A centre
-// on the triangle lies above it.
+// down), -1 where it meets the upper side, 0 where it misses it or the triangle is edge-on. A
+// centre on the triangle lies above it.
 int crossing_below(const std::array<std::array<int64_t, 3>, 3>& triangle,
                    const std::array<int, 3>& cell, int axis) {
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;

@@ -23,7 +23,8 @@ class CpuPipeline final : public TilePipeline {
   DeviceTraits traits() const override { return {}; }
   size_t batch_tiles() const override;
 
-  // The tiles of `bins` by rule=touch and without attributes, whatever the job in progress asks for.
+  // The tiles of `bins` by rule=touch and without attributes, whatever the job in progress asks
+  // for.
   std::vector<SparseTile> touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,
                                       std::span<const TileBin> bins);
   WorkerPool& pool() { return touch_.pool(); }

@@ -25,7 +25,8 @@ struct BoundaryEdge {
 std::vector<BoundaryEdge> boundary_edges(const FillMesh& mesh);
 
 // Triangles that close the mesh, three corners each: over every connected part of the boundary a
-// cone from the middle of its vertices. The mesh with them has no boundary. In the order of the edges.
+// cone from the middle of its vertices. The mesh with them has no boundary. In the order of the
+// edges.
 std::vector<glm::ivec3> closing_cones(const std::vector<BoundaryEdge>& boundary);
 
 }  // namespace voxeld

@@ -192,7 +192,8 @@ void ColumnMaker::vote(const InsidePlan& plan, const glm::ivec3& tile, int brick
   }
 }
 
-// Computes bricks anew whose threshold is not 1; where `wanted` is given, those that it has bits of.
+// Computes bricks anew whose threshold is not 1; where `wanted` is given, those that it has bits
+// of.
 void ColumnMaker::apply_thresholds(const InsidePlan& plan, const glm::ivec3& tile, int brick_y,
                                    int brick_z, const BrickRow* wanted, BrickRow& rows) {
   std::array<int, 512> cells;

@@ -12,8 +12,8 @@ namespace {
 __extension__ using Wide = __int128;
 __extension__ using UnsignedWide = unsigned __int128;
 
-// Corners below this need no more than 64 bits: coordinates take 21 with the sign, the normal, twice
-// an area in a square of 2^21, 43, times a depth 64. Sums may wrap on the way; what
+// Corners below this need no more than 64 bits: coordinates take 21 with the sign, the normal,
+// twice an area in a square of 2^21, 43, times a depth 64. Sums may wrap on the way; what
 // comes out fits.
 constexpr int kNarrowQMax = (1 << 19) + (1 << 10);
 

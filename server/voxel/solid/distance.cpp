@@ -26,8 +26,8 @@ bool distances_of_row(std::span<const uint8_t> row, int first, std::span<uint32_
   return true;
 }
 
-// The lower envelope of the parabolas f(i) + (x - i)^2 of scratch.line, at first to first + side - 1,
-// into scratch.result. False where no f is known.
+// The lower envelope of the parabolas f(i) + (x - i)^2 of scratch.line, at first to first + side -
+// 1, into scratch.result. False where no f is known.
 bool envelope(int first, int side, DistanceScratch& scratch) {
   const std::span<const uint32_t> f = scratch.line;
   scratch.apex.resize(f.size());

@@ -26,11 +26,11 @@ struct DistanceScratch {
   std::vector<int32_t> apex, from;
 };
 
-// Writes for every cell of the cube, x fastest, then y, then z, the squared distance of its centre to
-// that of the nearest set cell of the box. Sides are at most 4096 cells. Along x, y, z in turn, each
-// in linear time: Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing distance
-// transforms in linear time"; Felzenszwalb & Huttenlocher 2012, "Distance transforms of sampled
-// functions". `fill_row(y, z, row)` sets a row of the box to 0 and 1.
+// Writes for every cell of the cube, x fastest, then y, then z, the squared distance of its centre
+// to that of the nearest set cell of the box. Sides are at most 4096 cells. Along x, y, z in turn,
+// each in linear time: Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing
+// distance transforms in linear time"; Felzenszwalb & Huttenlocher 2012, "Distance transforms of
+// sampled functions". `fill_row(y, z, row)` sets a row of the box to 0 and 1.
 void squared_distances(const DistanceBox& box,
                        const std::function<void(int, int, std::span<uint8_t>)>& fill_row,
                        DistanceScratch& scratch, std::vector<uint32_t>& out);

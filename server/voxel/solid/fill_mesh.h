@@ -1,5 +1,5 @@
-// The triangles whose inside is filled: snapped as those of the surface, but none is clipped or left
-// out, because what lies beside the grid's box decides what is inside of it.
+// The triangles whose inside is filled: snapped as those of the surface, but none is clipped or
+// left out, because what lies beside the grid's box decides what is inside of it.
 #pragma once
 
 #include <array>
@@ -32,8 +32,8 @@ class FillMesh {
   }
 
   // Borrows the mesh where it has every triangle as it is, and snaps the scene again where
-  // triangles were clipped. A coordinate that lies further than kFillCellsMax cells beside cell 0 is
-  // moved to there.
+  // triangles were clipped. A coordinate that lies further than kFillCellsMax cells beside cell 0
+  // is moved to there.
   static FillMesh of(const Scene& scene, const glm::dmat4& world_from_file, const GridSpec& spec,
                      const SnappedMesh& mesh);
   // Of corners that are there already, three for each triangle.

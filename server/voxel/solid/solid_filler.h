@@ -21,8 +21,8 @@ class SolidFiller {
 
   // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
   // fill asks for, in Morton order of coord. `touch` is called where the fill needs the cells that
-  // rule=touch gives and `tiles` are others. Errors: those of `touch` and `progress`, which is called
-  // with tile columns done of tile_column_count().
+  // rule=touch gives and `tiles` are others. Errors: those of `touch` and `progress`, which is
+  // called with tile columns done of tile_column_count().
   Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 

@@ -50,8 +50,8 @@ double signed_volume(const glm::i64vec3& a, const glm::i64vec3& b, const glm::i6
   return tie < 0 ? -0.0 : 0.0;
 }
 
-// Of the triangle as seen from the origin, over 4 pi: van Oosterom & Strackee 1983, "The solid angle
-// of a plane triangle". Positive where the triangle faces away from the origin.
+// Of the triangle as seen from the origin, over 4 pi: van Oosterom & Strackee 1983, "The solid
+// angle of a plane triangle". Positive where the triangle faces away from the origin.
 double solid_angle(const glm::i64vec3& a, const glm::i64vec3& b, const glm::i64vec3& c) {
   const glm::dvec3 da = to_double(a), db = to_double(b), dc = to_double(c);
   const double la = glm::length(da), lb = glm::length(db), lc = glm::length(dc);
