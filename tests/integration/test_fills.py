@@ -1,0 +1,79 @@
+"""Solids and shells through the daemon: what is inside, the report of it, and what is refused."""
+import io
+import json
+import unittest
+
+import numpy as np
+
+from harness import DaemonTest
+
+# A box of 10 x 10 x 10, wound outwards; faces in pairs of triangles, the top (z = 10) last.
+CORNERS = [(x, y, z) for z in (0, 10) for y in (0, 10) for x in (0, 10)]
+FACES = [(0, 2, 1), (1, 2, 3), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6),
+         (1, 3, 5), (3, 7, 5), (4, 5, 6), (5, 7, 6)]
+
+
+def off_file(faces):
+    lines = ["OFF", f"{len(CORNERS)} {len(faces)} 0"]
+    lines += [" ".join(map(str, corner)) for corner in CORNERS]
+    lines += ["3 " + " ".join(map(str, face)) for face in faces]
+    return "\n".join(lines).encode() + b"\n"
+
+
+class Fills(DaemonTest):
+    def voxelize(self, mesh, query):
+        response = self.daemon.post(f"/v1/voxelize?format=npy&filename=box.off&{query}", mesh)
+        self.assertEqual(response.status, 200, response.body)
+        meta = json.loads(response.headers["X-Voxeld-Meta"])
+        return np.load(io.BytesIO(response.body)), meta
+
+    def test_a_closed_mesh_is_solid_by_every_sign(self):
+        for sign in ("auto", "parity", "nonzero", "majority", "flood", "winding"):
+            with self.subTest(sign):
+                grid, meta = self.voxelize(off_file(FACES), f"size=20&fill=solid&sign={sign}")
+                self.assertEqual(grid.shape, (20, 20, 20))
+                self.assertTrue(grid.all())
+                solid = meta["solid"]
+                self.assertEqual(solid["sign"], "nonzero" if sign == "auto" else sign)
+                self.assertIs(solid["closed"], True)
+                self.assertEqual(solid["open_edges"], 0)
+                self.assertEqual(solid["components"], 1)
+                self.assertEqual(solid["inner_walls"], 0)
+                self.assertEqual(solid["ambiguous_fraction"], 0)
+
+    def test_a_shell_is_hollow_at_its_thickness(self):
+        grid, _ = self.voxelize(off_file(FACES), "size=20&fill=shell&thickness=3")
+        self.assertTrue(grid[:4].all())
+        self.assertEqual(int((grid == 0).sum()), 12 ** 3)
+        self.assertFalse(grid[4:16, 4:16, 4:16].any())
+
+    def test_an_open_mesh_is_told_apart(self):
+        grid, meta = self.voxelize(off_file(FACES[:-2]), "size=20&fill=solid&padding=4")
+        solid = meta["solid"]
+        self.assertEqual(solid["sign"], "majority")
+        self.assertIn("does not close at 4 edges", solid["reason"])
+        self.assertIs(solid["closed"], False)
+        self.assertEqual(solid["open_edges"], 4)
+        self.assertGreater(solid["ambiguous_fraction"], 0.1)
+        # All of the box but some of what is right below the missing face.
+        self.assertTrue(grid[4:14, 4:16, 4:16].all())
+        self.assertFalse(grid[:4].any())
+        self.assertFalse(grid[17:].any())
+
+    def test_the_pipelines_give_the_same_solid(self):
+        mesh = self.fixture("sample.ply")
+        hashes = set()
+        for pipeline in ("raster", "compute", "cpu"):
+            response = self.daemon.post(
+                f"/v1/voxelize?size=60&fill=solid&pipeline={pipeline}&filename=a.ply", mesh)
+            self.assertEqual(response.status, 200, response.body)
+            hashes.add(response.headers["X-Voxeld-Content-Hash"])
+        self.assertEqual(len(hashes), 1)
+
+    def test_a_surface_has_no_report_of_a_fill(self):
+        _, meta = self.voxelize(off_file(FACES), "size=20")
+        self.assertNotIn("solid", meta)
+
+
+if __name__ == "__main__":
+    unittest.main()
