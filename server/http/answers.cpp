@@ -18,10 +18,11 @@ std::string text_member(const Json& object, const char* name) {
   return it != object.end() && it->is_string() ? it->get<std::string>() : std::string();
 }
 
-// The part of meta that fits a header: where the grid lies and what made it.
+// The part of meta that fits a header: where the grid lies, and what is known of its inside.
 std::string meta_header(const Json& meta) {
   Json brief = Json::object();
-  for (const char* name : {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units"}) {
+  for (const char* name :
+       {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units", "solid"}) {
     if (meta.contains(name)) brief[name] = meta[name];
   }
   std::string text = brief.dump(-1, ' ', true);

@@ -85,6 +85,7 @@ void ColumnMaker::find_crossings(const InsidePlan& plan, size_t column,
 void ColumnMaker::begin_axes(const InsidePlan& plan, const glm::ivec3& tile) {
   const TileCrossings& x = plan.along_x->column(tile.y, tile.z);
   const TileCrossings& y = plan.along_y->column(tile.z, tile.x);
+  surface_ = plan.job.surface.find(tile);
   axes_->x.begin_tile(x.below_tile(tile.x), x.of_tile(tile.x), tile.x * limits::kTileSide);
   axes_->y.begin_tile(y.below_tile(tile.y), y.of_tile(tile.y), tile.y * limits::kTileSide);
 }
@@ -182,13 +183,12 @@ void ColumnMaker::vote(const InsidePlan& plan, const glm::ivec3& tile, int brick
   trim(extent, brick_y, brick_z, disagree);
   votes.inside += count_bits(any);
   if (count_bits(disagree) == 0) return;
-  const SparseTile* surface = plan.job.surface.find(tile);
   for (int brick = 0; brick < kTileBricks; ++brick) {
     if (brick_bits(disagree, brick) == 0) continue;
     const uint32_t morton =
         morton_encode(static_cast<uint32_t>(brick), static_cast<uint32_t>(brick_y),
                       static_cast<uint32_t>(brick_z));
-    votes.disagree += count_beside(brick_of_row(disagree, brick), surface, morton);
+    votes.disagree += count_beside(brick_of_row(disagree, brick), surface_, morton);
   }
 }
 

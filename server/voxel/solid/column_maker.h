@@ -68,6 +68,7 @@ class ColumnMaker {
   SweepZ parity_;                    // of the mesh, or of changes of nonzero
   std::unique_ptr<SweepZ> winding_;  // winding number of mesh and cones > 0
   std::unique_ptr<Axes> axes_;
+  const SparseTile* surface_ = nullptr;  // of the tile, where the axes vote
   ColumnWindow window_;
   std::vector<Crossing> crossings_, changes_;
   TileCrossings parity_crossings_, winding_crossings_;

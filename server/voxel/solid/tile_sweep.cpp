@@ -115,6 +115,10 @@ void SweepY::next_row(int brick_y, int brick_z, BrickRow& rows) {
 }
 
 void trim(const TileExtent& extent, int brick_y, int brick_z, BrickRow& rows) {
+  if (extent.size[0] == limits::kTileSide && extent.size[1] >= (brick_y + 1) * limits::kBrickSide &&
+      extent.size[2] >= (brick_z + 1) * limits::kBrickSide) {
+    return;
+  }
   for (int z = 0; z < limits::kBrickSide; ++z) {
     for (int y = 0; y < limits::kBrickSide; ++y) {
       const bool inside = brick_z * limits::kBrickSide + z < extent.size[2] &&
