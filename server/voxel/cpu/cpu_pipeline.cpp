@@ -57,6 +57,7 @@ Status CpuPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseT
 
 std::vector<SparseTile> CpuPipeline::touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,
                                                  std::span<const TileBin> bins) {
+  touch_.set_rule(Rule::kTouch);
   std::vector<SparseTile> tiles(bins.size());
   for (size_t i = 0; i < bins.size(); ++i) {
     tiles[i].coord = {bins[i].coord.x, bins[i].coord.y, bins[i].coord.z};
