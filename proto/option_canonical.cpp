@@ -83,6 +83,8 @@ void add_render(Json& out, const RenderOptions& r) {
   add_numbers(out, "matrix", r.matrix);
   out["background"] = hex_color(r.background);
   out["light"] = word(r.light, words::kLight);
+  out["occlusion"] = word(r.occlusion, words::kYesNo);
+  out["shadow"] = word(r.shadow, words::kYesNo);
   add_numbers(out, "section", r.section);
 }
 

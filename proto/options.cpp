@@ -176,6 +176,8 @@ Status set_render(RenderOptions& r, std::string_view name, std::string_view text
   if (name == "matrix") return set_numbers(r.matrix, name, text);
   if (name == "background") return set_background(r, text);
   if (name == "light") return set_word(r.light, name, text, words::kLight);
+  if (name == "occlusion") return set_word(r.occlusion, name, text, words::kYesNo);
+  if (name == "shadow") return set_word(r.shadow, name, text, words::kYesNo);
   return set_section(r, text);
 }
 

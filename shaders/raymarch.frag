@@ -1,98 +1,122 @@
-// Ray march through a sparse grid: a two-level DDA over blocks of 32^3, bricks of 8^3 and voxels.
-// With RAYMARCH_HITS the pass answers which voxel each pixel's ray hits first; otherwise it draws.
-//
-// One flat loop per ray: every iteration is one step of whatever size, so a SIMD group takes as
-// many as its longest ray, and dims.w bounds that by construction (workaround
-// loop_iterations_65535).
+// Ray march through a sparse grid, see lib/march.glsl. With RAYMARCH_HITS the pass answers which
+// voxel each pixel's ray hits first; otherwise it draws. Then RAYMARCH_ATTRIBUTES, RAYMARCH_SMOOTH
+// and RAYMARCH_LIGHT, each 0 or 1, say whether voxels have colours or normals, whether normals are
+// estimated, and whether there is ambient occlusion or a shadow: software drivers execute what
+// stands behind a condition even where no invocation meets it.
+#include "shared/raymarch.h"
 #include "lib/dda.glsl"
 #include "lib/dda_brick.glsl"
 #include "lib/dda_normal.glsl"
+#include "lib/march_tree.glsl"
+#include "lib/march.glsl"
+#include "lib/march_light.glsl"
+#include "lib/march_normal.glsl"
 #include "lib/shading.glsl"
-#include "shared/raymarch.h"
+#include "lib/march_attributes.glsl"
 
 layout(std140, binding = RAYMARCH_PARAMS) uniform Params { RaymarchParams params; };
-layout(std430, binding = RAYMARCH_BRICK_INDEX) readonly buffer BrickIndex { uint brick_index[]; };
-layout(std430, binding = RAYMARCH_BRICK_MASKS) readonly buffer BrickMasks { uint brick_masks[]; };
-layout(std430, binding = RAYMARCH_BLOCK_BITS) readonly buffer BlockBits { uint block_bits[]; };
+layout(std430, binding = RAYMARCH_NODES) readonly buffer Nodes { uint nodes[]; };
+layout(std430, binding = RAYMARCH_BRICKS) readonly buffer Bricks { uint bricks[]; };
+layout(std430, binding = RAYMARCH_COLORS) readonly buffer Colors { uint colors[]; };
+layout(std430, binding = RAYMARCH_NORMALS) readonly buffer Normals { uint normals[]; };
 
-struct March {
-  bool hit;
-  bool on_section;  // the ray starts on the section plane, inside the voxel
-  ivec3 cell;
-  int face;
-  uint brick;
+uint node_word(uint index) { return nodes[index]; }
+uint brick_word(uint index) { return bricks[index]; }
+uint color_word(uint index) { return colors[index]; }
+uint normal_word(uint index) { return normals[index]; }
+
+bool has(uint flag) { return (uint(params.picture.z) & flag) != 0u; }
+
+MarchGrid march_grid() {
+  return MarchGrid(params.box_low.xyz, params.box_high.xyz, params.tile_dims.xyz);
+}
+
+// A picture's ray before it meets the grid, in grid space.
+struct EyeRay {
+  dvec3 origin, direction;  // the longest component of the direction is 1
+  double t_first, t_last;   // from the near to the far plane, on the kept side of the section
 };
 
-int linear_index(ivec3 p, ivec3 dims) { return p.x + dims.x * (p.y + dims.y * p.z); }
+dvec4 both(vec4 high, vec4 low) { return dvec4(high) + dvec4(low); }
 
-// log2 of the side of the largest aligned empty cube around the cell that the tables know of, or -1
-// where the voxel is occupied; then `brick` is its brick's number.
-int empty_shift(ivec3 cell, out uint brick) {
-  brick = 0u;
-  int block = linear_index(cell >> RAYMARCH_BLOCK_SHIFT, params.block_dims.xyz);
-  if ((block_bits[block >> 5] >> (block & 31) & 1u) == 0u) return RAYMARCH_BLOCK_SHIFT;
-  uint entry = brick_index[linear_index(cell >> RAYMARCH_BRICK_SHIFT, params.brick_dims.xyz)];
-  if (entry == 0u) return RAYMARCH_BRICK_SHIFT;
-  brick = entry - 1u;
-  int bit = dda_brick_bit(cell.x, cell.y, cell.z);
-  return (brick_masks[brick * 16u + uint(bit >> 5)] >> (bit & 31) & 1u) != 0u ? -1 : 0;
+// The ray through a position of the picture in pixels. From homogeneous points, so a far plane at
+// infinity works.
+EyeRay picture_ray(vec2 pixel) {
+  vec2 at = pixel / vec2(params.picture.xy) * 2.0 - 1.0;
+  dvec4 near = both(params.near_0, params.near_0_low) +
+               double(at.x) * both(params.near_x, params.near_x_low) +
+               double(at.y) * both(params.near_y, params.near_y_low);
+  dvec4 far = both(params.far_0, params.far_0_low) +
+              double(at.x) * both(params.far_x, params.far_x_low) +
+              double(at.y) * both(params.far_y, params.far_y_low);
+  dvec3 direction = far.xyz * near.w - near.xyz * far.w;
+  double weight = far.w * near.w;
+  if (weight < 0.0) direction = -direction;
+  dvec3 size = abs(direction);
+  double longest = max(size.x, max(size.y, size.z));
+  EyeRay ray;
+  ray.origin = near.xyz / near.w;
+  ray.direction = direction / longest;
+  ray.t_first = 0.0;
+  ray.t_last = weight == 0.0 ? double(DDA_FAR) : longest / abs(weight);
+  return ray;
 }
 
 // The part of the ray on the kept side of the section plane.
-void clip_to_section(GridRay ray, inout float t_min, inout float t_max) {
-  float at_origin = dot(params.section.xyz, ray.origin) + params.section.w;
-  float per_t = dot(params.section.xyz, ray.direction);
-  float t = -at_origin / per_t;
+EyeRay clipped_to_section(EyeRay ray) {
+  dvec4 plane = both(params.section, params.section_low);
+  double at_origin = dot(plane.xyz, ray.origin) + plane.w;
+  double per_t = dot(plane.xyz, ray.direction);
   if (per_t == 0.0) {
-    if (at_origin > 0.0) t_max = -DDA_FAR;
+    if (at_origin > 0.0) ray.t_last = -1.0;
   } else if (per_t < 0.0) {
-    t_min = max(t_min, t);
+    ray.t_first = max(ray.t_first, -at_origin / per_t);
   } else {
-    t_max = min(t_max, t);
+    ray.t_last = min(ray.t_last, -at_origin / per_t);
   }
+  return ray;
 }
 
-March march(GridRay ray, float t_max) {
-  March result = March(false, false, ivec3(-1), -1, 0u);
-  float t = 0.0;
-  if ((uint(params.picture.z) & RAYMARCH_HAS_SECTION) != 0u) clip_to_section(ray, t, t_max);
-  bool starts_on_section = t > 0.0;
-  int axis;
-  if (!dda_enter_grid(ray, params.dims.xyz, t, axis) || t > t_max) return result;
-  ivec3 cell = dda_first_cell(ray, params.dims.xyz, t, axis);
-  result.on_section = starts_on_section && axis < 0;
-  if (axis < 0) axis = dda_longest_axis(ray.direction);
-  for (int step_count = 0; step_count < params.dims.w; ++step_count) {
-    int shift = empty_shift(cell, result.brick);
-    if (shift < 0) {
-      result.hit = true;
-      result.cell = cell;
-      result.face = dda_face(ray, axis);
-      return result;
-    }
-    t = dda_leave_block(ray, shift, cell, axis);
-    result.on_section = false;
-    if (t > t_max || any(lessThan(cell, ivec3(0))) ||
-        any(greaterThanEqual(cell, params.dims.xyz))) {
-      return result;
-    }
-  }
-  return result;
+struct Sight {
+  RayStart start;
+  March found;
+  bool on_section;  // the ray starts on the section plane, inside the voxel
+};
+
+// Distances along a ray from which on cubes of 2, 4, 8 and 32 voxels are no wider than a pixel.
+vec4 levels_by_footprint(RayStart start) {
+  vec4 side = vec4(2.0, 4.0, 8.0, 32.0);
+  float grows = params.footprint.y * length(start.ray.direction * params.voxel_size.xyz) /
+                params.voxel_size.w;
+  float here = params.footprint.x + grows * start.t_skipped;
+  if (grows <= 1e-9 * here) return mix(vec4(DDA_FAR), vec4(-1.0), lessThanEqual(side, vec4(here)));
+  return (side - here) / grows;
 }
 
-// The ray through a position of the picture in pixels, and where it meets the far plane. From
-// homogeneous points, so a far plane at infinity works.
-GridRay picture_ray(vec2 pixel, out float t_max) {
-  vec2 at = pixel / vec2(params.picture.xy) * 2.0 - 1.0;
-  vec4 near = params.near_0 + at.x * params.near_x + at.y * params.near_y;
-  vec4 far = params.far_0 + at.x * params.far_x + at.y * params.far_y;
-  vec3 direction = far.xyz * near.w - near.xyz * far.w;
-  float weight = far.w * near.w;
-  if (weight < 0.0) direction = -direction;
-  vec3 size = abs(direction);
-  float longest = max(size.x, max(size.y, size.z));
-  t_max = weight == 0.0 ? DDA_FAR : longest / abs(weight);
-  return dda_ray(near.xyz / near.w, direction / longest);
+Sight look(vec2 pixel) {
+  EyeRay eye = picture_ray(pixel);
+  if (has(RAYMARCH_HAS_SECTION)) eye = clipped_to_section(eye);
+  Sight sight;
+  sight.start = dda_start(eye.origin, eye.direction, eye.t_first, eye.t_last, params.box_low.xyz,
+                          params.box_high.xyz);
+#ifdef RAYMARCH_HITS
+  vec4 level_t = vec4(DDA_FAR);
+#else
+  vec4 level_t = levels_by_footprint(sight.start);
+#endif
+  sight.found = march(march_grid(), sight.start.ray, sight.start.cell, sight.start.t_max, level_t,
+                      sight.start.meets ? params.box_low.w : 0);
+  bool at_start = sight.found.axis < 0;
+  sight.on_section = at_start && sight.start.axis < 0 && eye.t_first > 0.0;
+  if (at_start) sight.found.axis = sight.start.axis;
+  return sight;
+}
+
+// The face through which the ray came in; of the ray's longest axis where it began inside.
+int sight_face(Sight sight) {
+  int axis = sight.found.axis;
+  if (axis < 0) axis = dda_longest_axis(sight.start.ray.direction);
+  return dda_face(sight.start.ray, axis);
 }
 
 #ifdef RAYMARCH_HITS
@@ -100,122 +124,125 @@ GridRay picture_ray(vec2 pixel, out float t_max) {
 layout(location = 0) out ivec4 out_hit;
 
 void main() {
-  float t_max;
-  GridRay ray = picture_ray(gl_FragCoord.xy, t_max);
-  March found = march(ray, t_max);
-  out_hit = ivec4(found.cell, found.face);
+  Sight sight = look(gl_FragCoord.xy);
+  out_hit = ivec4(sight.found.cell, sight.found.hit ? sight_face(sight) : -1);
 }
 
 #else
 
-layout(std430, binding = RAYMARCH_BRICK_OFFSETS) readonly buffer BrickOffsets {
-  uint brick_offsets[];
-};
-layout(std430, binding = RAYMARCH_COLORS) readonly buffer Colors { uint colors[]; };
-layout(std430, binding = RAYMARCH_NORMALS) readonly buffer Normals { uint normals[]; };
-
 layout(location = 0) out vec4 out_color;
 
-// Number of the voxel in storage order: its brick's first, plus how many bits of the mask stand
-// before its own.
-uint voxel_number(uint brick, ivec3 cell) {
-  int bit = dda_brick_bit(cell.x, cell.y, cell.z);
-  uint count = brick_offsets[brick];
-  for (int word = 0; word < 16; ++word) {
-    uint partial = word == (bit >> 5) ? (1u << (bit & 31)) - 1u : 0u;
-    uint before = word < (bit >> 5) ? 0xffffffffu : partial;
-    count += uint(bitCount(brick_masks[brick * 16u + uint(word)] & before));
-  }
-  return count;
-}
-
-bool is_occupied(ivec3 cell) {
-  if (any(lessThan(cell, ivec3(0))) || any(greaterThanEqual(cell, params.dims.xyz))) return false;
-  uint entry = brick_index[linear_index(cell >> RAYMARCH_BRICK_SHIFT, params.brick_dims.xyz)];
-  if (entry == 0u) return false;
-  int bit = dda_brick_bit(cell.x, cell.y, cell.z);
-  return (brick_masks[(entry - 1u) * 16u + uint(bit >> 5)] >> (bit & 31) & 1u) != 0u;
-}
-
-// Direction of the surface through the cell, from the occupied voxels of its neighbourhood; zero
-// where they form no surface. World space, either side.
-vec3 estimated_normal(ivec3 cell) {
-  const int kRadius = RAYMARCH_NORMAL_RADIUS, kSide = 2 * kRadius + 1;
-  float count = 0.0;
-  vec3 sum = vec3(0.0), squares = vec3(0.0), products = vec3(0.0);
-  for (int i = 0; i < kSide * kSide * kSide; ++i) {
-    ivec3 offset = ivec3(i % kSide, i / kSide % kSide, i / (kSide * kSide)) - kRadius;
-    if (is_occupied(cell + offset)) {
-      vec3 p = vec3(offset) * params.voxel_size.xyz / params.voxel_size.w;
-      count += 1.0;
-      sum += p;
-      squares += p * p;
-      products += p.xxy * p.yzz;
-    }
-  }
-  return thinnest_direction(count, sum, squares, products);
-}
+vec3 voxel_scale() { return params.voxel_size.xyz / params.voxel_size.w; }
 
 // The last estimate of this pixel. Its other samples that hit the same voxel or one next to it take
-// the same: estimating is the most expensive part of a picture on software drivers.
+// the same: estimating is expensive on software drivers.
 ivec3 last_cell = ivec3(-0x10000);
+int last_level = 0;
 vec3 last_normal = vec3(0.0);
 
-// Estimated, towards the eye, and nearer to the face's where voxels are large in the picture.
-vec3 smooth_normal(ivec3 cell, vec3 face, vec3 to_eye) {
-  if (any(greaterThan(abs(cell - last_cell), ivec3(1)))) {
-    last_cell = cell;
-    last_normal = estimated_normal(cell);
+#if RAYMARCH_SMOOTH
+vec3 estimated_normal(March found) {
+  ivec3 apart = abs((found.cell >> found.level) - last_cell);
+  if (any(greaterThan(apart, ivec3(1))) || found.level != last_level) {
+    last_cell = found.cell >> found.level;
+    last_level = found.level;
+    last_normal = march_estimated_normal(march_grid(), found.cell, found.level, voxel_scale());
   }
-  if (dot(last_normal, last_normal) < 0.5) return face;
-  vec3 normal = dot(last_normal, to_eye) < 0.0 ? -last_normal : last_normal;
+  return last_normal;
+}
+#endif
+
+// Unit vector towards the eye: stored or estimated, and then nearer to the face's where voxels are
+// large in the picture.
+vec3 smooth_normal(March found, vec3 face, vec3 to_eye) {
+#if RAYMARCH_ATTRIBUTES
+  if (has(RAYMARCH_HAS_NORMAL)) {
+    vec3 stored = march_stored_normal(found);
+    // Opposite normals of a thin wall may have cancelled out: then the face's serves. Meshes are
+    // seen from both sides.
+    vec3 normal = dot(stored, stored) > 0.01 ? normalize(stored) : face;
+    return dot(normal, to_eye) < 0.0 ? -normal : normal;
+  }
+#endif
+#if RAYMARCH_SMOOTH
+  vec3 estimated = estimated_normal(found);
+  if (dot(estimated, estimated) < 0.5) return face;
+  vec3 normal = dot(estimated, to_eye) < 0.0 ? -estimated : estimated;
   return normalize(mix(normal, face, params.light_world.w));
+#else
+  return face;
+#endif
 }
 
-vec3 shade(March found, GridRay ray) {
-  uint flags = uint(params.picture.z);
-  uint voxel = voxel_number(found.brick, found.cell);
-  vec3 albedo = (flags & RAYMARCH_HAS_COLOR) != 0u
-                    ? linear_from_srgb(unpackUnorm4x8(colors[voxel]).rgb)
-                    : SHADING_NEUTRAL;
-  vec3 normal = face_normal(found.face);
-  if (found.on_section) {
+#if RAYMARCH_LIGHT
+// A section's cut face is open to all light: what stood before it is gone.
+Exposure exposure_of(Sight sight, vec3 face, vec3 normal, int sample_index, int sample_count) {
+  Exposure exposure = Exposure(1.0, 1.0);
+  if (sight.found.axis < 0) return exposure;
+  // Small voxels pass for a smooth surface, which their steps must not darken: rays start above
+  // them.
+  float as_cubes = params.light_world.w / RAYMARCH_FACE_SHARE;
+  // Behind a crest the normal towards the eye may point into the surface.
+  vec3 upward = dot(normal, face) > 0.0 ? normalize(mix(normal, face, as_cubes)) : face;
+  float offset = 1.5 * (1.0 - as_cubes) * float(1 << sight.found.level);
+  LitPoint point = light_point(sight.found, sight.start.ray, face, upward, offset, voxel_scale());
+  vec4 section = has(RAYMARCH_HAS_SECTION) ? params.section : vec4(0.0);
+  if (has(RAYMARCH_OCCLUSION)) {
+    int rays = max(RAYMARCH_OCCLUSION_RAYS, 4 * sample_count);
+    exposure.open =
+        light_open(march_grid(), point, upward, voxel_scale(), section, sight.found.level,
+                   params.footprint.z, sample_index, sample_count, rays);
+  }
+  if (has(RAYMARCH_SHADOW) && dot(normal, params.light_world.xyz) > 0.0) {
+    int rays = max(RAYMARCH_SHADOW_RAYS, 2 * sample_count);
+    exposure.lit = light_shadow(march_grid(), point, params.light_world.xyz, RAYMARCH_LIGHT_RADIUS,
+                                voxel_scale(), section, sight.found.level, sample_index,
+                                sample_count, rays);
+  }
+  return exposure;
+}
+#endif
+
+vec3 shade(Sight sight, int sample_index, int sample_count) {
+  March found = sight.found;
+  vec3 albedo = SHADING_NEUTRAL;
+#if RAYMARCH_ATTRIBUTES
+  if (has(RAYMARCH_HAS_COLOR)) albedo = march_color(found);
+#endif
+  vec3 face = face_normal(sight_face(sight));
+  if (sight.on_section) {
     // A plane's normal goes with the inverse of the scale from grid to world.
-    normal = normalize(params.section.xyz / params.voxel_size.xyz);
+    face = normalize(params.section.xyz / params.voxel_size.xyz);
   }
-  if ((flags & RAYMARCH_PHONG) == 0u) return albedo * flat_light(normal);
-  vec3 to_eye = -normalize(ray.direction * params.voxel_size.xyz);
-  if (found.on_section) return phong_light(albedo, normal, to_eye, params.light_world.xyz);
-  if ((flags & RAYMARCH_HAS_NORMAL) == 0u) {
-    normal = smooth_normal(found.cell, normal, to_eye);
-  } else {
-    vec3 stored = unpackSnorm4x8(normals[voxel]).xyz;
-    // Opposite normals of a thin wall may have cancelled out: then the face's serves.
-    if (dot(stored, stored) > 0.01) normal = normalize(stored);
-    if (dot(normal, to_eye) < 0.0) normal = -normal;  // meshes are seen from both sides
-  }
-  return phong_light(albedo, normal, to_eye, params.light_world.xyz);
+  vec3 to_eye = -normalize(sight.start.ray.direction * params.voxel_size.xyz);
+  bool phong = has(RAYMARCH_PHONG);
+  vec3 normal = sight.on_section ? face : smooth_normal(found, face, to_eye);
+  Exposure exposure = Exposure(1.0, 1.0);
+#if RAYMARCH_LIGHT
+  exposure = exposure_of(sight, face, normal, sample_index, sample_count);
+#endif
+  if (!phong) return albedo * flat_light(face, exposure);
+  return phong_light(albedo, normal, to_eye, params.light_world.xyz, exposure);
 }
 
 void main() {
-  int side = params.brick_dims.w;
+  int side = params.box_high.w;
+  int count = side * side;
   vec3 sum = vec3(0.0);
   float hits = 0.0;
-  for (int i = 0; i < side * side; ++i) {
+  for (int i = 0; i < count; ++i) {
     vec2 offset = (vec2(i % side, i / side) + 0.5) / float(side);
-    float t_max;
-    GridRay ray = picture_ray(floor(gl_FragCoord.xy) + offset, t_max);
-    March found = march(ray, t_max);
-    if (found.hit) {
-      sum += shade(found, ray);
+    Sight sight = look(floor(gl_FragCoord.xy) + offset);
+    if (sight.found.hit) {
+      sum += shade(sight, i, count);
       hits += 1.0;
     }
   }
   // Grid over background, both opaque or not, in linear light; the target takes straight alpha.
-  float coverage = hits / float(side * side);
+  float coverage = hits / float(count);
   float back = params.background.a * (1.0 - coverage);
   float alpha = coverage + back;
-  vec3 color = sum / float(side * side) + params.background.rgb * back;
+  vec3 color = sum / float(count) + params.background.rgb * back;
   out_color = vec4(alpha > 0.0 ? srgb_from_linear(color / alpha) : vec3(0.0), alpha);
 }
 

@@ -118,4 +118,27 @@ Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
   return rays;
 }
 
+Footprint pixel_footprint(const PictureRays& rays, int width, int height,
+                          const glm::dvec3& voxel_size) {
+  const double longest = std::max(voxel_size.x, std::max(voxel_size.y, voxel_size.z));
+  // Of the middle of the near plane and halfway to the far plane (in clip depth: that may be at
+  // infinity), and one pixel away from it.
+  const auto at = [&](double depth, double x, double y) {
+    const auto on = [&](const glm::dvec4(&plane)[3]) {
+      return plane[0] + x * plane[1] + y * plane[2];
+    };
+    const glm::dvec4 p = on(rays.near_plane) * (1.0 - depth) + on(rays.far_plane) * depth;
+    return glm::dvec3(p) / p.w * voxel_size / longest;
+  };
+  const auto span = [&](double depth) {
+    const glm::dvec3 middle = at(depth, 0, 0);
+    return std::min(glm::length(at(depth, 2.0 / width, 0) - middle),
+                    glm::length(at(depth, 0, 2.0 / height) - middle));
+  };
+  const double near = span(0.0), far = span(0.5);
+  const double distance = glm::length(at(0.5, 0, 0) - at(0.0, 0, 0));
+  if (!(far > near) || !(distance > 0.0)) return {std::min(near, far), 0.0};
+  return {near, (far - near) / distance};
+}
+
 }  // namespace voxeld

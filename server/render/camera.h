@@ -39,4 +39,15 @@ struct PictureRays {
 Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
                                  const glm::dvec3& subject_world);
 
+// How much of the grid a pixel in the middle of the picture spans, in sides of a voxel, the longest
+// of the three; all distances in that unit too.
+struct Footprint {
+  double at_near = 0.0;       // at the near plane
+  double per_distance = 0.0;  // what is added for each unit of distance from it; >= 0
+};
+// The smaller of the spans across and down; where the far side spans less than the near one, its
+// span everywhere.
+Footprint pixel_footprint(const PictureRays& rays, int width, int height,
+                          const glm::dvec3& voxel_size);
+
 }  // namespace voxeld

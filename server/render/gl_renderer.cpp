@@ -13,9 +13,21 @@ namespace voxeld {
 namespace {
 
 // Loop iterations of a ray besides its steps: the sample loop, the rank of the voxel in its brick's
-// mask, and the neighbourhood and squarings of the estimated normal.
-constexpr int kNormalSide = 2 * RAYMARCH_NORMAL_RADIUS + 1;
-constexpr int kShadingSteps = 1 + 16 + kNormalSide * kNormalSide * kNormalSide + 3;
+// mask and the mean of eight voxels, for colour and normal, and the neighbourhood (octants of which
+// each may ask for eight entries) and squarings of the estimated normal.
+constexpr int kShadingSteps = 1 + 2 * (17 + 8) + 27 * 9 + 3;
+
+// Loop iterations of all rays that a hit sends on, at most.
+int64_t light_steps_max(const RenderOptions& options, int samples_per_side) {
+  const int samples = samples_per_side * samples_per_side;
+  const auto rays = [&](int per_pixel, int per_sample) {
+    return int64_t{std::max(per_pixel / samples, per_sample)};
+  };
+  int64_t steps = 0;
+  if (options.occlusion) steps += rays(RAYMARCH_OCCLUSION_RAYS, 4) * (RAYMARCH_OCCLUSION_STEPS + 1);
+  if (options.shadow) steps += rays(RAYMARCH_SHADOW_RAYS, 2) * (RAYMARCH_SHADOW_STEPS + 1);
+  return steps;
+}
 
 }  // namespace
 
@@ -27,10 +39,11 @@ struct GlRenderer::Impl {
   gpu::ShaderLibrary& shaders;
   RenderQuality quality;
   gpu::VertexArray vertices;
-  gpu::Buffer params, block_bits, brick_index, brick_masks, brick_offsets, colors, normals;
+  gpu::Buffer params, nodes, bricks, colors, normals;
   PackedGrid grid;  // what was uploaded, without its tables
 
   Result<int> samples_per_side(const RenderOptions& options) const;
+  gpu::Defines variant(const RenderOptions& options) const;
   Status upload_params(const RenderOptions& options, int samples);
   void bind_grid() const;
   Status upload(gpu::Buffer& buffer, std::vector<uint32_t>& words, std::string_view label);
@@ -61,10 +74,8 @@ Status GlRenderer::Impl::upload(gpu::Buffer& buffer, std::vector<uint32_t>& word
 Status GlRenderer::set_grid(const Grid& grid) {
   Impl& impl = *impl_;
   VOXELD_ASSIGN(PackedGrid packed, pack_grid(grid));
-  VOXELD_TRY(impl.upload(impl.brick_index, packed.brick_index, "ray march brick table"));
-  VOXELD_TRY(impl.upload(impl.block_bits, packed.block_bits, "ray march block table"));
-  VOXELD_TRY(impl.upload(impl.brick_masks, packed.brick_masks, "ray march brick masks"));
-  VOXELD_TRY(impl.upload(impl.brick_offsets, packed.brick_offsets, "ray march brick offsets"));
+  VOXELD_TRY(impl.upload(impl.nodes, packed.nodes, "ray march tables"));
+  VOXELD_TRY(impl.upload(impl.bricks, packed.bricks, "ray march bricks"));
   VOXELD_TRY(impl.upload(impl.colors, packed.colors, "ray march colours"));
   VOXELD_TRY(impl.upload(impl.normals, packed.normals, "ray march normals"));
   impl.grid = std::move(packed);
@@ -73,15 +84,28 @@ Status GlRenderer::set_grid(const Grid& grid) {
 
 Result<int> GlRenderer::Impl::samples_per_side(const RenderOptions& options) const {
   const int64_t loop_max = context.info().loop_iterations_max;
-  const int64_t steps = ray_steps_max(grid);
+  const int64_t steps = ray_steps_max(grid) + kShadingSteps;
   int side = wanted_samples(options, quality);
-  while (loop_max > 0 && side > 1 && int64_t{side} * side * (steps + kShadingSteps) > loop_max)
-    --side;
-  if (loop_max > 0 && steps + kShadingSteps > loop_max) {
+  if (loop_max == 0) return side;
+  const auto needed = [&](int samples_per_side) {
+    return int64_t{samples_per_side} * samples_per_side *
+           (steps + light_steps_max(options, samples_per_side));
+  };
+  while (side > 1 && needed(side) > loop_max) --side;
+  if (needed(side) > loop_max) {
     return Error{ErrorCode::kGridTooLarge, "the grid's sides are too long to render on this device",
-                 "at most " + std::to_string(loop_max) + " steps of a ray", std::to_string(steps)};
+                 "at most " + std::to_string(loop_max) + " steps of a ray",
+                 std::to_string(needed(side))};
   }
   return side;
+}
+
+gpu::Defines GlRenderer::Impl::variant(const RenderOptions& options) const {
+  const RaymarchVariant variant = raymarch_variant(grid, options);
+  const auto digit = [](bool on) { return std::string(on ? "1" : "0"); };
+  return {{"RAYMARCH_ATTRIBUTES", digit(variant.attributes)},
+          {"RAYMARCH_SMOOTH", digit(variant.smooth)},
+          {"RAYMARCH_LIGHT", digit(variant.light)}};
 }
 
 Status GlRenderer::Impl::upload_params(const RenderOptions& options, int samples) {
@@ -93,12 +117,10 @@ Status GlRenderer::Impl::upload_params(const RenderOptions& options, int samples
 
 void GlRenderer::Impl::bind_grid() const {
   params.bind_uniform(RAYMARCH_PARAMS);
-  brick_index.bind_storage(RAYMARCH_BRICK_INDEX);
-  brick_masks.bind_storage(RAYMARCH_BRICK_MASKS);
-  brick_offsets.bind_storage(RAYMARCH_BRICK_OFFSETS);
+  nodes.bind_storage(RAYMARCH_NODES);
+  bricks.bind_storage(RAYMARCH_BRICKS);
   colors.bind_storage(RAYMARCH_COLORS);
   normals.bind_storage(RAYMARCH_NORMALS);
-  block_bits.bind_storage(RAYMARCH_BLOCK_BITS);
 }
 
 Status GlRenderer::Impl::draw_block(int x, int y, int width, int height) const {
@@ -151,12 +173,12 @@ Status GlRenderer::Impl::draw(const RenderOptions& options, int samples,
 
 Result<Picture> GlRenderer::render(const RenderOptions& options, const BlockProgress& progress) {
   Impl& impl = *impl_;
-  if (impl.brick_index.id() == 0) VOXELD_TRY(set_grid(Grid{}));
+  if (impl.nodes.id() == 0) VOXELD_TRY(set_grid(Grid{}));
   VOXELD_ASSIGN(const int samples, impl.samples_per_side(options));
   VOXELD_ASSIGN(
       const gpu::Framebuffer target,
       gpu::Framebuffer::create_rgba8(impl.context, options.width, options.height, "picture"));
-  VOXELD_TRY(impl.draw(options, samples, {}, target, progress));
+  VOXELD_TRY(impl.draw(options, samples, impl.variant(options), target, progress));
   Picture picture{options.width, options.height,
                   std::vector<uint8_t>(size_t{4} * options.width * options.height)};
   target.read_rgba8(picture.rgba);
@@ -167,7 +189,7 @@ Result<Picture> GlRenderer::render(const RenderOptions& options, const BlockProg
 
 Result<std::vector<Hit>> GlRenderer::render_hits(const RenderOptions& options) {
   Impl& impl = *impl_;
-  if (impl.brick_index.id() == 0) VOXELD_TRY(set_grid(Grid{}));
+  if (impl.nodes.id() == 0) VOXELD_TRY(set_grid(Grid{}));
   VOXELD_TRY(impl.samples_per_side(options));
   VOXELD_ASSIGN(
       const gpu::Framebuffer target,

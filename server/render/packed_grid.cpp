@@ -1,21 +1,28 @@
 #include "server/render/packed_grid.h"
 
-#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
 #include <glm/common.hpp>
+#include <glm/vector_relational.hpp>
 #include <limits>
+#include <span>
 
 #include "server/base/check.h"
+#include "server/render/mean_voxel.h"
 #include "shaders/shared/raymarch.h"
 
 namespace voxeld {
 namespace {
 
 static_assert(limits::kBrickSide == 1 << RAYMARCH_BRICK_SHIFT);
-static_assert(limits::kTileSide % (1 << RAYMARCH_BLOCK_SHIFT) == 0);
+static_assert(limits::kTileSide == 1 << RAYMARCH_TILE_SHIFT);
+static_assert(std::endian::native == std::endian::little, "colours are copied as words");
 
-glm::ivec3 ceil_shift(const glm::ivec3& dims, int shift) {
-  return (dims + ((1 << shift) - 1)) >> shift;
-}
+constexpr int kBlocksPerSide = 1 << (RAYMARCH_TILE_SHIFT - RAYMARCH_BLOCK_SHIFT);
+constexpr int kBricksPerSide = 1 << (RAYMARCH_BLOCK_SHIFT - RAYMARCH_BRICK_SHIFT);
+constexpr size_t kEntriesMax = RAYMARCH_FULL;
 
 size_t linear_index(const glm::ivec3& p, const glm::ivec3& dims) {
   return static_cast<size_t>(p.x) +
@@ -23,137 +30,259 @@ size_t linear_index(const glm::ivec3& p, const glm::ivec3& dims) {
              (static_cast<size_t>(p.y) + static_cast<size_t>(dims.y) * static_cast<size_t>(p.z));
 }
 
-// Grows the box by the voxels of one brick; a brick inside the box costs nothing.
-void grow_box(const BrickMask& mask, const glm::ivec3& base, glm::ivec3& box_min,
-              glm::ivec3& box_max) {
-  if (base.x >= box_min.x && base.y >= box_min.y && base.z >= box_min.z &&
-      base.x + limits::kBrickSide <= box_max.x && base.y + limits::kBrickSide <= box_max.y &&
-      base.z + limits::kBrickSide <= box_max.z) {
-    return;
-  }
-  for (uint32_t word = 0; word < 8; ++word) {
-    for (uint64_t bits = mask.words[word]; bits != 0; bits &= bits - 1) {
-      const auto cell = morton_decode(word * 64 + static_cast<uint32_t>(__builtin_ctzll(bits)));
-      const glm::ivec3 p = base + glm::ivec3(cell[0], cell[1], cell[2]);
-      box_min = glm::min(box_min, p);
-      box_max = glm::max(box_max, p + 1);
+glm::ivec3 decoded(uint32_t morton) {
+  const auto p = morton_decode(morton);
+  return {p[0], p[1], p[2]};
+}
+
+bool is_empty(uint32_t entry) {
+  return entry < RAYMARCH_FULL;
+}
+
+// Calls visit(p) for the cells of a box from 0, x fastest.
+template <typename Visit>
+void for_each_cell(const glm::ivec3& dims, Visit&& visit) {
+  glm::ivec3 p;
+  for (p.z = 0; p.z < dims.z; ++p.z) {
+    for (p.y = 0; p.y < dims.y; ++p.y) {
+      for (p.x = 0; p.x < dims.x; ++p.x) visit(p);
     }
   }
 }
 
-// Place of a brick in the grid, in bricks.
-glm::ivec3 brick_position(const SparseTile& tile, uint32_t brick_morton, const PackedGrid& packed) {
-  const auto in_tile = morton_decode(brick_morton);
-  constexpr int kBricksPerTile = limits::kTileSide / limits::kBrickSide;
-  const glm::ivec3 position =
-      glm::ivec3(tile.coord[0], tile.coord[1], tile.coord[2]) * kBricksPerTile +
-      glm::ivec3(in_tile[0], in_tile[1], in_tile[2]);
-  VOXELD_CHECK(position.x >= 0 && position.y >= 0 && position.z >= 0 &&
-                   position.x < packed.brick_dims.x && position.y < packed.brick_dims.y &&
-                   position.z < packed.brick_dims.z,
-               "a brick outside the grid");
-  return position;
-}
-
-// Enters the last packed brick, or another by its number + 1, in the tables of places.
-void place_brick(const glm::ivec3& position, uint32_t entry, PackedGrid& packed) {
-  packed.brick_index[linear_index(position, packed.brick_dims)] = entry;
-  const size_t block =
-      linear_index(position >> (RAYMARCH_BLOCK_SHIFT - RAYMARCH_BRICK_SHIFT), packed.block_dims);
-  packed.block_bits[block / 32] |= 1u << (block % 32);
-}
-
-// Adds a brick's mask and gives its number + 1.
-uint32_t add_mask(const BrickMask& mask, PackedGrid& packed) {
-  packed.brick_offsets.push_back(static_cast<uint32_t>(packed.voxel_count));
-  for (const uint64_t word : mask.words) {
-    packed.brick_masks.push_back(static_cast<uint32_t>(word));
-    packed.brick_masks.push_back(static_cast<uint32_t>(word >> 32));
-    packed.voxel_count += static_cast<uint64_t>(__builtin_popcountll(word));
+// Writes into the empty entries of a table how large the aligned empty cube around each is: a cube
+// of twice the side is empty where its eight halves are. What lies outside the table counts as
+// empty: only the grid's own has sides that are no powers of two, and beyond it nothing follows.
+void mark_empty_cubes(std::span<uint32_t> table, const glm::ivec3& dims, uint32_t entry_shift) {
+  for (uint32_t& entry : table) {
+    if (is_empty(entry)) entry = entry_shift;
   }
-  return static_cast<uint32_t>(packed.brick_offsets.size());
+  const int longest = std::max(dims.x, std::max(dims.y, dims.z));
+  for (int half = 1; half < longest; half *= 2) {
+    ++entry_shift;
+    const glm::ivec3 cubes = (dims + (2 * half - 1)) / (2 * half);
+    for_each_cell(cubes, [&](const glm::ivec3& cube) {
+      const glm::ivec3 low = cube * (2 * half), size = glm::min(dims - low, glm::ivec3(2 * half));
+      bool empty = true;
+      // Its halves are empty where their first entries were raised to their size.
+      for_each_cell((size + (half - 1)) / half, [&](const glm::ivec3& p) {
+        empty = empty && table[linear_index(low + p * half, dims)] == entry_shift - 1;
+      });
+      if (!empty) return;
+      for_each_cell(size,
+                    [&](const glm::ivec3& p) { table[linear_index(low + p, dims)] = entry_shift; });
+    });
+  }
 }
 
-void add_brick(const SparseTile& tile, size_t brick, PackedGrid& packed) {
-  const glm::ivec3 position = brick_position(tile, tile.brick_morton[brick], packed);
-  const BrickMask& mask = tile.masks[brick];
-  grow_box(mask, position * limits::kBrickSide, packed.occupied_min, packed.occupied_max);
-  place_brick(position, add_mask(mask, packed), packed);
-}
+class Packer {
+ public:
+  Packer(const Grid& grid, PackedGrid& packed) : grid_(grid), packed_(packed) {}
 
-// The one brick that all bricks of full nodes share, and the attributes of its voxels: the mean
-// colour, and the normal zero, for which the face's serves.
-uint32_t add_full_brick(const Grid& grid, PackedGrid& packed) {
-  BrickMask mask;
-  mask.words.fill(~uint64_t{0});
-  const uint32_t entry = add_mask(mask, packed);
-  const auto color = mean_color(grid);
-  const uint32_t word = color[0] | uint32_t{color[1]} << 8 | uint32_t{color[2]} << 16 | 0xff000000u;
-  if (grid.has_color) packed.colors.resize(packed.voxel_count, word);
-  if (grid.has_normal) packed.normals.resize(packed.voxel_count, 0);
-  return entry;
-}
-
-void add_full_nodes(const SparseTile& tile, uint32_t entry, PackedGrid& packed) {
-  for (const FullNode& node : tile.full) {
-    for (uint32_t i = 0; i < node.brick_count(); ++i) {
-      place_brick(brick_position(tile, node.brick_morton + i, packed), entry, packed);
+  Status run() {
+    packed_.spec = grid_.spec;
+    packed_.has_color = grid_.has_color;
+    packed_.has_normal = grid_.has_normal;
+    packed_.tile_dims = grid_.spec.tile_dims();
+    packed_.occupied_min = glm::ivec3(std::numeric_limits<int>::max());
+    packed_.occupied_max = glm::ivec3(std::numeric_limits<int>::min());
+    packed_.nodes.resize(linear_index({0, 0, packed_.tile_dims.z}, packed_.tile_dims));
+    VOXELD_TRY(reserve());
+    for (const SparseTile& tile : grid_.tiles) {
+      add_tile(tile);
+      if (packed_.nodes.size() >= kEntriesMax) return too_large("tables", packed_.nodes.size());
     }
-    const glm::ivec3 low = brick_position(tile, node.brick_morton, packed) * limits::kBrickSide;
-    packed.occupied_min = glm::min(packed.occupied_min, low);
-    packed.occupied_max = glm::max(packed.occupied_max, low + (limits::kBrickSide << node.level));
+    mark_empty_cubes(std::span(packed_.nodes).first(tile_entries()), packed_.tile_dims,
+                     RAYMARCH_TILE_SHIFT);
+    if (packed_.occupied_min.x >= packed_.occupied_max.x) {
+      packed_.occupied_min = glm::ivec3(0);
+      packed_.occupied_max = grid_.spec.dims;
+    }
+    return {};
   }
-}
 
-// Voxels that need an entry in the tables of attributes, at most.
-uint64_t entry_count(const Grid& grid) {
-  uint64_t count = limits::kBrickSide * limits::kBrickSide * limits::kBrickSide;
-  for (const SparseTile& tile : grid.tiles) count += tile.attribute_count();
-  return count;
-}
+ private:
+  static Error too_large(const std::string& what, uint64_t count) {
+    return Error{ErrorCode::kGridTooLarge, "the grid has too many " + what + " to render",
+                 "fewer than 2^30 bricks and table entries, and 2^32 voxels",
+                 std::to_string(count)};
+  }
+
+  size_t tile_entries() const {
+    return linear_index({0, 0, packed_.tile_dims.z}, packed_.tile_dims);
+  }
+
+  Status reserve() {
+    size_t bricks = 0, colors = 0, normals = 0;
+    for (const SparseTile& tile : grid_.tiles) {
+      bricks += tile.masks.size();
+      colors += tile.color.size() / 4;
+      normals += tile.normal.size() / 3;
+    }
+    if (bricks >= kEntriesMax) return too_large("bricks", bricks);
+    if (std::max(colors, normals) > std::numeric_limits<uint32_t>::max()) {
+      return too_large("voxels", std::max(colors, normals));
+    }
+    packed_.bricks.resize(bricks * RAYMARCH_BRICK_WORDS);
+    if (grid_.has_color) packed_.colors.resize(colors);
+    if (grid_.has_normal) packed_.normals.resize(normals);
+    return {};
+  }
+
+  void grow_box(const glm::ivec3& low, const glm::ivec3& high) {
+    packed_.occupied_min = glm::min(packed_.occupied_min, low);
+    packed_.occupied_max = glm::max(packed_.occupied_max, high);
+  }
+
+  // By the voxels of one brick; a brick inside the box costs nothing.
+  void grow_box(const BrickMask& mask, const glm::ivec3& base) {
+    if (glm::all(glm::greaterThanEqual(base, packed_.occupied_min)) &&
+        glm::all(glm::lessThanEqual(base + limits::kBrickSide, packed_.occupied_max))) {
+      return;
+    }
+    for (uint32_t word = 0; word < 8; ++word) {
+      for (uint64_t bits = mask.words[word]; bits != 0; bits &= bits - 1) {
+        const glm::ivec3 p =
+            base + decoded(word * 64 + static_cast<uint32_t>(std::countr_zero(bits)));
+        grow_box(p, p + 1);
+      }
+    }
+  }
+
+  void add_tile(const SparseTile& tile) {
+    if (tile.empty()) return;
+    tile_base_ = glm::ivec3(tile.coord[0], tile.coord[1], tile.coord[2]);
+    VOXELD_CHECK(glm::all(glm::greaterThanEqual(tile_base_, glm::ivec3(0))) &&
+                     glm::all(glm::lessThan(tile_base_, packed_.tile_dims)),
+                 "a tile outside the grid");
+    const size_t tile_entry = linear_index(tile_base_, packed_.tile_dims);
+    tile_base_ *= limits::kTileSide;
+    if (!tile.full.empty() && tile.full.front().level == kTileLevels) {
+      packed_.nodes[tile_entry] = RAYMARCH_FULL;
+      grow_box(tile_base_, glm::min(tile_base_ + limits::kTileSide, grid_.spec.dims));
+      return;
+    }
+    tile_table_ = packed_.nodes.size();
+    packed_.nodes.resize(tile_table_ + RAYMARCH_TILE_ENTRIES);
+    packed_.nodes[tile_entry] = RAYMARCH_CHILD | static_cast<uint32_t>(tile_table_);
+    for (const FullNode& node : tile.full) add_full(node);
+    copy_attributes(tile);
+    for (size_t brick = 0; brick < tile.masks.size(); ++brick) {
+      add_brick(tile.brick_morton[brick], tile.masks[brick]);
+    }
+    finish_tile();
+  }
+
+  // Offset of the block's entry in the tile's table.
+  size_t block_entry(const glm::ivec3& brick) const {
+    return tile_table_ + linear_index(brick / kBricksPerSide, glm::ivec3(kBlocksPerSide));
+  }
+
+  // Entry of a brick, whose block gets a table where it has none.
+  uint32_t& brick_entry(const glm::ivec3& brick) {
+    const size_t entry = block_entry(brick);
+    if (packed_.nodes[entry] == 0) {
+      packed_.nodes[entry] = RAYMARCH_CHILD | static_cast<uint32_t>(packed_.nodes.size());
+      packed_.nodes.resize(packed_.nodes.size() + RAYMARCH_BLOCK_WORDS);
+    }
+    const size_t table = packed_.nodes[entry] & ~RAYMARCH_CHILD;
+    return packed_.nodes[table + linear_index(brick % kBricksPerSide, glm::ivec3(kBricksPerSide))];
+  }
+
+  // Marks are made at the largest parts of the tree that the node covers.
+  void add_full(const FullNode& node) {
+    const glm::ivec3 first = decoded(node.brick_morton);
+    const int side = 1 << node.level;
+    const glm::ivec3 low = tile_base_ + first * limits::kBrickSide;
+    grow_box(low, low + side * limits::kBrickSide);
+    if (side < kBricksPerSide) {
+      for_each_cell(glm::ivec3(side),
+                    [&](const glm::ivec3& p) { brick_entry(first + p) = RAYMARCH_FULL; });
+      return;
+    }
+    for_each_cell(glm::ivec3(side / kBricksPerSide), [&](const glm::ivec3& p) {
+      packed_.nodes[block_entry(first + p * kBricksPerSide)] = RAYMARCH_FULL;
+    });
+  }
+
+  void copy_attributes(const SparseTile& tile) {
+    const size_t first = packed_.attribute_count;
+    if (grid_.has_color) {
+      VOXELD_CHECK(first + tile.color.size() / 4 <= packed_.colors.size(), "a colour per voxel");
+      std::memcpy(packed_.colors.data() + first, tile.color.data(), tile.color.size());
+    }
+    if (!grid_.has_normal) return;
+    VOXELD_CHECK(first + tile.normal.size() / 3 <= packed_.normals.size(), "a normal per voxel");
+    for (size_t i = 0; i + 3 <= tile.normal.size(); i += 3) {
+      packed_.normals[first + i / 3] =
+          pack_normal(tile.normal[i], tile.normal[i + 1], tile.normal[i + 2]);
+    }
+  }
+
+  void add_brick(uint32_t brick_morton, const BrickMask& mask) {
+    const glm::ivec3 brick = decoded(brick_morton);
+    grow_box(mask, tile_base_ + brick * limits::kBrickSide);
+    brick_entry(brick) = RAYMARCH_CHILD | static_cast<uint32_t>(bricks_done_);
+    uint32_t* words = &packed_.bricks[bricks_done_ * RAYMARCH_BRICK_WORDS];
+    ++bricks_done_;
+    std::memcpy(words, mask.words.data(), sizeof mask.words);
+    const size_t first = packed_.attribute_count;
+    words[RAYMARCH_BRICK_FIRST] = static_cast<uint32_t>(first);
+    size_t count = 0;
+    for (uint32_t i = 0; i < 8; ++i) {
+      count += static_cast<size_t>(std::popcount(mask.words[i]));
+      if (mask.words[i] != 0) words[RAYMARCH_BRICK_NODES] |= 1u << i;
+    }
+    packed_.attribute_count += count;
+    if (grid_.has_color) {
+      words[RAYMARCH_BRICK_COLOR] = mean_color(std::span(packed_.colors).subspan(first, count));
+    }
+    if (grid_.has_normal) {
+      words[RAYMARCH_BRICK_NORMAL] = mean_normal(std::span(packed_.normals).subspan(first, count));
+    }
+  }
+
+  void finish_tile() {
+    const auto blocks = std::span(packed_.nodes).subspan(tile_table_, RAYMARCH_TILE_ENTRIES);
+    for (const uint32_t entry : blocks) {
+      if ((entry & RAYMARCH_CHILD) != 0) finish_block(entry & ~RAYMARCH_CHILD);
+    }
+    mark_empty_cubes(blocks, glm::ivec3(kBlocksPerSide), RAYMARCH_BLOCK_SHIFT);
+  }
+
+  void finish_block(size_t table) {
+    const auto entries = std::span(packed_.nodes).subspan(table, RAYMARCH_BLOCK_ENTRIES);
+    mark_empty_cubes(entries, glm::ivec3(kBricksPerSide), RAYMARCH_BRICK_SHIFT);
+    if (!grid_.has_color && !grid_.has_normal) return;
+    std::array<uint32_t, RAYMARCH_BLOCK_ENTRIES> colors{}, normals{};
+    size_t count = 0;
+    for (const uint32_t entry : entries) {
+      if ((entry & RAYMARCH_CHILD) == 0) continue;
+      const uint32_t* words =
+          &packed_.bricks[size_t{entry & ~RAYMARCH_CHILD} * RAYMARCH_BRICK_WORDS];
+      colors[count] = words[RAYMARCH_BRICK_COLOR];
+      normals[count++] = words[RAYMARCH_BRICK_NORMAL];
+    }
+    packed_.nodes[table + RAYMARCH_BLOCK_COLOR] = mean_color(std::span(colors).first(count));
+    packed_.nodes[table + RAYMARCH_BLOCK_NORMAL] = mean_normal(std::span(normals).first(count));
+  }
+
+  const Grid& grid_;
+  PackedGrid& packed_;
+  glm::ivec3 tile_base_{0};  // first cell of the tile at hand
+  size_t tile_table_ = 0;    // offset of its table
+  size_t bricks_done_ = 0;
+};
 
 }  // namespace
 
 Result<PackedGrid> pack_grid(const Grid& grid) {
-  if (const uint64_t entries = entry_count(grid); entries > std::numeric_limits<uint32_t>::max()) {
-    return Error{ErrorCode::kGridTooLarge, "the grid has too many voxels to render",
-                 "fewer than 2^32 voxels", std::to_string(entries)};
-  }
   PackedGrid packed;
-  packed.spec = grid.spec;
-  packed.has_color = grid.has_color;
-  packed.has_normal = grid.has_normal;
-  packed.brick_dims = ceil_shift(grid.spec.dims, RAYMARCH_BRICK_SHIFT);
-  packed.block_dims = ceil_shift(grid.spec.dims, RAYMARCH_BLOCK_SHIFT);
-  packed.brick_index.resize(linear_index({0, 0, packed.brick_dims.z}, packed.brick_dims));
-  packed.block_bits.resize(linear_index({0, 0, packed.block_dims.z}, packed.block_dims) / 32 + 1);
-  packed.occupied_min = glm::ivec3(std::numeric_limits<int>::max());
-  packed.occupied_max = glm::ivec3(std::numeric_limits<int>::min());
-  const bool has_full =
-      std::ranges::any_of(grid.tiles, [](const SparseTile& tile) { return !tile.full.empty(); });
-  const uint32_t full_entry = has_full ? add_full_brick(grid, packed) : 0;
-  for (const SparseTile& tile : grid.tiles) {
-    add_full_nodes(tile, full_entry, packed);
-    for (size_t brick = 0; brick < tile.masks.size(); ++brick) add_brick(tile, brick, packed);
-    for (size_t i = 0; grid.has_color && i + 4 <= tile.color.size(); i += 4) {
-      const uint8_t* c = &tile.color[i];
-      packed.colors.push_back(c[0] | uint32_t{c[1]} << 8 | uint32_t{c[2]} << 16 |
-                              uint32_t{c[3]} << 24);
-    }
-    for (size_t i = 0; grid.has_normal && i + 3 <= tile.normal.size(); i += 3) {
-      const auto byte = [&](size_t k) {
-        return uint32_t{static_cast<uint8_t>(tile.normal[i + k])};
-      };
-      packed.normals.push_back(byte(0) | byte(1) << 8 | byte(2) << 16);
-    }
-  }
-  VOXELD_CHECK(!grid.has_color || packed.colors.size() == packed.voxel_count, "a colour per voxel");
-  VOXELD_CHECK(!grid.has_normal || packed.normals.size() == packed.voxel_count,
+  VOXELD_TRY(Packer(grid, packed).run());
+  VOXELD_CHECK(!grid.has_color || packed.colors.size() == packed.attribute_count,
+               "a colour per voxel");
+  VOXELD_CHECK(!grid.has_normal || packed.normals.size() == packed.attribute_count,
                "a normal per voxel");
-  if (packed.voxel_count == 0) {
-    packed.occupied_min = glm::ivec3(0);
-    packed.occupied_max = grid.spec.dims;
-  }
   return packed;
 }
 

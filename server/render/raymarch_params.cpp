@@ -9,9 +9,24 @@
 namespace voxeld {
 namespace {
 
+// Rays of ambient occlusion end at this part of the diagonal of the occupied box, but no nearer
+// than so many voxels.
+constexpr double kOcclusionLength = 0.06;
+constexpr double kOcclusionVoxelsMin = 6.0;
+
 shared::vec4 to_vec4(const glm::dvec4& v) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z),
           static_cast<float>(v.w)};
+}
+
+// The digits that a float has no room for.
+shared::vec4 low_part(const glm::dvec4& v) {
+  return to_vec4(v - glm::dvec4(glm::vec4(v)));
+}
+
+void split(const glm::dvec4& v, shared::vec4& leading, shared::vec4& rest) {
+  leading = to_vec4(v);
+  rest = low_part(v);
 }
 
 double linear_from_srgb(uint8_t value) {
@@ -30,16 +45,22 @@ glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& s
 // that they are cubes.
 double face_share(double voxel_pixels) {
   const double t = std::clamp((voxel_pixels - 2.0) / 6.0, 0.0, 1.0);
-  return 0.6 * t * t * (3.0 - 2.0 * t);
+  return RAYMARCH_FACE_SHARE * t * t * (3.0 - 2.0 * t);
 }
 
 }  // namespace
 
-// Every step crosses one grid plane of voxels, bricks or blocks for good, and a ray crosses each
-// plane once.
+// Every step crosses one plane between cells of the occupied box for good, and a ray crosses each
+// once.
 int ray_steps_max(const PackedGrid& grid) {
-  const auto sum = [](const glm::ivec3& v) { return v.x + v.y + v.z; };
-  return sum(grid.spec.dims) + sum(grid.brick_dims) + sum(grid.block_dims) + 8;
+  const glm::ivec3 size = grid.occupied_max - grid.occupied_min;
+  return size.x + size.y + size.z + 8;
+}
+
+RaymarchVariant raymarch_variant(const PackedGrid& grid, const RenderOptions& options) {
+  const bool light = options.occlusion || options.shadow;
+  const bool smooth = options.light == Light::kPhong || light;
+  return {grid.has_color || grid.has_normal, smooth && !grid.has_normal, light};
 }
 
 int wanted_samples(const RenderOptions& options, const RenderQuality& quality) {
@@ -54,13 +75,15 @@ Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const Ren
   VOXELD_ASSIGN(const PictureRays rays,
                 picture_rays(make_camera(options, low, high), grid.spec, 0.5 * (low + high)));
   shared::RaymarchParams block;
-  block.near_0 = to_vec4(rays.near_plane[0]);
-  block.near_x = to_vec4(rays.near_plane[1]);
-  block.near_y = to_vec4(rays.near_plane[2]);
-  block.far_0 = to_vec4(rays.far_plane[0]);
-  block.far_x = to_vec4(rays.far_plane[1]);
-  block.far_y = to_vec4(rays.far_plane[2]);
-  if (options.section) block.section = to_vec4(section_in_grid(*options.section, grid.spec));
+  split(rays.near_plane[0], block.near_0, block.near_0_low);
+  split(rays.near_plane[1], block.near_x, block.near_x_low);
+  split(rays.near_plane[2], block.near_y, block.near_y_low);
+  split(rays.far_plane[0], block.far_0, block.far_0_low);
+  split(rays.far_plane[1], block.far_x, block.far_x_low);
+  split(rays.far_plane[2], block.far_y, block.far_y_low);
+  if (options.section) {
+    split(section_in_grid(*options.section, grid.spec), block.section, block.section_low);
+  }
   const glm::dvec3 voxel = grid.spec.voxel_size;
   const double voxel_max = std::max(voxel.x, std::max(voxel.y, voxel.z));
   block.voxel_size = to_vec4(glm::dvec4(voxel, voxel_max));
@@ -71,14 +94,19 @@ Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const Ren
   block.background =
       to_vec4({linear_from_srgb(options.background[0]), linear_from_srgb(options.background[1]),
                linear_from_srgb(options.background[2]), options.background[3] / 255.0});
-  const glm::ivec3 dims = grid.spec.dims;
-  block.dims = {dims.x, dims.y, dims.z, ray_steps_max(grid)};
-  block.brick_dims = {grid.brick_dims.x, grid.brick_dims.y, grid.brick_dims.z, samples};
-  block.block_dims = {grid.block_dims.x, grid.block_dims.y, grid.block_dims.z, 0};
-  const uint32_t flags = (grid.has_color ? RAYMARCH_HAS_COLOR : 0u) |
-                         (grid.has_normal ? RAYMARCH_HAS_NORMAL : 0u) |
-                         (options.section ? RAYMARCH_HAS_SECTION : 0u) |
-                         (options.light == Light::kPhong ? RAYMARCH_PHONG : 0u);
+  const Footprint footprint = pixel_footprint(rays, options.width, options.height, voxel);
+  const double diagonal = glm::length((high - low) / voxel_max);
+  block.footprint = to_vec4({footprint.at_near, footprint.per_distance,
+                             std::max(kOcclusionVoxelsMin, kOcclusionLength * diagonal), 0.0});
+  const glm::ivec3 box_low = grid.occupied_min, box_high = grid.occupied_max;
+  block.box_low = {box_low.x, box_low.y, box_low.z, ray_steps_max(grid)};
+  block.box_high = {box_high.x, box_high.y, box_high.z, samples};
+  block.tile_dims = {grid.tile_dims.x, grid.tile_dims.y, grid.tile_dims.z, 0};
+  const uint32_t flags =
+      (grid.has_color ? RAYMARCH_HAS_COLOR : 0u) | (grid.has_normal ? RAYMARCH_HAS_NORMAL : 0u) |
+      (options.section ? RAYMARCH_HAS_SECTION : 0u) |
+      (options.light == Light::kPhong ? RAYMARCH_PHONG : 0u) |
+      (options.occlusion ? RAYMARCH_OCCLUSION : 0u) | (options.shadow ? RAYMARCH_SHADOW : 0u);
   block.picture = {options.width, options.height, static_cast<int32_t>(flags), 0};
   return block;
 }

@@ -12,6 +12,14 @@ namespace voxeld {
 // More steps than any ray through the grid can take.
 int ray_steps_max(const PackedGrid& grid);
 
+// What the ray march leaves out where a picture does not need it; shaders/raymarch.frag.
+struct RaymarchVariant {
+  bool attributes = false;  // voxels have colours or normals
+  bool smooth = false;      // normals are estimated
+  bool light = false;       // there is ambient occlusion or a shadow
+};
+RaymarchVariant raymarch_variant(const PackedGrid& grid, const RenderOptions& options);
+
 // Rays along each side of a pixel for a picture of this size, before limits of a device.
 int wanted_samples(const RenderOptions& options, const RenderQuality& quality);
 

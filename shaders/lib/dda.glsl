@@ -1,30 +1,43 @@
 // Traversal of a uniform grid by a ray, after Amanatides & Woo, "A Fast Voxel Traversal Algorithm
-// for Ray Tracing" (1987), with two differences. Distances are computed from the integer cell each
-// time instead of being added up, so nothing drifts over thousands of cells; and one step may leave
-// an aligned block of 2^n cells to a side, whose neighbour cell is found by clamping the position
-// into the block, with no epsilon.
+// for Ray Tracing" (1987), with three differences. Distances are computed from the integer cell
+// each time instead of being added up, so nothing drifts over thousands of cells; one step may
+// leave an aligned block of 2^n cells to a side, whose neighbour cell is found by clamping the
+// position into the block, with no epsilon; and positions are relative to the cell that the ray
+// starts in, so that single precision serves grids of any size.
 
-const float DDA_FAR = 3.0e38;
+const float DDA_FAR = 3.0e38f;
 
 struct GridRay {
-  vec3 origin;     // grid space
+  ivec3 base;      // cell that `origin` and t are measured from
+  vec3 origin;     // from the min corner of `base`, in cells; t = 0
   vec3 direction;  // scaled so that its longest component is 1; exactly 0 on parallel axes
   vec3 inverse;    // 1 / direction; 0 on parallel axes
   bvec3 parallel;  // the ray stays within one layer of cells on this axis
   ivec3 positive;  // 1 where direction > 0, else 0
 };
 
-// `direction` is not zero. An axis counts as parallel below 1e-9 of the longest: over the 10^4
-// cells of a ray it would not move by 1/1000 of a cell.
-GridRay dda_ray(vec3 origin, vec3 direction) {
+// Where a ray begins among cells [low, high).
+struct RayStart {
+  GridRay ray;
+  bool meets;   // false: it passes them
+  ivec3 cell;   // its first
+  int axis;     // of the face that it comes in through; -1: it begins inside
+  float t_max;  // it ends here
+  float t_skipped;  // length, in the same units, from the point that the caller gave to t = 0
+};
+
+// Axes below 1e-9 of the longest count as parallel: over the 10^4 cells of a ray it would not move
+// by 1/1000 of a cell there. `direction` is not zero.
+GridRay dda_ray(ivec3 base, vec3 origin, vec3 direction) {
   vec3 size = abs(direction);
   direction /= max(size.x, max(size.y, size.z));
   GridRay ray;
+  ray.base = base;
   ray.origin = origin;
-  ray.parallel = lessThan(abs(direction), vec3(1e-9));
-  ray.direction = mix(direction, vec3(0.0), ray.parallel);
-  ray.inverse = mix(1.0 / direction, vec3(0.0), ray.parallel);
-  ray.positive = ivec3(greaterThan(ray.direction, vec3(0.0)));
+  ray.parallel = lessThan(abs(direction), vec3(1e-9f));
+  ray.direction = mix(direction, vec3(0.0f), ray.parallel);
+  ray.inverse = mix(vec3(1.0f) / direction, vec3(0.0f), ray.parallel);
+  ray.positive = ivec3(greaterThan(ray.direction, vec3(0.0f)));
   return ray;
 }
 
@@ -33,51 +46,69 @@ int dda_longest_axis(vec3 direction) {
   return size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
 }
 
-// Raises t_enter to where the ray enters the box [0, dims). `axis` is the axis of the face that it
-// enters through, or -1 where it is inside at t_enter already. False: it misses the box, or leaves
-// it before t_enter.
-bool dda_enter_grid(GridRay ray, ivec3 dims, inout float t_enter, out int axis) {
-  vec3 size = vec3(dims);
-  vec3 to_low = -ray.origin * ray.inverse;
-  vec3 to_high = (size - ray.origin) * ray.inverse;
-  bvec3 below = lessThan(ray.origin, vec3(0.0));
-  bvec3 above = greaterThanEqual(ray.origin, size);
+// Where a ray that begins among the cells [low, high) leaves them. What dda_leave_block() gives is
+// less than that if and only if its cell is one of them: both are quotients of the same numbers.
+float dda_leave_box(GridRay ray, ivec3 low, ivec3 high) {
+  ivec3 plane = mix(low, high, equal(ray.positive, ivec3(1)));
+  vec3 t = mix((vec3(plane - ray.base) - ray.origin) * ray.inverse, vec3(DDA_FAR), ray.parallel);
+  return min(t.x, min(t.y, t.z));
+}
+
+// The part of a ray inside the box of cells [low, high), from t_first to t_last at most. In double
+// precision, because a camera may stand far away from the first cell; the longest component of
+// `direction` is 1.
+RayStart dda_start(dvec3 origin, dvec3 direction, double t_first, double t_last, ivec3 low,
+                   ivec3 high) {
+  dvec3 none = dvec3(0.0f), far = dvec3(DDA_FAR);
+  bvec3 parallel = lessThan(abs(direction), dvec3(1e-9f));
+  dvec3 inverse = mix(dvec3(1.0f) / direction, none, parallel);
+  dvec3 to_low = (dvec3(low) - origin) * inverse;
+  dvec3 to_high = (dvec3(high) - origin) * inverse;
+  bvec3 below = lessThan(origin, dvec3(low));
+  bvec3 above = greaterThanEqual(origin, dvec3(high));
   bvec3 outside = bvec3(below.x || above.x, below.y || above.y, below.z || above.z);
-  vec3 when_parallel = mix(vec3(-DDA_FAR), vec3(DDA_FAR), outside);
-  vec3 first = mix(min(to_low, to_high), when_parallel, ray.parallel);
-  vec3 last = mix(max(to_low, to_high), -when_parallel, ray.parallel);
-  float t_first = max(first.x, max(first.y, first.z));
-  float t_last = min(last.x, min(last.y, last.z));
-  axis = -1;
-  if (t_first > t_last || t_last < t_enter) return false;
-  if (t_first >= t_enter) {
-    t_enter = t_first;
-    axis = first.x == t_first ? 0 : (first.y == t_first ? 1 : 2);
-  }
-  return true;
+  dvec3 when_parallel = mix(-far, far, outside);
+  dvec3 enter = mix(min(to_low, to_high), when_parallel, parallel);
+  dvec3 leave = mix(max(to_low, to_high), -when_parallel, parallel);
+  double t_enter = max(enter.x, max(enter.y, enter.z));
+  double t_leave = min(leave.x, min(leave.y, leave.z));
+  double t = max(t_first, t_enter);
+  RayStart start;
+  start.meets = t_enter <= t_leave && t <= t_leave && t <= t_last;
+  start.axis = -1;
+  if (t_enter >= t_first) start.axis = enter.x == t_enter ? 0 : (enter.y == t_enter ? 1 : 2);
+  dvec3 at = origin + direction * (start.meets ? t : t_first);
+  ivec3 positive = ivec3(greaterThan(direction, none));
+  ivec3 cell = clamp(ivec3(floor(clamp(at, dvec3(low), dvec3(high)))), low, high - 1);
+  bvec3 is_axis = equal(ivec3(start.axis), ivec3(0, 1, 2));
+  start.cell = mix(cell, mix(high - 1, low, equal(positive, ivec3(1))), is_axis);
+  start.ray = dda_ray(start.cell, vec3(at - dvec3(start.cell)), vec3(direction));
+  start.t_max = float(min(t_last - t, double(DDA_FAR)));
+  start.t_skipped = float(t);
+  return start;
 }
 
-// The cell at t, after dda_enter_grid gave t and axis.
-ivec3 dda_first_cell(GridRay ray, ivec3 dims, float t, int axis) {
-  ivec3 cell = clamp(ivec3(floor(ray.origin + ray.direction * t)), ivec3(0), dims - 1);
-  bvec3 is_axis = equal(ivec3(axis), ivec3(0, 1, 2));
-  return mix(cell, (dims - 1) * (1 - ray.positive), is_axis);
-}
+// A step: where a ray goes on beyond an aligned block.
+struct DdaStep {
+  ivec3 cell;  // its first cell there
+  int axis;    // of the face between the two
+  float t;     // where that is
+};
 
-// Moves `cell` to the first cell of the ray beyond the aligned block of 2^shift cells to a side
-// around it. Returns where that is; `axis` is the axis of the face between the two.
-float dda_leave_block(GridRay ray, int shift, inout ivec3 cell, out int axis) {
+// From the aligned block of 2^shift cells to a side around `cell`.
+DdaStep dda_leave_block(GridRay ray, int shift, ivec3 cell) {
   ivec3 low = (cell >> shift) << shift;
   ivec3 plane = low + (ray.positive << shift);
-  vec3 t = mix((vec3(plane) - ray.origin) * ray.inverse, vec3(DDA_FAR), ray.parallel);
-  axis = t.x <= t.y && t.x <= t.z ? 0 : (t.y <= t.z ? 1 : 2);
-  float t_leave = min(t.x, min(t.y, t.z));
-  ivec3 at = ivec3(floor(ray.origin + ray.direction * t_leave));
-  at = clamp(at, low, low + (1 << shift) - 1);
+  vec3 t = mix((vec3(plane - ray.base) - ray.origin) * ray.inverse, vec3(DDA_FAR), ray.parallel);
+  DdaStep next;
+  next.axis = t.x <= t.y && t.x <= t.z ? 0 : (t.y <= t.z ? 1 : 2);
+  next.t = min(t.x, min(t.y, t.z));
+  ivec3 at = ray.base + ivec3(floor(ray.origin + ray.direction * next.t));
+  at = clamp(at, low, low + ((1 << shift) - 1));
   // Rounding of the position must not lead back to cells that the ray has passed.
   at = mix(min(at, cell), max(at, cell), equal(ray.positive, ivec3(1)));
-  cell = mix(at, plane - (1 - ray.positive), equal(ivec3(axis), ivec3(0, 1, 2)));
-  return t_leave;
+  next.cell = mix(at, plane - (1 - ray.positive), equal(ivec3(next.axis), ivec3(0, 1, 2)));
+  return next;
 }
 
 // 0..5 for -x +x -y +y -z +z: the face of the cell that the ray came in through.

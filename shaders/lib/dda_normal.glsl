@@ -1,21 +1,28 @@
 // The direction in which a cloud of points is thinnest, from its moments.
 
-// Unit eigenvector of the smallest eigenvalue of the covariance matrix of `count` points, given the
-// sums of their coordinates, of their squares (xx, yy, zz) and of their products (xy, xz, yz).
-// Surface normals by principal components: Hoppe et al., "Surface Reconstruction from Unorganized
-// Points" (1992). The matrix is 3x3 and only one vector is wanted, so instead of solving for
-// eigenvalues the adjugate, whose dominant eigenvector is the one, is squared three times.
+// Sums over points: how many, of their coordinates, of their squares (xx, yy, zz) and of their
+// products (xy, xz, yz).
+struct Moments {
+  float count;
+  vec3 sum, squares, products;
+};
+
+// Unit eigenvector of the smallest eigenvalue of the points' covariance matrix. Surface normals by
+// principal components: Hoppe et al., "Surface Reconstruction from Unorganized Points" (1992). The
+// matrix is 3x3 and only one vector is wanted, so instead of solving for eigenvalues the adjugate,
+// whose dominant eigenvector is the one, is squared three times.
 // Zero vector: the points lie in a line or all directions are alike.
-vec3 thinnest_direction(float count, vec3 sum, vec3 squares, vec3 products) {
-  vec3 mean = sum / count;
-  vec3 d = squares / count - mean * mean;
-  vec3 o = products / count - mean.xxy * mean.yzz;
+vec3 thinnest_direction(Moments m) {
+  vec3 mean = m.sum / m.count;
+  vec3 d = m.squares / m.count - mean * mean;
+  vec3 o = m.products / m.count -
+           vec3(mean.x, mean.x, mean.y) * vec3(mean.y, mean.z, mean.z);
   mat3 adjugate =
       mat3(d.y * d.z - o.z * o.z, o.y * o.z - o.x * d.z, o.x * o.z - o.y * d.y,
            o.y * o.z - o.x * d.z, d.x * d.z - o.y * o.y, o.x * o.y - o.z * d.x,
            o.x * o.z - o.y * d.y, o.x * o.y - o.z * d.x, d.x * d.y - o.x * o.x);
   float trace = adjugate[0][0] + adjugate[1][1] + adjugate[2][2];
-  if (!(trace > 1e-4)) return vec3(0.0);
+  if (!(trace > 1e-4f)) return vec3(0.0f);
   adjugate /= trace;
   for (int i = 0; i < 3; ++i) {
     adjugate = adjugate * adjugate;

@@ -2,38 +2,55 @@
 
 // IEC 61966-2-1.
 vec3 linear_from_srgb(vec3 c) {
-  return mix(pow((c + 0.055) / 1.055, vec3(2.4)), c / 12.92, lessThanEqual(c, vec3(0.04045)));
+  return mix(pow((c + 0.055f) / 1.055f, vec3(2.4f)), c / 12.92f,
+             lessThanEqual(c, vec3(0.04045f)));
 }
 
 vec3 srgb_from_linear(vec3 c) {
-  c = clamp(c, vec3(0.0), vec3(1.0));
-  return mix(1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, c * 12.92,
-             lessThanEqual(c, vec3(0.0031308)));
+  c = clamp(c, vec3(0.0f), vec3(1.0f));
+  return mix(1.055f * pow(c, vec3(1.0f / 2.4f)) - 0.055f, c * 12.92f,
+             lessThanEqual(c, vec3(0.0031308f)));
 }
 
-// Of grids without colours: a warm light grey, sRGB 214 205 192.
-const vec3 SHADING_NEUTRAL = vec3(0.672, 0.610, 0.527);
+// R | G << 8 | B << 16 in sRGB -> linear light.
+vec3 rgb_of_word(uint word) {
+  return linear_from_srgb(vec3(uvec3(word, word >> 8, word >> 16) & 255u) / 255.0f);
+}
+
+// Of voxels without colours: a warm light grey, sRGB 214 205 192.
+const vec3 SHADING_NEUTRAL = vec3(0.672f, 0.610f, 0.527f);
 
 vec3 face_normal(int face) {
   vec3 axis = vec3(equal(ivec3(face / 2), ivec3(0, 1, 2)));
   return (face % 2 == 0) ? -axis : axis;
 }
 
+// How much light there is, each 0..1.
+struct Exposure {
+  float open;  // of what comes from all sides
+  float lit;   // of what the key light gives
+};
+
 // Each direction of faces has a brightness of its own, independent of camera and light, so that
 // colours can be compared from picture to picture: top 1, bottom 0.5, sides 0.78 and 0.64.
-float flat_light(vec3 normal) {
+float flat_light(vec3 normal, Exposure exposure) {
   vec3 weight = normal * normal;
-  return weight.x * 0.78 + weight.y * (normal.y > 0.0 ? 1.0 : 0.5) + weight.z * 0.64;
+  float light =
+      weight.x * 0.78f + weight.y * (normal.y > 0.0f ? 1.0f : 0.5f) + weight.z * 0.64f;
+  return light * exposure.open * mix(0.6f, 1.0f, exposure.lit);
 }
 
 // Phong, "Illumination for Computer Generated Pictures" (1975), with a key light, a weaker light
-// from the opposite side of the camera, and ambient light that is brighter from above.
-// Unit vectors; `normal` faces the eye.
-vec3 phong_light(vec3 albedo, vec3 normal, vec3 to_eye, vec3 to_light) {
-  float key = max(dot(normal, to_light), 0.0);
-  float fill = max(dot(normal, normalize(2.0 * dot(to_light, to_eye) * to_eye - to_light)), 0.0);
-  float ambient = 0.16 + 0.06 * normal.y;
-  vec3 mirrored = 2.0 * dot(normal, to_light) * normal - to_light;
-  float highlight = key > 0.0 ? pow(max(dot(mirrored, to_eye), 0.0), 24.0) : 0.0;
-  return albedo * (ambient + 0.72 * key + 0.18 * fill) + vec3(0.06 * highlight);
+// from the opposite side of the camera, and ambient light that is brighter from above. Unit
+// vectors; `normal` faces the eye. Corners that little light reaches from all sides get less of the
+// key light too: some of what bounces off the surface comes from there.
+vec3 phong_light(vec3 albedo, vec3 normal, vec3 to_eye, vec3 to_light, Exposure exposure) {
+  float key = max(dot(normal, to_light), 0.0f);
+  float fill = max(dot(normal, normalize(2.0f * dot(to_light, to_eye) * to_eye - to_light)), 0.0f);
+  float ambient = 0.16f + 0.06f * normal.y;
+  vec3 mirrored = 2.0f * dot(normal, to_light) * normal - to_light;
+  float highlight = key > 0.0f ? pow(max(dot(mirrored, to_eye), 0.0f), 24.0f) : 0.0f;
+  float direct = exposure.lit * mix(0.5f, 1.0f, exposure.open);
+  return albedo * ((ambient + 0.18f * fill) * exposure.open + 0.72f * key * direct) +
+         vec3(0.06f * highlight * exposure.lit);
 }

@@ -1,47 +1,90 @@
-// Parameters and bindings of the ray march pass, read by C++ (server/render) and GLSL.
+// Parameters, tables and bindings of the ray march pass, read by C++ (server/render) and GLSL.
 #ifdef __cplusplus
 #pragma once
 #endif
 #include "shaders/shared/types.h"
 
 // Storage buffers.
-#define RAYMARCH_BRICK_INDEX 0   // uint per brick of the grid, x fastest: 0 empty, else number + 1
-#define RAYMARCH_BRICK_MASKS 1   // 16 uints per occupied brick, Morton order (proto/sparse_tile.h)
-#define RAYMARCH_BRICK_OFFSETS 2 // uint per occupied brick: number of its first voxel
-#define RAYMARCH_COLORS 3        // uint per voxel: R | G << 8 | B << 16 | A << 24, sRGB
-#define RAYMARCH_NORMALS 4       // uint per voxel: x | y << 8 | z << 16, signed bytes, times 127
-#define RAYMARCH_BLOCK_BITS 5    // bit per block of 32^3 voxels, x fastest: 1 where any is occupied
+#define RAYMARCH_NODES 0    // uint: tables of the tree, see below
+#define RAYMARCH_BRICKS 1   // RAYMARCH_BRICK_WORDS uints per occupied brick, see below
+#define RAYMARCH_COLORS 2   // uint per voxel: R | G << 8 | B << 16 | A << 24, sRGB
+#define RAYMARCH_NORMALS 3  // uint per voxel: x | y << 8 | z << 16, signed bytes, times 127
 // Uniform buffer.
 #define RAYMARCH_PARAMS 0
 
-#define RAYMARCH_BRICK_SHIFT 3  // 8 voxels to a side of a brick
-#define RAYMARCH_BLOCK_SHIFT 5  // 32 voxels to a side of a block
+// The tree has four levels: the grid is an array of tiles of 256^3 cells, a tile of blocks of 32^3,
+// a block of bricks of 8^3, a brick of cells. Tables stand in one buffer, entries x fastest:
+//
+//   offset            entries
+//   0                 tile_dims.x * tile_dims.y * tile_dims.z, the tiles of the grid
+//   of each tile      8 * 8 * 8, its blocks
+//   of each block     4 * 4 * 4, its bricks; then the means of colour and normal of its voxels
+//
+// Only tiles and blocks that are neither empty nor full have tables, so memory grows with the
+// occupied bricks, but for 4 bytes per tile.
+//
+// An entry: 31 30 29 ...   0
+//            1 offset of a table, or the number of a brick
+//            0  1              every cell is occupied
+//            0  0  0 ... shift every cell of the aligned cube of 2^shift cells around it is empty;
+//                              the cube may reach over several entries
+#define RAYMARCH_CHILD 0x80000000u
+#define RAYMARCH_FULL 0x40000000u
+#define RAYMARCH_TILE_SHIFT 8
+#define RAYMARCH_BLOCK_SHIFT 5
+#define RAYMARCH_BRICK_SHIFT 3
+#define RAYMARCH_TILE_ENTRIES 512
+#define RAYMARCH_BLOCK_ENTRIES 64
+#define RAYMARCH_BLOCK_COLOR 64   // words after the block's entries
+#define RAYMARCH_BLOCK_NORMAL 65
+#define RAYMARCH_BLOCK_WORDS 66
 
-// Voxels to each side of a voxel that its normal is estimated from, where the grid has none: 2 is
-// the least that tells slopes of 1:5 apart; time grows with the cube of 2n+1.
-#define RAYMARCH_NORMAL_RADIUS 2
+// A brick: the mask in Morton order (proto/sparse_tile.h), then these.
+#define RAYMARCH_BRICK_FIRST 16   // number of its first voxel
+#define RAYMARCH_BRICK_NODES 17   // bit i: any voxel in mask words 2i and 2i+1, a cube of 4^3
+#define RAYMARCH_BRICK_COLOR 18   // mean, in the form of RAYMARCH_COLORS
+#define RAYMARCH_BRICK_NORMAL 19  // mean, in the form of RAYMARCH_NORMALS
+#define RAYMARCH_BRICK_WORDS 20
+
+// Most that the face is mixed into a normal that is estimated: voxels of 8 pixels and more.
+#define RAYMARCH_FACE_SHARE 0.6f
+#define RAYMARCH_LIGHT_RADIUS 0.04f  // of the key light, as a part of its distance: 2.3 degrees
+#define RAYMARCH_OCCLUSION_RAYS 16  // of a pixel, shared by its samples; at least 4 of a sample
+#define RAYMARCH_SHADOW_RAYS 8      // of a pixel, shared by its samples; at least 2 of a sample
+// Steps after which such a ray is taken to meet nothing.
+#define RAYMARCH_OCCLUSION_STEPS 64
+#define RAYMARCH_SHADOW_STEPS 512
 
 #define RAYMARCH_HAS_COLOR 1u
 #define RAYMARCH_HAS_NORMAL 2u
 #define RAYMARCH_HAS_SECTION 4u
 #define RAYMARCH_PHONG 8u
+#define RAYMARCH_OCCLUSION 16u
+#define RAYMARCH_SHADOW 32u
 
 VOXELD_SHARED_BEGIN
 
 // All of grid space unless said otherwise: one unit is one voxel, the grid's min corner is the
-// origin.
+// origin. What rays begin with has twice the digits of a float: the value is that of the member and
+// that of the same name with _low, added.
 struct RaymarchParams {
   // Homogeneous point of the near (z = -1) and far (z = 1) plane under clip position x, y:
   // at_0 + x * at_x + y * at_y.
   vec4 near_0, near_x, near_y;
   vec4 far_0, far_x, far_y;
   vec4 section;      // plane a,b,c,d: what has a*x+b*y+c*z+d > 0 is cut away
+  vec4 near_0_low, near_x_low, near_y_low;
+  vec4 far_0_low, far_x_low, far_y_low;
+  vec4 section_low;
   vec4 voxel_size;   // world units per voxel, xyz; w: the largest of the three
   vec4 light_world;  // unit vector towards the key light; w: share of the face in estimated normals
   vec4 background;   // linear light RGB, straight alpha
-  ivec4 dims;        // voxels xyz; w: most steps that one ray can take
-  ivec4 brick_dims;  // bricks xyz; w: samples along each side of a pixel, 1 or more
-  ivec4 block_dims;  // blocks xyz; w unused
+  // Voxels (of the largest side) to a pixel: x at the near plane, y more for each voxel of distance
+  // from it; z: length of rays of ambient occlusion in voxels; w unused.
+  vec4 footprint;
+  ivec4 box_low;     // cells [box_low, box_high) hold all voxels, xyz; w: most steps of a ray
+  ivec4 box_high;    // w: samples along each side of a pixel, 1 or more
+  ivec4 tile_dims;   // tiles of the grid, xyz; w unused
   ivec4 picture;     // x, y: pixels; z: RAYMARCH_HAS_COLOR and so on; w unused
 };
 
@@ -50,6 +93,7 @@ VOXELD_SHARED_END
 #ifdef __cplusplus
 static_assert(offsetof(voxeld::shared::RaymarchParams, far_0) == 48);
 static_assert(offsetof(voxeld::shared::RaymarchParams, section) == 96);
-static_assert(offsetof(voxeld::shared::RaymarchParams, dims) == 160);
-static_assert(sizeof(voxeld::shared::RaymarchParams) == 224);
+static_assert(offsetof(voxeld::shared::RaymarchParams, voxel_size) == 224);
+static_assert(offsetof(voxeld::shared::RaymarchParams, box_low) == 288);
+static_assert(sizeof(voxeld::shared::RaymarchParams) == 352);
 #endif

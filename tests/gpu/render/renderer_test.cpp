@@ -198,15 +198,20 @@ TEST(RaymarchParams, lie_where_the_driver_puts_them) {
       {"params.near_y", offsetof(RaymarchParams, near_y)},
       {"params.far_0", offsetof(RaymarchParams, far_0)},
       {"params.section", offsetof(RaymarchParams, section)},
+      {"params.near_0_low", offsetof(RaymarchParams, near_0_low)},
+      {"params.section_low", offsetof(RaymarchParams, section_low)},
       {"params.voxel_size", offsetof(RaymarchParams, voxel_size)},
       {"params.light_world", offsetof(RaymarchParams, light_world)},
       {"params.background", offsetof(RaymarchParams, background)},
-      {"params.dims", offsetof(RaymarchParams, dims)},
-      {"params.brick_dims", offsetof(RaymarchParams, brick_dims)},
-      {"params.block_dims", offsetof(RaymarchParams, block_dims)},
+      {"params.footprint", offsetof(RaymarchParams, footprint)},
+      {"params.box_low", offsetof(RaymarchParams, box_low)},
+      {"params.box_high", offsetof(RaymarchParams, box_high)},
+      {"params.tile_dims", offsetof(RaymarchParams, tile_dims)},
       {"params.picture", offsetof(RaymarchParams, picture)},
   };
-  const auto program = test_shaders().get({{"raymarch.vert"}, {"raymarch.frag"}});
+  const auto program = test_shaders().get(
+      {{"raymarch.vert"}, {"raymarch.frag"}},
+      {{"RAYMARCH_ATTRIBUTES", "1"}, {"RAYMARCH_SMOOTH", "1"}, {"RAYMARCH_LIGHT", "1"}});
   ASSERT_TRUE(program.ok()) << program.error().message();
   const gpu::GlApi& gl = gpu::test_context().gl();
   for (const auto& member : kMembers) {

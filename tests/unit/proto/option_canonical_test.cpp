@@ -41,7 +41,8 @@ TEST(CanonicalOptions, spell_out_every_default_in_a_fixed_order) {
             R"({"format":"native","codec":"fast","axes":"zyx","dtype":"uint8","palette":255})");
   EXPECT_EQ(canonical({}, OptionScope::kRenderGrid),
             R"({"width":512,"height":512,"projection":"perspective","azimuth":"30",)"
-            R"("elevation":"20","zoom":"1","background":"#ffffffff","light":"phong"})");
+            R"("elevation":"20","zoom":"1","background":"#ffffffff","light":"phong",)"
+            R"("occlusion":"no","shadow":"no"})");
 }
 
 TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {
@@ -125,9 +126,12 @@ TEST(CanonicalOptions, are_options_that_give_the_same_canonical_text) {
     const std::string text = canonical(pairs, OptionScope::kVoxelize);
     EXPECT_EQ(canonical_of_json(text, OptionScope::kVoxelize), text);
   }
-  const std::string picture = canonical(
-      {{"matrix", kIdentity}, {"section", "1,0.1,0,-1e-5"}, {"zoom", "0.1"}, {"light", "flat"}},
-      OptionScope::kRenderGrid);
+  const std::string picture = canonical({{"matrix", kIdentity},
+                                         {"section", "1,0.1,0,-1e-5"},
+                                         {"zoom", "0.1"},
+                                         {"light", "flat"},
+                                         {"shadow", "yes"}},
+                                        OptionScope::kRenderGrid);
   EXPECT_EQ(canonical_of_json(picture, OptionScope::kRenderGrid), picture);
 }
 

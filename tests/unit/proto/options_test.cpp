@@ -88,6 +88,8 @@ const std::map<std::string, OptionCase>& cases() {
         {"#fff", "#gggggg", "#12345", "#1234567", "", "#", "#+1+2+3", "#-1-2-3", "white"},
         kColor}},
       {"light", {{"flat", "phong"}, {"none", ""}, "flat | phong"}},
+      {"occlusion", {{"yes", "no"}, {"1", "true", ""}, "yes | no"}},
+      {"shadow", {{"yes", "no"}, {"soft", ""}, "yes | no"}},
       {"cache", {{"yes", "no"}, {"true", "1", ""}, "yes | no"}},
   };
   return all;
@@ -216,6 +218,8 @@ TEST(Options, pictures_values_reach_their_fields) {
                                        {"zoom", "2"},
                                        {"background", "#01020304"},
                                        {"light", "flat"},
+                                       {"occlusion", "yes"},
+                                       {"shadow", "yes"},
                                        {"section", "1,0,0,-2"}},
                                       OptionScope::kRenderGrid)
                                    .render;
@@ -227,6 +231,8 @@ TEST(Options, pictures_values_reach_their_fields) {
   EXPECT_EQ(render.zoom, 2);
   EXPECT_EQ(render.background, (std::array<uint8_t, 4>{1, 2, 3, 4}));
   EXPECT_EQ(render.light, Light::kFlat);
+  EXPECT_TRUE(render.occlusion);
+  EXPECT_TRUE(render.shadow);
   EXPECT_EQ(render.section, (std::array<double, 4>{1, 0, 0, -2}));
 }
 

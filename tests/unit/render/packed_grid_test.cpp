@@ -4,9 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "shaders/shared/raymarch.h"
+
 namespace voxeld {
 namespace {
 
+using ::testing::Each;
 using ::testing::ElementsAre;
 
 // Two voxels in one brick and one in another tile.
@@ -32,62 +35,122 @@ Grid three_voxels() {
   return grid;
 }
 
-TEST(PackGrid, bricks_are_found_through_the_table_and_the_block_bits) {
+// What the tables say of a cell: the entry at which they end.
+uint32_t entry_of(const PackedGrid& packed, const glm::ivec3& cell) {
+  const glm::ivec3 tile = cell / 256, block = cell / 32 % 8, brick = cell / 8 % 4;
+  const auto at = [&](size_t table, const glm::ivec3& p, const glm::ivec3& dims) {
+    return packed.nodes[table + static_cast<size_t>(p.x + dims.x * (p.y + dims.y * p.z))];
+  };
+  uint32_t entry = at(0, tile, packed.tile_dims);
+  if ((entry & RAYMARCH_CHILD) == 0) return entry;
+  entry = at(entry & ~RAYMARCH_CHILD, block, glm::ivec3(8));
+  if ((entry & RAYMARCH_CHILD) == 0) return entry;
+  return at(entry & ~RAYMARCH_CHILD, brick, glm::ivec3(4));
+}
+
+TEST(PackGrid, bricks_are_found_through_the_tables_of_tile_and_block) {
   const auto packed = pack_grid(three_voxels());
   ASSERT_TRUE(packed.ok());
-  EXPECT_EQ(packed->brick_dims, glm::ivec3(38, 3, 2));
-  EXPECT_EQ(packed->block_dims, glm::ivec3(10, 1, 1));
-  ASSERT_EQ(packed->brick_index.size(), 38u * 3 * 2);
-  for (size_t i = 0; i < packed->brick_index.size(); ++i) {
-    const uint32_t wanted = i == 4 + 38 * 1 ? 1u : i == 32 + 38 * 3 ? 2u : 0u;
-    EXPECT_EQ(packed->brick_index[i], wanted) << i;
-  }
-  EXPECT_THAT(packed->block_bits, ElementsAre(1u << 1 | 1u << 8));
-  EXPECT_THAT(packed->brick_offsets, ElementsAre(0, 2));
-  EXPECT_EQ(packed->brick_masks.size(), 32u);
-  EXPECT_EQ(packed->brick_masks[0], 1u);
-  EXPECT_EQ(packed->brick_masks[15], 0x80000000u);
-  EXPECT_EQ(packed->brick_masks[16], 2u);
+  EXPECT_EQ(packed->tile_dims, glm::ivec3(2, 1, 1));
+  EXPECT_EQ(packed->nodes.size(), 2u + 2 * RAYMARCH_TILE_ENTRIES + 2 * RAYMARCH_BLOCK_WORDS);
+  EXPECT_EQ(packed->bricks.size(), 2u * RAYMARCH_BRICK_WORDS);
+  EXPECT_EQ(entry_of(*packed, {32, 8, 0}), RAYMARCH_CHILD | 0u);
+  EXPECT_EQ(entry_of(*packed, {39, 15, 7}), RAYMARCH_CHILD | 0u);
+  EXPECT_EQ(entry_of(*packed, {257, 0, 8}), RAYMARCH_CHILD | 1u);
+  const uint32_t* first = packed->bricks.data();
+  const uint32_t* second = first + RAYMARCH_BRICK_WORDS;
+  EXPECT_EQ(first[0], 1u);
+  EXPECT_EQ(first[15], 0x80000000u);
+  EXPECT_EQ(first[RAYMARCH_BRICK_FIRST], 0u);
+  EXPECT_EQ(first[RAYMARCH_BRICK_NODES], 0x81u);
+  EXPECT_EQ(second[0], 2u);
+  EXPECT_EQ(second[RAYMARCH_BRICK_FIRST], 2u);
+}
+
+TEST(PackGrid, empty_entries_tell_the_largest_aligned_cube_around_them) {
+  const auto packed = pack_grid(three_voxels());
+  ASSERT_TRUE(packed.ok());
+  EXPECT_EQ(entry_of(*packed, {40, 8, 0}), 3u);    // beside the brick
+  EXPECT_EQ(entry_of(*packed, {48, 8, 0}), 4u);    // the other 2^3 bricks of the block
+  EXPECT_EQ(entry_of(*packed, {0, 0, 0}), 5u);     // the block before it
+  EXPECT_EQ(entry_of(*packed, {64, 0, 0}), 6u);    // 2^3 blocks
+  EXPECT_EQ(entry_of(*packed, {128, 0, 0}), 7u);   // 4^3 blocks
+  EXPECT_EQ(entry_of(*packed, {299, 16, 8}), 5u);  // of the other tile
+}
+
+TEST(PackGrid, empty_tiles_join_to_cubes_and_cost_four_bytes) {
+  Grid grid;
+  grid.spec.dims = glm::ivec3(16384);
+  SparseTile tile;
+  tile.coord = {63, 0, 0};
+  tile.brick_morton = {0};
+  tile.masks.resize(1);
+  tile.masks[0].words[0] = 1;
+  grid.tiles = {tile};
+  const auto packed = pack_grid(grid);
+  ASSERT_TRUE(packed.ok());
+  EXPECT_EQ(packed->nodes.size(), 64u * 64 * 64 + RAYMARCH_TILE_ENTRIES + RAYMARCH_BLOCK_WORDS);
+  EXPECT_EQ(entry_of(*packed, {62 * 256, 0, 0}), 8u);
+  EXPECT_EQ(entry_of(*packed, {61 * 256, 0, 0}), 9u);
+  EXPECT_EQ(entry_of(*packed, {63 * 256, 300, 0}), 8u);
+  EXPECT_EQ(entry_of(*packed, {8191, 0, 0}), 13u);
+  EXPECT_EQ(entry_of(*packed, {16383, 16383, 16383}), 13u);
+  EXPECT_EQ(packed->occupied_min, glm::ivec3(16128, 0, 0));
+}
+
+TEST(PackGrid, full_nodes_are_one_mark_at_the_largest_part_that_they_cover) {
+  Grid grid;
+  grid.spec.dims = {1024, 256, 256};
+  std::vector<SparseTile> tiles(4);
+  for (int i = 0; i < 4; ++i) tiles[static_cast<size_t>(i)].coord = {i, 0, 0};
+  tiles[0].full = {{0, kTileLevels}};
+  tiles[1].full = {{7 * 512, 3}};  // 64^3 cells from brick 8,8,8
+  tiles[2].full = {{8, 1}};        // bricks 2..3, 0..1, 0..1
+  tiles[3].full = {{64, 2}, {129, 0}};
+  grid.tiles = tiles;
+  const auto packed = pack_grid(grid);
+  ASSERT_TRUE(packed.ok());
+  EXPECT_EQ(entry_of(*packed, {0, 0, 0}), RAYMARCH_FULL);
+  EXPECT_EQ(packed->nodes[0], RAYMARCH_FULL);
+  EXPECT_EQ(entry_of(*packed, {256 + 64, 64, 64}), RAYMARCH_FULL);
+  EXPECT_EQ(entry_of(*packed, {256 + 127, 127, 127}), RAYMARCH_FULL);
+  EXPECT_EQ(entry_of(*packed, {256 + 63, 64, 64}), 6u);
+  EXPECT_EQ(entry_of(*packed, {512 + 16, 0, 0}), RAYMARCH_FULL);
+  EXPECT_EQ(entry_of(*packed, {512 + 31, 15, 15}), RAYMARCH_FULL);
+  EXPECT_EQ(entry_of(*packed, {512 + 15, 0, 0}), 4u);
+  EXPECT_EQ(entry_of(*packed, {768 + 63, 31, 31}), RAYMARCH_FULL);
+  EXPECT_EQ(entry_of(*packed, {768 + 8, 32, 0}), RAYMARCH_FULL);
+  EXPECT_EQ(entry_of(*packed, {768 + 0, 32, 0}), 3u);
+  // Three tables of tiles and two of blocks, and no brick.
+  EXPECT_EQ(packed->nodes.size(), 4u + 3 * RAYMARCH_TILE_ENTRIES + 2 * RAYMARCH_BLOCK_WORDS);
+  EXPECT_TRUE(packed->bricks.empty());
+  EXPECT_EQ(packed->attribute_count, 0u);
+  EXPECT_EQ(packed->occupied_min, glm::ivec3(0));
+  EXPECT_EQ(packed->occupied_max, glm::ivec3(768 + 64, 256, 256));
 }
 
 TEST(PackGrid, attributes_and_the_occupied_box_follow_the_voxels) {
   const auto packed = pack_grid(three_voxels());
   ASSERT_TRUE(packed.ok());
-  EXPECT_EQ(packed->voxel_count, 3u);
+  EXPECT_EQ(packed->attribute_count, 3u);
   EXPECT_THAT(packed->colors, ElementsAre(0x04030201u, 0x08070605u, 0x0c0b0a09u));
   EXPECT_THAT(packed->normals, ElementsAre(0x0081007fu, 0x00ff0100u, 0x007f0000u));
   EXPECT_EQ(packed->occupied_min, glm::ivec3(32, 0, 0));
   EXPECT_EQ(packed->occupied_max, glm::ivec3(258, 16, 9));
 }
 
-TEST(PackGrid, bricks_of_full_nodes_share_one_brick_with_the_mean_colour) {
+TEST(PackGrid, bricks_and_blocks_keep_the_means_of_their_voxels) {
   Grid grid = three_voxels();
-  grid.spec.dims.z = 24;
-  for (SparseTile& tile : grid.tiles) {
-    for (size_t i = 0; i < tile.color.size(); ++i) tile.color[i] = static_cast<uint8_t>(i % 4);
-  }
-  grid.tiles[0].full = {{morton_encode(2, 0, 0), 1}, {morton_encode(5, 0, 2), 0}};
+  grid.tiles[0].color = {255, 0, 10, 255, 0, 0, 10, 255};
   const auto packed = pack_grid(grid);
   ASSERT_TRUE(packed.ok());
-  EXPECT_THAT(packed->brick_offsets, ElementsAre(0, 512, 514));
-  EXPECT_EQ(packed->brick_masks.size(), 48u);
-  for (size_t i = 0; i < 16; ++i) EXPECT_EQ(packed->brick_masks[i], ~0u);
-  ASSERT_EQ(packed->colors.size(), 515u);
-  EXPECT_EQ(packed->colors[511], 0xff020100u);
-  EXPECT_EQ(packed->colors[512], 0x03020100u);
-  ASSERT_EQ(packed->normals.size(), 515u);
-  EXPECT_EQ(packed->normals[0], 0u);
-  for (size_t i = 0; i < packed->brick_index.size(); ++i) {
-    const size_t x = i % 38, y = i / 38 % 3, z = i / (38 * 3);
-    const bool full = (x / 2 == 1 && y < 2 && z < 2) || (x == 5 && y == 0 && z == 2);
-    const uint32_t wanted = full                          ? 1
-                            : x == 4 && y == 1 && z == 0  ? 2
-                            : x == 32 && y == 0 && z == 1 ? 3
-                                                          : 0;
-    EXPECT_EQ(packed->brick_index[i], wanted) << i;
-  }
-  EXPECT_EQ(packed->occupied_min, glm::ivec3(16, 0, 0));
-  EXPECT_EQ(packed->occupied_max, glm::ivec3(258, 16, 24));
+  // Half of full linear light is sRGB 188.
+  EXPECT_EQ(packed->bricks[RAYMARCH_BRICK_COLOR], 0xff0a00bcu);
+  EXPECT_EQ(packed->bricks[RAYMARCH_BRICK_NORMAL], 0x00c0003fu);  // 63, 0, -64
+  const uint32_t tile = packed->nodes[0] & ~RAYMARCH_CHILD;
+  const uint32_t block = packed->nodes[tile + 1] & ~RAYMARCH_CHILD;
+  EXPECT_EQ(packed->nodes[block + RAYMARCH_BLOCK_COLOR], 0xff0a00bcu);
+  EXPECT_EQ(packed->nodes[block + RAYMARCH_BLOCK_NORMAL], 0x00c0003fu);
 }
 
 TEST(PackGrid, an_empty_grid_is_framed_whole) {
@@ -97,7 +160,8 @@ TEST(PackGrid, an_empty_grid_is_framed_whole) {
   ASSERT_TRUE(packed.ok());
   EXPECT_EQ(packed->occupied_min, glm::ivec3(0));
   EXPECT_EQ(packed->occupied_max, glm::ivec3(5, 6, 7));
-  EXPECT_TRUE(packed->brick_masks.empty());
+  EXPECT_TRUE(packed->bricks.empty());
+  EXPECT_THAT(packed->nodes, Each(8u));
 }
 
 }  // namespace

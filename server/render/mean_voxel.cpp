@@ -1,0 +1,61 @@
+#include "server/render/mean_voxel.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+namespace voxeld {
+namespace {
+
+// 16-bit linear light of an sRGB byte.
+std::array<uint32_t, 256> make_linear() {
+  std::array<uint32_t, 256> table{};
+  for (size_t i = 0; i < table.size(); ++i) {
+    const double c = static_cast<double>(i) / 255.0;
+    const double linear = c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
+    table[i] = static_cast<uint32_t>(std::lround(65535.0 * linear));
+  }
+  return table;
+}
+
+const std::array<uint32_t, 256> kLinear = make_linear();
+
+// The byte whose linear light is nearest.
+uint32_t srgb_byte(uint32_t linear) {
+  const auto above = std::lower_bound(kLinear.begin(), kLinear.end(), linear);
+  if (above == kLinear.begin()) return 0;
+  const auto byte = static_cast<uint32_t>(above - kLinear.begin());
+  return *above - linear < linear - kLinear[byte - 1] ? byte : byte - 1;
+}
+
+}  // namespace
+
+uint32_t mean_color(std::span<const uint32_t> colors) {
+  if (colors.empty()) return 0;
+  std::array<uint64_t, 3> sums{};
+  for (const uint32_t color : colors) {
+    for (size_t i = 0; i < 3; ++i) sums[i] += kLinear[color >> (8 * i) & 255];
+  }
+  uint32_t mean = 0xff000000u;
+  for (size_t i = 0; i < 3; ++i) {
+    mean |= srgb_byte(static_cast<uint32_t>((sums[i] + colors.size() / 2) / colors.size()))
+            << (8 * i);
+  }
+  return mean;
+}
+
+uint32_t mean_normal(std::span<const uint32_t> normals) {
+  if (normals.empty()) return 0;
+  std::array<int64_t, 3> sums{};
+  for (const uint32_t normal : normals) {
+    for (size_t i = 0; i < 3; ++i) sums[i] += static_cast<int8_t>(normal >> (8 * i));
+  }
+  std::array<int8_t, 3> mean{};
+  for (size_t i = 0; i < 3; ++i) {
+    mean[i] = static_cast<int8_t>(sums[i] / static_cast<int64_t>(normals.size()));
+  }
+  return pack_normal(mean[0], mean[1], mean[2]);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,60 @@
+// A ray's way through the tree of shared/raymarch.h: one flat loop, every iteration of which is one
+// step over a cell or an empty cube, so a SIMD group takes as many as its longest ray, and
+// `steps_max` bounds that (workaround loop_iterations_65535).
+
+struct March {
+  bool hit;
+  ivec3 cell;  // the ray's first cell in what it hit
+  int axis;    // of the face that it came in through; -1: it began inside
+  float t;
+  int level;   // what it hit is a cube of 2^level cells
+  uint part;   // as in MarchNode
+};
+
+// Distances from which on a ray takes cubes of 2, 4, 8 and 32 cells for occupied when any of their
+// cells is.
+int march_level(vec4 level_t, float t) {
+  if (t < level_t.x) return 0;
+  return t >= level_t.w ? 5 : 1 + int(t >= level_t.y) + int(t >= level_t.z);
+}
+
+// `cell` is one of the grid's.
+March march(MarchGrid grid, GridRay ray, ivec3 cell, float t_max, vec4 level_t, int steps_max) {
+  March found;
+  found.hit = false;
+  found.cell = ivec3(-1);
+  found.axis = -1;
+  found.t = 0.0f;
+  found.level = 0;
+  found.part = MARCH_NO_PART;
+  ivec3 entry_at = ivec3(-1);
+  int entry_level = 0;
+  uint entry = 0u;
+  DdaStep at;
+  at.cell = cell;
+  at.axis = -1;
+  at.t = 0.0f;
+  float t_box = dda_leave_box(ray, grid.low, grid.high);
+  for (int step_count = 0; step_count < steps_max; ++step_count) {
+    int level = march_level(level_t, at.t);
+    ivec3 brick = at.cell >> RAYMARCH_BRICK_SHIFT;
+    if (any(notEqual(brick, entry_at)) || level != entry_level) {
+      entry = march_entry(grid, at.cell, level >= 5);
+      entry_at = brick;
+      entry_level = level;
+    }
+    MarchNode node = march_node_of_entry(entry, at.cell, level);
+    if (node.empty_shift < 0) {
+      found.hit = true;
+      found.cell = at.cell;
+      found.axis = at.axis;
+      found.t = at.t;
+      found.level = level;
+      found.part = node.part;
+      return found;
+    }
+    at = dda_leave_block(ray, node.empty_shift, at.cell);
+    if (at.t > t_max || !(at.t < t_box)) return found;
+  }
+  return found;
+}

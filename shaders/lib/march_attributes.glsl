@@ -1,0 +1,71 @@
+// Colours and stored normals of what a ray hit; of cubes of several voxels their mean.
+
+// The including file defines these: words of the buffers.
+uint color_word(uint index);
+uint normal_word(uint index);
+
+// Most voxels that a mean is taken of; where a cube has more, every second, third, ... of them.
+const int MARCH_MEAN_VOXELS = 8;
+
+// The voxels of the hit cube of 1, 2^3 or 4^3 cells: they follow each other in storage order.
+struct VoxelRun {
+  uint first;
+  int count;
+};
+
+VoxelRun march_voxels(March found) {
+  uint brick = found.part * uint(RAYMARCH_BRICK_WORDS);
+  int bit = dda_brick_bit(found.cell.x, found.cell.y, found.cell.z);
+  VoxelRun run;
+  run.count = 1;
+  if (found.level == 1) {
+    bit &= ~7;
+    run.count = int(bitCount(brick_word(brick + uint(bit >> 5)) >> (bit & 31) & 255u));
+  } else if (found.level == 2) {
+    bit &= ~63;
+    run.count = int(bitCount(brick_word(brick + uint(bit >> 5)))) +
+                int(bitCount(brick_word(brick + uint(bit >> 5) + 1u)));
+  }
+  run.first = march_voxel_number(found.part, bit);
+  return run;
+}
+
+// Linear light.
+vec3 march_color(March found) {
+  if (found.part == MARCH_NO_PART) return SHADING_NEUTRAL;
+  if (found.level >= 5) {
+    return rgb_of_word(node_word(found.part + uint(RAYMARCH_BLOCK_COLOR)));
+  }
+  uint brick = found.part * uint(RAYMARCH_BRICK_WORDS);
+  if (found.level == 3) return rgb_of_word(brick_word(brick + uint(RAYMARCH_BRICK_COLOR)));
+  VoxelRun run = march_voxels(found);
+  int taken = min(run.count, MARCH_MEAN_VOXELS);
+  vec3 sum = vec3(0.0f);
+  for (int i = 0; i < taken; ++i) {
+    sum += rgb_of_word(color_word(run.first + uint(i * run.count / taken)));
+  }
+  return sum / float(taken);
+}
+
+vec3 normal_of_word(uint word) {
+  // Bytes are shifted up to the sign.
+  ivec3 bytes = ivec3(int(word << 24), int(word << 16), int(word << 8)) >> 24;
+  return vec3(bytes) / 127.0f;
+}
+
+// Not a unit vector; (0,0,0) where there is none.
+vec3 march_stored_normal(March found) {
+  if (found.part == MARCH_NO_PART) return vec3(0.0f);
+  if (found.level >= 5) {
+    return normal_of_word(node_word(found.part + uint(RAYMARCH_BLOCK_NORMAL)));
+  }
+  uint brick = found.part * uint(RAYMARCH_BRICK_WORDS);
+  if (found.level == 3) return normal_of_word(brick_word(brick + uint(RAYMARCH_BRICK_NORMAL)));
+  VoxelRun run = march_voxels(found);
+  int taken = min(run.count, MARCH_MEAN_VOXELS);
+  vec3 sum = vec3(0.0f);
+  for (int i = 0; i < taken; ++i) {
+    sum += normal_of_word(normal_word(run.first + uint(i * run.count / taken)));
+  }
+  return sum / float(taken);
+}

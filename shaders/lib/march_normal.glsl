@@ -1,0 +1,51 @@
+// Direction of the surface through a voxel, from what is occupied around it.
+
+// Moments of the occupied cubes of 2^level cells within two cubes to each side of the one around
+// `cell`, in cubes from its place. Two is the least that tells slopes of 1:5 apart.
+//
+// The 5^3 cubes lie in 3^3 octants of 2^3. In an octant with its corner at p, the cube i stands at
+// p + (i & 1, i >> 1 & 1, i >> 2), so the moments are sums of bit counts: that of x*y over an
+// octant is n*p.x*p.y + ny*p.x + nx*p.y + nxy, where n, nx, ny, nxy count the bits with 1, x, y,
+// x*y = 1.
+Moments march_moments(MarchGrid grid, ivec3 cell, int level) {
+  ivec3 middle = cell >> level;
+  ivec3 first = (middle - 2) >> 1;
+  int count = 0;
+  ivec3 sum = ivec3(0), squares = ivec3(0), products = ivec3(0);
+  for (int i = 0; i < 27; ++i) {
+    ivec3 octant = first + ivec3(i % 3, i / 3 % 3, i / 9);
+    ivec3 p = octant * 2 - middle;
+    uint bits = march_occupied_octants(grid, octant << (level + 1), level);
+    // What stands three cubes away is not asked for.
+    if (p.x == -3) bits &= 0xaau;
+    if (p.y == -3) bits &= 0xccu;
+    if (p.z == -3) bits &= 0xf0u;
+    if (p.x == 2) bits &= 0x55u;
+    if (p.y == 2) bits &= 0x33u;
+    if (p.z == 2) bits &= 0x0fu;
+    int n = int(bitCount(bits));
+    ivec3 high = ivec3(bitCount(bits & 0xaau), bitCount(bits & 0xccu), bitCount(bits & 0xf0u));
+    count += n;
+    sum += p * n + high;
+    squares += p * p * n + p * high * 2 + high;
+    products += ivec3(p.x * p.y * n + p.x * high.y + p.y * high.x + int(bitCount(bits & 0x88u)),
+                      p.x * p.z * n + p.x * high.z + p.z * high.x + int(bitCount(bits & 0xa0u)),
+                      p.y * p.z * n + p.y * high.z + p.z * high.y + int(bitCount(bits & 0xc0u)));
+  }
+  Moments moments;
+  moments.count = float(count);
+  moments.sum = vec3(sum);
+  moments.squares = vec3(squares);
+  moments.products = vec3(products);
+  return moments;
+}
+
+// World space, either side; zero where the voxels form no surface. `scale`: sides of a voxel over
+// the longest of them.
+vec3 march_estimated_normal(MarchGrid grid, ivec3 cell, int level, vec3 scale) {
+  Moments moments = march_moments(grid, cell, level);
+  moments.sum *= scale;
+  moments.squares *= scale * scale;
+  moments.products *= vec3(scale.x, scale.x, scale.y) * vec3(scale.y, scale.z, scale.z);
+  return thinnest_direction(moments);
+}
