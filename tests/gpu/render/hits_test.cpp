@@ -5,93 +5,11 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <random>
 
-#include "tests/gpu/render/ray_oracle.h"
+#include "tests/gpu/render/hits_check.h"
 #include "tests/gpu/render/test_grids.h"
-#include "tests/gpu/render/test_renderer.h"
 
 namespace voxeld {
 namespace {
-
-// Cells. A ray of single precision may pass on the other side of an edge that it comes closer to
-// than this: coordinates to 300 cells carry errors of 3e-5, and a step multiplies two of them.
-constexpr double kEdge = 1e-3;
-// Rays that may differ for it: an edge band of 1e-3 on some 30 cells that a ray passes would be 3%;
-// what is measured is below 0.05%.
-constexpr double kTiesMax = 0.002;
-
-Renderer& renderer() {
-  static const std::unique_ptr<Renderer> one = make_test_renderer();
-  return *one;
-}
-
-Camera camera_for(const RenderOptions& options, const Grid& grid) {
-  glm::ivec3 low(1 << 30), high(0);
-  for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
-      low = glm::min(low, glm::ivec3(x, y, z));
-      high = glm::max(high, glm::ivec3(x, y, z) + 1);
-    });
-  }
-  return make_camera(options, grid.spec.world_from_grid(glm::dvec3(low)),
-                     grid.spec.world_from_grid(glm::dvec3(high)));
-}
-
-std::string text(const Hit& hit) {
-  return std::to_string(hit.cell.x) + "," + std::to_string(hit.cell.y) + "," +
-         std::to_string(hit.cell.z) + " face " + std::to_string(hit.face);
-}
-
-// Both answers are right: the ray only grazes the cell that one of them hit.
-bool is_tie(const OracleRay& ray, const Hit& wanted, const Hit& got) {
-  if (wanted.cell == got.cell) return chord(ray, got.cell, kEdge) > 0;  // through an edge: the face
-  if (wanted.face >= 0 && chord(ray, wanted.cell, 0) < kEdge) return true;
-  return got.face >= 0 && chord(ray, got.cell, 0) < kEdge && chord(ray, got.cell, kEdge) > 0;
-}
-
-// Number of rays that hit anything.
-int expect_same_hits(const RenderOptions& options, const Grid& grid) {
-  const auto hits = renderer().render_hits(options);
-  EXPECT_TRUE(hits.ok()) << hits.error().message();
-  if (!hits.ok()) return 0;
-  const Camera camera = camera_for(options, grid);
-  const OracleGrid oracle(grid);
-  int ties = 0, hit_count = 0, wrong = 0;
-  for (int y = 0; y < options.height; ++y) {
-    for (int x = 0; x < options.width; ++x) {
-      const OracleRay ray = oracle_ray(options, camera.clip_from_world, grid.spec, x, y);
-      const Hit wanted = oracle.march(ray);
-      const Hit& got = (*hits)[static_cast<size_t>(y * options.width + x)];
-      hit_count += got.face >= 0;
-      if (wanted.cell == got.cell && wanted.face == got.face) continue;
-      if (is_tie(ray, wanted, got)) {
-        ++ties;
-      } else if (++wrong <= 3) {
-        ADD_FAILURE() << "pixel " << x << "," << y << ": expected " << text(wanted) << ", got "
-                      << text(got);
-      }
-    }
-  }
-  EXPECT_EQ(wrong, 0);
-  EXPECT_LE(ties, kTiesMax * options.width * options.height + 2);
-  return hit_count;
-}
-
-GridSpec spec_of(const glm::ivec3& dims, const glm::dvec3& voxel_size) {
-  GridSpec spec;
-  spec.dims = dims;
-  spec.voxel_size = voxel_size;
-  spec.origin_world = {-3.5, 100.25, 7.0};
-  return spec;
-}
-
-RenderOptions options_of(int width, int height, double azimuth, double elevation) {
-  RenderOptions options;
-  options.width = width;
-  options.height = height;
-  options.azimuth_deg = azimuth;
-  options.elevation_deg = elevation;
-  return options;
-}
 
 TEST(RayMarch, hits_what_a_dda_in_double_precision_hits_from_random_cameras) {
   constexpr uint32_t kSeed = 20161;
@@ -103,7 +21,7 @@ TEST(RayMarch, hits_what_a_dda_in_double_precision_hits_from_random_cameras) {
   int hits = 0;
   for (const GridSpec& spec : specs) {
     const Grid grid = noise_grid(spec, 0.02, static_cast<uint32_t>(random()));
-    ASSERT_TRUE(renderer().set_grid(grid).ok());
+    ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
     for (int i = 0; i < 6; ++i) {
       RenderOptions options = options_of(60, 45, 360 * unit(random), 180 * unit(random) - 90);
       options.projection = i % 2 == 0 ? Projection::kPerspective : Projection::kOrthographic;
@@ -118,7 +36,7 @@ TEST(RayMarch, hits_what_a_dda_in_double_precision_hits_from_random_cameras) {
 
 TEST(RayMarch, rays_parallel_to_an_axis_hit_the_same) {
   const Grid grid = noise_grid(spec_of({40, 33, 20}, {1, 1, 2}), 0.01, 7);
-  ASSERT_TRUE(renderer().set_grid(grid).ok());
+  ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
   for (const auto& [azimuth, elevation] :
        {std::pair{0.0, 0.0}, {90.0, 0.0}, {180.0, 0.0}, {270.0, 0.0}, {0.0, 90.0}, {0.0, -90.0}}) {
     RenderOptions options = options_of(50, 50, azimuth, elevation);
@@ -136,10 +54,10 @@ TEST(RayMarch, rays_that_run_in_a_grid_plane_hit_one_of_its_two_sides) {
   const Grid grid = make_test_grid(spec, false, false, [](const glm::ivec3& c) {
     return (c.x == 4 || c.x == 3) && c.z == 0 ? std::optional(TestVoxel{}) : std::nullopt;
   });
-  ASSERT_TRUE(renderer().set_grid(grid).ok());
+  ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
   RenderOptions options = options_of(1, 8, 0, 0);
   options.matrix = {0.25, 0, 0, -1, 0, 0.25, 0, -1, 0, 0, -0.05, 0, 0, 0, 0, 1};
-  const auto hits = renderer().render_hits(options);
+  const auto hits = hits_renderer().render_hits(options);
   ASSERT_TRUE(hits.ok()) << hits.error().message();
   for (const Hit& hit : *hits) {
     EXPECT_EQ(hit.cell.x, 4);
@@ -150,24 +68,21 @@ TEST(RayMarch, rays_that_run_in_a_grid_plane_hit_one_of_its_two_sides) {
 
 TEST(RayMarch, a_camera_inside_the_grid_sees_what_is_around_it) {
   const Grid grid = noise_grid(spec_of({48, 48, 48}, {1, 1, 1}), 0.03, 11);
-  ASSERT_TRUE(renderer().set_grid(grid).ok());
+  ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
   const glm::dvec3 eye = grid.spec.world_from_grid({24.3, 22.9, 25.1});
   for (const glm::dvec3 target :
        {glm::dvec3(1, 0.2, 0.1), glm::dvec3(-1, -1, 0.4), glm::dvec3(0.1, 0.9, -1)}) {
     const glm::dmat4 clip_from_world = glm::perspective(1.2, 1.0, 0.1, 200.0) *
                                        glm::lookAt(eye, eye + target, glm::dvec3(0, 1, 0));
     RenderOptions options = options_of(48, 48, 0, 0);
-    options.matrix.emplace();
-    for (size_t i = 0; i < 16; ++i) {
-      (*options.matrix)[i] = clip_from_world[static_cast<int>(i % 4)][static_cast<int>(i / 4)];
-    }
+    options.matrix = row_major(clip_from_world);
     EXPECT_GT(expect_same_hits(options, grid), 1500);
   }
 }
 
 TEST(RayMarch, a_section_plane_cuts_away_its_positive_side) {
   const Grid grid = noise_grid(spec_of({32, 40, 24}, {1, 0.5, 1}), 0.1, 5);
-  ASSERT_TRUE(renderer().set_grid(grid).ok());
+  ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
   const glm::dvec3 middle = grid.spec.world_from_grid(0.5 * glm::dvec3(grid.spec.dims));
   for (const glm::dvec3 normal :
        {glm::dvec3(0, 0, 1), glm::dvec3(0, 0, -1), glm::dvec3(1, 2, 0.5)}) {
@@ -185,17 +100,17 @@ TEST(RayMarch, the_longest_rays_are_marched_to_their_end) {
   const Grid grid = make_test_grid(spec, true, false, [](const glm::ivec3& c) {
     return c.y == 0 || c.x == 2047 ? std::optional(TestVoxel{{0, 255, 0, 255}, {}}) : std::nullopt;
   });
-  ASSERT_TRUE(renderer().set_grid(grid).ok());
+  ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
   RenderOptions options = options_of(16, 16, 270, 0);
   // Looking along +x at y 2..6, z 2..6.
   options.matrix = {0, 0, 0.5, -2, 0, 0.5, 0, -2, 0.0009, 0, 0, -0.95, 0, 0, 0, 1};
   options.light = Light::kFlat;
-  const auto hits = renderer().render_hits(options);
+  const auto hits = hits_renderer().render_hits(options);
   ASSERT_TRUE(hits.ok()) << hits.error().message();
   for (const Hit& hit : *hits) ASSERT_EQ(hit.cell.x, 2047) << text(hit);
-  renderer().set_quality({4, 1 << 20});
-  const auto picture = renderer().render(options, {});
-  renderer().set_quality({});
+  hits_renderer().set_quality({4, 1 << 20});
+  const auto picture = hits_renderer().render(options, {});
+  hits_renderer().set_quality({});
   ASSERT_TRUE(picture.ok()) << picture.error().message();
   for (size_t i = 0; i < picture->rgba.size(); i += 4) {
     ASSERT_EQ(picture->rgba[i + 0], 0);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
+#include <glm/vector_relational.hpp>
 #include <limits>
 
 namespace voxeld {
@@ -35,6 +36,16 @@ Interval slab(const OracleRay& ray, const glm::dvec3& low, const glm::dvec3& hig
   return result;
 }
 
+// Of the aligned cube of `side` cells around the cell; dims are below 2^20.
+uint64_t cube_key(const glm::ivec3& cell, int side) {
+  const auto part = [side](int v) { return static_cast<uint64_t>(v / side); };
+  return part(cell.x) | part(cell.y) << 20 | part(cell.z) << 40;
+}
+
+size_t cell_in_brick(const glm::ivec3& cell) {
+  return static_cast<size_t>(cell.x % 8 + 8 * (cell.y % 8) + 64 * (cell.z % 8));
+}
+
 }  // namespace
 
 OracleRay oracle_ray(const RenderOptions& options, const glm::dmat4& clip_from_world,
@@ -64,16 +75,51 @@ OracleRay oracle_ray(const RenderOptions& options, const glm::dmat4& clip_from_w
 }
 
 OracleGrid::OracleGrid(const Grid& grid) : dims_(grid.spec.dims) {
-  cells_.resize(static_cast<size_t>(grid.spec.cell_count()));
-  for (const SparseTile& tile : grid.tiles) {
-    for_each_voxel(tile, [&](int x, int y, int z, size_t) {
-      cells_[static_cast<size_t>(x + dims_.x * (y + dims_.y * z))] = true;
-    });
+  for (const SparseTile& tile : grid.tiles) add_tile(tile);
+}
+
+void OracleGrid::add_box(const glm::ivec3& low, const glm::ivec3& high) {
+  low_ = glm::min(low_, low);
+  high_ = glm::max(high_, high);
+}
+
+void OracleGrid::add_tile(const SparseTile& source) {
+  const glm::ivec3 base = glm::ivec3(source.coord[0], source.coord[1], source.coord[2]) * 256;
+  Tile& tile = tiles_[cube_key(base, 256)];
+  const auto decoded = [](uint32_t morton) {
+    const auto p = morton_decode(morton);
+    return glm::ivec3(p[0], p[1], p[2]);
+  };
+  for (const FullNode& node : source.full) {
+    const glm::ivec3 low = base + 8 * decoded(node.brick_morton);
+    tile.full.push_back({low, low + (8 << node.level)});
+    add_box(low, low + (8 << node.level));
+  }
+  for (size_t i = 0; i < source.masks.size(); ++i) {
+    const glm::ivec3 brick = base + 8 * decoded(source.brick_morton[i]);
+    auto& cells = tile.bricks[cube_key(brick, 8)];
+    for (uint32_t bit = 0; bit < 512; ++bit) {
+      if ((source.masks[i].words[bit / 64] >> (bit % 64) & 1) == 0) continue;
+      const glm::ivec3 cell = brick + decoded(bit);
+      cells.set(cell_in_brick(cell));
+      add_box(cell, cell + 1);
+    }
   }
 }
 
-bool OracleGrid::occupied(const glm::ivec3& cell) const {
-  return cells_[static_cast<size_t>(cell.x + dims_.x * (cell.y + dims_.y * cell.z))];
+const OracleGrid::Tile* OracleGrid::find_tile(const glm::ivec3& cell) const {
+  const auto found = tiles_.find(cube_key(cell, 256));
+  return found == tiles_.end() ? nullptr : &found->second;
+}
+
+bool OracleGrid::occupied(const Tile& tile, const glm::ivec3& cell) {
+  for (const Box& box : tile.full) {
+    if (glm::all(glm::greaterThanEqual(cell, box.low)) && glm::all(glm::lessThan(cell, box.high))) {
+      return true;
+    }
+  }
+  const auto found = tile.bricks.find(cube_key(cell, 8));
+  return found != tile.bricks.end() && found->second.test(cell_in_brick(cell));
 }
 
 Hit OracleGrid::march(const OracleRay& ray) const {
@@ -85,10 +131,12 @@ Hit OracleGrid::march(const OracleRay& ray) const {
   glm::ivec3 cell(glm::floor(ray.origin + start * ray.direction));
   cell = glm::clamp(cell, glm::ivec3(0), dims_ - 1);
   if (box.enter >= ray.t_min) axis = box.enter_axis;
-  while (!occupied(cell)) {
+  const Tile* tile = find_tile(cell);
+  const double parallel = 1e-12 * glm::length(ray.direction);
+  while (tile == nullptr || !occupied(*tile, cell)) {
     double next = kInfinity;
     for (int i = 0; i < 3; ++i) {
-      if (size[i] < 1e-12 * glm::length(ray.direction)) continue;
+      if (size[i] < parallel) continue;
       const double plane = cell[i] + (ray.direction[i] > 0 ? 1 : 0);
       const double t = (plane - ray.origin[i]) / ray.direction[i];
       if (t < next) {
@@ -99,6 +147,8 @@ Hit OracleGrid::march(const OracleRay& ray) const {
     if (next > ray.t_max) return {};
     cell[axis] += ray.direction[axis] > 0 ? 1 : -1;
     if (cell[axis] < 0 || cell[axis] >= dims_[axis]) return {};
+    const bool enters_tile = cell[axis] % 256 == (ray.direction[axis] > 0 ? 0 : 255);
+    if (enters_tile) tile = find_tile(cell);
   }
   return {cell, 2 * axis + (ray.direction[axis] > 0 ? 0 : 1)};
 }

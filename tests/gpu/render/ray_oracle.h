@@ -1,9 +1,11 @@
 // What a ray hits, in double precision with naive loops; shares nothing with the shader.
 #pragma once
 
+#include <bitset>
+#include <cstdint>
 #include <glm/mat4x4.hpp>
 #include <glm/vec3.hpp>
-#include <optional>
+#include <unordered_map>
 #include <vector>
 
 #include "server/grid/grid.h"
@@ -22,17 +24,31 @@ struct OracleRay {
 OracleRay oracle_ray(const RenderOptions& options, const glm::dmat4& clip_from_world,
                      const GridSpec& spec, int x, int y);
 
-// Dense occupancy, x fastest.
+// Occupied cells in hash tables, by tile and brick.
 class OracleGrid {
  public:
   explicit OracleGrid(const Grid& grid);
   // Amanatides & Woo (1987), with distances computed from the cell each time.
   Hit march(const OracleRay& ray) const;
-  bool occupied(const glm::ivec3& cell) const;
+  // Cells [low, high) are the box of the occupied ones.
+  const glm::ivec3& low() const { return low_; }
+  const glm::ivec3& high() const { return high_; }
 
  private:
-  glm::ivec3 dims_;
-  std::vector<bool> cells_;
+  struct Box {
+    glm::ivec3 low, high;
+  };
+  struct Tile {
+    std::vector<Box> full;
+    std::unordered_map<uint64_t, std::bitset<512>> bricks;
+  };
+  void add_box(const glm::ivec3& low, const glm::ivec3& high);
+  void add_tile(const SparseTile& source);
+  const Tile* find_tile(const glm::ivec3& cell) const;
+  static bool occupied(const Tile& tile, const glm::ivec3& cell);
+
+  glm::ivec3 dims_, low_{1 << 30}, high_{0};
+  std::unordered_map<uint64_t, Tile> tiles_;
 };
 
 // Length in cells of the ray inside the cell grown by `margin` on all sides; negative: it misses.
