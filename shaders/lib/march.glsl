@@ -27,9 +27,9 @@ March march(MarchGrid grid, GridRay ray, ivec3 cell, float t_max, vec4 level_t, 
   found.t = 0.0f;
   found.level = 0;
   found.part = MARCH_NO_PART;
-  ivec3 entry_at = ivec3(-1);
-  int entry_level = 0;
-  uint entry = 0u;
+  // What was looked up last, and where: looking up costs more than the rest of a step.
+  ivec3 block_at = ivec3(-1), brick_at = ivec3(-1);
+  uint block_entry = 0u, entry = 0u;
   DdaStep at;
   at.cell = cell;
   at.axis = -1;
@@ -37,13 +37,20 @@ March march(MarchGrid grid, GridRay ray, ivec3 cell, float t_max, vec4 level_t, 
   float t_box = dda_leave_box(ray, grid.low, grid.high);
   for (int step_count = 0; step_count < steps_max; ++step_count) {
     int level = march_level(level_t, at.t);
-    ivec3 brick = at.cell >> RAYMARCH_BRICK_SHIFT;
-    if (any(notEqual(brick, entry_at)) || level != entry_level) {
-      entry = march_entry(grid, at.cell, level >= 5);
-      entry_at = brick;
-      entry_level = level;
+    ivec3 block = at.cell >> RAYMARCH_BLOCK_SHIFT;
+    if (any(notEqual(block, block_at))) {
+      block_at = block;
+      block_entry = march_tile_entry(grid, at.cell);
+      if (march_is_child(block_entry)) block_entry = march_block_entry(block_entry, at.cell);
+      entry = block_entry;
+      brick_at = ivec3(-1);
     }
-    MarchNode node = march_node_of_entry(entry, at.cell, level);
+    ivec3 brick = at.cell >> RAYMARCH_BRICK_SHIFT;
+    if (march_is_child(block_entry) && any(notEqual(brick, brick_at))) {
+      brick_at = brick;
+      entry = march_brick_entry(block_entry, at.cell);
+    }
+    MarchNode node = march_node_of_entry(level < 5 ? entry : block_entry, at.cell, level);
     if (node.empty_shift < 0) {
       found.hit = true;
       found.cell = at.cell;

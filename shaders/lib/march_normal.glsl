@@ -10,12 +10,37 @@
 Moments march_moments(MarchGrid grid, ivec3 cell, int level) {
   ivec3 middle = cell >> level;
   ivec3 first = (middle - 2) >> 1;
+  // What was looked up last, and where.
+  ivec3 block_at = ivec3(-1), brick_at = ivec3(-1);
+  uint tile_entry = 0u, block_entry = 0u, entry = 0u;
   int count = 0;
   ivec3 sum = ivec3(0), squares = ivec3(0), products = ivec3(0);
   for (int i = 0; i < 27; ++i) {
     ivec3 octant = first + ivec3(i % 3, i / 3 % 3, i / 9);
     ivec3 p = octant * 2 - middle;
-    uint bits = march_occupied_octants(grid, octant << (level + 1), level);
+    ivec3 at = octant << (level + 1);
+    ivec3 block = at >> RAYMARCH_BLOCK_SHIFT;
+    if (any(notEqual(block, block_at))) {
+      block_at = block;
+      ivec3 tile = at >> RAYMARCH_TILE_SHIFT;
+      bool inside =
+          all(greaterThanEqual(at, ivec3(0))) && all(lessThan(tile, grid.tile_dims));
+      tile_entry = inside ? march_tile_entry(grid, at) : 0u;
+      block_entry = march_is_child(tile_entry) ? march_block_entry(tile_entry, at) : tile_entry;
+      entry = block_entry;
+      brick_at = ivec3(-1);
+    }
+    ivec3 brick = at >> RAYMARCH_BRICK_SHIFT;
+    if (level < 3 && march_is_child(block_entry) && any(notEqual(brick, brick_at))) {
+      brick_at = brick;
+      entry = march_brick_entry(block_entry, at);
+    }
+    uint bits = 0u;
+    if (level < 3) {
+      bits = march_octants_in_brick(entry, at, level);
+    } else {
+      bits = march_octants_of_table(level == 3 ? block_entry : tile_entry, at, level);
+    }
     // What stands three cubes away is not asked for.
     if (p.x == -3) bits &= 0xaau;
     if (p.y == -3) bits &= 0xccu;

@@ -90,40 +90,27 @@ uint march_any_bytes(uint word) {
   return (high >> 7 & 1u) | (high >> 14 & 2u) | (high >> 21 & 4u) | (high >> 28 & 8u);
 }
 
-// Which of the 2^3 cubes of 2^level cells in the aligned cube of 2^(level+1) cells around `cell`
-// are occupied: bit x | y << 1 | z << 2. Level 0, 1, 2, 3 or 5.
-uint march_occupied_octants(MarchGrid grid, ivec3 cell, int level) {
-  if (any(lessThan(cell, ivec3(0))) ||
-      any(greaterThanEqual(cell >> RAYMARCH_TILE_SHIFT, grid.tile_dims))) {
-    return 0u;
-  }
-  uint entry = march_tile_entry(grid, cell);
-  if (!march_is_child(entry)) return (entry & RAYMARCH_FULL) != 0u ? 255u : 0u;
-  ivec3 corner = (cell >> (level + 1)) << (level + 1);
-  if (level > 3) {
-    uint octants = 0u;
-    for (int i = 0; i < 8; ++i) {
-      ivec3 at = corner + (ivec3(i & 1, i >> 1 & 1, i >> 2) << RAYMARCH_BLOCK_SHIFT);
-      if (march_block_entry(entry, at) >= RAYMARCH_FULL) octants |= 1u << i;
-    }
-    return octants;
-  }
-  entry = march_block_entry(entry, cell);
-  if (!march_is_child(entry)) return (entry & RAYMARCH_FULL) != 0u ? 255u : 0u;
-  if (level == 3) {
-    uint octants = 0u;
-    for (int i = 0; i < 8; ++i) {
-      ivec3 at = corner + (ivec3(i & 1, i >> 1 & 1, i >> 2) << RAYMARCH_BRICK_SHIFT);
-      if (march_brick_entry(entry, at) >= RAYMARCH_FULL) octants |= 1u << i;
-    }
-    return octants;
-  }
-  entry = march_brick_entry(entry, cell);
+// Which of the 2^3 cubes of 2^level cells in the aligned cube of 2^(level+1) cells around `cell` are
+// occupied: bit x | y << 1 | z << 2. From the cell's brick entry; level 0, 1 or 2.
+uint march_octants_in_brick(uint entry, ivec3 cell, int level) {
   if (!march_is_child(entry)) return (entry & RAYMARCH_FULL) != 0u ? 255u : 0u;
   uint first = (entry & ~RAYMARCH_CHILD) * uint(RAYMARCH_BRICK_WORDS);
   if (level == 2) return brick_word(first + uint(RAYMARCH_BRICK_NODES));
-  int bit = dda_brick_bit(corner.x, corner.y, corner.z);
-  uint word = brick_word(first + uint(bit >> 5));
-  if (level == 0) return word >> (bit & 24) & 255u;
-  return march_any_bytes(word) | march_any_bytes(brick_word(first + uint(bit >> 5) + 1u)) << 4;
+  int bit = dda_brick_bit(cell.x, cell.y, cell.z);
+  if (level == 0) return brick_word(first + uint(bit >> 5)) >> (bit & 24) & 255u;
+  uint half_node = first + uint(bit >> 6 << 1);
+  return march_any_bytes(brick_word(half_node)) | march_any_bytes(brick_word(half_node + 1u)) << 4;
+}
+
+// The same at level 3, bricks of a block, or 5, blocks of a tile: from the entry of block or tile.
+uint march_octants_of_table(uint entry, ivec3 cell, int level) {
+  if (!march_is_child(entry)) return (entry & RAYMARCH_FULL) != 0u ? 255u : 0u;
+  uint octants = 0u;
+  for (int i = 0; i < 8; ++i) {
+    ivec3 octant = ivec3(i & 1, i >> 1 & 1, i >> 2);
+    ivec3 at = ((cell >> (level + 1) << 1) + octant) << level;
+    uint found = level == 3 ? march_brick_entry(entry, at) : march_block_entry(entry, at);
+    if (found >= RAYMARCH_FULL) octants |= 1u << i;
+  }
+  return octants;
 }
