@@ -83,9 +83,10 @@ struct Sight {
   bool on_section;  // the ray starts on the section plane, inside the voxel
 };
 
-// Distances along a ray from which on cubes of 2, 4, 8 and 32 voxels are no wider than a pixel.
+// Distances along a ray from which on cubes of 2, 4, 8 and 32 voxels are narrower than 0.7 pixels.
 vec4 levels_by_footprint(RayStart start) {
-  vec4 side = vec4(2.0, 4.0, 8.0, 32.0);
+  // With room for the samples of a pixel, which are half of one apart.
+  vec4 side = vec4(2.0, 4.0, 8.0, 32.0) / 0.7;
   float grows = params.footprint.y * length(start.ray.direction * params.voxel_size.xyz) /
                 params.voxel_size.w;
   float here = params.footprint.x + grows * start.t_skipped;
@@ -186,6 +187,10 @@ Exposure exposure_of(Sight sight, vec3 face, vec3 normal, int sample_index, int 
   vec3 upward = dot(normal, face) > 0.0 ? normalize(mix(normal, face, as_cubes)) : face;
   float offset = 1.5 * (1.0 - as_cubes) * float(1 << sight.found.level);
   LitPoint point = light_point(sight.found, sight.start.ray, face, upward, offset, voxel_scale());
+  if (light_is_blocked(march_grid(), point.cell, sight.found.level)) {
+    upward = face;
+    point = light_point(sight.found, sight.start.ray, face, face, 0.0, voxel_scale());
+  }
   vec4 section = has(RAYMARCH_HAS_SECTION) ? params.section : vec4(0.0);
   if (has(RAYMARCH_OCCLUSION)) {
     int rays = max(RAYMARCH_OCCLUSION_RAYS, 4 * sample_count);

@@ -30,6 +30,13 @@ VoxelRun march_voxels(March found) {
   return run;
 }
 
+// Number of the i-th of `taken` voxels of a run: spread over it, at places by Gray code, because
+// storage order has a pattern that a regular choice would repeat.
+uint march_run_voxel(VoxelRun run, int i, int taken) {
+  int apart = run.count / taken;
+  return run.first + uint(i * run.count / taken + (i ^ (i >> 1)) % apart);
+}
+
 // Linear light.
 vec3 march_color(March found) {
   if (found.part == MARCH_NO_PART) return SHADING_NEUTRAL;
@@ -42,7 +49,7 @@ vec3 march_color(March found) {
   int taken = min(run.count, MARCH_MEAN_VOXELS);
   vec3 sum = vec3(0.0f);
   for (int i = 0; i < taken; ++i) {
-    sum += rgb_of_word(color_word(run.first + uint(i * run.count / taken)));
+    sum += rgb_of_word(color_word(march_run_voxel(run, i, taken)));
   }
   return sum / float(taken);
 }
@@ -65,7 +72,7 @@ vec3 march_stored_normal(March found) {
   int taken = min(run.count, MARCH_MEAN_VOXELS);
   vec3 sum = vec3(0.0f);
   for (int i = 0; i < taken; ++i) {
-    sum += normal_of_word(normal_word(run.first + uint(i * run.count / taken)));
+    sum += normal_of_word(normal_word(march_run_voxel(run, i, taken)));
   }
   return sum / float(taken);
 }

@@ -15,7 +15,13 @@ bool light_is_inside(MarchGrid grid, ivec3 cell) {
   return all(greaterThanEqual(cell, grid.low)) && all(lessThan(cell, grid.high));
 }
 
-// Two unit vectors that are orthogonal to the unit vector n and to each other: Duff et al.,
+bool light_is_blocked(MarchGrid grid, ivec3 cell, int level) {
+  if (!light_is_inside(grid, cell)) return false;
+  uint entry = march_entry(grid, cell, level >= 5);
+  return march_node_of_entry(entry, cell, level).empty_shift < 0;
+}
+
+// A unit vector that is orthogonal to the unit vector n: Duff et al.,
 // "Building an Orthonormal Basis, Revisited" (2017).
 vec3 light_tangent(vec3 n) {
   float s = n.z >= 0.0f ? 1.0f : -1.0f;
@@ -54,12 +60,13 @@ LitPoint light_point(March found, GridRay eye, vec3 face, vec3 normal, float off
   return point;
 }
 
-// Where the plane (of grid space) cuts the rest of a ray away, or DDA_FAR.
+// Where the plane (of grid space) cuts the rest of a ray away, or DDA_FAR: a little before it, so
+// that voxels that begin at the plane are not met.
 float light_section(vec4 section, GridRay ray) {
   vec3 normal = vec3(section.x, section.y, section.z);
   float at = dot(normal, vec3(ray.base) + ray.origin) + section.w;
   float per_t = dot(normal, ray.direction);
-  return per_t > 0.0f ? max(-at / per_t, 0.0f) : DDA_FAR;
+  return per_t > 0.0f ? max(-at / per_t - 0.02f, 0.0f) : DDA_FAR;
 }
 
 // Share of the light from all around the normal that reaches the point, 0..1, by rays first, first

@@ -90,8 +90,8 @@ uint march_any_bytes(uint word) {
   return (high >> 7 & 1u) | (high >> 14 & 2u) | (high >> 21 & 4u) | (high >> 28 & 8u);
 }
 
-// Which of the 2^3 cubes of 2^level cells in the aligned cube of 2^(level+1) cells around `cell` are
-// occupied: bit x | y << 1 | z << 2. From the cell's brick entry; level 0, 1 or 2.
+// Which of the 2^3 cubes of 2^level cells in the aligned cube of 2^(level+1) cells around `cell`
+// are occupied: bit x | y << 1 | z << 2. From the cell's brick entry; level 0, 1 or 2.
 uint march_octants_in_brick(uint entry, ivec3 cell, int level) {
   if (!march_is_child(entry)) return (entry & RAYMARCH_FULL) != 0u ? 255u : 0u;
   uint first = (entry & ~RAYMARCH_CHILD) * uint(RAYMARCH_BRICK_WORDS);

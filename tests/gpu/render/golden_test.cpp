@@ -104,6 +104,17 @@ Grid few_voxels() {
   });
 }
 
+// A floor, a wall and a pillar.
+Grid corner_with_pillar() {
+  GridSpec spec;
+  spec.dims = {12, 8, 12};
+  return make_test_grid(spec, true, false, [](const glm::ivec3& c) -> std::optional<TestVoxel> {
+    const bool is_pillar = c.x == 7 && c.z == 7 && c.y < 5;
+    if (c.y != 0 && c.z != 0 && !is_pillar) return std::nullopt;
+    return TestVoxel{{200, 200, static_cast<uint8_t>(is_pillar ? 90 : 200), 255}, {}};
+  });
+}
+
 const GoldenCase kCases[] = {
     {"flat_colored_sphere", colored_sphere, [](RenderOptions& o) { o.light = Light::kFlat; }},
     {"phong_estimated_normals", plain_sphere, [](RenderOptions&) {}},
@@ -116,6 +127,13 @@ const GoldenCase kCases[] = {
     {"section_of_a_sphere", colored_sphere,
      [](RenderOptions& o) {
        o.section = {0.2, 0.1, 1.0, -0.2};
+     }},
+    {"occlusion_and_shadow_on_cubes", corner_with_pillar,
+     [](RenderOptions& o) { o.occlusion = o.shadow = true; }},
+    {"occlusion_and_shadow_on_small_voxels", plain_sphere,
+     [](RenderOptions& o) {
+       o.occlusion = o.shadow = true;
+       o.section = {0, 0, 1, -0.3};
      }},
     {"wide_and_zoomed_from_below", few_voxels,
      [](RenderOptions& o) {
