@@ -80,6 +80,14 @@ class Render(DaemonTest):
         self.assertTrue((self.picture("azimuth=0") != self.picture("azimuth=90")).any())
         self.assertTrue((self.picture("light=flat") != self.picture("light=phong")).any())
 
+    def test_occlusion_and_shadow_darken_and_move_nothing(self):
+        plain = self.picture("background=transparent").astype(int)
+        for option in ("occlusion=yes", "shadow=yes"):
+            other = self.picture("background=transparent&" + option).astype(int)
+            self.assertTrue((other[..., 3] == plain[..., 3]).all(), option)
+            self.assertTrue((other[..., :3] <= plain[..., :3] + 1).all(), option)
+            self.assertTrue((other[..., :3] < plain[..., :3] - 10).any(), option)
+
     def test_a_section_plane_cuts_away(self):
         whole = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0")
         cut = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0"

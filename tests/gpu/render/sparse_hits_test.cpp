@@ -1,5 +1,5 @@
-// The ray march through what the tree of tables skips: empty tiles, blocks and bricks, full nodes, and
-// grids far larger than what they hold.
+// The ray march through what the tree of tables skips: empty tiles, blocks and bricks, full nodes,
+// and grids far larger than what they hold.
 #include <gtest/gtest.h>
 
 #include <glm/geometric.hpp>
