@@ -86,6 +86,8 @@ def translate(text):
     text = re.sub(r"layout\s*\([^)]*\)\s*out\s+(\w+)\s+(\w+)\s*;", r"\1 \2{};", text)
     text = re.sub(r"\b(?:inout|out)\s+(\w+)\s+(\w+)", r"\1& \2", text)
     text = re.sub(r"([(,]\s*)in\s+(\w+)\s+(\w+)", r"\1\2 \3", text)
+    # Members of a struct need no prototypes.
+    text = re.sub(r"^\w+ \w+\([^()]*\);\n", "", text, flags=re.M)
     # Constants of the file; those of functions are indented.
     text = re.sub(r"^const\s+(\w+)\s+(\w+)\s*=", r"static inline const \1 \2 =", text, flags=re.M)
     text = re.sub(r"(?<![\w.])(\d+\.\d*(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+|\.\d+)(?![\w.])", r"\1f",

@@ -44,7 +44,7 @@ void CpuRenderer::for_each_row(int first, int count, const DrawRow& draw_row) co
 Result<Picture> CpuRenderer::render(const RenderOptions& options, const BlockProgress& progress) {
   VOXELD_ASSIGN(const shared::RaymarchParams params,
                 raymarch_params(grid_, options, wanted_samples(options, quality_)));
-  const RaymarchBindings bindings{params, grid_};
+  const RaymarchBindings bindings{params, grid_, raymarch_variant(grid_, options)};
   Picture picture{options.width, options.height,
                   std::vector<uint8_t>(size_t{4} * options.width * options.height)};
   VOXELD_TRY(for_each_block(
@@ -64,7 +64,7 @@ Result<Picture> CpuRenderer::render(const RenderOptions& options, const BlockPro
 
 Result<std::vector<Hit>> CpuRenderer::render_hits(const RenderOptions& options) {
   VOXELD_ASSIGN(const shared::RaymarchParams params, raymarch_params(grid_, options, 1));
-  const RaymarchBindings bindings{params, grid_};
+  const RaymarchBindings bindings{params, grid_, {}};
   std::vector<Hit> hits(static_cast<size_t>(options.width) * options.height);
   for_each_row(0, options.height, [&](int y) {
     const size_t row = static_cast<size_t>(options.height - 1 - y) * options.width;

@@ -8,10 +8,22 @@
 namespace voxeld {
 // Hidden, so that functions can be inlined in spite of -fPIC.
 #pragma GCC visibility push(hidden)
+// One text with and without what sends on more rays; the other variants of the shader differ only
+// in what SIMD drivers execute for nothing.
+#define RAYMARCH_ATTRIBUTES 1
+#define RAYMARCH_SMOOTH 1
+#define RAYMARCH_LIGHT 0
 namespace raymarch_colors {
 using namespace glsl;  // NOLINT(google-build-using-namespace)
 #include "raymarch_frag.h"
 }  // namespace raymarch_colors
+
+#undef RAYMARCH_LIGHT
+#define RAYMARCH_LIGHT 1
+namespace raymarch_lit_colors {
+using namespace glsl;  // NOLINT(google-build-using-namespace)
+#include "raymarch_frag.h"
+}  // namespace raymarch_lit_colors
 
 #define RAYMARCH_HITS 1
 namespace raymarch_hits {
@@ -34,20 +46,16 @@ template <typename Invocation, typename Params>
 Invocation bind(const RaymarchBindings& bindings, int x, int y) {
   const PackedGrid& grid = bindings.grid;
   return {.params = params_as<Params>(bindings.params),
-          .brick_index = grid.brick_index.data(),
-          .brick_masks = grid.brick_masks.data(),
-          .block_bits = grid.block_bits.data(),
-          .brick_offsets = grid.brick_offsets.data(),
+          .nodes = grid.nodes.data(),
+          .bricks = grid.bricks.data(),
           .colors = grid.colors.data(),
           .normals = grid.normals.data(),
           .gl_FragCoord = {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, 0.0f, 1.0f}};
 }
 
-}  // namespace
-
-std::array<uint8_t, 4> raymarch_color(const RaymarchBindings& bindings, int x, int y) {
-  using namespace raymarch_colors;  // NOLINT(google-build-using-namespace)
-  auto invocation = bind<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+template <typename Invocation, typename Params>
+std::array<uint8_t, 4> color_of(const RaymarchBindings& bindings, int x, int y) {
+  auto invocation = bind<Invocation, Params>(bindings, x, y);
   invocation.main();
   std::array<uint8_t, 4> rgba{};
   for (int i = 0; i < 4; ++i) {
@@ -55,6 +63,17 @@ std::array<uint8_t, 4> raymarch_color(const RaymarchBindings& bindings, int x, i
     rgba[static_cast<size_t>(i)] = static_cast<uint8_t>(std::floor(255.0f * value + 0.5f));
   }
   return rgba;
+}
+
+}  // namespace
+
+std::array<uint8_t, 4> raymarch_color(const RaymarchBindings& bindings, int x, int y) {
+  if (bindings.variant.light) {
+    using namespace raymarch_lit_colors;  // NOLINT(google-build-using-namespace)
+    return color_of<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+  }
+  using namespace raymarch_colors;  // NOLINT(google-build-using-namespace)
+  return color_of<RaymarchInvocation, RaymarchParams>(bindings, x, y);
 }
 
 Hit raymarch_hit(const RaymarchBindings& bindings, int x, int y) {

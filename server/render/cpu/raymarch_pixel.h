@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "server/render/packed_grid.h"
+#include "server/render/raymarch_params.h"
 #include "server/render/render.h"
 #include "shaders/shared/raymarch.h"
 
@@ -14,6 +15,7 @@ namespace voxeld {
 struct RaymarchBindings {
   const shared::RaymarchParams& params;
   const PackedGrid& grid;
+  RaymarchVariant variant;  // hits have none
 };
 
 // `x`, `y`: pixel, y from the bottom. RGBA, sRGB and straight alpha.

@@ -21,6 +21,20 @@ struct Scene {
   RenderOptions options;
 };
 
+// A box of 64^3 cells full to the middle of its height, a coloured shell of single voxels above.
+Grid full_nodes_grid() {
+  GridSpec spec;
+  spec.dims = {64, 64, 64};
+  Grid grid = make_test_grid(spec, true, false, [](const glm::ivec3& c) -> std::optional<TestVoxel> {
+    if (c.y < 32 || (c.x + c.z) % 60 > 2) return std::nullopt;
+    return TestVoxel{{200, static_cast<uint8_t>(4 * c.x), 20, 255}, {}};
+  });
+  for (uint32_t block = 0; block < 8; ++block) {
+    if ((block & 2) == 0) grid.tiles.front().full.push_back({block * 64, 2});
+  }
+  return grid;
+}
+
 std::vector<Scene> scenes() {
   GridSpec spec;
   spec.dims = {70, 41, 96};
@@ -35,10 +49,23 @@ std::vector<Scene> scenes() {
   flat.light = Light::kFlat;
   flat.projection = Projection::kOrthographic;
   flat.elevation_deg = -20;
+  RenderOptions lit = options;
+  lit.occlusion = lit.shadow = true;
+  RenderOptions lit_flat = flat;
+  lit_flat.occlusion = true;
+  RenderOptions lit_cut = cut;
+  lit_cut.section = {0.3, 1, 0.2, -60};
+  lit_cut.shadow = true;
   return {{"sphere with colours and normals", sphere_grid(60, true, true), options},
           {"sphere with estimated normals", sphere_grid(90, false, false), options},
           {"noise, cut", noise_grid(spec, 0.05, 3), cut},
-          {"coloured, flat light", sphere_grid(40, true, false), flat}};
+          {"coloured, flat light", sphere_grid(40, true, false), flat},
+          {"ambient occlusion and shadow", sphere_grid(60, false, false), lit},
+          {"the same of colours and normals", sphere_grid(60, true, true), lit},
+          {"flat light with ambient occlusion", sphere_grid(40, true, false), lit_flat},
+          {"voxels smaller than pixels", sphere_grid(400, true, true), options},
+          {"smaller, estimated normals and light", sphere_grid(300, false, false), lit},
+          {"full nodes, cut, shadow", full_nodes_grid(), lit_cut}};
 }
 
 TEST(CpuRenderer, hits_the_cells_that_gl_hits) {
