@@ -212,7 +212,10 @@ vec3 shade(Sight sight, int sample_index, int sample_count) {
   March found = sight.found;
   vec3 albedo = SHADING_NEUTRAL;
 #if RAYMARCH_ATTRIBUTES
-  if (has(RAYMARCH_HAS_COLOR)) albedo = march_color(found);
+  if (has(RAYMARCH_HAS_COLOR)) {
+    vec3 of_full = mix(SHADING_NEUTRAL, params.full_color.rgb, params.full_color.w);
+    albedo = march_color(found, of_full);
+  }
 #endif
   vec3 face = face_normal(sight_face(sight));
   if (sight.on_section) {

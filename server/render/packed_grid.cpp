@@ -92,6 +92,7 @@ class Packer {
       add_tile(tile);
       if (packed_.nodes.size() >= kEntriesMax) return too_large("tables", packed_.nodes.size());
     }
+    if (has_full_ && !packed_.colors.empty()) packed_.full_color = mean_color(grid_);
     mark_empty_cubes(std::span(packed_.nodes).first(tile_entries()), packed_.tile_dims,
                      RAYMARCH_TILE_SHIFT);
     if (packed_.occupied_min.x >= packed_.occupied_max.x) {
@@ -157,6 +158,7 @@ class Packer {
                  "a tile outside the grid");
     const size_t tile_entry = linear_index(tile_base_, packed_.tile_dims);
     tile_base_ *= limits::kTileSide;
+    has_full_ = has_full_ || !tile.full.empty();
     if (!tile.full.empty() && tile.full.front().level == kTileLevels) {
       packed_.nodes[tile_entry] = RAYMARCH_FULL;
       grow_box(tile_base_, glm::min(tile_base_ + limits::kTileSide, grid_.spec.dims));
@@ -272,6 +274,7 @@ class Packer {
   glm::ivec3 tile_base_{0};  // first cell of the tile at hand
   size_t tile_table_ = 0;    // offset of its table
   size_t bricks_done_ = 0;
+  bool has_full_ = false;
 };
 
 }  // namespace

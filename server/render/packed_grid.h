@@ -1,8 +1,10 @@
 // A grid as the ray march reads it: tables that are uploaded as they are.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <optional>
 #include <vector>
 
 #include "server/grid/grid.h"
@@ -20,6 +22,9 @@ struct PackedGrid {
   std::vector<uint32_t> normals;  // empty without normals
   // Cells [occupied_min, occupied_max) hold all voxels; the whole grid when there are none.
   glm::ivec3 occupied_min{0}, occupied_max{0};
+  // Mean colour of the voxels that have one, for those in full nodes, which have none; only where
+  // there are both.
+  std::optional<std::array<uint8_t, 3>> full_color;
   uint64_t attribute_count = 0;  // voxels that have colours and normals, where the grid has them
 };
 

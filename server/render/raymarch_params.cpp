@@ -94,6 +94,10 @@ Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const Ren
   block.background =
       to_vec4({linear_from_srgb(options.background[0]), linear_from_srgb(options.background[1]),
                linear_from_srgb(options.background[2]), options.background[3] / 255.0});
+  if (const auto& full = grid.full_color) {
+    block.full_color = to_vec4({linear_from_srgb((*full)[0]), linear_from_srgb((*full)[1]),
+                                linear_from_srgb((*full)[2]), 1.0});
+  }
   const Footprint footprint = pixel_footprint(rays, options.width, options.height, voxel);
   const double diagonal = glm::length((high - low) / voxel_max);
   block.footprint = to_vec4({footprint.at_near, footprint.per_distance,

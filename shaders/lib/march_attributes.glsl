@@ -37,9 +37,9 @@ uint march_run_voxel(VoxelRun run, int i, int taken) {
   return run.first + uint(i * run.count / taken + (i ^ (i >> 1)) % apart);
 }
 
-// Linear light.
-vec3 march_color(March found) {
-  if (found.part == MARCH_NO_PART) return SHADING_NEUTRAL;
+// Linear light; `of_full` of voxels in full nodes.
+vec3 march_color(March found, vec3 of_full) {
+  if (found.part == MARCH_NO_PART) return of_full;
   if (found.level >= 5) {
     return rgb_of_word(node_word(found.part + uint(RAYMARCH_BLOCK_COLOR)));
   }

@@ -35,7 +35,7 @@
 #define RAYMARCH_BRICK_SHIFT 3
 #define RAYMARCH_TILE_ENTRIES 512
 #define RAYMARCH_BLOCK_ENTRIES 64
-#define RAYMARCH_BLOCK_COLOR 64   // words after the block's entries
+#define RAYMARCH_BLOCK_COLOR 64  // words after the block's entries
 #define RAYMARCH_BLOCK_NORMAL 65
 #define RAYMARCH_BLOCK_WORDS 66
 
@@ -49,8 +49,8 @@
 // Most that the face is mixed into a normal that is estimated: voxels of 8 pixels and more.
 #define RAYMARCH_FACE_SHARE 0.6f
 #define RAYMARCH_LIGHT_RADIUS 0.04f  // of the key light, as a part of its distance: 2.3 degrees
-#define RAYMARCH_OCCLUSION_RAYS 16  // of a pixel, shared by its samples; at least 4 of a sample
-#define RAYMARCH_SHADOW_RAYS 8      // of a pixel, shared by its samples; at least 2 of a sample
+#define RAYMARCH_OCCLUSION_RAYS 16   // of a pixel, shared by its samples; at least 4 of a sample
+#define RAYMARCH_SHADOW_RAYS 8       // of a pixel, shared by its samples; at least 2 of a sample
 // Steps after which such a ray is taken to meet nothing.
 #define RAYMARCH_OCCLUSION_STEPS 64
 #define RAYMARCH_SHADOW_STEPS 512
@@ -72,20 +72,22 @@ struct RaymarchParams {
   // at_0 + x * at_x + y * at_y.
   vec4 near_0, near_x, near_y;
   vec4 far_0, far_x, far_y;
-  vec4 section;      // plane a,b,c,d: what has a*x+b*y+c*z+d > 0 is cut away
+  vec4 section;  // plane a,b,c,d: what has a*x+b*y+c*z+d > 0 is cut away
   vec4 near_0_low, near_x_low, near_y_low;
   vec4 far_0_low, far_x_low, far_y_low;
   vec4 section_low;
   vec4 voxel_size;   // world units per voxel, xyz; w: the largest of the three
   vec4 light_world;  // unit vector towards the key light; w: share of the face in estimated normals
   vec4 background;   // linear light RGB, straight alpha
+  vec4 full_color;   // linear light RGB of voxels in full nodes, which have no colours; w: share
+                     // of it, 0 or 1, the rest is neutral
   // Voxels (of the largest side) to a pixel: x at the near plane, y more for each voxel of distance
   // from it; z: length of rays of ambient occlusion in voxels; w unused.
   vec4 footprint;
-  ivec4 box_low;     // cells [box_low, box_high) hold all voxels, xyz; w: most steps of a ray
-  ivec4 box_high;    // w: samples along each side of a pixel, 1 or more
-  ivec4 tile_dims;   // tiles of the grid, xyz; w unused
-  ivec4 picture;     // x, y: pixels; z: RAYMARCH_HAS_COLOR and so on; w unused
+  ivec4 box_low;    // cells [box_low, box_high) hold all voxels, xyz; w: most steps of a ray
+  ivec4 box_high;   // w: samples along each side of a pixel, 1 or more
+  ivec4 tile_dims;  // tiles of the grid, xyz; w unused
+  ivec4 picture;    // x, y: pixels; z: RAYMARCH_HAS_COLOR and so on; w unused
 };
 
 VOXELD_SHARED_END
@@ -94,6 +96,6 @@ VOXELD_SHARED_END
 static_assert(offsetof(voxeld::shared::RaymarchParams, far_0) == 48);
 static_assert(offsetof(voxeld::shared::RaymarchParams, section) == 96);
 static_assert(offsetof(voxeld::shared::RaymarchParams, voxel_size) == 224);
-static_assert(offsetof(voxeld::shared::RaymarchParams, box_low) == 288);
-static_assert(sizeof(voxeld::shared::RaymarchParams) == 352);
+static_assert(offsetof(voxeld::shared::RaymarchParams, box_low) == 304);
+static_assert(sizeof(voxeld::shared::RaymarchParams) == 368);
 #endif

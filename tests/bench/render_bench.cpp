@@ -1,8 +1,8 @@
-// Times pictures of one mesh: render_bench MESH [--device D|cpu] [--picture N] [--repeat N] [--out DIR]
+// Times pictures of one mesh: render_bench MESH [--device D] [--picture N] [--repeat N] [--out DIR]
 // [--color] [--samples N] [--shader-dir DIR] [--set NAME=VALUE]... SIZE... prints one line per
 // size: packing and uploading the grid, one picture, its PNG; medians of the runs in milliseconds,
 // after one that compiles the shaders. --set gives options of a render request; --out keeps the
-// pictures.
+// pictures; device cpu needs no context.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

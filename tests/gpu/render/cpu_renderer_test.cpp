@@ -25,10 +25,11 @@ struct Scene {
 Grid full_nodes_grid() {
   GridSpec spec;
   spec.dims = {64, 64, 64};
-  Grid grid = make_test_grid(spec, true, false, [](const glm::ivec3& c) -> std::optional<TestVoxel> {
-    if (c.y < 32 || (c.x + c.z) % 60 > 2) return std::nullopt;
-    return TestVoxel{{200, static_cast<uint8_t>(4 * c.x), 20, 255}, {}};
-  });
+  Grid grid =
+      make_test_grid(spec, true, false, [](const glm::ivec3& c) -> std::optional<TestVoxel> {
+        if (c.y < 32 || (c.x + c.z) % 60 > 2) return std::nullopt;
+        return TestVoxel{{200, static_cast<uint8_t>(4 * c.x), 20, 255}, {}};
+      });
   for (uint32_t block = 0; block < 8; ++block) {
     if ((block & 2) == 0) grid.tiles.front().full.push_back({block * 64, 2});
   }

@@ -154,5 +154,27 @@ TEST(FullNodes, are_light_grey_and_cut_open_by_sections) {
   EXPECT_EQ((*hits)[16 * kSide + 16].cell.y, 100);
 }
 
+TEST(FullNodes, have_the_mean_colour_of_the_voxels_around_them) {
+  GridSpec spec;
+  spec.dims = glm::ivec3(256);
+  Grid grid =
+      make_test_grid(spec, true, false, [](const glm::ivec3& c) -> std::optional<TestVoxel> {
+        if (c.y != 128) return std::nullopt;
+        return TestVoxel{{30, 200, 90, 255}, {}};
+      });
+  for (uint32_t eighth = 0; eighth < 8; ++eighth) {
+    if ((eighth & 2) == 0) grid.tiles.front().full.push_back({eighth * 4096, kTileLevels - 1});
+  }
+  ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
+  RenderOptions options = from_above(256, kSide);
+  options.matrix = {2.0 / 256, 0, 0, -1, 0, 0, -2.0 / 256, 1, 0, -0.002, 0, 0.5, 0, 0, 0, 1};
+  options.section = {0, 1, 0, -100.5};
+  const Picture cut = picture_of(options);
+  const auto got = pixel(cut, 16, 16);
+  EXPECT_NEAR(got[0], 30, 1);
+  EXPECT_NEAR(got[1], 200, 1);
+  EXPECT_NEAR(got[2], 90, 1);
+}
+
 }  // namespace
 }  // namespace voxeld

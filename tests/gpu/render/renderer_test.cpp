@@ -203,6 +203,7 @@ TEST(RaymarchParams, lie_where_the_driver_puts_them) {
       {"params.voxel_size", offsetof(RaymarchParams, voxel_size)},
       {"params.light_world", offsetof(RaymarchParams, light_world)},
       {"params.background", offsetof(RaymarchParams, background)},
+      {"params.full_color", offsetof(RaymarchParams, full_color)},
       {"params.footprint", offsetof(RaymarchParams, footprint)},
       {"params.box_low", offsetof(RaymarchParams, box_low)},
       {"params.box_high", offsetof(RaymarchParams, box_high)},

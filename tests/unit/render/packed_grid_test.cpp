@@ -121,6 +121,7 @@ TEST(PackGrid, full_nodes_are_one_mark_at_the_largest_part_that_they_cover) {
   EXPECT_EQ(entry_of(*packed, {768 + 63, 31, 31}), RAYMARCH_FULL);
   EXPECT_EQ(entry_of(*packed, {768 + 8, 32, 0}), RAYMARCH_FULL);
   EXPECT_EQ(entry_of(*packed, {768 + 0, 32, 0}), 3u);
+  EXPECT_FALSE(packed->full_color.has_value());  // no voxel has a colour
   // Three tables of tiles and two of blocks, and no brick.
   EXPECT_EQ(packed->nodes.size(), 4u + 3 * RAYMARCH_TILE_ENTRIES + 2 * RAYMARCH_BLOCK_WORDS);
   EXPECT_TRUE(packed->bricks.empty());
@@ -137,6 +138,19 @@ TEST(PackGrid, attributes_and_the_occupied_box_follow_the_voxels) {
   EXPECT_THAT(packed->normals, ElementsAre(0x0081007fu, 0x00ff0100u, 0x007f0000u));
   EXPECT_EQ(packed->occupied_min, glm::ivec3(32, 0, 0));
   EXPECT_EQ(packed->occupied_max, glm::ivec3(258, 16, 9));
+}
+
+TEST(PackGrid, full_nodes_get_the_mean_colour_of_the_voxels_that_have_one) {
+  Grid grid = three_voxels();
+  grid.tiles[0].color = {255, 0, 10, 255, 255, 0, 10, 255};
+  grid.tiles[1].color = {255, 0, 10, 255};
+  EXPECT_FALSE(pack_grid(grid)->full_color.has_value());
+  grid.tiles[0].full = {{morton_encode(2, 0, 0), 1}};
+  const auto packed = pack_grid(grid);
+  ASSERT_TRUE(packed.ok());
+  ASSERT_TRUE(packed->full_color.has_value());
+  EXPECT_THAT(*packed->full_color, ElementsAre(255, 0, 10));
+  EXPECT_EQ(packed->colors.size(), 3u);
 }
 
 TEST(PackGrid, bricks_and_blocks_keep_the_means_of_their_voxels) {
