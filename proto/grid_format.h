@@ -6,7 +6,7 @@
 //      0     8  magic "VOXGRID" and a zero byte
 //      8     4  u32 version, 2
 //     12     4  u32 channels: bit 0 colour, bit 1 normal
-//     16    12  i32[3] dims: cells in x, y, z, each 1..2048
+//     16    12  i32[3] dims: cells in x, y, z, each 1..16384
 //     28     4  u32 tile side as a power of two: 8 (256 cells)
 //     32    24  f64[3] origin: world position of the min corner of cell 0,0,0
 //     56    24  f64[3] voxel size: world units, > 0

@@ -5,9 +5,8 @@
 
 namespace voxeld::limits {
 
-// Cells on one side of a grid. Larger requests: grid-too-large. With 8 sub-voxel bits every term of
-// the exact overlap test fits in 62 bits up to this size.
-inline constexpr int kGridSideMax = 2048;
+// Cells on one side of a grid. Larger requests: grid-too-large.
+inline constexpr int kGridSideMax = 16384;
 // Cells of a dense output (npy, npz): larger requests: grid-too-large, "use native or vox".
 // 2048^3 would be 8.6e9 bytes for occupancy alone; 2^31 cells is 2 GiB.
 inline constexpr int64_t kDenseCellsMax = int64_t{1} << 31;

@@ -7,7 +7,7 @@ namespace {
 constexpr bool kYes = true;
 
 constexpr OptionInfo kTable[] = {
-    {"size", "N", "voxels on the longest side, 1 to 2048 (default 128)", kYes},
+    {"size", "N", "voxels on the longest side, 1 to 16384 (default 128)", kYes},
     {"dims", "NX,NY,NZ", "cells in x, y and z: cubic voxels that fit; with bounds, that box", kYes},
     {"voxel_size", "S | X,Y,Z", "edge of a voxel in world units", kYes},
     {"padding", "N", "empty voxels on each side, part of the size (default 0)", kYes},

@@ -36,7 +36,7 @@ enum class Light { kFlat, kPhong };
 
 // Where the grid lies. At most one of size, dims and voxel_size is set; none means size = 128.
 struct PlacementOptions {
-  std::optional<int> size;                          // voxels on the longest side, 1..2048
+  std::optional<int> size;                          // voxels on the longest side, 1..16384
   std::optional<std::array<int, 3>> dims;           // cells in x, y, z
   std::optional<std::array<double, 3>> voxel_size;  // world units; one number on the wire = cubic
   int padding = 0;                                  // empty voxels on each side, part of dims

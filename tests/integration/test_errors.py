@@ -43,7 +43,7 @@ class Errors(DaemonTest):
 
     def test_invalid_values_say_expected_and_got(self):
         for query, parts in {
-                "size=0": ("size", "2048", "0"), "size=abc": ("abc",), "size=3&dims=1,2,3": ("dims",),
+                "size=0": ("size", "16384", "0"), "size=abc": ("abc",), "size=3&dims=1,2,3": ("dims",),
                 "dims=1,2": ("dims",), "voxel_size=-1": ("voxel_size",), "voxel_size=nan": ("nan",),
                 "bounds=0,0,0,0,0,0": ("bounds",), "format=obj": ("npy", "obj"),
                 "rule=thick": ("touch", "thin", "center"),
@@ -58,7 +58,7 @@ class Errors(DaemonTest):
                 self.provoke(self.voxelize(query), 400, "invalid-option", *parts)
 
     def test_impossible_sizes_are_told_with_the_limit(self):
-        self.provoke(self.voxelize("voxel_size=0.00001"), 422, "grid-too-large", "2048")
+        self.provoke(self.voxelize("voxel_size=0.00001"), 422, "grid-too-large", "16384")
         self.provoke(self.voxelize("size=2048&format=npy&bounds=-1,-1,-1,1,1,1"), 422,
                      "grid-too-large", "cells")
 

@@ -270,9 +270,9 @@ TEST(GridFormat, every_field_of_the_header_is_checked) {
        "0: not a grid container: expected the magic VOXGRID, got other bytes"},
       {[](Bytes& b) { put(b, 8, 1u); }, "8: version: expected 2, got 1"},
       {[](Bytes& b) { put(b, 12, 7u); }, "12: unknown channels"},
-      {[](Bytes& b) { put(b, 16, 0); }, "16: dims: expected 1 to 2048, got 0"},
-      {[](Bytes& b) { put(b, 20, 2049); }, "16: dims: expected 1 to 2048, got 2049"},
-      {[](Bytes& b) { put(b, 24, -5); }, "16: dims: expected 1 to 2048, got -5"},
+      {[](Bytes& b) { put(b, 16, 0); }, "16: dims: expected 1 to 16384, got 0"},
+      {[](Bytes& b) { put(b, 20, 16385); }, "16: dims: expected 1 to 16384, got 16385"},
+      {[](Bytes& b) { put(b, 24, -5); }, "16: dims: expected 1 to 16384, got -5"},
       {[](Bytes& b) { put(b, 28, 9u); }, "28: tile side: expected 8, got another"},
       {[nan](Bytes& b) { put(b, 32, nan); }, "16: origin is not finite"},
       {[](Bytes& b) { put(b, 48, HUGE_VAL); }, "16: origin is not finite"},
@@ -444,7 +444,7 @@ TEST(GridFormat, tiles_that_break_the_rules_are_never_written) {
 TEST(GridFormat, headers_that_break_the_rules_are_never_written) {
   GridHeader header = header_of({0, 1, 1}, false, false);
   EXPECT_EQ(encode_grid(header, {}).error().message(),
-            "grid container, byte 16: dims: expected 1 to 2048, got 0");
+            "grid container, byte 16: dims: expected 1 to 16384, got 0");
   EXPECT_EQ(encode_grid(header, {}).error().code, ErrorCode::kInternal);
   header = header_of({1, 1, 1}, false, false);
   header.meta_json.resize((size_t{1} << 24) + 1, ' ');

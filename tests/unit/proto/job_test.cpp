@@ -112,7 +112,7 @@ TEST(JobRequest, members_are_checked_by_name_and_type) {
   EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":[]})").message(),
             "options: expected an object, got array");
   EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":{"size":0}})").message(),
-            "size: expected an integer from 1 to 2048, got \"0\"");
+            "size: expected an integer from 1 to 16384, got \"0\"");
   EXPECT_EQ(refused(R"({"kind":"export","grid":"g","options":{"size":5}})").code,
             ErrorCode::kUnknownOption);
 }

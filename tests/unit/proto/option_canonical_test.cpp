@@ -172,9 +172,9 @@ TEST(JsonOptions, values_of_other_types_are_refused) {
             "size: expected a text, a number or a list of them, got null");
   EXPECT_EQ(refused("[1]").message(), "options: expected an object, got array");
   EXPECT_EQ(refused(R"({"size": 1e300})").message(),
-            "size: expected an integer from 1 to 2048, got \"1e+300\"");
+            "size: expected an integer from 1 to 16384, got \"1e+300\"");
   EXPECT_EQ(refused(R"({"size": true})").message(),
-            "size: expected an integer from 1 to 2048, got \"yes\"");
+            "size: expected an integer from 1 to 16384, got \"yes\"");
 }
 
 TEST(JsonOptions, nothing_in_a_list_is_passed_over) {

@@ -37,17 +37,17 @@ struct OptionCase {
 };
 
 const std::map<std::string, OptionCase>& cases() {
-  static const std::string kDims = "three integers from 1 to 2048, as in 64,128,32";
+  static const std::string kDims = "three integers from 1 to 16384, as in 64,128,32";
   static const std::string kVoxel = "one positive number, or three as in 0.1,0.1,0.2";
   static const std::string kColor = "#rrggbb | #rrggbbaa | transparent";
   static const std::map<std::string, OptionCase> all = {
       {"size",
-       {{"1", "128", "2048"},
-        {"0", "2049", "-1", "1.5", "1e2", "0x10", " 1", "1 ", "", "+1", "99999999999"},
-        "an integer from 1 to 2048"}},
+       {{"1", "128", "16384"},
+        {"0", "16385", "-1", "1.5", "1e2", "0x10", " 1", "1 ", "", "+1", "99999999999"},
+        "an integer from 1 to 16384"}},
       {"dims",
-       {{"1,1,1", "2048,2048,2048", "64,128,32"},
-        {"0,1,1", "1,2049,1", "1,1", "1,1,1,1", "1,,1", "1,1,a", "", "1;1;1"},
+       {{"1,1,1", "16384,16384,16384", "64,128,32"},
+        {"0,1,1", "1,16385,1", "1,1", "1,1,1,1", "1,,1", "1,1,a", "", "1;1;1"},
         kDims}},
       {"voxel_size",
        {{"0.5", "1e-9", "1,2,3", "+0.5", "1e30"},
