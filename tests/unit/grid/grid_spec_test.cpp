@@ -161,7 +161,8 @@ TEST(PlacementByVoxelSize, the_largest_grid_is_taken_and_one_cell_more_is_refuse
   EXPECT_EQ(placed(by_voxel(1, 1, 1), Vec(0), Vec(16384, 1, 1)).dims.x, 16384);
   Error error = refused(by_voxel(1, 1, 1), Vec(0), Vec(1, 16385, 3));
   EXPECT_EQ(error.code, ErrorCode::kGridTooLarge);
-  EXPECT_EQ(error.message(), "grid dims: expected at most 16384 cells on a side, got 1 x 16385 x 3");
+  EXPECT_EQ(error.message(),
+            "grid dims: expected at most 16384 cells on a side, got 1 x 16385 x 3");
   EXPECT_EQ(refused(by_voxel(1, 1, 1, 1), Vec(0), Vec(16383, 1, 1)).got, "16385 x 3 x 3");
   EXPECT_EQ(refused(by_voxel(1e-300, 1, 1), Vec(0), Vec(1, 2, 3)).got, "over 1e15 x 2 x 3");
   EXPECT_EQ(refused(by_voxel(5e-324, 1, 1), Vec(0), Vec(1e20, 2, 3)).got, "over 1e15 x 2 x 3");
