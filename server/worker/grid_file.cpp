@@ -11,7 +11,6 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kPendingBytesMax = size_t{32} << 20;
 constexpr size_t kCopyBytes = size_t{4} << 20;
 
 size_t bytes_of(const SparseTile& tile) {
@@ -63,7 +62,7 @@ Status GridFile::store(const EncodedTile& tile) {
   for (const auto* stream : {&tile.octree, &tile.color, &tile.normal}) {
     pending_.insert(pending_.end(), stream->begin(), stream->end());
   }
-  return pending_.size() < kPendingBytesMax ? Status() : spill();
+  return pending_.size() < pending_bytes_max_ ? Status() : spill();
 }
 
 Status GridFile::spill() {
@@ -98,7 +97,7 @@ Status GridOutput::add(std::vector<SparseTile> tiles) {
     kept_bytes_ += bytes_of(tile);
   }
   encode_ms_ += watch.ms();
-  if (!keep_ && kept_bytes_ > kKeptTileBytesMax) {
+  if (!keep_ && kept_bytes_ > kept_bytes_max_) {
     has_tiles_ = false;
     grid_.tiles = {};
   }

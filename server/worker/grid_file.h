@@ -24,7 +24,11 @@ inline constexpr size_t kKeptTileBytesMax = size_t{512} << 20;
 // One container. Holds back a few tiles' bytes; more are in a file beside `path` until finish().
 class GridFile {
  public:
-  GridFile(std::filesystem::path path, Codec codec) : path_(std::move(path)), codec_(codec) {}
+  static constexpr size_t kPendingBytesMax = size_t{32} << 20;
+
+  // pending_bytes_max: of encoded tiles in memory.
+  GridFile(std::filesystem::path path, Codec codec, size_t pending_bytes_max = kPendingBytesMax)
+      : path_(std::move(path)), codec_(codec), pending_bytes_max_(pending_bytes_max) {}
   ~GridFile();
   GridFile(const GridFile&) = delete;
   GridFile& operator=(const GridFile&) = delete;
@@ -45,6 +49,7 @@ class GridFile {
 
   std::filesystem::path path_;
   Codec codec_;
+  size_t pending_bytes_max_;
   std::optional<GridWriter> writer_;
   std::vector<uint8_t> pending_;  // after those in the file
   UniqueFd spilled_;
@@ -54,8 +59,9 @@ class GridFile {
 // itself where it is wanted or small enough to stay.
 class GridOutput : public TileSink {
  public:
-  // keep: all tiles, whatever they need.
-  GridOutput(std::vector<GridFile*> files, bool keep) : files_(std::move(files)), keep_(keep) {}
+  // keep: all tiles, whatever they need; else as long as they need no more than kept_bytes_max.
+  GridOutput(std::vector<GridFile*> files, bool keep, size_t kept_bytes_max = kKeptTileBytesMax)
+      : files_(std::move(files)), keep_(keep), kept_bytes_max_(kept_bytes_max) {}
 
   Status begin(const Grid& grid) override;
   Status add(std::vector<SparseTile> tiles) override;
@@ -72,6 +78,7 @@ class GridOutput : public TileSink {
  private:
   std::vector<GridFile*> files_;
   bool keep_;
+  size_t kept_bytes_max_;
   Grid grid_;
   std::optional<ContentHasher> hasher_;
   size_t kept_bytes_ = 0;
