@@ -16,8 +16,9 @@ import subprocess
 import sys
 import tempfile
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
-from harness import Daemon  # noqa: E402
+HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+from suite_parts.programs import Daemon, Programs, Skipped  # noqa: E402
 
 
 def server_timing(header):
@@ -29,18 +30,23 @@ def server_timing(header):
     return stages
 
 
-def one(daemon, mesh, query):
+def request(url, mesh, query):
+    """Milliseconds at the client, those of the stages, and bytes of the answer.
+
+    Raises RuntimeError with the daemon's words, OSError where there is no curl.
+    """
     with tempfile.NamedTemporaryFile() as body, tempfile.NamedTemporaryFile() as head:
         out = subprocess.run(
             ["curl", "-sS", "-o", body.name, "-D", head.name, "-w", "%{http_code} %{time_total}",
-             "--data-binary", f"@{mesh}", f"{daemon.url}/v1/voxelize?{query}"],
-            check=True, capture_output=True, text=True).stdout.split()
+             "--data-binary", f"@{mesh}", f"{url}/v1/voxelize?{query}"],
+            check=False, capture_output=True, text=True).stdout.split()
         headers = {}
         for line in open(head.name):
             name, _, value = line.partition(":")
             headers[name.strip().lower()] = value.strip()
-        if out[0] != "200":
-            sys.exit(f"{query}: {out[0]}: {open(body.name).read()[:500]}")
+        if not out or out[0] != "200":
+            answer = open(body.name, errors="replace").read()[:500]
+            raise RuntimeError(f"{query}: {out[0] if out else 'no answer'}: {answer}")
         return float(out[1]) * 1e3, server_timing(headers.get("server-timing")), os.path.getsize(body.name)
 
 
@@ -53,14 +59,25 @@ def main():
     parser.add_argument("--format", default="npy")
     parser.add_argument("--channels", default="occupancy")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--bin", default=HERE.parents[1] / "build/bench/bin",
+                        help="where voxeld is")
     arguments = parser.parse_args()
-    daemon = Daemon(device=arguments.device)
+    programs = Programs(arguments.bin, limit_seconds=900)
     try:
+        tabulate(arguments, programs)
+    except (RuntimeError, Skipped) as reason:
+        sys.exit(str(reason))
+    finally:
+        programs.close()
+
+
+def tabulate(arguments, programs):
+    with Daemon(programs, arguments.device) as daemon:
         rows, names = [], []
         for size in arguments.sizes.split(","):
             query = (f"size={size}&format={arguments.format}&pipeline={arguments.pipeline}&cache=no"
                      f"&channels={arguments.channels}&filename={os.path.basename(arguments.mesh)}")
-            runs = [one(daemon, arguments.mesh, query) for _ in range(arguments.runs + 1)][1:]
+            runs = [request(daemon.url, arguments.mesh, query) for _ in range(arguments.runs + 1)][1:]
             for run in runs:
                 names += [name for name in run[1] if name not in names]
             rows.append((size, runs))
@@ -72,8 +89,6 @@ def main():
             cells = [f"{statistics.median(run[0] for run in runs):.0f}"]
             cells += [f"{statistics.median(run[1].get(name, 0) for run in runs):.1f}" for name in names]
             print(f"| {size} | " + " | ".join(cells) + f" | {runs[-1][2]} |")
-    finally:
-        daemon.stop()
 
 
 if __name__ == "__main__":

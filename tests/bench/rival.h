@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "server/scene/scene.h"
+
 namespace voxeld::bench {
 
 // A mesh in grid space: the longest side of its box is `size` cells, its low corner is at 0.
@@ -15,14 +17,23 @@ struct GridMesh {
   std::vector<int> indices;      // 3 per triangle
 };
 
+GridMesh grid_mesh(const Scene& scene, int size);
+
+// What a rival has not is empty.
 struct Rival {
+  using Count = std::function<uint64_t(const GridMesh&)>;
+
   std::string name;
-  // Voxelizes the surface. Returns the number of voxels, or of what it has instead.
-  std::function<uint64_t(const GridMesh&)> run;
+  // Voxelize the surface, or surface and inside. They return the number of voxels, or of what the
+  // rival has instead.
+  Count surface = nullptr, solid = nullptr;
+  // Voxelizes the surface and writes it to a file in the rival's own format, or as plain bits.
+  std::function<void(const GridMesh&, const std::string& path)> save = nullptr;
 };
 
 // Only those that are installed are compiled.
 Rival recast_rival();
 Rival openvdb_rival();
+Rival vtk_rival();
 
 }  // namespace voxeld::bench

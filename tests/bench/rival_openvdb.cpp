@@ -1,6 +1,8 @@
-// OpenVDB (libopenvdb-dev): meshToVolume, an unsigned distance field in the narrowest band, all
-// threads.
+// OpenVDB (libopenvdb-dev): meshToVolume, all threads. The surface is an unsigned distance field in
+// the narrowest band; solid is the mask of what a signed one has inside.
+#include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
+#include <openvdb/tools/LevelSetUtil.h>
 #include <openvdb/tools/MeshToVolume.h>
 
 #include "tests/bench/rival.h"
@@ -8,7 +10,9 @@
 namespace voxeld::bench {
 namespace {
 
-uint64_t run(const GridMesh& mesh) {
+constexpr float kBand = 1.0f;  // voxels
+
+openvdb::FloatGrid::Ptr distance_field(const GridMesh& mesh, float inside, int flags) {
   openvdb::initialize();
   std::vector<openvdb::Vec3s> points(mesh.positions.size() / 3);
   for (size_t i = 0; i < points.size(); ++i) {
@@ -24,15 +28,35 @@ uint64_t run(const GridMesh& mesh) {
   const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> adapter(
       points, triangles);
   const auto transform = openvdb::math::Transform::createLinearTransform(1.0);
-  const auto grid = openvdb::tools::meshToVolume<openvdb::FloatGrid>(
-      adapter, *transform, 1.0f, 1.0f, openvdb::tools::UNSIGNED_DISTANCE_FIELD);
-  return grid->activeVoxelCount();
+  return openvdb::tools::meshToVolume<openvdb::FloatGrid>(adapter, *transform, kBand, inside,
+                                                          flags);
+}
+
+openvdb::FloatGrid::Ptr surface_field(const GridMesh& mesh) {
+  return distance_field(mesh, kBand, openvdb::tools::UNSIGNED_DISTANCE_FIELD);
+}
+
+uint64_t surface(const GridMesh& mesh) {
+  return surface_field(mesh)->activeVoxelCount();
+}
+
+// The interior is marked in nodes, not cell by cell.
+uint64_t solid(const GridMesh& mesh) {
+  const auto field = distance_field(mesh, kBand, 0);
+  return openvdb::tools::sdfInteriorMask(*field)->activeVoxelCount();
+}
+
+// As OpenVDB writes by default: blosc where it is built with it, and inactive values left out.
+void save(const GridMesh& mesh, const std::string& path) {
+  openvdb::GridPtrVec grids{surface_field(mesh)};
+  openvdb::io::File file(path);
+  file.write(grids);
 }
 
 }  // namespace
 
 Rival openvdb_rival() {
-  return {"openvdb", run};
+  return {.name = "openvdb", .surface = surface, .solid = solid, .save = save};
 }
 
 }  // namespace voxeld::bench
