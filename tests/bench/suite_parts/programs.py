@@ -32,10 +32,12 @@ def last_line(text):
 class Programs:
     """The executables of one build, and a folder for what they write."""
 
-    def __init__(self, folder, limit_seconds):
+    def __init__(self, folder, limit_seconds, names=None):
+        """`names`: of folders, that stand for them in reasons."""
         self.folder = pathlib.Path(folder).resolve()
         self.limit_seconds = limit_seconds
         self.scratch = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-suite-"))
+        self.names = {str(self.scratch): "SCRATCH", **(names or {})}
 
     def close(self):
         shutil.rmtree(self.scratch, ignore_errors=True)
@@ -55,10 +57,15 @@ class Programs:
                                        stdout=out, stderr=err)
             timer = threading.Timer(self.limit_seconds, process.kill)
             timer.start()
-            _, status, usage = os.wait4(process.pid, 0)
-            milliseconds = (time.monotonic() - begin) * 1e3
-            late = not timer.is_alive()
-            timer.cancel()
+            try:
+                _, status, usage = os.wait4(process.pid, 0)
+            except BaseException:
+                process.kill()
+                raise
+            finally:
+                milliseconds = (time.monotonic() - begin) * 1e3
+                late = not timer.is_alive()
+                timer.cancel()
             process.returncode = os.waitstatus_to_exitcode(status)
             out.seek(0)
             err.seek(0)
@@ -67,8 +74,14 @@ class Programs:
         if late:
             raise Skipped(f"more than {self.limit_seconds} s")
         if check and process.returncode != 0:
-            raise Skipped(last_line(errors or f"exit status {process.returncode}"))
+            raise Skipped(self._reason(errors, process.returncode))
         return Run(milliseconds, usage.ru_maxrss / 1024, output)
+
+    def _reason(self, errors, status):
+        reason = last_line(errors or f"exit status {status}")
+        for folder, name in self.names.items():
+            reason = reason.replace(folder, name)
+        return reason
 
     def json_rows(self, name, *arguments):
         """Rows of a program with --json FILE, and why those that are missing are missing."""
