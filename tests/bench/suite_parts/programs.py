@@ -5,6 +5,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 import threading
@@ -54,13 +55,15 @@ class Programs:
         with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
             begin = time.monotonic()
             process = subprocess.Popen([path, *map(str, arguments)], stdin=subprocess.DEVNULL,
-                                       stdout=out, stderr=err)
-            timer = threading.Timer(self.limit_seconds, process.kill)
+                                       stdout=out, stderr=err, start_new_session=True)
+            # Whole groups: rivals_bench measures in children.
+            timer = threading.Timer(self.limit_seconds, os.killpg, (process.pid, signal.SIGKILL))
             timer.start()
             try:
                 _, status, usage = os.wait4(process.pid, 0)
             except BaseException:
-                process.kill()
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
                 raise
             finally:
                 milliseconds = (time.monotonic() - begin) * 1e3
