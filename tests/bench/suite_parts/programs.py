@@ -95,7 +95,10 @@ class Programs:
             self.run(name, *arguments, "--json", file)
         except Skipped as reason:
             why = str(reason)
-        return (json.loads(file.read_text()) if file.exists() else []), why
+        try:
+            return json.loads(file.read_text()), why
+        except (FileNotFoundError, ValueError):  # none, or ended while it was written
+            return [], why
 
 
 class Daemon:
