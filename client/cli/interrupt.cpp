@@ -3,7 +3,7 @@
 #include <pthread.h>
 
 #include <csignal>
-#include <ctime>
+#include <cstdlib>
 
 #include "client/cli/exit_status.h"
 
@@ -16,13 +16,17 @@ Interrupt::Interrupt() {
   sigaddset(&signals, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   thread_ = std::jthread([this, signals](const std::stop_token& ends) {
-    while (!ends.stop_requested()) {
-      const timespec pause = {0, 50'000'000};
-      if (sigtimedwait(&signals, nullptr, &pause) < 0) continue;
+    for (int signal = 0; sigwait(&signals, &signal) == 0 && !ends.stop_requested();) {
       if (source_.stop_requested()) std::_Exit(kInterrupted);
       source_.request_stop();
     }
   });
+}
+
+Interrupt::~Interrupt() {
+  thread_.request_stop();
+  // Wakes it: nothing waits for a thread that waits for a signal.
+  pthread_kill(thread_.native_handle(), SIGTERM);
 }
 
 }  // namespace voxeld::cli
