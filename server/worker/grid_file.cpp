@@ -20,7 +20,7 @@ size_t bytes_of(const SparseTile& tile) {
 
 Result<UniqueFd> create(const std::filesystem::path& path) {
   UniqueFd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
-  if (!fd.valid()) return errno_error("creating", path);
+  if (!fd.valid()) return errno_error("create", path);
   return fd;
 }
 
@@ -30,7 +30,7 @@ Status copy_all(const UniqueFd& from, const UniqueFd& to, const std::filesystem:
   for (off_t at = 0;;) {
     const ssize_t count = ::pread(from.get(), buffer.data(), buffer.size(), at);
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return errno_error("reading", path);
+    if (count < 0) return errno_error("read", path);
     if (count == 0) return {};
     VOXELD_TRY(write_all(to.get(), std::span(buffer).first(static_cast<size_t>(count))));
     at += count;
