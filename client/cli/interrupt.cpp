@@ -26,7 +26,7 @@ Interrupt::Interrupt() {
 Interrupt::~Interrupt() {
   thread_.request_stop();
   // Wakes it: nothing waits for a thread that waits for a signal.
-  pthread_kill(thread_.native_handle(), SIGTERM);
+  pthread_kill(thread_.native_handle(), SIGINT);
 }
 
 }  // namespace voxeld::cli

@@ -37,9 +37,9 @@ class WorldFromFile {
 
 bool inside_box(const glm::dvec3& p, const glm::ivec3& dims) {
   // NaN is outside. Without short cuts: a few comparisons are cheaper than a branch that misses.
-  bool inside = true;
-  for (int c = 0; c < 3; ++c) inside = inside & (p[c] >= -1.0) & (p[c] <= dims[c] + 1.0);
-  return inside;
+  int outside = 0;
+  for (int c = 0; c < 3; ++c) outside |= int{!(p[c] >= -1.0)} | int{!(p[c] <= dims[c] + 1.0)};
+  return outside == 0;
 }
 
 // std::floor is a call where the instruction set has no rounding. |x| < 2^31.
@@ -109,7 +109,7 @@ class TriangleSnapper {
       const glm::ivec3& a = mesh_.vertices[vertices[0]];
       const glm::ivec3& b = mesh_.vertices[vertices[1]];
       const glm::ivec3& c = mesh_.vertices[vertices[2]];
-      const bool clips = (a.x == kOutside) | (b.x == kOutside) | (c.x == kOutside);
+      const bool clips = std::min(a.x, std::min(b.x, c.x)) == kOutside;
       if (clips || (splits_ && may_be_long(a, b, c))) {
         add_pieces(vertices, out);
       } else {
@@ -130,13 +130,13 @@ class TriangleSnapper {
   }
 
   bool touches_box(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) const {
-    bool touches = true;
+    int misses = 0;
     for (int axis = 0; axis < 3; ++axis) {
       const int low = std::min(a[axis], std::min(b[axis], c[axis]));
       const int high = std::max(a[axis], std::max(b[axis], c[axis]));
-      touches = touches & (high >= 0) & (low < spec_.dims[axis] * kSubVoxelsPerVoxel);
+      misses |= int{high < 0} | int{low >= spec_.dims[axis] * kSubVoxelsPerVoxel};
     }
-    return touches;
+    return misses == 0;
   }
 
   // What clipping and splitting leave of a triangle.

@@ -189,11 +189,11 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
   stats->pipeline_reason = decision.reason;
   TilePipeline& pipeline = *impl_->pipeline(decision.pipeline);
   if (fills) return impl_->run_solid(pipeline, plan, bins, sink, progress, *stats);
-  const Status done = run_tiles(pipeline, plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
-                                *stats, [&](std::vector<SparseTile> tiles) {
-                                  for (SparseTile& tile : tiles) canonicalize(tile);
-                                  return sink.add(std::move(tiles));
-                                });
+  Status done = run_tiles(pipeline, plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
+                          *stats, [&](std::vector<SparseTile> tiles) {
+                            for (SparseTile& tile : tiles) canonicalize(tile);
+                            return sink.add(std::move(tiles));
+                          });
   pipeline.end_job();
   return done;
 }

@@ -140,7 +140,7 @@ TEST(LargeGrid, long_slivers_agree_with_the_oracle_along_all_their_length) {
         const glm::ivec3& q = mesh.vertices[t.vertices[i]];
         for (int c = 0; c < 3; ++c) doubled[i][static_cast<size_t>(c)] = 2 * int64_t{q[c]} + 1;
       }
-      const auto [low, high] = std::ranges::minmax({doubled[0][0], doubled[1][0], doubled[2][0]});
+      const auto [low, high] = std::minmax({doubled[0][0], doubled[1][0], doubled[2][0]});
       const bool is_near = low <= 512 * int64_t{cell[0] + 1} && high >= 512 * int64_t{cell[0]};
       return is_near && reference::touches(doubled, cell);
     });
