@@ -21,9 +21,12 @@ namespace voxeld {
 enum class UpAxis { kY, kZ };  // which axis of the input points up
 // The words of server/voxel/README.md.
 enum class Rule { kTouch, kThin, kCenter, kNone };
-enum class Fill { kSurface, kSolid, kShell };
+enum class Fill { kSurface, kSolid, kShell, kBand };
 enum class Sign { kAuto, kParity, kNonzero, kMajority, kFlood, kWinding };
 enum class ColorMode { kAverage, kNearest, kDominant, kShaded, kAxis, kNone };
+enum class LabelKind { kMesh, kNode, kMaterial, kGroup };
+enum class Interior { kNone, kNearest };
+enum class LevelRule { kAny, kMajority };
 enum class PipelineChoice { kAuto, kRaster, kCompute, kCpu };
 enum class Format { kNpy, kNpz, kVox, kNative };
 enum class Codec { kFast, kSmall };
@@ -53,12 +56,19 @@ struct VoxelizeOptions {
   Rule rule = Rule::kTouch;
   Fill fill = Fill::kSurface;
   Sign sign = Sign::kAuto;  // what is inside, where fill is solid or shell
-  double thickness = 1.0;   // of a shell, in voxels, 1..256
+  double thickness = 1.0;   // of a shell or band, in voxels, 1..256
+  // Attributes of voxels inside that are not surface.
+  Interior interior = Interior::kNone;
   ColorMode color = ColorMode::kAverage;
   // Unset: occupancy, and color where the mesh has colours.
   bool channels_given = false;
   bool channel_color = false;
   bool channel_normal = false;
+  bool channel_material = false;
+  bool channel_label = false;
+  bool channel_distance = false;
+  bool channel_coverage = false;
+  LabelKind labels = LabelKind::kMesh;  // what channel label numbers
   PipelineChoice pipeline = PipelineChoice::kAuto;
 };
 
@@ -69,6 +79,10 @@ struct OutputOptions {
   AxisOrder axes = AxisOrder::kZyx;
   DType dtype = DType::kUint8;
   int palette_max = 255;  // .vox: colours, 1..255
+  int level = 0;          // of detail: one voxel for 2^level to a side
+  LevelRule level_rule = LevelRule::kAny;
+  // First cell and the one after the last: x0,y0,z0,x1,y1,z1 of level 0.
+  std::optional<std::array<int, 6>> region;
 };
 
 struct RenderOptions {

@@ -113,7 +113,7 @@ inline IntLanes lane_numbers() {
 inline void transposed(const Int4* points, IntLanes (&axes)[3]) {
   Int4 quarters[3][kLanes / 4];
   for (int g = 0; g < kLanes / 4; ++g) {
-    const Int4 *a = points + 4 * g, *b = a + 1, *c = a + 2, *d = a + 3;
+    const Int4 *a = points + ptrdiff_t{4} * g, *b = a + 1, *c = a + 2, *d = a + 3;
     const Int4 xy_ab = __builtin_shufflevector(*a, *b, 0, 4, 1, 5);
     const Int4 xy_cd = __builtin_shufflevector(*c, *d, 0, 4, 1, 5);
     const Int4 z_ab = __builtin_shufflevector(*a, *b, 2, 6, 3, 7);

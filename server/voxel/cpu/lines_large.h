@@ -64,8 +64,8 @@ class LargeLines {
   bool set_up() {
     int64_t p[3][3], d[3][3], n[3];
     for (int i = 0; i < 3; ++i) {
-      p[i][0] = corners_.q[i][0] - 256 * first_[0];
-      p[i][1] = corners_.q[i][1] - 256 * first_[1];
+      p[i][0] = corners_.q[i][0] - int64_t{256} * first_[0];
+      p[i][1] = corners_.q[i][1] - int64_t{256} * first_[1];
       p[i][2] = corners_.q[i][2];
     }
     for (int i = 0; i < 3; ++i) {

@@ -111,8 +111,8 @@ inline Word4 morton_words(Word4 slices) {
 
 // ORs the brick at cell (8 bx, 8 by, 8 bz) of a block of rows into 8 words of Morton order.
 inline void add_brick_of_rows(const uint64_t* block, int bx, int by, int bz, uint64_t* brick) {
-  const uint64_t* rows = block + (8 * bz) * 64 + 8 * by;
-  for (int half = 0; half < 2; ++half) {
+  const uint64_t* rows = block + ptrdiff_t{8 * 64} * bz + ptrdiff_t{8} * by;
+  for (ptrdiff_t half = 0; half < 2; ++half) {
     Word4 slices;
     for (int z = 0; z < 4; ++z) slices[z] = brick_slice(rows + (4 * half + z) * 64, bx);
     const Word4 words = load4(brick + 4 * half) | morton_words(slices);
@@ -124,8 +124,9 @@ inline void add_brick_of_rows(const uint64_t* block, int bx, int by, int bz, uin
 // holds any cell.
 inline uint64_t any_in_bricks(const uint64_t* block, int by, int bz) {
   Word4 any{};
-  for (int z = 8 * bz; z < 8 * bz + 8; ++z) {
-    any |= load4(block + 64 * z + 8 * by) | load4(block + 64 * z + 8 * by + 4);
+  const uint64_t* rows = block + ptrdiff_t{8 * 64} * bz + ptrdiff_t{8} * by;
+  for (int z = 0; z < 8; ++z, rows += 64) {
+    any |= load4(rows) | load4(rows + 4);
   }
   return any_of4(any);
 }

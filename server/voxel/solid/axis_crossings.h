@@ -32,7 +32,8 @@ class AxisCrossings {
   AxisCrossings(const FillMesh& mesh, int axis, const glm::ivec3& dims, WorkerPool& pool);
 
   const TileCrossings& column(int tile_u, int tile_v) const {
-    return columns_[static_cast<size_t>(tile_v * tiles_u_ + tile_u)];
+    return columns_[static_cast<size_t>(tile_v) * static_cast<size_t>(tiles_u_) +
+                    static_cast<size_t>(tile_u)];
   }
 
  private:

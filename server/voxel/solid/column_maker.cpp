@@ -217,7 +217,8 @@ void ColumnMaker::apply_thresholds(const InsidePlan& plan, const glm::ivec3& til
       for (int x = 0; x < 8; ++x) {
         const int u = brick * limits::kBrickSide + x;
         if (u >= window_.u_count) break;
-        const bool inside = column_winding_.at(u, v, cell) >= cells[static_cast<size_t>(i * 8 + x)];
+        const bool inside = column_winding_.at(u, v, cell) >=
+                            cells[static_cast<size_t>(i) * 8 + static_cast<size_t>(x)];
         byte |= (inside ? 1u : 0u) << x;
       }
       bytes[static_cast<size_t>(i) * kRowBytes + static_cast<size_t>(brick)] =

@@ -57,7 +57,7 @@ class ColumnRaster {
   }
 
   bool faces_down() const { return faces_down_; }
-  int64_t centre(int cell) const { return cell * 2 * half_cell_ + half_cell_; }
+  int64_t centre(int cell) const { return cell * (2 * half_cell_) + half_cell_; }
 
   // Calls visit(u, first cell) for the cells u_first to u_last of row v that lie inside.
   template <typename Visit>

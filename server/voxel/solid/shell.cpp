@@ -14,7 +14,7 @@ namespace voxeld {
 namespace {
 
 constexpr int kBlockBricks = 8;  // to a side of what is looked at at once: 64 cells
-constexpr size_t kBlocks = kTileBrickCount / (kBlockBricks * kBlockBricks * kBlockBricks);
+constexpr size_t kBlocks = kTileBrickCount / (size_t{kBlockBricks} * kBlockBricks * kBlockBricks);
 constexpr size_t kBlockBrickCount = kTileBrickCount / kBlocks;
 
 enum class Nearness : uint8_t { kNear, kFar, kMixed };

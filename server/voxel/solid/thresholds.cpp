@@ -12,7 +12,8 @@ void Thresholds::begin_tile(const WindingField* field, const glm::ivec3& first) 
 int Thresholds::of_brick(int x, int y, int z) {
   if (!any_) return 1;
   const int block_x = x / kBlockBricks, block_y = y / kBlockBricks, block_z = z / kBlockBricks;
-  int& block = blocks_[static_cast<size_t>((block_z * kBlocks + block_y) * kBlocks + block_x)];
+  const auto row = static_cast<size_t>(block_z) * kBlocks + static_cast<size_t>(block_y);
+  int& block = blocks_[row * kBlocks + static_cast<size_t>(block_x)];
   constexpr int kBlockSide = kBlockBricks * limits::kBrickSide;
   if (block == kUnknown) {
     block =
@@ -46,8 +47,9 @@ void Thresholds::add_cells(const glm::ivec3& first, int side, const glm::ivec3& 
   const glm::ivec3 at = first - brick_first;
   for (int z = at.z; z < at.z + side; ++z) {
     for (int y = at.y; y < at.y + side; ++y) {
+      const size_t row = static_cast<size_t>(z) * 8 + static_cast<size_t>(y);
       for (int x = at.x; x < at.x + side; ++x) {
-        thresholds[static_cast<size_t>((z * 8 + y) * 8 + x)] = *one;
+        thresholds[row * 8 + static_cast<size_t>(x)] = *one;
       }
     }
   }

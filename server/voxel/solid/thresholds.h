@@ -34,7 +34,7 @@ class Thresholds {
   const WindingField* field_ = nullptr;
   glm::ivec3 first_{0};
   bool any_ = false;
-  std::array<int, kBlocks * kBlocks * kBlocks> blocks_{};
+  std::array<int, size_t{kBlocks} * kBlocks * kBlocks> blocks_{};
 };
 
 }  // namespace voxeld

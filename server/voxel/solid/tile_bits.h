@@ -41,7 +41,7 @@ class ToggleVolume {
 
  private:
   std::vector<uint64_t> words_;
-  std::array<bool, kTileBricks * kTileBricks> used_{};  // by z/8 * 32 + y/8
+  std::array<bool, size_t{kTileBricks} * kTileBricks> used_{};  // by z/8 * 32 + y/8
 };
 
 // The bricks of a tile, in any order of rows. Several threads may add rows where each has a lane of

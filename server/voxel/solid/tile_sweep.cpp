@@ -123,10 +123,11 @@ void trim(const TileExtent& extent, int brick_y, int brick_z, BrickRow& rows) {
     for (int y = 0; y < limits::kBrickSide; ++y) {
       const bool inside = brick_z * limits::kBrickSide + z < extent.size[2] &&
                           brick_y * limits::kBrickSide + y < extent.size[1];
-      for (int w = 0; w < static_cast<int>(kBlockRowWords); ++w) {
-        const int cells = inside ? std::clamp(extent.size[0] - 64 * w, 0, 64) : 0;
+      const size_t row = static_cast<size_t>(z) * 8 + static_cast<size_t>(y);
+      for (size_t w = 0; w < kBlockRowWords; ++w) {
+        const int cells = inside ? std::clamp(extent.size[0] - 64 * static_cast<int>(w), 0, 64) : 0;
         const uint64_t kept = cells == 64 ? ~uint64_t{0} : (uint64_t{1} << cells) - 1;
-        rows[static_cast<size_t>((z * 8 + y) * static_cast<int>(kBlockRowWords) + w)] &= kept;
+        rows[row * kBlockRowWords + w] &= kept;
       }
     }
   }

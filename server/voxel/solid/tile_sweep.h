@@ -46,7 +46,7 @@ class SweepX {
 
  private:
   ToggleVolume volume_;
-  std::array<uint8_t, limits::kTileSide * limits::kTileSide> entry_{};  // z, then y: 0 or 1
+  std::array<uint8_t, size_t{limits::kTileSide} * limits::kTileSide> entry_{};  // z, then y: 0 or 1
 };
 
 // Parity of columns along y, for one tile.

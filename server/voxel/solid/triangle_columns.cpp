@@ -44,7 +44,8 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
     const CentreRange v = range(axes.v);
     for (int row = v.first; row <= v.last; ++row) {
       for (int column = u.first; column <= u.last; ++column) {
-        visit(static_cast<size_t>(row * tiles_u_ + column));
+        visit(static_cast<size_t>(row) * static_cast<size_t>(tiles_u_) +
+              static_cast<size_t>(column));
       }
     }
   };
