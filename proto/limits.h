@@ -37,6 +37,7 @@ inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
 
 // Pictures: invalid-option.
 inline constexpr int kRenderSideMax = 4096;
+inline constexpr int kSamplesPerSideMax = 4;
 
 // Jobs.
 inline constexpr int kJobAttemptsMax = 3;         // then worker-crashed

@@ -85,6 +85,8 @@ void add_render(Json& out, const RenderOptions& r) {
   out["light"] = word(r.light, words::kLight);
   out["occlusion"] = word(r.occlusion, words::kYesNo);
   out["shadow"] = word(r.shadow, words::kYesNo);
+  out["samples"] = r.samples == 0 ? "auto" : std::to_string(r.samples);
+  out["renderer"] = word(r.renderer, words::kRenderer);
   add_numbers(out, "section", r.section);
 }
 

@@ -99,6 +99,19 @@ Status set_units(PlacementOptions& placement, std::string_view text) {
   return invalid("units", "m | cm | mm | in | ft", text);
 }
 
+Status set_samples(RenderOptions& render, std::string_view text) {
+  if (text == "auto") {
+    render.samples = 0;
+    return {};
+  }
+  const auto value = parse_int(text);
+  if (!value || *value < 1 || *value > limits::kSamplesPerSideMax) {
+    return invalid("samples", "auto, or 1 to " + std::to_string(limits::kSamplesPerSideMax), text);
+  }
+  render.samples = *value;
+  return {};
+}
+
 Status set_background(RenderOptions& render, std::string_view text) {
   if (text == "transparent") {
     render.background = {0, 0, 0, 0};
@@ -178,6 +191,8 @@ Status set_render(RenderOptions& r, std::string_view name, std::string_view text
   if (name == "light") return set_word(r.light, name, text, words::kLight);
   if (name == "occlusion") return set_word(r.occlusion, name, text, words::kYesNo);
   if (name == "shadow") return set_word(r.shadow, name, text, words::kYesNo);
+  if (name == "samples") return set_samples(r, text);
+  if (name == "renderer") return set_word(r.renderer, name, text, words::kRenderer);
   return set_section(r, text);
 }
 

@@ -36,6 +36,7 @@ enum class AxisOrder { kZyx, kXyz };
 enum class DType { kUint8, kBool, kFloat32 };
 enum class Projection { kPerspective, kOrthographic };
 enum class Light { kFlat, kPhong };
+enum class RendererChoice { kAuto, kGl, kCpu };
 
 // Where the grid lies. At most one of size, dims and voxel_size is set; none means size = 128.
 struct PlacementOptions {
@@ -98,6 +99,8 @@ struct RenderOptions {
   Light light = Light::kPhong;
   bool occlusion = false;  // ambient occlusion
   bool shadow = false;     // of a light that is not a point
+  int samples = 0;         // rays along each side of a pixel, 1..4; 0: as the picture's size allows
+  RendererChoice renderer = RendererChoice::kAuto;
   // Plane a,b,c,d in world units: what has a*x+b*y+c*z+d > 0 is cut away.
   std::optional<std::array<double, 4>> section;
 };

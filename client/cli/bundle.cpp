@@ -152,6 +152,49 @@ std::vector<std::string> files_of_gltf(const fs::path& mesh) {
   return names.take();
 }
 
+bool is_image(const fs::path& path) {
+  static const std::set<std::string> extensions = {".tga", ".png", ".jpg", ".jpeg", ".dds", ".bmp"};
+  return extensions.contains(lower(path.extension().string()));
+}
+
+// In lower case, without folders and extension: how shaders, materials and files find each other.
+std::string stem_of(std::string name) {
+  std::ranges::replace(name, '\\', '/');
+  return lower(fs::path(name).stem().string());
+}
+
+// The material files of the folder, and its images whose name a shader of the mesh or a material
+// has; which of them counts is the daemon's decision.
+std::vector<std::string> files_of_md5(const fs::path& mesh) {
+  std::set<std::string> wanted;
+  for_each_statement(mesh, [&](const Statement& statement) {
+    if (statement.key != "shader") return;
+    const size_t begin = statement.rest.find_first_not_of('"');
+    if (begin == std::string::npos) return;
+    const size_t end = std::min(statement.rest.find('"', begin), statement.rest.size());
+    const std::string stem = stem_of(statement.rest.substr(begin, end - begin));
+    wanted.insert({stem, stem + "_d"});
+  });
+  const fs::path folder = mesh.has_parent_path() ? mesh.parent_path() : fs::path(".");
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(folder, error)) files.push_back(entry.path());
+  std::ranges::sort(files);
+  Names names(mesh.parent_path());
+  for (const fs::path& file : files) {
+    if (lower(file.extension().string()) != ".mtr") continue;
+    names.add(file.filename().string());
+    std::ifstream text(file);
+    for (std::string word; text >> word;) wanted.insert(stem_of(word));
+  }
+  for (const fs::path& file : files) {
+    if (is_image(file) && wanted.contains(stem_of(file.filename().string()))) {
+      names.add(file.filename().string());
+    }
+  }
+  return names.take();
+}
+
 [[noreturn]] void fail_zip(const fs::path& path, const std::string& why) {
   throw client::Error("file", 0, path.string() + ": cannot be put into an archive: " + why);
 }
@@ -207,6 +250,7 @@ std::vector<std::string> referenced_files(const fs::path& mesh) {
   const std::string extension = lower(mesh.extension().string());
   if (extension == ".obj") return files_of_obj(mesh);
   if (extension == ".gltf") return files_of_gltf(mesh);
+  if (extension == ".md5mesh") return files_of_md5(mesh);
   return {};
 }
 

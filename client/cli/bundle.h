@@ -13,8 +13,8 @@ namespace voxeld::cli {
 // What is sent for one input of the command line.
 class MeshSource {
  public:
-  // `input`: a path, or "-" for stdin. An .obj or .gltf that names other files (materials,
-  // textures, buffers) becomes a zip of all that are there, in a temporary file; names that lead
+  // `input`: a path, or "-" for stdin. An .obj, .gltf or .md5mesh that names other files
+  // (materials, textures, buffers) becomes a zip of all that are there, in a temporary file; names that lead
   // out of the mesh's folder and files that are missing are left out (the daemon's answer names
   // them).
   // Throws client::Error "file".
@@ -30,7 +30,8 @@ class MeshSource {
 };
 
 // Relative paths that the file names, in order and once each; only those that stay in its folder.
-// Understands .obj (with the .mtl it names) and .gltf; empty for other files.
+// Understands .obj (with the .mtl it names), .gltf and .md5mesh (with .mtr files and images of its
+// folder); empty for other files.
 std::vector<std::string> referenced_files(const std::filesystem::path& mesh);
 
 }  // namespace voxeld::cli

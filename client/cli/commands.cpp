@@ -255,7 +255,7 @@ void run_info(const Arguments& arguments, const std::stop_token& stop) {
 }
 
 void run_formats(const Arguments& arguments) {
-  const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "zip"}},
+  const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "md5mesh", "zip"}},
                        {"write", {".npy", ".npz", ".vox", ".voxg"}},
                        {"picture", {".png"}}};
   if (arguments.json) {
@@ -263,7 +263,7 @@ void run_formats(const Arguments& arguments) {
     return;
   }
   std::printf(
-      "reads   .obj with .mtl and textures, .ply, .stl, .off, .gltf, .glb, .zip of one mesh\n"
+      "reads   .obj with .mtl and textures, .ply, .stl, .off, .gltf, .glb, .md5mesh, .zip of one\n"
       "writes  .npy  dense array\n"
       "        .npz  dense arrays with origin and voxel size\n"
       "        .vox  MagicaVoxel\n"

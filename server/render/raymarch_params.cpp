@@ -64,6 +64,7 @@ RaymarchVariant raymarch_variant(const PackedGrid& grid, const RenderOptions& op
 }
 
 int wanted_samples(const RenderOptions& options, const RenderQuality& quality) {
+  if (options.samples > 0) return options.samples;
   const int64_t pixels = int64_t{options.width} * options.height;
   return pixels > quality.supersampled_pixels_max ? 1 : quality.samples_per_side;
 }

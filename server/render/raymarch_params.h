@@ -20,7 +20,8 @@ struct RaymarchVariant {
 };
 RaymarchVariant raymarch_variant(const PackedGrid& grid, const RenderOptions& options);
 
-// Rays along each side of a pixel for a picture of this size, before limits of a device.
+// Rays along each side of a pixel, before limits of a device: what was asked for, or what suits a
+// picture of this size.
 int wanted_samples(const RenderOptions& options, const RenderQuality& quality);
 
 // Camera, light and dimensions of a picture. `samples`: along each side of a pixel. The tables of

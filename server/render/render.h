@@ -28,7 +28,7 @@ struct Hit {
   int face = -1;        // 0..5: -x +x -y +y -z +z face through which the ray entered the cell
 };
 
-// How much work a pixel gets; apart from the request because it changes no geometry.
+// How much work a pixel gets where the request does not say.
 struct RenderQuality {
   // Rays along each side of a pixel, averaged in linear light; 1..4. Fewer are taken where the
   // device's loop limit demands it.

@@ -12,7 +12,7 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kFormatsRead =
-    "obj, ply, stl, off, gltf, glb, or a zip of one of them with its files";
+    "obj, ply, stl, off, gltf, glb, md5mesh, or a zip of one of them with its files";
 // Enough to see "asset" in front of the buffers of a glTF, and a statement after a long comment.
 constexpr size_t kHeadBytes = size_t{64} * 1024;
 
@@ -40,7 +40,7 @@ std::optional<MeshFormat> format_of_extension(std::string_view filename) {
   constexpr std::pair<std::string_view, MeshFormat> kExtensions[] = {
       {"obj", MeshFormat::kObj}, {"ply", MeshFormat::kPly},   {"stl", MeshFormat::kStl},
       {"off", MeshFormat::kOff}, {"gltf", MeshFormat::kGltf}, {"glb", MeshFormat::kGlb},
-      {"zip", MeshFormat::kZip}};
+      {"md5mesh", MeshFormat::kMd5}, {"zip", MeshFormat::kZip}};
   for (const auto& [name, format] : kExtensions) {
     if (equals_ignoring_case(base.substr(dot + 1), name)) return format;
   }
@@ -55,6 +55,11 @@ bool is_off_keyword(std::string_view word) {
     return part.find_first_not_of(allowed) == part.npos;
   };
   return only(word.substr(0, off), "STCN4n") && only(word.substr(off + 3), "0123456789");
+}
+
+// Not an md5anim, which begins in the same way.
+bool looks_like_md5_mesh(std::string_view text) {
+  return TextCursor(text).token() == "MD5Version" && text.find("numFrames") == text.npos;
 }
 
 // Two statements that an OBJ file must have, each with its numbers.
@@ -83,6 +88,7 @@ std::optional<MeshFormat> guessed_format(std::span<const uint8_t> bytes) {
   if (is_off_keyword(TextCursor(head, '#').token())) return MeshFormat::kOff;
   if (is_binary_stl(bytes)) return MeshFormat::kStl;
   if (TextCursor(head).token() == "solid") return MeshFormat::kStl;
+  if (looks_like_md5_mesh(head)) return MeshFormat::kMd5;
   if (looks_like_obj(head)) return MeshFormat::kObj;
   return std::nullopt;
 }
@@ -113,6 +119,8 @@ std::string_view mesh_format_name(MeshFormat format) {
       return "gltf";
     case MeshFormat::kGlb:
       return "glb";
+    case MeshFormat::kMd5:
+      return "md5mesh";
     case MeshFormat::kZip:
       return "zip";
   }

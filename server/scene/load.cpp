@@ -26,6 +26,8 @@ Result<Scene> load_format(MeshFormat format, std::string_view name, std::span<co
     case MeshFormat::kGltf:
     case MeshFormat::kGlb:
       return load_gltf(name, bytes, bundle, options);
+    case MeshFormat::kMd5:
+      return load_md5(name, bytes, bundle, options);
     case MeshFormat::kZip:
       break;
   }
@@ -79,7 +81,7 @@ Result<std::string> choose_mesh(std::string_view zip_name, std::string_view memb
   if (meshes.size() == 1) return meshes[0];
   if (meshes.empty()) {
     return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": no mesh in the zip",
-                 "one obj, ply, stl, off, gltf or glb file",
+                 "one obj, ply, stl, off, gltf, glb or md5mesh file",
                  all.empty() ? "no files" : listed(all)};
   }
   return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": several meshes in the zip",

@@ -14,7 +14,7 @@
 
 namespace voxeld {
 
-enum class MeshFormat { kObj, kPly, kStl, kOff, kGltf, kGlb, kZip };
+enum class MeshFormat { kObj, kPly, kStl, kOff, kGltf, kGlb, kMd5, kZip };
 
 // By the file name's extension, else by the first bytes. Errors: unsupported-media-type, naming the
 // formats that are read.
@@ -62,6 +62,9 @@ Result<Scene> load_obj(std::string_view name, std::span<const uint8_t> bytes, co
 Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes);
 Result<Scene> load_stl(std::string_view name, std::span<const uint8_t> bytes);
 Result<Scene> load_off(std::string_view name, std::span<const uint8_t> bytes);
+// md5mesh, in its bind pose.
+Result<Scene> load_md5(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
+                       const LoadOptions& options);
 // glTF 2.0, as JSON or GLB.
 Result<Scene> load_gltf(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                         const LoadOptions& options);

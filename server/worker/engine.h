@@ -5,8 +5,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 
+#include "proto/options.h"
+#include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"
 #include "server/voxel/voxelize.h"
@@ -32,14 +35,23 @@ struct InputCache {
   std::optional<MeshTopology> topology;
   std::string grid_key;  // hash of the container, or of input and options for renders of a mesh
   std::shared_ptr<const LoadedGrid> grid;
-  std::string resident_key;  // the grid that the renderer has in its buffers
+  // The grids that the renderers hold, by the same keys.
+  std::string gl_resident_key, cpu_resident_key;
 };
 
 struct Engine {
   explicit Engine(OpenedDevice opened)
       : device(std::move(opened)), voxelizer(std::move(device.pipeline)) {}
 
-  Renderer& renderer() { return *device.renderer; }
+  // One of the device's renderers and what it holds.
+  struct ChosenRenderer {
+    Renderer* renderer;
+    std::string* resident_key;
+    std::string_view name;  // "gl" or "cpu"
+  };
+  // `auto` draws on the CPU where GL would run on the same cores, only slower
+  // (tests/bench/render_bench). Errors: device-unavailable for gl without a GL context.
+  Result<ChosenRenderer> choose_renderer(RendererChoice asked);
 
   OpenedDevice device;  // its pipeline has gone to the voxelizer
   Voxelizer voxelizer;

@@ -5,11 +5,14 @@
 namespace voxeld {
 
 Result<OpenedDevice> open_device(const gpu::DeviceId& device, const std::string& shader_dir) {
-  if (device.kind != gpu::DeviceKind::kCpu) return open_gl_device(device, shader_dir);
   OpenedDevice opened;
-  opened.info = gpu::cpu_device_info();
-  opened.renderer = std::make_unique<CpuRenderer>();
-  opened.check = [](std::string_view) { return Status(); };
+  if (device.kind == gpu::DeviceKind::kCpu) {
+    opened.info = gpu::cpu_device_info();
+    opened.check = [](std::string_view) { return Status(); };
+  } else {
+    VOXELD_ASSIGN(opened, open_gl_device(device, shader_dir));
+  }
+  opened.cpu_renderer = std::make_unique<CpuRenderer>();
   return opened;
 }
 

@@ -16,7 +16,8 @@ struct OpenedDevice {
   gpu::DeviceInfo info;
   std::shared_ptr<void> context;           // what the next two live on; null without GL
   std::unique_ptr<TilePipeline> pipeline;  // raster and compute; null without GL
-  std::unique_ptr<Renderer> renderer;
+  std::unique_ptr<Renderer> gl_renderer;   // null without GL
+  std::unique_ptr<Renderer> cpu_renderer;
   std::function<Status(std::string_view where)> check;  // whether it still works
 };
 

@@ -25,7 +25,7 @@ Result<OpenedDevice> open_gl_device(const gpu::DeviceId& device, const std::stri
   opened.info = state->context->info();
   opened.context = state;
   opened.pipeline = std::make_unique<GlPipeline>(*state->context, state->shaders);
-  opened.renderer = std::make_unique<GlRenderer>(*state->context, state->shaders);
+  opened.gl_renderer = std::make_unique<GlRenderer>(*state->context, state->shaders);
   opened.check = [gl = state->context.get()](std::string_view where) { return gl->check(where); };
   return opened;
 }

@@ -240,13 +240,14 @@ Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
 Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
                                const RenderOptions& options) {
   const StageTimer stage(run, "render");
-  InputCache& cache = run.engine.cache;
-  if (cache.resident_key != grid_key) {
-    cache.resident_key.clear();
-    VOXELD_TRY(run.engine.renderer().set_grid(grid.grid));
-    cache.resident_key = grid_key;
+  VOXELD_ASSIGN(const Engine::ChosenRenderer by, run.engine.choose_renderer(options.renderer));
+  if (*by.resident_key != grid_key) {
+    by.resident_key->clear();
+    VOXELD_TRY(by.renderer->set_grid(grid.grid));
+    *by.resident_key = grid_key;
   }
-  return run.engine.renderer().render(
+  add_meta(run, {{"drawn_by", by.name}});
+  return by.renderer->render(
       options, [&](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); });
 }
 

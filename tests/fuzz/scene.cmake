@@ -1,3 +1,3 @@
-foreach(format obj off ply stl zip)
+foreach(format obj off ply stl zip md5)
   voxeld_fuzzer(scene_${format} scene_${format}.cpp voxeld_scene)
 endforeach()

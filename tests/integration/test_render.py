@@ -88,6 +88,25 @@ class Render(DaemonTest):
             self.assertTrue((other[..., :3] <= plain[..., :3] + 1).all(), option)
             self.assertTrue((other[..., :3] < plain[..., :3] - 10).any(), option)
 
+    def test_more_rays_smooth_edges_and_move_nothing(self):
+        jagged = self.picture("background=transparent&samples=1").astype(int)
+        smooth = self.picture("background=transparent&samples=4").astype(int)
+        self.assertEqual(set(np.unique(jagged[..., 3])), {0, 255})
+        self.assertGreater(len(np.unique(smooth[..., 3])), 8)
+        self.assertTrue((self.picture("background=transparent") == self.picture("background=transparent&samples=2")).all())
+        self.assertLess(abs(jagged[..., 3].mean() - smooth[..., 3].mean()), 2)
+
+    def test_both_renderers_draw_the_same(self):
+        by_cpu = self.picture("renderer=cpu").astype(int)
+        self.assertTrue((by_cpu == self.picture("")).all())  # auto, on software drivers
+        if self.daemon.device == "cpu":
+            refused = self.daemon.post("/v1/render?renderer=gl&filename=sample.glb", self.fixture("sample.glb"))
+            self.assertEqual(refused.status, 503, refused.body)
+            self.assertIn("renderer gl needs a GL context", refused.body.decode())
+        else:
+            by_gl = self.picture("renderer=gl").astype(int)
+            self.assertLessEqual((abs(by_gl - by_cpu) > 2).any(axis=2).mean(), 0.001)
+
     def test_a_section_plane_cuts_away(self):
         whole = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0")
         cut = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0"

@@ -112,6 +112,26 @@ TEST_F(RunTaskTest, a_mesh_becomes_a_container_and_the_format_asked_for) {
   EXPECT_EQ(read_file(output(*done, "result").path).value()[1], 'N');
 }
 
+TEST_F(RunTaskTest, a_picture_says_what_drew_it) {
+  const auto picture = [&](const std::string& renderer) {
+    return run(task(JobKind::kRender, kCube,
+                    R"({"size":8,"width":16,"height":16,"renderer":")" + renderer + "\"}"));
+  };
+  for (const std::string renderer : {"auto", "cpu", "auto"}) {
+    const auto done = picture(renderer);
+    ASSERT_TRUE(done) << done.error().message();
+    const bool by_gl = renderer == "auto" && !engine().device.info.is_software;
+    EXPECT_EQ(json::parse(done->meta_json)["drawn_by"], by_gl ? "gl" : "cpu");
+  }
+  const auto by_gl = picture("gl");
+  ASSERT_EQ(by_gl.has_value(), has_gl());
+  if (has_gl()) {
+    EXPECT_EQ(json::parse(by_gl->meta_json)["drawn_by"], "gl");
+  } else {
+    EXPECT_EQ(by_gl.error().code, ErrorCode::kDeviceUnavailable);
+  }
+}
+
 TEST_F(RunTaskTest, a_native_result_is_the_grid_itself) {
   const auto done = run(task(JobKind::kVoxelize, kCube, R"({"size":8,"format":"native"})"));
   ASSERT_TRUE(done) << done.error().message();

@@ -161,6 +161,17 @@ TEST_F(Bundle, a_gltf_that_is_broken_names_nothing) {
   }
 }
 
+TEST_F(Bundle, an_md5mesh_gives_materials_and_the_images_of_its_shaders) {
+  for (const char* name : {"Body.png", "head_d.tga", "eye.jpg", "unrelated.png", "notes.txt"}) {
+    put(name);
+  }
+  put("skins.mtr", "models/eyes\n{\n  diffusemap models/eye.tga\n}\n");
+  EXPECT_THAT(referenced_files(put("a.md5mesh",
+                                   "MD5Version 10\nmesh {\n\tshader \"body.tga\"\n}\nmesh {\n"
+                                   "\tshader \"models\\x\\head\"\n}\n")),
+              ElementsAre("skins.mtr", "Body.png", "eye.jpg", "head_d.tga"));
+}
+
 TEST_F(Bundle, other_meshes_and_missing_ones_name_nothing) {
   put("a.mtl");
   EXPECT_THAT(referenced_files(put("a.ply", "mtllib a.mtl\n")), IsEmpty());

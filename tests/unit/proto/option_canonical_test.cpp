@@ -42,7 +42,7 @@ TEST(CanonicalOptions, spell_out_every_default_in_a_fixed_order) {
   EXPECT_EQ(canonical({}, OptionScope::kRenderGrid),
             R"({"width":512,"height":512,"projection":"perspective","azimuth":"30",)"
             R"("elevation":"20","zoom":"1","background":"#ffffffff","light":"phong",)"
-            R"("occlusion":"no","shadow":"no"})");
+            R"("occlusion":"no","shadow":"no","samples":"auto","renderer":"auto"})");
 }
 
 TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {

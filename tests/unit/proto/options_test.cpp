@@ -90,6 +90,8 @@ const std::map<std::string, OptionCase>& cases() {
       {"light", {{"flat", "phong"}, {"none", ""}, "flat | phong"}},
       {"occlusion", {{"yes", "no"}, {"1", "true", ""}, "yes | no"}},
       {"shadow", {{"yes", "no"}, {"soft", ""}, "yes | no"}},
+      {"samples", {{"auto", "1", "4"}, {"0", "5", "", "1.5"}, "auto, or 1 to 4"}},
+      {"renderer", {{"auto", "gl", "cpu"}, {"opengl", ""}, "auto | gl | cpu"}},
       {"cache", {{"yes", "no"}, {"true", "1", ""}, "yes | no"}},
   };
   return all;

@@ -42,7 +42,8 @@ constexpr RealFile kFiles[] = {{"scans/bunny/bun_zipper.ply", "ply", 35947, 6945
                                {"ply/float-color.ply", "ply", 3, 1},
                                {"ply/Wuson.ply", "ply", 11184, 3732},
                                {"off/Wuson.off", "off", 3205, 3732},
-                               {"off/cow.off", "off", 2762, 5520}};
+                               {"off/cow.off", "off", 2762, 5520},
+                               {"md5/bob/Bob.md5mesh", "md5mesh", 875, 1027}};
 
 class RealFiles : public testing::Test {
  protected:

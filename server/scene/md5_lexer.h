@@ -1,0 +1,73 @@
+// The words of an MD5 file, of meshes and animations alike.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "proto/result.h"
+
+namespace voxeld {
+
+// One of { } ( ), a word, or a string without its quotes. Backslashes in strings stand for
+// themselves.
+struct Md5Token {
+  enum Kind { kEnd, kWord, kString, kPunctuation };
+  Kind kind = kEnd;
+  std::string_view text;
+  int64_t line = 1;
+
+  bool is(std::string_view word) const { return kind == kWord && text == word; }
+  bool is(char punctuation) const { return kind == kPunctuation && text[0] == punctuation; }
+};
+
+// Reads tokens one by one, with one of look-ahead. Comments (// to the end of the line, and those
+// between slash-star and star-slash) may stand between any two; blanks around parentheses may be
+// missing. All errors are malformed-mesh with file, line, expected and got. `text` must outlive it.
+class Md5Lexer {
+ public:
+  Md5Lexer(std::string_view name, std::string_view text) : name_(name), text_(text) {}
+
+  const std::string& name() const { return name_; }
+  // Bytes that were not read yet: at most so many half tokens follow.
+  size_t bytes_left() const { return text_.size() - at_; }
+
+  // Errors: a comment or string without an end.
+  Result<Md5Token> peek();
+  Result<Md5Token> next();
+
+  // `what` names the thing in an error: "number of joints".
+  Status expect(char punctuation, std::string_view what);
+  Status expect_word(std::string_view word);
+  // Takes the word where it comes next.
+  Result<bool> accept_word(std::string_view word);
+  // A finite number of magnitude up to kCoordinateAbsMax.
+  Result<double> number(std::string_view what);
+  // A whole number, low <= it <= high. Above `high` the error names the limit.
+  Result<int64_t> integer(std::string_view what, int64_t low, int64_t high);
+  // A string, or a single word where quotes are missing.
+  Result<std::string> string(std::string_view what);
+  // "( a b c )"; `count` numbers.
+  Status numbers(std::string_view what, double* out, int count);
+
+  // The error of the last token: not what was expected.
+  Error wrong(std::string_view what, std::string expected, const Md5Token& got) const;
+
+ private:
+  Result<Md5Token> read();
+  Status skip_blanks();
+  Result<Md5Token> read_string();
+
+  std::string name_;
+  std::string_view text_;
+  size_t at_ = 0;
+  int64_t line_ = 1;
+  std::optional<Md5Token> ahead_;
+};
+
+// "MD5Version 10" and "commandline", with which both kinds of files begin. Errors:
+// unsupported-feature for other versions, by number.
+Status read_md5_head(Md5Lexer& lexer);
+
+}  // namespace voxeld
