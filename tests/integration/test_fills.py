@@ -74,6 +74,20 @@ class Fills(DaemonTest):
         _, meta = self.voxelize(off_file(FACES), "size=20")
         self.assertNotIn("solid", meta)
 
+    def test_every_answer_says_how_the_mesh_closes(self):
+        _, meta = self.voxelize(off_file(FACES[:-2]), "size=20")
+        mesh = meta["mesh"]
+        self.assertEqual(mesh["open_edges"], 4)
+        self.assertIs(mesh["watertight"], False)
+        self.assertIs(mesh["closed"], False)
+        self.assertEqual(mesh["components"], 1)
+        self.assertEqual(mesh["inner_walls"], 0)
+        self.assertIsNone(mesh["ambiguous_fraction"])
+        _, again = self.voxelize(off_file(FACES[:-2]), "size=21&fill=solid")
+        for name in ("open_edges", "closed", "components", "ambiguous_fraction"):
+            self.assertEqual(again["mesh"][name], again["solid"][name])
+        self.assertEqual(again["mesh"]["open_edges"], 4)
+
 
 if __name__ == "__main__":
     unittest.main()
