@@ -3,14 +3,25 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <map>
 #include <random>
 
 #include "server/voxel/solid/distance_field.h"
+#include "tests/bench/waves.h"
 #include "tests/reference/distance_oracle.h"
+#include "tests/unit/voxel_solid/solid_scenes.h"
 
 namespace voxeld {
 namespace {
 
+using solid_test::cells_of;
+using solid_test::differences;
+using solid_test::joined;
+using solid_test::Occupancy;
+using solid_test::oracle_grid;
+using solid_test::triangles_of;
+using solid_test::voxelized;
 using Corners = std::vector<glm::ivec3>;  // q, three for each triangle
 
 constexpr int kTooFar = 40000;  // what cells beside the band have in a dense array
@@ -204,6 +215,79 @@ TEST(Distance, what_is_too_far_for_16_bits_is_as_far_as_they_tell) {
   WorkerPool pool(1);
   EXPECT_EQ(distances_of_tile({tree, {512, 256, 256}, nothing}, tile, pool),
             std::vector<int16_t>{32767});
+}
+
+VoxelizeOptions band_options(double thickness, int size) {
+  VoxelizeOptions options;
+  options.placement.size = size;
+  options.placement.padding = 4;
+  options.fill = Fill::kBand;
+  options.thickness = thickness;
+  options.color = ColorMode::kNone;
+  return options;
+}
+
+TEST(Band, it_is_the_cells_that_are_near_on_both_sides_by_every_rule) {
+  const Scene scene = wavy_sphere(2);
+  const Grid grid = voxelized(scene, band_options(2, 26));
+  const auto snapped = reference::snap_triangles(triangles_of(scene), oracle_grid(grid));
+  Occupancy expected;
+  for (int z = 0; z < grid.spec.dims.z; ++z) {
+    for (int y = 0; y < grid.spec.dims.y; ++y) {
+      for (int x = 0; x < grid.spec.dims.x; ++x) {
+        expected.push_back(reference::surface_distance(snapped, {x, y, z}) <= 2 * 512 ? 1 : 0);
+      }
+    }
+  }
+  EXPECT_EQ(differences(cells_of(grid), expected), 0u);
+  for (const Rule rule : {Rule::kThin, Rule::kCenter, Rule::kNone}) {
+    VoxelizeOptions options = band_options(2, 26);
+    options.rule = rule;
+    EXPECT_TRUE(voxelized(scene, options).tiles == grid.tiles);
+  }
+}
+
+TEST(Band, the_thinnest_holds_every_voxel_that_the_surface_touches) {
+  const Scene scene = joined(solid_test::soup(60, glm::dvec3(2), 11), wavy_sphere(2));
+  VoxelizeOptions options = band_options(1, 40);
+  const Occupancy near = cells_of(voxelized(scene, options));
+  options.fill = Fill::kSurface;
+  const Occupancy touched = cells_of(voxelized(scene, options));
+  for (size_t i = 0; i < near.size(); ++i) ASSERT_LE(touched[i], near[i]);
+}
+
+TEST(Band, surface_voxels_keep_their_attributes_and_the_others_have_none) {
+  VoxelizeOptions options = band_options(3, 40);
+  options.color = ColorMode::kAxis;
+  const Scene scene = wavy_sphere(2);
+  const Grid band = voxelized(scene, options);
+  options.fill = Fill::kSurface;
+  const Grid surface = voxelized(scene, options);
+  std::map<std::array<int, 3>, uint32_t> colors;
+  for_each_voxel(surface.tiles.front(), [&](int x, int y, int z, size_t i) {
+    std::memcpy(&colors[{x, y, z}], &surface.tiles.front().color[4 * i], 4);
+  });
+  size_t seen = 0;
+  for_each_voxel(band.tiles.front(), [&](int x, int y, int z, size_t i) {
+    if (i == kNoAttributes) return;
+    uint32_t color = 0;
+    std::memcpy(&color, &band.tiles.front().color[4 * i], 4);
+    const auto at = colors.find({x, y, z});
+    EXPECT_EQ(color, at == colors.end() ? 0u : at->second);
+    seen += at == colors.end() ? 0 : 1;
+  });
+  EXPECT_EQ(seen, colors.size());
+}
+
+TEST(Band, it_costs_what_was_estimated_or_less_and_is_refused_above) {
+  Voxelizer voxelizer(nullptr, 2);
+  const Scene scene = wavy_sphere(3);
+  const auto estimate = voxelizer.estimate(scene, band_options(8, 300));
+  ASSERT_TRUE(estimate.ok());
+  voxelizer.set_host_bytes_max(estimate->host_bytes - 1);
+  const auto refused = voxelizer.voxelize(scene, band_options(8, 300), {}, nullptr);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
 }
 
 }  // namespace
