@@ -26,11 +26,12 @@ glm::ivec3 centre_of(const glm::ivec3& first_cell, int side) {
   return first_cell * kUnit + side * (kUnit / 2);
 }
 
-// 1/128 voxel, rounded to the nearest; what is too far for 16 bits is as far as they tell.
+// 1/128 voxel, rounded to the nearest; what is too far for 16 bits is as far as they tell, and what
+// is inside never 0, which has no sign.
 int16_t steps_of(double squared, bool is_inside) {
   const double steps = std::floor(std::sqrt(squared) * kDistanceSteps / kUnit + 0.5);
   const auto limited = static_cast<int>(std::min(steps, 32767.0));
-  return static_cast<int16_t>(is_inside ? -limited : limited);
+  return static_cast<int16_t>(is_inside ? -std::max(limited, 1) : limited);
 }
 
 constexpr double kNoLimit = 1e9;  // farther than anything

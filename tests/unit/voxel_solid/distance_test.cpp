@@ -150,12 +150,22 @@ TEST(Distance, cells_inside_are_negative_and_the_distance_is_the_same) {
         const uint32_t i = morton_encode(x & 7, y, z);
         const bool is_inside = x >= 8 || (inside.masks[0].words[i / 64] >> (i % 64) & 1) != 0;
         negative += is_inside ? 1 : 0;
-        EXPECT_EQ(with_sign.at(x, y, z), is_inside ? -plain.at(x, y, z) : plain.at(x, y, z));
+        EXPECT_EQ(with_sign.at(x, y, z),
+                  is_inside ? -std::max(plain.at(x, y, z), 1) : plain.at(x, y, z));
       }
     }
   }
   EXPECT_GT(negative, 20u);
   EXPECT_EQ(plain.at(20, 20, 20), with_sign.at(20, 20, 20));
+}
+
+TEST(Distance, a_centre_on_the_surface_keeps_its_sign) {
+  // x = 1.5 voxels - 1/512: nearer to the centres of x = 1 than 16 bits tell.
+  const Corners face = {{383, -9000, -9000}, {383, 9000, -9000}, {383, 0, 19000}};
+  SparseTile inside;
+  inside.full = {{0, 0}};
+  EXPECT_EQ(band(face, {8, 8, 8}, 1).at(1, 3, 3), 0);
+  EXPECT_EQ(band(face, {8, 8, 8}, 1, {inside}).at(1, 3, 3), -1);
 }
 
 TEST(Distance, threads_and_orders_of_triangles_and_corners_do_not_matter) {
