@@ -43,8 +43,10 @@ void add_voxelize(Json& out, const VoxelizeOptions& v) {
   add_placement(out, v.placement);
   out["rule"] = word(v.rule, words::kRule);
   out["fill"] = word(v.fill, words::kFill);
-  if (v.fill != Fill::kSurface) out["sign"] = word(v.sign, words::kSign);
-  if (v.fill == Fill::kShell) out["thickness"] = to_text(v.thickness);
+  const bool has_inside = v.fill == Fill::kSolid || v.fill == Fill::kShell;
+  if (has_inside) out["sign"] = word(v.sign, words::kSign);
+  if (v.fill == Fill::kShell || v.fill == Fill::kBand) out["thickness"] = to_text(v.thickness);
+  if (has_inside) out["interior"] = word(v.interior, words::kInterior);
   out["color"] = word(v.color, words::kColor);
   if (v.channels_given) {
     std::string channels = "occupancy";

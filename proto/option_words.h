@@ -17,8 +17,12 @@ inline constexpr std::array<Word<Rule>, 4> kRule = {{{"touch", Rule::kTouch},
                                                      {"thin", Rule::kThin},
                                                      {"center", Rule::kCenter},
                                                      {"none", Rule::kNone}}};
-inline constexpr std::array<Word<Fill>, 3> kFill = {
-    {{"surface", Fill::kSurface}, {"solid", Fill::kSolid}, {"shell", Fill::kShell}}};
+inline constexpr std::array<Word<Fill>, 4> kFill = {{{"surface", Fill::kSurface},
+                                                     {"solid", Fill::kSolid},
+                                                     {"shell", Fill::kShell},
+                                                     {"band", Fill::kBand}}};
+inline constexpr std::array<Word<Interior>, 2> kInterior = {
+    {{"none", Interior::kNone}, {"nearest", Interior::kNearest}}};
 inline constexpr std::array<Word<Sign>, 6> kSign = {{{"auto", Sign::kAuto},
                                                      {"parity", Sign::kParity},
                                                      {"nonzero", Sign::kNonzero},

@@ -165,6 +165,7 @@ Status set_voxelize(VoxelizeOptions& v, std::string_view name, std::string_view 
   if (name == "thickness") {
     return set_number(v.thickness, name, text, 1, limits::kShellThicknessMax);
   }
+  if (name == "interior") return set_word(v.interior, name, text, words::kInterior);
   if (name == "color") return set_word(v.color, name, text, words::kColor);
   if (name == "channels") return set_channels(v, text);
   if (name == "pipeline") return set_word(v.pipeline, name, text, words::kPipeline);
@@ -260,13 +261,22 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
   return set_render(options.render, option.name, text);
 }
 
+constexpr double kDefaultBandThickness = 3.0;  // voxels
+
 // Options that would say nothing are more likely a mistake.
 Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& given) {
-  if (given.contains("sign") && v.fill == Fill::kSurface) {
-    return invalid("sign", "fill solid or shell with it", "surface");
+  const std::string_view fill = word_of<Fill>(v.fill, words::kFill);
+  if (given.contains("sign") && v.fill != Fill::kSolid && v.fill != Fill::kShell) {
+    return invalid("sign", "fill solid or shell with it", fill);
   }
-  if (given.contains("thickness") && v.fill != Fill::kShell) {
-    return invalid("thickness", "fill shell with it", word_of<Fill>(v.fill, words::kFill));
+  if (given.contains("thickness") && v.fill != Fill::kShell && v.fill != Fill::kBand) {
+    return invalid("thickness", "fill shell or band with it", fill);
+  }
+  if (given.contains("interior") && v.fill != Fill::kSolid && v.fill != Fill::kShell) {
+    return invalid("interior", "fill solid or shell with it", fill);
+  }
+  if (v.interior == Interior::kNearest && v.rule == Rule::kNone) {
+    return invalid("rule", "touch, thin or center where interior is nearest", "none");
   }
   return {};
 }
@@ -329,6 +339,9 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
     VOXELD_TRY(set_option(options, *row, text));
   }
   VOXELD_TRY(check_fill(options.voxelize, seen));
+  if (options.voxelize.fill == Fill::kBand && !seen.contains("thickness")) {
+    options.voxelize.thickness = kDefaultBandThickness;
+  }
   VOXELD_TRY(check_combinations(options));
   return options;
 }

@@ -71,16 +71,19 @@ struct Voxelizer::Impl {
   Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
                    TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
   // An upper estimate of what the machine's memory must hold.
-  int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const GridSpec& spec,
+  int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
                     const VoxelizeOptions& options, const WantedChannels& channels) const;
 };
 
 int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
-                                   const GridSpec& spec, const VoxelizeOptions& options,
+                                   const Placed& placed, const VoxelizeOptions& options,
                                    const WantedChannels& channels) const {
-  const int64_t surface_bytes = result_bytes(mesh, spec, channels);
-  return mesh_bytes(scene) + surface_bytes +
-         fill_bytes(mesh, spec, options, surface_bytes, cpu.threads());
+  const int64_t surface_bytes = result_bytes(mesh, placed.spec, channels);
+  const int64_t bytes = mesh_bytes(scene) + surface_bytes +
+                        fill_bytes(mesh, placed.spec, options, surface_bytes, cpu.threads());
+  if (options.fill != Fill::kBand) return bytes;
+  return bytes + band_bytes(FillMesh::of(scene, placed.world_from_file, placed.spec, mesh),
+                            placed.spec, options.thickness, channels);
 }
 
 PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& work,
@@ -113,9 +116,8 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   // A close estimate takes its time, and matters only to grids that might not fit.
   const bool fills = options.fill != Fill::kSurface;
   if (keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left)) {
-    VOXELD_TRY(check_host_bytes(placed.spec,
-                                job_bytes(scene, plan.mesh, placed.spec, options, plan.channels),
-                                host_bytes_max));
+    VOXELD_TRY(check_host_bytes(
+        placed.spec, job_bytes(scene, plan.mesh, placed, options, plan.channels), host_bytes_max));
   }
   stats.triangles = static_cast<int64_t>(plan.mesh.triangles.size());
   add_stage(stats.passes, "snap", watch.lap());
@@ -145,7 +147,7 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
                                 });
   surface_pipeline.end_job();
   VOXELD_TRY(done);
-  VOXELD_TRY(SolidFiller(cpu.pool())
+  VOXELD_TRY(SolidFiller(cpu.pool(), host_bytes_max)
                  .fill(
                      plan,
                      [&]() -> Result<std::vector<SparseTile>> {
@@ -213,7 +215,7 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
       impl_->decide(options.pipeline, estimate_workload(mesh, bins.bins()), channels);
   const TilePipeline* pipeline = impl_->pipeline(estimate.pipeline.pipeline);
   if (pipeline != nullptr) estimate.device_bytes = pipeline->device_bytes(scene, channels);
-  estimate.host_bytes = impl_->job_bytes(scene, mesh, placed.spec, options, channels);
+  estimate.host_bytes = impl_->job_bytes(scene, mesh, placed, options, channels);
   VOXELD_TRY(check_host_bytes(placed.spec, estimate.host_bytes, impl_->host_bytes_max));
   return estimate;
 }

@@ -61,53 +61,49 @@ json describe_missing(const Scene& scene) {
   return list;
 }
 
-void add_enclosed(const MeshTopology& topology, json& description) {
-  if (topology.enclosed_components) {
-    description["enclosed_components"] = *topology.enclosed_components;
-  }
-  if (topology.inner_walls) description["inner_walls"] = *topology.inner_walls;
+// Null where the mesh was too large to look at.
+template <typename T>
+json known(const std::optional<MeshTopology>& topology, T MeshTopology::*count) {
+  return topology ? json((*topology).*count) : json();
 }
 
-void add_topology(const Scene& scene, json& description) {
-  for (const char* name :
-       {"watertight", "open_edges", "non_manifold_edges", "flipped_edges", "degenerate_triangles",
-        "components", "enclosed_components", "inner_walls"}) {
-    description[name] = nullptr;
-  }
-  const auto topology = mesh_topology(scene);
-  if (!topology) return;
-  description["watertight"] = topology->watertight();
-  description["open_edges"] = topology->open_edges;
-  description["non_manifold_edges"] = topology->non_manifold_edges;
-  description["flipped_edges"] = topology->flipped_edges;
-  description["degenerate_triangles"] = topology->degenerate_triangles;
-  description["components"] = topology->components;
-  add_enclosed(*topology, description);
+json describe_topology(const std::optional<MeshTopology>& topology) {
+  const auto optional = [&](std::optional<int64_t> MeshTopology::*count) {
+    return topology && (*topology).*count ? json(*((*topology).*count)) : json();
+  };
+  return {{"watertight", topology ? json(topology->watertight()) : json()},
+          {"open_edges", known(topology, &MeshTopology::open_edges)},
+          {"non_manifold_edges", known(topology, &MeshTopology::non_manifold_edges)},
+          {"flipped_edges", known(topology, &MeshTopology::flipped_edges)},
+          {"degenerate_triangles", known(topology, &MeshTopology::degenerate_triangles)},
+          {"components", known(topology, &MeshTopology::components)},
+          {"enclosed_components", optional(&MeshTopology::enclosed_components)},
+          {"inner_walls", optional(&MeshTopology::inner_walls)}};
+}
+
+// The axes agree on closed meshes.
+json ambiguous_fraction(const FillStats& fill, const std::optional<MeshTopology>& topology) {
+  if (fill.ambiguous_fraction) return *fill.ambiguous_fraction;
+  return topology && topology->closed() ? json(0.0) : json();
 }
 
 }  // namespace
 
+json describe_mesh(const std::optional<MeshTopology>& topology,
+                   const std::optional<FillStats>& fill) {
+  json description = describe_topology(topology);
+  description["closed"] = topology ? json(topology->closed()) : json();
+  description["ambiguous_fraction"] = fill ? ambiguous_fraction(*fill, topology) : json();
+  return description;
+}
+
 json describe_fill(const FillStats& fill, const std::optional<MeshTopology>& topology) {
-  json description = {{"sign", option_words::sign_name(fill.sign)},
-                      {"reason", fill.reason},
-                      {"closed", nullptr},
-                      {"open_edges", nullptr},
-                      {"non_manifold_edges", nullptr},
-                      {"flipped_edges", nullptr},
-                      {"components", nullptr},
-                      {"enclosed_components", nullptr},
-                      {"inner_walls", nullptr},
-                      {"ambiguous_fraction", nullptr}};
-  if (fill.ambiguous_fraction) description["ambiguous_fraction"] = *fill.ambiguous_fraction;
-  if (!topology) return description;
-  description["closed"] = topology->closed();
-  description["open_edges"] = topology->open_edges;
-  description["non_manifold_edges"] = topology->non_manifold_edges;
-  description["flipped_edges"] = topology->flipped_edges;
-  description["components"] = topology->components;
-  add_enclosed(*topology, description);
-  // The axes agree on closed meshes.
-  if (topology->closed() && !fill.ambiguous_fraction) description["ambiguous_fraction"] = 0.0;
+  json description = describe_topology(topology);
+  for (const char* name : {"watertight", "degenerate_triangles"}) description.erase(name);
+  description["sign"] = option_words::sign_name(fill.sign);
+  description["reason"] = fill.reason;
+  description["closed"] = topology ? json(topology->closed()) : json();
+  description["ambiguous_fraction"] = ambiguous_fraction(fill, topology);
   return description;
 }
 
@@ -127,7 +123,7 @@ json describe_scene(const Scene& scene) {
     description["bounds"] = {{"min", {box.min.x, box.min.y, box.min.z}},
                              {"max", {box.max.x, box.max.y, box.max.z}}};
   }
-  add_topology(scene, description);
+  description.update(describe_topology(mesh_topology(scene)));
   return description;
 }
 

@@ -1,8 +1,6 @@
 #include "server/worker/mesh_components.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <numeric>
 
 #include <glm/geometric.hpp>
@@ -27,40 +25,78 @@ class Components {
       : positions_(positions), root_(positions.size()) {
     std::iota(root_.begin(), root_.end(), 0u);
     for (const Corners& v : triangles) {
-      root_[find(v[0])] = find(v[1]);
-      root_[find(v[1])] = find(v[2]);
+      join(v[0], v[1]);
+      join(v[1], v[2]);
     }
-    sort(triangles);
-    for (Component& component : list_) measure(component);
+    std::vector<uint8_t> used(positions.size());
+    for (const Corners& v : triangles) {
+      for (const uint32_t vertex : v) used[vertex] = 1;
+    }
+    count_ = static_cast<int64_t>(std::ranges::count(used, uint8_t{1})) - joins_;
   }
 
-  const std::vector<Component>& list() const { return list_; }
+  int64_t count() const { return count_; }
 
-  // Generalized winding number of the component (Jacobson et al. 2013), by the solid angles of van
-  // Oosterom & Strackee 1983.
-  double winding_number(const Component& component, const glm::dvec3& p) const {
-    double sum = 0;
+  // The parts one by one, in the order of the file.
+  const std::vector<Component>& list(std::span<const Corners> triangles) {
+    sort(triangles);
+    for (Component& component : list_) measure(component);
+    return list_;
+  }
+
+  // How often the closed component winds around p: the sum of signs of its triangles on the ray
+  // from p towards +x. Sides in (y, z) are decided alike for both triangles of an edge.
+  int64_t winding_number(const Component& component, const glm::dvec3& p) const {
+    int64_t sum = 0;
     for (const Corners& v : of(component)) {
-      const glm::dvec3 a = positions_[v[0]] - p, b = positions_[v[1]] - p, c = positions_[v[2]] - p;
-      const double la = glm::length(a), lb = glm::length(b), lc = glm::length(c);
-      sum +=
-          std::atan2(glm::dot(a, glm::cross(b, c)), la * lb * lc + glm::dot(a, b) * lc +
-                                                        glm::dot(b, c) * la + glm::dot(c, a) * lb);
+      const double y0 = positions_[v[0]].y, y1 = positions_[v[1]].y, y2 = positions_[v[2]].y;
+      if (std::min({y0, y1, y2}) > p.y || std::max({y0, y1, y2}) <= p.y) continue;
+      sum += crossing(v, p);
     }
-    return sum / (2 * std::numbers::pi);
+    return sum;
   }
 
  private:
+  // +-1 where the triangle's edge goes round p in (y, z) on its side towards +z, by the direction.
+  int edge_around(uint32_t from, uint32_t to, const glm::dvec3& p) const {
+    const bool from_above = positions_[from].y > p.y, to_above = positions_[to].y > p.y;
+    if (from_above == to_above) return 0;
+    // From below to above, so that both triangles of the edge compute the same.
+    const glm::dvec3& low = positions_[from_above ? to : from];
+    const glm::dvec3& high = positions_[from_above ? from : to];
+    const double side = (high.y - low.y) * (p.z - low.z) - (high.z - low.z) * (p.y - low.y);
+    if (side >= 0) return 0;
+    return from_above ? -1 : 1;
+  }
+
+  int crossing(const Corners& v, const glm::dvec3& p) const {
+    const int around =
+        edge_around(v[0], v[1], p) + edge_around(v[1], v[2], p) + edge_around(v[2], v[0], p);
+    if (around == 0) return 0;
+    const glm::dvec3 a = positions_[v[0]] - p, b = positions_[v[1]] - p, c = positions_[v[2]] - p;
+    const double volume = glm::dot(a, glm::cross(b, c));
+    // `around` is positive where the normal's x is negative; the plane lies towards +x of p where
+    // the volume has the sign of the normal's x.
+    return volume * around < 0 ? around : 0;
+  }
+
   uint32_t find(uint32_t a) {
     while (root_[a] != a) a = root_[a] = root_[root_[a]];
     return a;
+  }
+
+  void join(uint32_t a, uint32_t b) {
+    a = find(a);
+    b = find(b);
+    if (a == b) return;
+    root_[std::max(a, b)] = std::min(a, b);
+    ++joins_;
   }
 
   std::span<const Corners> of(const Component& component) const {
     return std::span(sorted_).subspan(component.first, component.count);
   }
 
-  // Components are numbered as they come in the file.
   void sort(std::span<const Corners> triangles) {
     constexpr uint32_t kNone = UINT32_MAX;
     std::vector<uint32_t> number(root_.size(), kNone);
@@ -116,6 +152,7 @@ class Components {
 
   const std::vector<glm::dvec3>& positions_;
   std::vector<uint32_t> root_;
+  int64_t joins_ = 0, count_ = 0;
   std::vector<Corners> sorted_;
   std::vector<Component> list_;
 };
@@ -129,18 +166,22 @@ bool lies_within(const Component& inner, const Component& outer) {
 
 void count_components(std::span<const Corners> triangles, const std::vector<glm::dvec3>& positions,
                       MeshTopology& topology) {
-  const Components components(triangles, positions);
-  const std::vector<Component>& list = components.list();
-  topology.components = static_cast<int64_t>(list.size());
-  int64_t enclosed = 0, walls = 0, pairs = 0, angles = 0;
+  Components components(triangles, positions);
+  topology.components = components.count();
+  if (topology.components < 2) {
+    topology.enclosed_components = topology.inner_walls = 0;
+    return;
+  }
+  const std::vector<Component>& list = components.list(triangles);
+  int64_t enclosed = 0, walls = 0, pairs = 0, tests = 0;
   for (const Component& inner : list) {
     bool is_enclosed = false, is_wall = false;
     for (const Component& outer : list) {
-      if (++pairs > kEnclosureAnglesMax) return;
+      if (++pairs > kEnclosureTestsMax) return;
       if (!outer.closed || !lies_within(inner, outer)) continue;
-      angles += static_cast<int64_t>(outer.count);
-      if (angles > kEnclosureAnglesMax) return;
-      if (std::abs(components.winding_number(outer, inner.vertex)) <= 0.5) continue;
+      tests += static_cast<int64_t>(outer.count);
+      if (tests > kEnclosureTestsMax) return;
+      if (components.winding_number(outer, inner.vertex) == 0) continue;
       is_enclosed = true;
       is_wall = is_wall || (inner.closed && (inner.volume > 0) == (outer.volume > 0));
     }

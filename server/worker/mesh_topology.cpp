@@ -2,117 +2,114 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <span>
-#include <utility>
 #include <vector>
 
+#include "server/voxel/parallel.h"
+#include "server/voxel/raw_vector.h"
 #include "server/worker/mesh_components.h"
+#include "server/worker/position_numbers.h"
 
 namespace voxeld {
 namespace {
 
-// Gives equal positions equal numbers: an open-addressing table of numbers into a list of
-// positions.
-class PositionNumbers {
- public:
-  explicit PositionNumbers(size_t count_max)
-      : slots_(std::bit_ceil(count_max * 2 + 2), kEmpty), mask_(slots_.size() - 1) {
-    positions_.reserve(count_max);
-  }
-
-  uint32_t number_of(const glm::dvec3& p) {
-    // + 0.0 turns -0.0 into 0.0: the same point with other bits.
-    const Bits position = {std::bit_cast<uint64_t>(p.x + 0.0), std::bit_cast<uint64_t>(p.y + 0.0),
-                           std::bit_cast<uint64_t>(p.z + 0.0)};
-    size_t slot = hash_of(position) & mask_;
-    while (slots_[slot] != kEmpty) {
-      if (positions_[slots_[slot]] == position) return slots_[slot];
-      slot = (slot + 1) & mask_;
-    }
-    slots_[slot] = static_cast<uint32_t>(positions_.size());
-    positions_.push_back(position);
-    return slots_[slot];
-  }
-  size_t size() const { return positions_.size(); }
-  std::vector<glm::dvec3> positions() const {
-    std::vector<glm::dvec3> points;
-    points.reserve(positions_.size());
-    for (const Bits& p : positions_) {
-      points.emplace_back(std::bit_cast<double>(p[0]), std::bit_cast<double>(p[1]),
-                          std::bit_cast<double>(p[2]));
-    }
-    return points;
-  }
-
- private:
-  using Bits = std::array<uint64_t, 3>;
-  static constexpr uint32_t kEmpty = 0xffffffffu;
-
-  // Finalizer of splitmix64 (Steele, Lea, Flood 2014) over the three bit patterns.
-  static uint64_t hash_of(const Bits& position) {
-    uint64_t hash = 0;
-    for (const uint64_t coordinate : position) {
-      hash += coordinate + 0x9e3779b97f4a7c15ull;
-      hash = (hash ^ (hash >> 30)) * 0xbf58476d1ce4e5b9ull;
-      hash = (hash ^ (hash >> 27)) * 0x94d049bb133111ebull;
-      hash ^= hash >> 31;
-    }
-    return hash;
-  }
-
-  std::vector<uint32_t> slots_;
-  size_t mask_;
-  std::vector<Bits> positions_;
-};
-
 using Corners = std::array<uint32_t, 3>;
 
-// The other end of an edge that hangs on its end with the lower number.
-struct HalfEdge {
-  uint32_t high;
-  int32_t direction;  // 1: from the lower number to the higher
-};
+constexpr size_t kPositionGrain = size_t{1} << 17;  // to a thread
 
-void count_edge(std::span<const HalfEdge> uses, MeshTopology& topology) {
-  int64_t balance = 0;
-  for (const HalfEdge& use : uses) balance += use.direction;
-  if (balance != 0) ++topology.unbalanced_edges;
-  if (uses.size() == 1) ++topology.open_edges;
-  if (uses.size() > 2) ++topology.non_manifold_edges;
-  if (uses.size() == 2 && balance != 0) ++topology.flipped_edges;
-}
+// The other end of an edge that hangs on its end with the lower number: twice that number, and 1
+// more where the triangle runs from the higher to the lower.
+using HalfEdge = uint32_t;
 
-// Edges are sorted by their lower end in linear time; few hang on one.
-void count_edges(const std::vector<Corners>& triangles, size_t position_count,
-                 MeshTopology& topology) {
-  const auto for_each_edge = [&](const auto& visit) {
-    for (const Corners& v : triangles) {
-      for (size_t i = 0; i < 3; ++i) {
-        const uint32_t from = v[i], to = v[(i + 1) % 3];
-        visit(std::min(from, to), std::max(from, to), from < to ? 1 : -1);
-      }
-    }
-  };
-  std::vector<size_t> first(position_count + 1);
-  for_each_edge([&](uint32_t low, uint32_t, int) { ++first[low + 1]; });
-  for (size_t i = 0; i < position_count; ++i) first[i + 1] += first[i];
-  std::vector<HalfEdge> edges(3 * triangles.size());
-  std::vector<size_t> place(first.begin(), first.end() - 1);
-  for_each_edge([&](uint32_t low, uint32_t high, int direction) {
-    edges[place[low]++] = {high, direction};
-  });
-  for (size_t low = 0; low < position_count; ++low) {
-    const std::span<HalfEdge> here =
-        std::span(edges).subspan(first[low], first[low + 1] - first[low]);
-    std::ranges::sort(here, {}, &HalfEdge::high);
-    for (size_t begin = 0; begin < here.size();) {
-      size_t end = begin + 1;
-      while (end < here.size() && here[end].high == here[begin].high) ++end;
-      count_edge(here.subspan(begin, end - begin), topology);
-      begin = end;
+template <typename Visit>
+void for_each_edge(std::span<const Corners> triangles, const Visit& visit) {
+  for (const Corners& v : triangles) {
+    for (size_t i = 0; i < 3; ++i) {
+      const uint32_t from = v[i], to = v[i == 2 ? 0 : i + 1];
+      visit(std::min(from, to), 2 * std::max(from, to) + (from > to ? 1u : 0u));
     }
   }
+}
+
+// Few edges hang on a position.
+void sort_edges(std::span<HalfEdge> edges) {
+  constexpr size_t kFew = 32;
+  if (edges.size() > kFew) {
+    std::ranges::sort(edges);
+    return;
+  }
+  for (size_t i = 1; i < edges.size(); ++i) {
+    const HalfEdge edge = edges[i];
+    size_t at = i;
+    for (; at > 0 && edges[at - 1] > edge; --at) edges[at] = edges[at - 1];
+    edges[at] = edge;
+  }
+}
+
+// Sorts and counts the edges that hang on one position.
+void count_edges_here(std::span<HalfEdge> edges, MeshTopology& topology) {
+  sort_edges(edges);
+  for (size_t begin = 0; begin < edges.size();) {
+    size_t end = begin;
+    int64_t balance = 0;
+    for (; end < edges.size() && edges[end] / 2 == edges[begin] / 2; ++end) {
+      balance += (edges[end] & 1) == 0 ? 1 : -1;
+    }
+    const size_t uses = end - begin;
+    topology.unbalanced_edges += balance != 0 ? 1 : 0;
+    topology.open_edges += uses == 1 ? 1 : 0;
+    topology.non_manifold_edges += uses > 2 ? 1 : 0;
+    topology.flipped_edges += uses == 2 && balance != 0 ? 1 : 0;
+    begin = end;
+  }
+}
+
+// Edges are sorted by their lower end in linear time.
+void count_edges(std::span<const Corners> triangles, size_t position_count,
+                 MeshTopology& topology) {
+  // first[i + 1]: where the edges of position i are written next; after that, where they end.
+  std::vector<uint32_t> first(position_count + 2);
+  for_each_edge(triangles, [&](uint32_t low, HalfEdge) { ++first[low + 2]; });
+  for (size_t i = 2; i < first.size(); ++i) first[i] += first[i - 1];
+  RawVector<HalfEdge> edges(3 * triangles.size());
+  for_each_edge(triangles, [&](uint32_t low, HalfEdge edge) { edges[first[low + 1]++] = edge; });
+  std::vector<MeshTopology> counts(chunk_count(position_count, kPositionGrain));
+  parallel_chunks(position_count, kPositionGrain, [&](size_t chunk, size_t begin, size_t end) {
+    MeshTopology count;
+    for (size_t low = begin; low < end; ++low) {
+      count_edges_here(std::span(edges).subspan(first[low], first[low + 1] - first[low]), count);
+    }
+    counts[chunk] = count;
+  });
+  for (const MeshTopology& count : counts) {
+    topology.unbalanced_edges += count.unbalanced_edges;
+    topology.open_edges += count.open_edges;
+    topology.non_manifold_edges += count.non_manifold_edges;
+    topology.flipped_edges += count.flipped_edges;
+  }
+}
+
+// Triangles as numbers of positions; those that name one twice are only counted.
+std::vector<Corners> number_corners(const Scene& scene, PositionNumbers& numbers,
+                                    MeshTopology& topology) {
+  std::vector<Corners> triangles;
+  triangles.reserve(scene.triangle_count());
+  std::vector<uint32_t> of_vertex;
+  for (const MeshPart& part : scene.parts) {
+    of_vertex.assign(part.positions.size(), PositionNumbers::kNone);
+    for (const uint32_t vertex : part.indices) of_vertex[vertex] = 0;
+    numbers.number(part.positions, of_vertex);
+    for (size_t corner = 0; corner + 2 < part.indices.size(); corner += 3) {
+      Corners v{};
+      for (size_t i = 0; i < 3; ++i) v[i] = of_vertex[part.indices[corner + i]];
+      if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) {
+        ++topology.degenerate_triangles;
+      } else {
+        triangles.push_back(v);
+      }
+    }
+  }
+  return triangles;
 }
 
 }  // namespace
@@ -122,21 +119,7 @@ std::optional<MeshTopology> mesh_topology(const Scene& scene) {
   if (triangle_count > static_cast<size_t>(kTopologyTrianglesMax)) return std::nullopt;
   MeshTopology topology;
   PositionNumbers numbers(std::min(scene.vertex_count(), triangle_count * 3));
-  std::vector<Corners> triangles;
-  triangles.reserve(triangle_count);
-  for (const MeshPart& part : scene.parts) {
-    for (size_t corner = 0; corner + 2 < part.indices.size(); corner += 3) {
-      Corners v{};
-      for (size_t i = 0; i < 3; ++i) {
-        v[i] = numbers.number_of(part.positions[part.indices[corner + i]]);
-      }
-      if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) {
-        ++topology.degenerate_triangles;
-      } else {
-        triangles.push_back(v);
-      }
-    }
-  }
+  const std::vector<Corners> triangles = number_corners(scene, numbers, topology);
   topology.distinct_positions = static_cast<int64_t>(numbers.size());
   count_edges(triangles, numbers.size(), topology);
   count_components(triangles, numbers.positions(), topology);

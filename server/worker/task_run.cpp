@@ -13,6 +13,7 @@
 #include "server/voxel/estimate.h"
 #include "server/worker/grid_file.h"
 #include "server/worker/inspect.h"
+#include "server/worker/mesh_report.h"
 
 namespace voxeld {
 namespace {
@@ -78,7 +79,8 @@ json device_facts(const Engine& engine) {
 
 // The object that every output carries. It says nothing of pipeline, device or time.
 std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
-                           const json& facts, const json& fill) {
+                           const json& facts, const std::optional<FillStats>& fill,
+                           const std::optional<MeshTopology>& topology) {
   json meta = {{"source_hash", task.input_hash},
                {"source_format", scene.format},
                {"source_triangles", scene.triangle_count()},
@@ -86,7 +88,8 @@ std::string container_meta(const Task& task, const Scene& scene, const RequestOp
                {"options", grid_options(options)},
                {"algorithm_version", kAlgorithmVersion}};
   meta.update(facts);
-  if (!fill.is_null()) meta["solid"] = fill;
+  meta["mesh"] = describe_mesh(topology, fill);
+  if (fill) meta["solid"] = describe_fill(*fill, topology);
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
@@ -106,18 +109,6 @@ void add_making_meta(TaskRun& run, const std::string& container_meta, const Voxe
 
 TileProgress progress_of(TaskRun& run) {
   return [&run](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); };
-}
-
-// Null for surfaces. How the mesh closes is the same for every request of it.
-json fill_report(TaskRun& run, const Scene& scene, const std::optional<FillStats>& fill) {
-  if (!fill) return {};
-  InputCache& cache = run.engine.cache;
-  const std::string key = scene_key(run.task, false);
-  if (cache.topology_key != key) {
-    cache.topology = mesh_topology(scene);
-    cache.topology_key = key;
-  }
-  return describe_fill(*fill, cache.topology);
 }
 
 }  // namespace
@@ -167,13 +158,14 @@ Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
 
 Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options) {
   const StageTimer stage(run, "voxelize");
+  MeshReport mesh(run.engine.cache, scene_key(run.task, false), scene);
   VoxelizeStats stats;
   LoadedGrid made;
   VOXELD_ASSIGN(made.grid,
                 run.engine.voxelizer.voxelize(scene, options.voxelize, progress_of(run), &stats));
   made.content_hash = content_hash(made.grid);
-  made.grid.meta_json = container_meta(run.task, scene, options, grid_facts(made),
-                                       fill_report(run, scene, stats.fill));
+  made.grid.meta_json =
+      container_meta(run.task, scene, options, grid_facts(made), stats.fill, mesh.get());
   add_making_meta(run, made.grid.meta_json, stats);
   return made;
 }
@@ -193,6 +185,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   run.monitor.set_stage("voxelize");
   VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
   VOXELD_TRY(check_encodable(placed.spec, asked));
+  MeshReport mesh(run.engine.cache, scene_key(run.task, false), scene);
   VoxelizeStats stats;
   VOXELD_TRY(
       run.engine.voxelizer.voxelize(scene, options.voxelize, output, progress_of(run), &stats));
@@ -200,9 +193,9 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   add_stage(run.completion.timings, "encode", output.encode_ms());
   const StageTimer stage(run, "encode");
   const std::string hash = output.finish_hash();
-  const std::string meta = container_meta(run.task, scene, options,
-                                          grid_facts(output.grid(), output.voxel_count(), hash),
-                                          fill_report(run, scene, stats.fill));
+  const std::string meta =
+      container_meta(run.task, scene, options,
+                     grid_facts(output.grid(), output.voxel_count(), hash), stats.fill, mesh.get());
   add_making_meta(run, meta, stats);
   for (GridFile* one : files) VOXELD_TRY(one->finish(meta));
   const std::string_view type = format_media_type(Format::kNative);

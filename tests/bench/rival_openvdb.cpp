@@ -1,5 +1,6 @@
 // OpenVDB (libopenvdb-dev): meshToVolume, all threads. The surface is an unsigned distance field in
-// the narrowest band; solid is the mask of what a signed one has inside.
+// the narrowest band; solid is the mask of what a signed one has inside; a band is what
+// meshToLevelSet makes.
 #include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetUtil.h>
@@ -10,9 +11,10 @@
 namespace voxeld::bench {
 namespace {
 
-constexpr float kBand = 1.0f;  // voxels
+constexpr float kNarrow = 1.0f, kBand = 3.0f;  // voxels
 
-openvdb::FloatGrid::Ptr distance_field(const GridMesh& mesh, float inside, int flags) {
+openvdb::FloatGrid::Ptr distance_field(const GridMesh& mesh, float outside, float inside,
+                                       int flags) {
   openvdb::initialize();
   std::vector<openvdb::Vec3s> points(mesh.positions.size() / 3);
   for (size_t i = 0; i < points.size(); ++i) {
@@ -28,12 +30,12 @@ openvdb::FloatGrid::Ptr distance_field(const GridMesh& mesh, float inside, int f
   const openvdb::tools::QuadAndTriangleDataAdapter<openvdb::Vec3s, openvdb::Vec3I> adapter(
       points, triangles);
   const auto transform = openvdb::math::Transform::createLinearTransform(1.0);
-  return openvdb::tools::meshToVolume<openvdb::FloatGrid>(adapter, *transform, kBand, inside,
+  return openvdb::tools::meshToVolume<openvdb::FloatGrid>(adapter, *transform, outside, inside,
                                                           flags);
 }
 
 openvdb::FloatGrid::Ptr surface_field(const GridMesh& mesh) {
-  return distance_field(mesh, kBand, openvdb::tools::UNSIGNED_DISTANCE_FIELD);
+  return distance_field(mesh, kNarrow, kNarrow, openvdb::tools::UNSIGNED_DISTANCE_FIELD);
 }
 
 uint64_t surface(const GridMesh& mesh) {
@@ -42,8 +44,12 @@ uint64_t surface(const GridMesh& mesh) {
 
 // The interior is marked in nodes, not cell by cell.
 uint64_t solid(const GridMesh& mesh) {
-  const auto field = distance_field(mesh, kBand, 0);
+  const auto field = distance_field(mesh, kNarrow, kNarrow, 0);
   return openvdb::tools::sdfInteriorMask(*field)->activeVoxelCount();
+}
+
+uint64_t band(const GridMesh& mesh) {
+  return distance_field(mesh, kBand, kBand, 0)->activeVoxelCount();
 }
 
 // As OpenVDB writes by default: blosc where it is built with it, and inactive values left out.
@@ -56,7 +62,7 @@ void save(const GridMesh& mesh, const std::string& path) {
 }  // namespace
 
 Rival openvdb_rival() {
-  return {.name = "openvdb", .surface = surface, .solid = solid, .save = save};
+  return {.name = "openvdb", .surface = surface, .solid = solid, .band = band, .save = save};
 }
 
 }  // namespace voxeld::bench

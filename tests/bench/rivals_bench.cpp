@@ -1,7 +1,7 @@
 // voxeld's pipeline cpu beside other voxelizers, on the same mesh in the same run:
-//   rivals_bench MESH [--solid] [--NAME VALUE]... [--runs N] [--json FILE] SIZE...
+//   rivals_bench MESH [--solid | --band] [--NAME VALUE]... [--runs N] [--json FILE] SIZE...
 // MESH as in bench_scene.h; --NAME VALUE are options of voxeld's request, --solid is also --fill
-// solid. Each pair of voxelizer and size runs in a process of its own, after one run that warms up.
+// solid, --band --fill band of three voxels to each side. Each pair of voxelizer and size runs in a process of its own, after one run that warms up.
 // Prints a table of median milliseconds from the mesh in memory to its voxels, how many times as
 // long as voxeld that is, and the process's peak memory. The mesh itself is in every process's
 // memory.
@@ -31,7 +31,7 @@ namespace {
 struct Arguments {
   std::string mesh, json;
   OptionPairs options = {{"color", "none"}};
-  bool solid = false;
+  Rival::Count Rival::*kind = &Rival::surface;
   int runs = 7;
   std::vector<int> sizes;
 };
@@ -54,8 +54,11 @@ Arguments parse(int argc, char** argv) {
     } else if (text == "--json") {
       arguments.json = value();
     } else if (text == "--solid") {
-      arguments.solid = true;
+      arguments.kind = &Rival::solid;
       arguments.options.emplace_back("fill", "solid");
+    } else if (text == "--band") {
+      arguments.kind = &Rival::band;
+      arguments.options.emplace_back("fill", "band");
     } else if (text.starts_with("--")) {
       arguments.options.emplace_back(text.substr(2), value());
     } else if (arguments.mesh.empty()) {
@@ -171,7 +174,7 @@ Status run_all(const Arguments& arguments) {
     const Measured own = measure_voxeld(scene, arguments, size);
     rows.push_back(row(arguments.mesh, size, "voxeld cpu", own, own.median_ms));
     for (const Rival& rival : rivals()) {
-      const Rival::Count& count = arguments.solid ? rival.solid : rival.surface;
+      const Rival::Count& count = rival.*arguments.kind;
       if (!count) continue;
       const Measured measured = measure(arguments.runs, [&] {
         return [&count, mesh = grid_mesh(scene, size)] { return count(mesh); };

@@ -60,19 +60,55 @@ class Fills(DaemonTest):
         self.assertFalse(grid[:4].any())
         self.assertFalse(grid[17:].any())
 
+    def test_a_band_lies_on_both_sides(self):
+        grid, _ = self.voxelize(off_file(FACES), "voxel_size=0.5&padding=6&fill=band")
+        # Cell centres stand a quarter beside the faces: 3 voxels in, 3 out.
+        row = grid[16, 16]
+        self.assertEqual(np.flatnonzero(row).tolist(), [*range(3, 9), *range(23, 29)])
+        wider, _ = self.voxelize(off_file(FACES), "voxel_size=0.5&padding=6&fill=band&thickness=5")
+        self.assertEqual(np.flatnonzero(wider[16, 16]).tolist(), [*range(1, 11), *range(21, 31)])
+
+    def test_a_solid_that_is_cut_shows_the_colours_of_its_surface(self):
+        query = "size=20&fill=solid&color=axis&format=npz&filename=box.off"
+        colors = {}
+        for interior in ("none", "nearest"):
+            response = self.daemon.post(f"/v1/voxelize?{query}&interior={interior}", off_file(FACES))
+            self.assertEqual(response.status, 200, response.body)
+            colors[interior] = np.load(io.BytesIO(response.body))["color"]
+        self.assertEqual(colors["none"][10, 10, 2].tolist(), [0, 0, 0, 0])
+        # Nearest to the faces of low x and of low z.
+        self.assertEqual(colors["nearest"][10, 10, 2].tolist(), [255, 0, 0, 255])
+        self.assertEqual(colors["nearest"][2, 10, 10].tolist(), [0, 0, 255, 255])
+        self.assertTrue((colors["nearest"][..., 3] == 255).all())
+
     def test_the_pipelines_give_the_same_solid(self):
         mesh = self.fixture("sample.ply")
-        hashes = set()
-        for pipeline in ("raster", "compute", "cpu"):
-            response = self.daemon.post(
-                f"/v1/voxelize?size=60&fill=solid&pipeline={pipeline}&filename=a.ply", mesh)
-            self.assertEqual(response.status, 200, response.body)
-            hashes.add(response.headers["X-Voxeld-Content-Hash"])
-        self.assertEqual(len(hashes), 1)
+        for fill in ("solid", "solid&interior=nearest&channels=color,normal", "band"):
+            hashes = set()
+            for pipeline in ("raster", "compute", "cpu"):
+                response = self.daemon.post(
+                    f"/v1/voxelize?size=60&fill={fill}&pipeline={pipeline}&filename=a.ply", mesh)
+                self.assertEqual(response.status, 200, response.body)
+                hashes.add(response.headers["X-Voxeld-Content-Hash"])
+            self.assertEqual(len(hashes), 1, fill)
 
     def test_a_surface_has_no_report_of_a_fill(self):
         _, meta = self.voxelize(off_file(FACES), "size=20")
         self.assertNotIn("solid", meta)
+
+    def test_every_answer_says_how_the_mesh_closes(self):
+        _, meta = self.voxelize(off_file(FACES[:-2]), "size=20")
+        mesh = meta["mesh"]
+        self.assertEqual(mesh["open_edges"], 4)
+        self.assertIs(mesh["watertight"], False)
+        self.assertIs(mesh["closed"], False)
+        self.assertEqual(mesh["components"], 1)
+        self.assertEqual(mesh["inner_walls"], 0)
+        self.assertIsNone(mesh["ambiguous_fraction"])
+        _, again = self.voxelize(off_file(FACES[:-2]), "size=21&fill=solid")
+        for name in ("open_edges", "closed", "components", "ambiguous_fraction"):
+            self.assertEqual(again["mesh"][name], again["solid"][name])
+        self.assertEqual(again["mesh"]["open_edges"], 4)
 
 
 if __name__ == "__main__":

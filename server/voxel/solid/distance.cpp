@@ -26,44 +26,14 @@ bool distances_of_row(std::span<const uint8_t> row, int first, std::span<uint32_
   return true;
 }
 
-// The lower envelope of the parabolas f(i) + (x - i)^2 of scratch.line, at first to first + side -
-// 1, into scratch.result. False where no f is known.
+// The lower envelope of scratch.line, at first to first + side - 1, into scratch.result. False
+// where no distance is known.
 bool envelope(int first, int side, DistanceScratch& scratch) {
-  const std::span<const uint32_t> f = scratch.line;
-  scratch.apex.resize(f.size());
-  scratch.from.resize(f.size());
-  int top = -1;
-  const auto value = [&](int64_t i, int64_t x) {
-    return static_cast<int64_t>(f[static_cast<size_t>(i)]) + (x - i) * (x - i);
-  };
-  for (int u = 0; u < static_cast<int>(f.size()); ++u) {
-    if (f[static_cast<size_t>(u)] == kNoDistance) continue;
-    const auto place = [&](int at) { return static_cast<size_t>(at); };
-    while (top >= 0 && value(scratch.apex[place(top)], scratch.from[place(top)]) >
-                           value(u, scratch.from[place(top)])) {
-      --top;
-    }
-    int from = 0;
-    if (top >= 0) {
-      const int64_t i = scratch.apex[place(top)];
-      // The last place where i is not above u; both sides are integers, and the quotient is >= 0.
-      const int64_t numerator =
-          int64_t{u} * u - i * i + int64_t{f[place(u)]} - int64_t{f[static_cast<size_t>(i)]};
-      from = static_cast<int>(
-          std::min<int64_t>(numerator / (2 * (u - i)) + 1, static_cast<int64_t>(f.size())));
-      if (from >= static_cast<int>(f.size())) continue;
-    }
-    ++top;
-    scratch.apex[place(top)] = u;
-    scratch.from[place(top)] = from;
-  }
-  if (top < 0) return false;
-  int at = top;
-  for (int x = first + side - 1; x >= first; --x) {
-    while (scratch.from[static_cast<size_t>(at)] > x) --at;
-    scratch.result[static_cast<size_t>(x - first)] =
-        static_cast<uint32_t>(value(scratch.apex[static_cast<size_t>(at)], x));
-  }
+  if (!scratch.envelope.build(scratch.line)) return false;
+  const auto begin = static_cast<uint32_t>(first);
+  scratch.envelope.visit(begin, begin + static_cast<uint32_t>(side), [&](uint32_t x, uint32_t i) {
+    scratch.result[x - begin] = scratch.envelope.value(i, x);
+  });
   return true;
 }
 

@@ -8,6 +8,8 @@
 
 #include <glm/vec3.hpp>
 
+#include "server/voxel/solid/lower_envelope.h"
+
 namespace voxeld {
 
 // Cells [0, size) of which some are set, and the cube [first, first + side) within whose distances
@@ -17,13 +19,11 @@ struct DistanceBox {
   int side = 0;
 };
 
-inline constexpr uint32_t kNoDistance = UINT32_MAX;  // nothing is set
-
 struct DistanceScratch {
   std::vector<uint8_t> row;
   std::vector<uint32_t> of_rows, of_planes;
   std::vector<uint32_t> line, result;
-  std::vector<int32_t> apex, from;
+  LowerEnvelope envelope;
 };
 
 // Writes for every cell of the cube, x fastest, then y, then z, the squared distance of its centre

@@ -5,7 +5,9 @@
 
 #include "server/base/stopwatch.h"
 #include "server/voxel/solid/boundary.h"
+#include "server/voxel/solid/distance_field.h"
 #include "server/voxel/solid/flood.h"
+#include "server/voxel/solid/interior.h"
 #include "server/voxel/solid/merge.h"
 #include "server/voxel/solid/shell.h"
 
@@ -68,12 +70,55 @@ Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, co
   return tiles;
 }
 
+Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progress,
+                          std::vector<SparseTile> found, std::vector<SparseTile>& tiles,
+                          VoxelizeStats& stats) const {
+  Stopwatch watch;
+  const TileChannels channels = {plan.channels.color, plan.channels.normal};
+  const bool copies = plan.options.interior == Interior::kNearest && plan.channels.any();
+  std::vector<SparseTile> surface;  // without attributes
+  if (copies) {
+    VOXELD_TRY(check_host_bytes(plan.spec, interior_bytes(plan.spec, tiles, found, channels),
+                                host_bytes_max_));
+    for (const SparseTile& tile : tiles) {
+      surface.push_back({tile.coord, tile.brick_morton, tile.masks, {}, {}, {}});
+    }
+    for (SparseTile& tile : found) spell_out_full(tile);
+  }
+  merge_tiles(std::move(found), channels, pool_, tiles);
+  add_stage(stats.passes, "merge", watch.lap());
+  if (!copies) return {};
+  VOXELD_TRY(copy_nearest(surface, plan.spec, pool_, progress, tiles));
+  add_stage(stats.passes, "interior", watch.lap());
+  return {};
+}
+
+Status SolidFiller::band(const VoxelizePlan& plan, const FillMesh& mesh,
+                         const ColumnProgress& progress, std::vector<SparseTile>& tiles,
+                         VoxelizeStats& stats) const {
+  Stopwatch watch;
+  const TriangleTree triangles(mesh);
+  add_stage(stats.passes, "tree", watch.lap());
+  const BrickIndex inside({}, plan.spec.dims);
+  std::vector<DistanceTile> found;
+  VOXELD_TRY(find_band({triangles, plan.spec.dims, inside}, plan.options.thickness, pool_, progress,
+                       found));
+  add_stage(stats.passes, "band", watch.lap());
+  std::vector<SparseTile> cells;
+  for (DistanceTile& tile : found) {
+    canonicalize(tile.tile);
+    cells.push_back(std::move(tile.tile));
+  }
+  return unite(plan, progress, std::move(cells), tiles, stats);
+}
+
 Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
                          const ColumnProgress& progress, std::vector<SparseTile>& tiles,
                          VoxelizeStats& stats) {
   Stopwatch watch;
-  FillStats& fill = stats.fill.emplace();
   const FillMesh mesh = FillMesh::of(plan.scene, plan.world_from_file, plan.spec, plan.mesh);
+  if (plan.options.fill == Fill::kBand) return band(plan, mesh, progress, tiles, stats);
+  FillStats& fill = stats.fill.emplace();
   const Choice choice = choose(plan, mesh, fill);
   add_stage(stats.passes, "sign", watch.lap());
   AxisVotes votes;
@@ -96,9 +141,20 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
     VOXELD_TRY(keep_shell(*surface, plan.options.thickness, pool_, progress, found));
     add_stage(stats.passes, "shell", watch.lap());
   }
-  merge_tiles(std::move(found), {plan.channels.color, plan.channels.normal}, pool_, tiles);
-  add_stage(stats.passes, "merge", watch.lap());
-  return {};
+  return unite(plan, progress, std::move(found), tiles, stats);
+}
+
+int64_t band_bytes(const FillMesh& mesh, const GridSpec& spec, double thickness,
+                   const WantedChannels& channels) {
+  const int64_t cells = band_cells_max(mesh, spec.dims, thickness);
+  constexpr int64_t kBrickCells =
+      int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
+  constexpr int64_t kBrickBytes = sizeof(BrickMask) + sizeof(uint32_t);
+  const int64_t voxel_bytes =
+      (channels.color ? 4 : 0) + (channels.normal ? 3 : 0) + int64_t{sizeof(int16_t)};
+  // Bricks and samples stand twice while surface and band are united.
+  return 2 * (cells * voxel_bytes + (cells / kBrickCells + 1) * kBrickBytes) +
+         TriangleTree::bytes_for(static_cast<int64_t>(mesh.triangle_count()));
 }
 
 }  // namespace voxeld

@@ -1,4 +1,4 @@
-// fill=solid and fill=shell: from a grid's surface to its inside. Surface tiles come from any
+// fill=solid, shell and band: from a grid's surface to what is inside or near. Surface tiles come from any
 // pipeline; the inside is the same whichever it was.
 #pragma once
 
@@ -14,7 +14,9 @@ namespace voxeld {
 // One thread.
 class SolidFiller {
  public:
-  explicit SolidFiller(WorkerPool& pool) : pool_(pool) {}
+  // host_bytes_max: of what only the inside of the mesh tells the size of.
+  SolidFiller(WorkerPool& pool, int64_t host_bytes_max)
+      : pool_(pool), host_bytes_max_(host_bytes_max) {}
 
   // Makes the tiles that rule=touch gives, without attributes, in any order.
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
@@ -22,7 +24,8 @@ class SolidFiller {
   // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
   // fill asks for, in Morton order of coord. `touch` is called where the fill needs the cells that
   // rule=touch gives and `tiles` are others. Errors: those of `touch` and `progress`, which is
-  // called with tile columns done of tile_column_count().
+  // called with tile columns done of tile_column_count(); grid-too-large where attributes of the
+  // inside need too much memory.
   Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
@@ -37,7 +40,19 @@ class SolidFiller {
                                          const std::vector<SparseTile>& surface, Sign sign,
                                          AxisVotes& votes);
 
+  Status band(const VoxelizePlan& plan, const FillMesh& mesh, const ColumnProgress& progress,
+              std::vector<SparseTile>& tiles, VoxelizeStats& stats) const;
+  // Surface and inside in one, with what the plan says of the inside's attributes.
+  Status unite(const VoxelizePlan& plan, const ColumnProgress& progress,
+               std::vector<SparseTile> found, std::vector<SparseTile>& tiles,
+               VoxelizeStats& stats) const;
+
   WorkerPool& pool_;
+  int64_t host_bytes_max_;
 };
+
+// An upper estimate of what a band and its distances need.
+int64_t band_bytes(const FillMesh& mesh, const GridSpec& spec, double thickness,
+                   const WantedChannels& channels);
 
 }  // namespace voxeld

@@ -47,12 +47,13 @@ TEST(CanonicalOptions, spell_out_every_default_in_a_fixed_order) {
 
 TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {
   EXPECT_NE(canonical({{"fill", "solid"}}, OptionScope::kVoxelize)
-                .find(R"("fill":"solid","sign":"auto","color")"),
+                .find(R"("fill":"solid","sign":"auto","interior":"none","color")"),
             std::string::npos);
   const std::string shell =
       canonical({{"fill", "shell"}, {"sign", "flood"}}, OptionScope::kVoxelize);
-  EXPECT_NE(shell.find(R"("fill":"shell","sign":"flood","thickness":"1","color")"),
-            std::string::npos);
+  EXPECT_NE(
+      shell.find(R"("fill":"shell","sign":"flood","thickness":"1","interior":"none","color")"),
+      std::string::npos);
   EXPECT_EQ(canonical_of_json(shell, OptionScope::kVoxelize), shell);
 }
 

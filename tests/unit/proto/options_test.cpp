@@ -57,8 +57,10 @@ const std::map<std::string, OptionCase>& cases() {
       {"up", {{"y", "z"}, {"x", "Y", "", "yz"}, "y | z"}},
       {"units", {{"m", "cm", "mm", "in", "ft"}, {"km", "", "M"}, "m | cm | mm | in | ft"}},
       {"rule", {{"touch", "thin", "center"}, {"thick", ""}, "touch | thin | center | none"}},
-      {"fill", {{"surface", "solid", "shell"}, {"full", ""}, "surface | solid | shell"}},
+      {"fill",
+       {{"surface", "solid", "shell", "band"}, {"full", ""}, "surface | solid | shell | band"}},
       {"sign", {{}, {"even", ""}, "auto | parity | nonzero | majority | flood | winding"}},
+      {"interior", {{}, {"all", ""}, "none | nearest"}},
       {"thickness", {{}, {"0.99", "256.1", "nan", ""}, "a number from 1 to 256"}},
       {"color",
        {{"average", "shaded", "axis", "none"}, {"red", ""}, "average | shaded | axis | none"}},
@@ -279,7 +281,7 @@ TEST(Options, sign_and_thickness_need_a_fill_that_they_apply_to) {
                               OptionScope::kVoxelize));
     EXPECT_EQ(
         refused({{"fill", "solid"}, {"thickness", thickness}}, OptionScope::kVoxelize).message(),
-        "thickness: expected fill shell with it, got \"solid\"");
+        "thickness: expected fill shell or band with it, got \"solid\"");
   }
   const VoxelizeOptions shell =
       parsed({{"fill", "shell"}, {"sign", "flood"}, {"thickness", "2.5"}}, OptionScope::kVoxelize)
@@ -336,6 +338,28 @@ TEST(Options, formats_have_names_media_types_and_extensions) {
     EXPECT_NE(format_media_type(format).find('/'), std::string_view::npos);
   }
   EXPECT_FALSE(format_from_name("obj"));
+}
+
+TEST(Options, interior_applies_to_solids_and_shells_that_have_a_surface) {
+  const auto solid = parsed({{"fill", "solid"}, {"interior", "nearest"}}, OptionScope::kVoxelize);
+  EXPECT_EQ(solid.voxelize.interior, Interior::kNearest);
+  EXPECT_EQ(parsed({{"fill", "shell"}}, OptionScope::kVoxelize).voxelize.interior, Interior::kNone);
+  EXPECT_EQ(refused({{"interior", "nearest"}}, OptionScope::kVoxelize).message(),
+            "interior: expected fill solid or shell with it, got \"surface\"");
+  EXPECT_EQ(refused({{"fill", "band"}, {"interior", "none"}}, OptionScope::kVoxelize).message(),
+            "interior: expected fill solid or shell with it, got \"band\"");
+  EXPECT_EQ(refused({{"fill", "solid"}, {"rule", "none"}, {"interior", "nearest"}},
+                    OptionScope::kVoxelize)
+                .message(),
+            "rule: expected touch, thin or center where interior is nearest, got \"none\"");
+}
+
+TEST(Options, a_band_is_three_voxels_to_each_side) {
+  EXPECT_EQ(parsed({{"fill", "band"}}, OptionScope::kVoxelize).voxelize.thickness, 3.0);
+  EXPECT_EQ(parsed({{"fill", "shell"}}, OptionScope::kVoxelize).voxelize.thickness, 1.0);
+  EXPECT_EQ(
+      parsed({{"fill", "band"}, {"thickness", "7.5"}}, OptionScope::kVoxelize).voxelize.thickness,
+      7.5);
 }
 
 }  // namespace

@@ -54,6 +54,23 @@ TEST(Inspect, a_scene_with_too_many_parts_and_endless_names_stays_a_small_descri
   EXPECT_LT(description.dump().size(), 400'000u);  // a task message holds 1 MiB
 }
 
+TEST(Inspect, what_is_not_known_of_a_mesh_is_null) {
+  EXPECT_TRUE(describe_mesh(std::nullopt, std::nullopt)["open_edges"].is_null());
+  MeshTopology topology;
+  topology.open_edges = 3;
+  topology.unbalanced_edges = 3;
+  const json surface = describe_mesh(topology, std::nullopt);
+  EXPECT_EQ(surface["open_edges"], 3);
+  EXPECT_EQ(surface["watertight"], false);
+  EXPECT_EQ(surface["closed"], false);
+  EXPECT_TRUE(surface["inner_walls"].is_null());
+  EXPECT_TRUE(surface["ambiguous_fraction"].is_null());
+  FillStats fill;
+  fill.ambiguous_fraction = 0.25;
+  EXPECT_EQ(describe_mesh(topology, fill)["ambiguous_fraction"], 0.25);
+  EXPECT_EQ(describe_fill(fill, topology)["open_edges"], 3);
+}
+
 TEST(Inspect, an_empty_scene_has_no_bounds) {
   EXPECT_TRUE(describe_scene(Scene{})["bounds"].is_null());
 }

@@ -1,0 +1,41 @@
+// Signed distances of cells to a mesh's triangles: fill=band and the channel `distance`.
+// ../README.md, "Distance".
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "proto/sparse_tile.h"
+#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/solid/brick_index.h"
+#include "server/voxel/solid/inside.h"
+#include "server/voxel/solid/triangle_tree.h"
+
+namespace voxeld {
+
+// A tile, and the distance of each voxel of its masks in 1/kDistanceSteps voxel, in their order.
+struct DistanceTile {
+  SparseTile tile;
+  std::vector<int16_t> distance;
+};
+
+struct DistanceJob {
+  const TriangleTree& triangles;
+  glm::ivec3 dims;
+  const BrickIndex& inside;  // cells whose distance is negative
+};
+
+// The tiles of the cells whose centre is at most `thickness` voxels from a triangle, in any order.
+// `progress`: called from time to time, with 0 columns done.
+Status find_band(const DistanceJob& job, double thickness, WorkerPool& pool,
+                 const ColumnProgress& progress, std::vector<DistanceTile>& tiles);
+
+// Distances of the voxels of a tile's masks. The mesh must have a triangle.
+std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile& tile,
+                                       WorkerPool& pool);
+
+// An upper bound of the cells of a band: of cubes that the triangles' boxes come near to.
+int64_t band_cells_max(const FillMesh& mesh, const glm::ivec3& dims, double thickness);
+
+}  // namespace voxeld

@@ -1,0 +1,46 @@
+// How far a point is from a triangle.
+#pragma once
+
+#include <algorithm>
+#include <array>
+
+#include <glm/geometric.hpp>
+#include <glm/vec3.hpp>
+
+namespace voxeld {
+
+// Of the origin to the points a + t (b - a), 0 <= t <= 1.
+inline double squared_distance_to_segment(const glm::dvec3& a, const glm::dvec3& b) {
+  const glm::dvec3 along = b - a;
+  const double length = glm::dot(along, along);
+  const double t = length > 0 ? std::clamp(-glm::dot(a, along) / length, 0.0, 1.0) : 0.0;
+  const glm::dvec3 nearest = a + along * t;
+  return glm::dot(nearest, nearest);
+}
+
+// Squared distance of the origin to the closed triangle, which may be a segment or a point: to its
+// plane where the origin's projection lies in it, else to its nearest side. (Eberly 1999, "Distance
+// between point and triangle in 3D", sorts the same cases by regions.) The result depends on the
+// order of the corners in the last bits: give them in one.
+inline double squared_distance_to_triangle(const std::array<glm::dvec3, 3>& v) {
+  const glm::dvec3 normal = glm::cross(v[1] - v[0], v[2] - v[0]);
+  const double area = glm::dot(normal, normal);
+  const auto beyond = [&](size_t i, size_t j) {
+    return glm::dot(normal, glm::cross(v[i], v[j] - v[i])) < 0;
+  };
+  const std::array<bool, 3> outside = {beyond(0, 1), beyond(1, 2), beyond(2, 0)};
+  const bool flat = !(area > 0);
+  if (!flat && !outside[0] && !outside[1] && !outside[2]) {
+    const double height = glm::dot(normal, v[0]);
+    return height * height / area;
+  }
+  // The nearest point lies on a side that the origin is beyond.
+  double least = 1e300;
+  for (size_t i = 0; i < 3; ++i) {
+    if (!flat && !outside[i]) continue;
+    least = std::min(least, squared_distance_to_segment(v[i], v[i == 2 ? 0 : i + 1]));
+  }
+  return least;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,25 @@
+#include "server/worker/mesh_report.h"
+
+#include <utility>
+
+namespace voxeld {
+
+MeshReport::MeshReport(InputCache& cache, std::string key, const Scene& scene)
+    : cache_(cache), key_(std::move(key)) {
+  if (cache_.topology_key == key_) return;
+  // Where no thread is to be had, `deferred` takes its place.
+  const auto when = scene.triangle_count() > kBesideTrianglesMax
+                        ? std::launch::deferred
+                        : std::launch::async | std::launch::deferred;
+  counted_ = std::async(when, [&scene] { return mesh_topology(scene); });
+}
+
+const std::optional<MeshTopology>& MeshReport::get() {
+  if (counted_.valid()) {
+    cache_.topology = counted_.get();
+    cache_.topology_key = key_;
+  }
+  return cache_.topology;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,304 @@
+// Distances against the oracle, cell for cell.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <random>
+
+#include "server/voxel/solid/distance_field.h"
+#include "tests/bench/waves.h"
+#include "tests/reference/distance_oracle.h"
+#include "tests/unit/voxel_solid/solid_scenes.h"
+
+namespace voxeld {
+namespace {
+
+using solid_test::cells_of;
+using solid_test::differences;
+using solid_test::joined;
+using solid_test::Occupancy;
+using solid_test::oracle_grid;
+using solid_test::triangles_of;
+using solid_test::voxelized;
+using Corners = std::vector<glm::ivec3>;  // q, three for each triangle
+
+constexpr int kTooFar = 40000;  // what cells beside the band have in a dense array
+
+// Large and small triangles, some without area, around a box of 24 cells.
+Corners soup(int count, unsigned seed) {
+  std::mt19937 random(seed);
+  const auto below = [&](int limit) {
+    return static_cast<int>(random() % static_cast<unsigned>(limit));
+  };
+  Corners corners;
+  for (int t = 0; t < count; ++t) {
+    const int extent = t % 3 == 0 ? 5000 : 400;
+    const glm::ivec3 at(below(6144), below(6144), below(6144));
+    for (int i = 0; i < 3; ++i) {
+      corners.push_back(at + glm::ivec3(below(extent), below(extent), below(extent)) - extent / 2);
+    }
+    if (t % 7 == 3) corners.back() = corners[corners.size() - 2];
+    if (t % 11 == 5) corners.back() = 2 * corners[corners.size() - 2] - corners[corners.size() - 3];
+  }
+  return corners;
+}
+
+reference::SnappedTriangles oracle_triangles(const Corners& corners) {
+  reference::SnappedTriangles triangles(corners.size() / 3);
+  for (size_t i = 0; i < corners.size(); ++i) {
+    for (int c = 0; c < 3; ++c) {
+      triangles[i / 3][i % 3][static_cast<size_t>(c)] = 2 * corners[i][c] + 1;
+    }
+  }
+  return triangles;
+}
+
+struct Dense {
+  glm::ivec3 dims;
+  std::vector<int> values;
+  int& at(int x, int y, int z) {
+    return values[static_cast<size_t>((z * dims.y + y) * dims.x + x)];
+  }
+};
+
+Dense dense_of(const std::vector<DistanceTile>& tiles, const glm::ivec3& dims) {
+  Dense dense{dims, std::vector<int>(static_cast<size_t>(dims.x * dims.y * dims.z), kTooFar)};
+  for (const DistanceTile& tile : tiles) {
+    EXPECT_EQ(tile.tile.attribute_count(), tile.distance.size());
+    EXPECT_TRUE(std::ranges::is_sorted(tile.tile.brick_morton));
+    for_each_voxel(tile.tile, [&](int x, int y, int z, size_t i) {
+      ASSERT_LT(i, tile.distance.size());
+      ASSERT_TRUE(x < dims.x && y < dims.y && z < dims.z);
+      dense.at(x, y, z) = tile.distance[i];
+    });
+  }
+  return dense;
+}
+
+Dense band(const Corners& corners, const glm::ivec3& dims, double thickness,
+           const std::vector<SparseTile>& inside = {}, int threads = 2) {
+  const FillMesh mesh = FillMesh::of(corners, 8);
+  const TriangleTree tree(mesh);
+  const BrickIndex index(inside, dims);
+  WorkerPool pool(threads);
+  std::vector<DistanceTile> tiles;
+  EXPECT_TRUE(find_band({tree, dims, index}, thickness, pool, {}, tiles).ok());
+  Dense dense = dense_of(tiles, dims);
+  const auto count = std::ranges::count_if(dense.values, [](int v) { return v != kTooFar; });
+  EXPECT_LE(count, band_cells_max(mesh, dims, thickness));
+  return dense;
+}
+
+void expect_like_oracle(const Corners& corners, const glm::ivec3& dims, double thickness) {
+  Dense dense = band(corners, dims, thickness);
+  const auto triangles = oracle_triangles(corners);
+  size_t in_band = 0;
+  for (int z = 0; z < dims.z; ++z) {
+    for (int y = 0; y < dims.y; ++y) {
+      for (int x = 0; x < dims.x; ++x) {
+        const long double distance = reference::surface_distance(triangles, {x, y, z});
+        const long double steps = distance / 4;
+        const int got = dense.at(x, y, z);
+        // What doubles cannot tell apart may go either way.
+        if (std::abs(distance - static_cast<long double>(thickness) * 512) < 1e-6L) continue;
+        if (distance > static_cast<long double>(thickness) * 512) {
+          ASSERT_EQ(got, kTooFar) << x << " " << y << " " << z;
+          continue;
+        }
+        ++in_band;
+        ASSERT_NE(got, kTooFar) << x << " " << y << " " << z;
+        ASSERT_LE(std::abs(got - steps), 0.5L + 1e-6L) << x << " " << y << " " << z;
+      }
+    }
+  }
+  EXPECT_GT(in_band, 0u);
+}
+
+TEST(Distance, a_band_is_every_cell_within_the_thickness_with_its_exact_distance) {
+  expect_like_oracle(soup(40, 1), {24, 24, 24}, 1);
+  expect_like_oracle(soup(40, 2), {24, 21, 23}, 2.5);
+  expect_like_oracle(soup(6, 3), {31, 9, 24}, 3);
+  expect_like_oracle(soup(3, 4), {24, 24, 24}, 20);
+  expect_like_oracle(soup(1, 5), {24, 1, 24}, 256);
+}
+
+TEST(Distance, a_face_beside_the_grid_is_as_near_as_it_is) {
+  // x = -3 + 1/512 voxels, far larger than the grid: cells of x = 0 are 3.5 away, less that.
+  const Corners face = {{-768, -90000, -90000}, {-768, 90000, -90000}, {-768, 0, 190000}};
+  Dense dense = band(face, {8, 8, 8}, 4.5);
+  EXPECT_EQ(dense.at(0, 3, 3), 448);  // 3.498 voxels
+  EXPECT_EQ(dense.at(0, 7, 0), 448);
+  EXPECT_EQ(dense.at(1, 3, 3), 576);
+  EXPECT_EQ(dense.at(2, 3, 3), kTooFar);
+}
+
+TEST(Distance, cells_inside_are_negative_and_the_distance_is_the_same) {
+  const Corners corners = soup(9, 6);
+  SparseTile inside;
+  inside.brick_morton = {0};
+  inside.masks = {BrickMask{{0xff00ff00ff00ff00, 1, 2, 3, 4, 5, 6, 7}}};
+  inside.full = {{1, 0}};
+  Dense plain = band(corners, {24, 24, 24}, 8),
+        with_sign = band(corners, {24, 24, 24}, 8, {inside});
+  size_t negative = 0;
+  for (int z = 0; z < 8; ++z) {
+    for (int y = 0; y < 8; ++y) {
+      for (int x = 0; x < 16; ++x) {
+        if (plain.at(x, y, z) == kTooFar) continue;
+        const uint32_t i = morton_encode(x & 7, y, z);
+        const bool is_inside = x >= 8 || (inside.masks[0].words[i / 64] >> (i % 64) & 1) != 0;
+        negative += is_inside ? 1 : 0;
+        EXPECT_EQ(with_sign.at(x, y, z),
+                  is_inside ? -std::max(plain.at(x, y, z), 1) : plain.at(x, y, z));
+      }
+    }
+  }
+  EXPECT_GT(negative, 20u);
+  EXPECT_EQ(plain.at(20, 20, 20), with_sign.at(20, 20, 20));
+}
+
+TEST(Distance, a_centre_on_the_surface_keeps_its_sign) {
+  // x = 1.5 voxels - 1/512: nearer to the centres of x = 1 than 16 bits tell.
+  const Corners face = {{383, -9000, -9000}, {383, 9000, -9000}, {383, 0, 19000}};
+  SparseTile inside;
+  inside.full = {{0, 0}};
+  EXPECT_EQ(band(face, {8, 8, 8}, 1).at(1, 3, 3), 0);
+  EXPECT_EQ(band(face, {8, 8, 8}, 1, {inside}).at(1, 3, 3), -1);
+}
+
+TEST(Distance, threads_and_orders_of_triangles_and_corners_do_not_matter) {
+  const Corners corners = soup(60, 7);
+  const Dense one = band(corners, {24, 24, 24}, 3, {}, 1);
+  Corners turned;
+  for (size_t t = corners.size() / 3; t-- > 0;) {
+    for (const size_t i : {2, 0, 1}) turned.push_back(corners[3 * t + i]);
+  }
+  EXPECT_EQ(one.values, band(turned, {24, 24, 24}, 3, {}, 3).values);
+}
+
+TEST(Distance, whole_voxels_of_translation_shift_the_band_across_tiles) {
+  const Corners corners = soup(20, 8);
+  Dense here = band(corners, {30, 30, 30}, 3);
+  Corners moved = corners;
+  const glm::ivec3 by(245, 250, 3);
+  for (glm::ivec3& q : moved) q += by * 256;
+  Dense there = band(moved, {30 + 245, 30 + 250, 33}, 3);
+  for (int z = 0; z < 30; ++z) {
+    for (int y = 0; y < 30; ++y) {
+      for (int x = 0; x < 30; ++x) {
+        ASSERT_EQ(here.at(x, y, z), there.at(x + by.x, y + by.y, z + by.z));
+      }
+    }
+  }
+}
+
+TEST(Distance, voxels_of_masks_have_theirs_however_far_they_are) {
+  const Corners corners = soup(5, 9);
+  const FillMesh mesh = FillMesh::of(corners, 8);
+  const TriangleTree tree(mesh);
+  SparseTile tile;
+  std::mt19937_64 random(10);
+  for (uint32_t brick = 0; brick < 1500; brick += 7) {
+    tile.brick_morton.push_back(brick);
+    tile.masks.push_back(BrickMask{{random() & random(), 0, 0, random(), 0, 0, 0, 1}});
+  }
+  const BrickIndex nothing({}, {256, 256, 256});
+  WorkerPool pool(3);
+  const auto distances = distances_of_tile({tree, {256, 256, 256}, nothing}, tile, pool);
+  ASSERT_EQ(distances.size(), tile.attribute_count());
+  const auto triangles = oracle_triangles(corners);
+  for_each_voxel(tile, [&](int x, int y, int z, size_t i) {
+    ASSERT_LE(std::abs(distances[i] - reference::surface_distance(triangles, {x, y, z}) / 4),
+              0.5L + 1e-6L);
+  });
+}
+
+TEST(Distance, what_is_too_far_for_16_bits_is_as_far_as_they_tell) {
+  const TriangleTree tree(FillMesh::of({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, 8));
+  SparseTile tile;
+  tile.coord = {1, 0, 0};
+  tile.brick_morton = {7};
+  tile.masks = {BrickMask{{1}}};
+  const BrickIndex nothing({}, {512, 256, 256});
+  WorkerPool pool(1);
+  EXPECT_EQ(distances_of_tile({tree, {512, 256, 256}, nothing}, tile, pool),
+            std::vector<int16_t>{32767});
+}
+
+VoxelizeOptions band_options(double thickness, int size) {
+  VoxelizeOptions options;
+  options.placement.size = size;
+  options.placement.padding = 4;
+  options.fill = Fill::kBand;
+  options.thickness = thickness;
+  options.color = ColorMode::kNone;
+  return options;
+}
+
+TEST(Band, it_is_the_cells_that_are_near_on_both_sides_by_every_rule) {
+  const Scene scene = wavy_sphere(2);
+  const Grid grid = voxelized(scene, band_options(2, 26));
+  const auto snapped = reference::snap_triangles(triangles_of(scene), oracle_grid(grid));
+  Occupancy expected;
+  for (int z = 0; z < grid.spec.dims.z; ++z) {
+    for (int y = 0; y < grid.spec.dims.y; ++y) {
+      for (int x = 0; x < grid.spec.dims.x; ++x) {
+        expected.push_back(reference::surface_distance(snapped, {x, y, z}) <= 2 * 512 ? 1 : 0);
+      }
+    }
+  }
+  EXPECT_EQ(differences(cells_of(grid), expected), 0u);
+  for (const Rule rule : {Rule::kThin, Rule::kCenter, Rule::kNone}) {
+    VoxelizeOptions options = band_options(2, 26);
+    options.rule = rule;
+    EXPECT_TRUE(voxelized(scene, options).tiles == grid.tiles);
+  }
+}
+
+TEST(Band, the_thinnest_holds_every_voxel_that_the_surface_touches) {
+  const Scene scene = joined(solid_test::soup(60, glm::dvec3(2), 11), wavy_sphere(2));
+  VoxelizeOptions options = band_options(1, 40);
+  const Occupancy near = cells_of(voxelized(scene, options));
+  options.fill = Fill::kSurface;
+  const Occupancy touched = cells_of(voxelized(scene, options));
+  for (size_t i = 0; i < near.size(); ++i) ASSERT_LE(touched[i], near[i]);
+}
+
+TEST(Band, surface_voxels_keep_their_attributes_and_the_others_have_none) {
+  VoxelizeOptions options = band_options(3, 40);
+  options.color = ColorMode::kAxis;
+  const Scene scene = wavy_sphere(2);
+  const Grid band = voxelized(scene, options);
+  options.fill = Fill::kSurface;
+  const Grid surface = voxelized(scene, options);
+  std::map<std::array<int, 3>, uint32_t> colors;
+  for_each_voxel(surface.tiles.front(), [&](int x, int y, int z, size_t i) {
+    std::memcpy(&colors[{x, y, z}], &surface.tiles.front().color[4 * i], 4);
+  });
+  size_t seen = 0;
+  for_each_voxel(band.tiles.front(), [&](int x, int y, int z, size_t i) {
+    if (i == kNoAttributes) return;
+    uint32_t color = 0;
+    std::memcpy(&color, &band.tiles.front().color[4 * i], 4);
+    const auto at = colors.find({x, y, z});
+    EXPECT_EQ(color, at == colors.end() ? 0u : at->second);
+    seen += at == colors.end() ? 0 : 1;
+  });
+  EXPECT_EQ(seen, colors.size());
+}
+
+TEST(Band, it_costs_what_was_estimated_or_less_and_is_refused_above) {
+  Voxelizer voxelizer(nullptr, 2);
+  const Scene scene = wavy_sphere(3);
+  const auto estimate = voxelizer.estimate(scene, band_options(8, 300));
+  ASSERT_TRUE(estimate.ok());
+  voxelizer.set_host_bytes_max(estimate->host_bytes - 1);
+  const auto refused = voxelizer.voxelize(scene, band_options(8, 300), {}, nullptr);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
+}
+
+}  // namespace
+}  // namespace voxeld
