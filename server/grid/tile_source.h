@@ -39,6 +39,8 @@ class TileSource {
   const std::vector<TileCoord>& coords() const { return coords_; }
   // The tile at coords()[index]: canonical, perhaps empty. From any thread.
   virtual Result<SparseTile> tile(size_t index) const = 0;
+  // Voxels of that tile where they are known without reading it; else 0.
+  virtual uint64_t voxels(size_t /*index*/) const { return 0; }
   // How many tiles to ask for at a time; 1 where a tile takes all cores by itself.
   virtual size_t batch() const = 0;
 
@@ -63,8 +65,8 @@ class ContainerTiles final : public TileSource {
   explicit ContainerTiles(GridReader reader, std::function<Status()> before_tile = {});
 
   Result<SparseTile> tile(size_t index) const override;
+  uint64_t voxels(size_t index) const override { return reader_.tile_voxel_count(index); }
   size_t batch() const override;
-  const GridReader& reader() const { return reader_; }
 
  private:
   GridReader reader_;
@@ -76,6 +78,7 @@ class GridTiles final : public TileSource {
  public:
   explicit GridTiles(const Grid& grid);
   Result<SparseTile> tile(size_t index) const override { return whole_.tiles[index]; }
+  uint64_t voxels(size_t index) const override { return whole_.tiles[index].voxel_count(); }
   size_t batch() const override;
 
  private:
@@ -87,6 +90,7 @@ class SomeTiles final : public TileSource {
  public:
   SomeTiles(const TileSource& source, const std::function<bool(const TileCoord&)>& wanted);
   Result<SparseTile> tile(size_t index) const override { return source_.tile(indexes_[index]); }
+  uint64_t voxels(size_t index) const override { return source_.voxels(indexes_[index]); }
   size_t batch() const override { return source_.batch(); }
 
  private:
