@@ -65,6 +65,18 @@ void add_output(Json& out, const OutputOptions& o) {
   out["palette"] = o.palette_max;
 }
 
+// Of the grid as it is, none is named: level 0 is what requests had before there were others.
+void add_selection(Json& out, const OutputOptions& o) {
+  if (o.level > 0) {
+    out["level"] = o.level;
+    out["level_rule"] = word(o.level_rule, words::kLevelRule);
+  }
+  if (!o.region) return;
+  std::string corners;
+  for (const int cell : *o.region) corners += (corners.empty() ? "" : ",") + std::to_string(cell);
+  out["region"] = corners;
+}
+
 std::string hex_color(const std::array<uint8_t, 4>& color) {
   static constexpr char kHex[] = "0123456789abcdef";
   std::string text = "#";
@@ -105,6 +117,7 @@ std::string canonical_json(const RequestOptions& options, OptionScope scope) {
   if (scope == OptionScope::kRenderMesh || scope == OptionScope::kRenderGrid) {
     add_render(out, options.render);
   }
+  add_selection(out, options.output);
   return out.dump();
 }
 

@@ -57,6 +57,8 @@ inline constexpr std::array<Word<Light>, 2> kLight = {
     {{"flat", Light::kFlat}, {"phong", Light::kPhong}}};
 inline constexpr std::array<Word<RendererChoice>, 3> kRenderer = {
     {{"auto", RendererChoice::kAuto}, {"gl", RendererChoice::kGl}, {"cpu", RendererChoice::kCpu}}};
+inline constexpr std::array<Word<LevelRule>, 2> kLevelRule = {
+    {{"any", LevelRule::kAny}, {"majority", LevelRule::kMajority}}};
 inline constexpr std::array<Word<bool>, 2> kYesNo = {{{"yes", true}, {"no", false}}};
 
 }  // namespace voxeld::option_words

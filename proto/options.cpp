@@ -1,6 +1,7 @@
 #include "proto/options.h"
 
 #include <algorithm>
+#include <bit>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -13,6 +14,9 @@ namespace {
 
 using namespace option_values;
 namespace words = option_words;
+
+// 2^14 cells are the longest side of a grid.
+constexpr int kLevelMax = std::countr_zero(unsigned{limits::kGridSideMax});
 
 template <typename Enum, size_t N>
 Status set_word(Enum& field, std::string_view name, std::string_view text,
@@ -172,11 +176,35 @@ Status set_voxelize(VoxelizeOptions& v, std::string_view name, std::string_view 
   return set_placement(v.placement, name, text);
 }
 
+Status set_region(OutputOptions& output, std::string_view text) {
+  const auto parts = split(text);
+  const std::string expected = "x0,y0,z0,x1,y1,z1: integers from 0 to " +
+                               std::to_string(limits::kGridSideMax) +
+                               ", each minimum below its maximum";
+  if (parts.size() != 6) return invalid("region", expected, text);
+  std::array<int, 6> region{};
+  for (size_t i = 0; i < region.size(); ++i) {
+    const auto value = parse_int(parts[i]);
+    if (!value || *value < 0 || *value > limits::kGridSideMax) {
+      return invalid("region", expected, text);
+    }
+    region[i] = *value;
+  }
+  for (size_t i = 0; i < 3; ++i) {
+    if (region[i] >= region[i + 3]) return invalid("region", expected, text);
+  }
+  output.region = region;
+  return {};
+}
+
 Status set_output(OutputOptions& o, std::string_view name, std::string_view text) {
   if (name == "format") return set_word(o.format, name, text, words::kFormat);
   if (name == "codec") return set_word(o.codec, name, text, words::kCodec);
   if (name == "axes") return set_word(o.axes, name, text, words::kAxes);
   if (name == "dtype") return set_word(o.dtype, name, text, words::kDType);
+  if (name == "level") return set_int(o.level, name, text, 0, kLevelMax);
+  if (name == "level_rule") return set_word(o.level_rule, name, text, words::kLevelRule);
+  if (name == "region") return set_region(o, text);
   return set_int(o.palette_max, name, text, 1, 255);
 }
 

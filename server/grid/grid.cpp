@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "server/grid/tile_source.h"
+
 namespace voxeld {
 uint32_t tile_order(const SparseTile& tile) {
   return morton_encode(static_cast<uint32_t>(tile.coord[0]), static_cast<uint32_t>(tile.coord[1]),
@@ -19,9 +21,7 @@ void normalize_tiles(Grid& grid) {
   std::ranges::sort(grid.tiles, {}, tile_order);
 }
 
-Result<Grid> grid_from_container(std::span<const uint8_t> bytes) {
-  VOXELD_ASSIGN(const GridReader reader, GridReader::open(bytes));
-  const GridHeader& header = reader.header();
+Grid grid_of_header(const GridHeader& header) {
   Grid grid;
   for (int c = 0; c < 3; ++c) {
     const auto i = static_cast<size_t>(c);
@@ -32,6 +32,12 @@ Result<Grid> grid_from_container(std::span<const uint8_t> bytes) {
   grid.has_color = header.has_color;
   grid.has_normal = header.has_normal;
   grid.meta_json = header.meta_json;
+  return grid;
+}
+
+Result<Grid> grid_from_container(std::span<const uint8_t> bytes) {
+  VOXELD_ASSIGN(const GridReader reader, GridReader::open(bytes));
+  Grid grid = grid_of_header(reader.header());
   VOXELD_ASSIGN(grid.tiles, reader.decode_tiles());
   return grid;
 }

@@ -12,18 +12,47 @@ namespace {
 
 using Json = nlohmann::json;
 
-Response run_on_grid(Request& request, Api& api, JobKind kind, OptionScope scope) {
+Result<JobStatus> submit_on_grid(Request& request, Api& api, JobKind kind, OptionScope scope) {
   JobRequest job;
   job.kind = kind;
   job.grid = request.path_parameters[0];
-  auto options = parse_options(request.head.query, scope);
-  if (!options) return problem(request, options.error());
-  job.options = *options;
+  VOXELD_ASSIGN(job.options, parse_options(request.head.query, scope));
   SubmitOptions submit;
   submit.transient = true;
-  auto status = api.jobs.submit(job, submit);
+  return api.jobs.submit(job, submit);
+}
+
+Response run_on_grid(Request& request, Api& api, JobKind kind, OptionScope scope) {
+  const auto status = submit_on_grid(request, api, kind, scope);
   if (!status) return problem(request, status.error());
   return await_result(request, api, *status, /*transient=*/true);
+}
+
+// The grid that the path names, or the level or region of it that the query asks for: a grid of its
+// own, which is made once.
+Result<BlobInfo> wanted_grid(Request& request, Api& api) {
+  if (request.head.query.empty()) return api.jobs.get_grid(request.path_parameters[0]);
+  for (const auto& [name, value] : request.head.query) {
+    if (name == "level" || name == "level_rule" || name == "region") continue;
+    return Error{ErrorCode::kUnknownOption, "tiles are of native grids",
+                 "level, level_rule and region", "\"" + name.substr(0, 40) + "\""};
+  }
+  VOXELD_ASSIGN(const JobStatus submitted,
+                submit_on_grid(request, api, JobKind::kExport, OptionScope::kExport));
+  const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
+  VOXELD_ASSIGN(const JobStatus status,
+                api.jobs.wait_end(submitted.id, deadline, request.client_gone));
+  if (!status.ended()) {
+    (void)api.jobs.cancel(submitted.id);
+    return Error{ErrorCode::kDeadlineExceeded, "the job " + submitted.id + " did not end in time",
+                 "", std::string(job_state_name(status.state))};
+  }
+  if (status.error) return *status.error;
+  if (!status.result) {
+    return Error{ErrorCode::kInternal, "the job " + submitted.id + " has no result", "", ""};
+  }
+  // All cells at level 0 are the grid itself, under whatever name its bytes have.
+  return api.jobs.blobs().stat(status.result->blob);
 }
 
 Response get_grid(Request& request, Api& api) {
@@ -50,7 +79,7 @@ Response get_grid(Request& request, Api& api) {
 // Calls `use(reader)` on the mapped container.
 template <typename Use>
 Response with_grid(Request& request, Api& api, Use&& use) {
-  auto blob = api.jobs.get_grid(request.path_parameters[0]);
+  auto blob = wanted_grid(request, api);
   if (!blob) return problem(request, blob.error());
   const auto file = MappedFile::open(api.jobs.blobs().path_of(blob->id));
   if (!file) return problem(request, file.error());
@@ -60,7 +89,7 @@ Response with_grid(Request& request, Api& api, Use&& use) {
 }
 
 Response get_tiles(Request& request, Api& api) {
-  return with_grid(request, api, [](const BlobInfo&, const GridReader& reader) {
+  return with_grid(request, api, [](const BlobInfo& blob, const GridReader& reader) {
     Json tiles = Json::array();
     for (size_t i = 0; i < reader.tile_count(); ++i) {
       const auto [offset, bytes] = reader.tile_byte_range(i);
@@ -71,7 +100,8 @@ Response get_tiles(Request& request, Api& api) {
                        {"voxel_count", reader.tile_voxel_count(i)}});
     }
     const GridHeader& header = reader.header();
-    return Response::json(200, Json{{"dims", header.dims},
+    return Response::json(200, Json{{"grid", blob.id},
+                                    {"dims", header.dims},
                                     {"origin", header.origin},
                                     {"voxel_size", header.voxel_size},
                                     {"voxel_count", reader.voxel_count()},

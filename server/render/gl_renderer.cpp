@@ -82,6 +82,10 @@ Status GlRenderer::set_grid(const Grid& grid) {
   return {};
 }
 
+size_t GlRenderer::table_bytes_max() const {
+  return static_cast<size_t>(impl_->context.info().ssbo_bytes_max);
+}
+
 Result<int> GlRenderer::Impl::samples_per_side(const RenderOptions& options) const {
   const int64_t loop_max = context.info().loop_iterations_max;
   const int64_t steps = ray_steps_max(grid) + kShadingSteps;

@@ -17,6 +17,7 @@ class GlRenderer final : public Renderer {
   ~GlRenderer() override;
 
   Status set_grid(const Grid& grid) override;
+  size_t table_bytes_max() const override;
   Result<Picture> render(const RenderOptions& options, const BlockProgress& progress) override;
   void set_quality(const RenderQuality& quality) override;
   Result<std::vector<Hit>> render_hits(const RenderOptions& options) override;

@@ -48,6 +48,8 @@ class Renderer {
   // Takes the grid in; it stays resident until the next call. Errors: grid-too-large with bytes and
   // the device's limit.
   virtual Status set_grid(const Grid& grid) = 0;
+  // Of one of the tables that a grid becomes; SIZE_MAX where memory alone is the limit.
+  virtual size_t table_bytes_max() const { return SIZE_MAX; }
   // Without a grid, or of an empty one: the background. Voxels are drawn opaque, whatever their
   // alpha. Errors: cancelled when `progress` says false, invalid-option for a matrix that cannot be
   // inverted, internal and device-unavailable with the driver's words.

@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstddef>
 
-#include "server/voxel/color_tables.h"
+#include "server/grid/color_tables.h"
 #include "server/voxel/parallel.h"
 
 namespace voxeld {

@@ -2,6 +2,8 @@
 // the next task is likely to ask for again.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -35,8 +37,17 @@ struct InputCache {
   std::optional<MeshTopology> topology;
   std::string grid_key;  // hash of the container, or of input and options for renders of a mesh
   std::shared_ptr<const LoadedGrid> grid;
+  // Drawn last, where that was not the grid above but a part or a level of some grid.
+  std::string picture_key;
+  std::shared_ptr<const LoadedGrid> picture;
   // The grids that the renderers hold, by the same keys.
   std::string gl_resident_key, cpu_resident_key;
+};
+
+// What one picture may take of memory.
+struct PictureLimits {
+  size_t bytes_max = size_t{768} << 20;  // tiles and the renderer's tables
+  size_t table_bytes_max = SIZE_MAX;     // one table; the device's limit where that is less
 };
 
 struct Engine {
@@ -56,6 +67,7 @@ struct Engine {
   OpenedDevice device;  // its pipeline has gone to the voxelizer
   Voxelizer voxelizer;
   InputCache cache;
+  PictureLimits picture_limits;
 };
 
 }  // namespace voxeld

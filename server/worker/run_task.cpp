@@ -6,7 +6,10 @@
 #include "server/base/check.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
+#include "server/grid/region.h"
+#include "server/worker/grid_input.h"
 #include "server/worker/inspect.h"
+#include "server/worker/picture_grid.h"
 #include "server/worker/task_run.h"
 
 namespace voxeld {
@@ -32,42 +35,89 @@ Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output)
                     format_extension(output.format));
 }
 
+// Who has voxelized a mesh mostly looks at it next.
+void keep_grid(TaskRun& run, WrittenGrid& made, const std::string& key) {
+  run.engine.cache.grid = std::make_shared<const LoadedGrid>(std::move(*made.kept));
+  run.engine.cache.grid_key = key;
+}
+
 // asset -> scene -> tiles -> native container; -> grid -> the answer's format
 Status voxelize(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kVoxelize));
   VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
   run.engine.cache.grid.reset();
   VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, *scene, options));
+  const bool is_selection = selects(options.output);
+  if (is_selection) {
+    VOXELD_ASSIGN(const auto input, GridInput::open(run, made.path));
+    VOXELD_TRY(write_selection(run, input->tiles(), options.output));
+  }
   if (!made.kept) return {};
-  if (options.output.format != Format::kNative) {
+  if (options.output.format != Format::kNative && !is_selection) {
     VOXELD_TRY(write_result(run, made.kept->grid, options.output));
   }
-  // Who has voxelized a mesh mostly looks at it next.
-  run.engine.cache.grid = std::make_shared<const LoadedGrid>(std::move(*made.kept));
-  run.engine.cache.grid_key = made.id;
+  keep_grid(run, made, made.id);
   return {};
 }
 
-// asset -> scene -> grid -> picture; or grid -> picture
-Status render(TaskRun& run) {
-  const OptionScope scope =
-      run.task.input_is_grid ? OptionScope::kRenderGrid : OptionScope::kRenderMesh;
-  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, scope));
-  VOXELD_ASSIGN(const auto grid,
-                run.task.input_is_grid ? load_input_grid(run) : grid_to_render(run, options));
-  if (!run.task.input_is_grid) VOXELD_TRY(write_grid(run, grid->grid));
-  VOXELD_ASSIGN(const Picture picture,
-                render_picture(run, *grid, run.engine.cache.grid_key, options.render));
+// Draws the grid that is in memory, or as much as is needed of its container.
+Status draw(TaskRun& run, const std::filesystem::path& container, const std::string& key,
+            const RequestOptions& options) {
+  const InputCache& cache = run.engine.cache;
+  const auto whole = cache.grid_key == key ? cache.grid : nullptr;
+  std::unique_ptr<GridInput> input;
+  std::unique_ptr<TileSource> resident;
+  if (whole == nullptr) {
+    VOXELD_ASSIGN(input, GridInput::open(run, container));
+  } else {
+    resident = std::make_unique<GridTiles>(whole->grid);
+  }
+  const TileSource& source =
+      whole == nullptr ? static_cast<const TileSource&>(input->tiles()) : *resident;
+  if (run.task.input_is_grid) add_input_meta(run, source.grid().meta_json);
+  VOXELD_ASSIGN(const PictureGrid drawn, picture_grid(run, source, key, whole, options));
+  VOXELD_ASSIGN(const Picture picture, render_picture(run, *drawn.grid, drawn.key, drawn.options));
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
-  add_meta(run, grid_facts(*grid));
   add_meta(run, {{"width", picture.width}, {"height", picture.height}});
   return add_output(run, "result", png, kPngMediaType, ".png");
 }
 
-// grid -> the grid in another format
+// asset -> scene -> native container -> picture
+Status render_mesh(TaskRun& run) {
+  VOXELD_ASSIGN(RequestOptions options, task_options(run.task, OptionScope::kRenderMesh));
+  InputCache& cache = run.engine.cache;
+  const std::string key = render_key(run.task, options);
+  if (cache.grid != nullptr && cache.grid_key == key) {
+    add_input_meta(run, cache.grid->grid.meta_json);
+    VOXELD_TRY(write_grid(run, cache.grid->grid));
+    return draw(run, {}, key, options);
+  }
+  VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
+  cache.grid.reset();
+  RequestOptions all = options;  // of the grid
+  all.output = {};
+  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, *scene, all));
+  std::erase_if(run.completion.outputs,
+                [](const TaskOutput& output) { return output.role == "result"; });
+  if (made.kept) keep_grid(run, made, key);
+  return draw(run, made.path, key, options);
+}
+
+Status render(TaskRun& run) {
+  if (!run.task.input_is_grid) return render_mesh(run);
+  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kRenderGrid));
+  return draw(run, run.task.input_path, run.task.input_hash, options);
+}
+
+// grid -> the grid in another format, or what is wanted of it
 Status export_grid(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kExport));
+  if (selects(options.output) || options.output.format == Format::kNative) {
+    VOXELD_ASSIGN(const auto input, GridInput::open(run, run.task.input_path));
+    add_input_meta(run, input->tiles().grid().meta_json);
+    return write_selection(run, input->tiles(), options.output);
+  }
   VOXELD_ASSIGN(const auto grid, load_input_grid(run));
   VOXELD_TRY(check_encodable(grid->grid.spec, options.output));
   add_meta(run, grid_facts(*grid));

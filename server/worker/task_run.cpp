@@ -9,9 +9,11 @@
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
+#include "server/grid/region.h"
 #include "server/scene/load.h"
 #include "server/voxel/estimate.h"
 #include "server/worker/grid_file.h"
+#include "server/worker/grid_input.h"
 #include "server/worker/inspect.h"
 #include "server/worker/mesh_report.h"
 
@@ -63,11 +65,6 @@ json grid_options(const RequestOptions& options) {
     if (info.for_voxelize && name != "pipeline" && named.contains(name)) kept[name] = named[name];
   }
   return kept;
-}
-
-std::string render_key(const Task& task, const RequestOptions& options) {
-  return scene_key(task, true) + " " + grid_options(options).dump() + " " +
-         std::to_string(static_cast<int>(options.voxelize.pipeline));
 }
 
 json device_facts(const Engine& engine) {
@@ -138,6 +135,17 @@ Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_
   return scene;
 }
 
+std::string render_key(const Task& task, const RequestOptions& options) {
+  return scene_key(task, true) + " " + grid_options(options).dump() + " " +
+         std::to_string(static_cast<int>(options.voxelize.pipeline));
+}
+
+void add_input_meta(TaskRun& run, const std::string& container_meta) {
+  const json meta = json::parse(container_meta, nullptr, false);
+  if (meta.is_object()) add_meta(run, meta);
+  add_meta(run, device_facts(run.engine));
+}
+
 Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
   const StageTimer stage(run, "parse");
   InputCache& cache = run.engine.cache;
@@ -149,42 +157,28 @@ Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
     cache.grid = std::make_shared<const LoadedGrid>(LoadedGrid{std::move(grid), std::move(hash)});
     cache.grid_key = run.task.input_hash;
   }
-  const json meta = json::parse(cache.grid->grid.meta_json, nullptr, false);
-  if (meta.is_object()) add_meta(run, meta);
-  add_meta(run, device_facts(run.engine));
+  add_input_meta(run, cache.grid->grid.meta_json);
   VOXELD_TRY(run.monitor.check());
   return cache.grid;
-}
-
-Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options) {
-  const StageTimer stage(run, "voxelize");
-  MeshReport mesh(run.engine.cache, scene_key(run.task, false), scene);
-  VoxelizeStats stats;
-  LoadedGrid made;
-  VOXELD_ASSIGN(made.grid,
-                run.engine.voxelizer.voxelize(scene, options.voxelize, progress_of(run), &stats));
-  made.content_hash = content_hash(made.grid);
-  made.grid.meta_json =
-      container_meta(run.task, scene, options, grid_facts(made), stats.fill, mesh.get());
-  add_making_meta(run, made.grid.meta_json, stats);
-  return made;
 }
 
 Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
                                      const RequestOptions& options) {
   const OutputOptions& asked = options.output;
   const bool is_native = asked.format == Format::kNative;
-  const bool is_result = is_native && asked.codec == OutputOptions{}.codec;
+  const bool is_selection = selects(asked);  // made from the file
+  const bool is_result = is_native && !is_selection && asked.codec == OutputOptions{}.codec;
   const fs::path path = next_output(run);
   GridFile file(path, OutputOptions{}.codec);
   GridFile result(path.string() + "-result", asked.codec);
   std::vector<GridFile*> files = {&file};
-  if (is_native && !is_result) files.push_back(&result);
-  GridOutput output(files, !is_native);
+  if (is_native && !is_selection && !is_result) files.push_back(&result);
+  GridOutput output(files, !is_native && !is_selection);
   const Stopwatch watch;
   run.monitor.set_stage("voxelize");
   VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
-  VOXELD_TRY(check_encodable(placed.spec, asked));
+  VOXELD_ASSIGN(const GridSpec selected, selected_spec(placed.spec, asked));
+  VOXELD_TRY(check_encodable(selected, asked));
   MeshReport mesh(run.engine.cache, scene_key(run.task, false), scene);
   VoxelizeStats stats;
   VOXELD_TRY(
@@ -203,6 +197,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   list_output(run, file.path(), is_result ? "grid result" : "grid", type, extension);
   if (files.size() > 1) list_output(run, result.path(), "result", type, extension);
   WrittenGrid written;
+  written.path = file.path();
   VOXELD_ASSIGN(const MappedFile container, MappedFile::open(file.path()));
   written.id = sha256_id(container.bytes());
   if (output.has_tiles()) {
@@ -211,23 +206,6 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   }
   VOXELD_TRY(run.monitor.check());
   return written;
-}
-
-Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
-                                                         const RequestOptions& options) {
-  InputCache& cache = run.engine.cache;
-  const std::string key = render_key(run.task, options);
-  if (cache.grid != nullptr && cache.grid_key == key) {
-    add_meta(run, json::parse(cache.grid->grid.meta_json));
-    add_meta(run, device_facts(run.engine));
-    return cache.grid;
-  }
-  VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
-  cache.grid.reset();
-  VOXELD_ASSIGN(LoadedGrid made, voxelize_scene(run, *scene, options));
-  cache.grid = std::make_shared<const LoadedGrid>(std::move(made));
-  cache.grid_key = key;
-  return cache.grid;
 }
 
 Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,

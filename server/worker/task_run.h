@@ -51,21 +51,21 @@ Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_
 // The native container as a grid, from the cache likewise. Stage: parse.
 Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run);
 
-// Makes the grid and puts what is known of its making into the completion's meta. Stage: voxelize.
-Result<LoadedGrid> voxelize_scene(TaskRun& run, const Scene& scene, const RequestOptions& options);
+// Puts what a container says of itself, and what device this is, into the completion's meta.
+void add_input_meta(TaskRun& run, const std::string& container_meta);
+
 // Checks that the grid can be made and written as the request's output, makes it, and lists its
 // native container under `roles`; for result_codec, a second one as the result. Stages: voxelize
 // and encode.
 struct WrittenGrid {
   std::optional<LoadedGrid> kept;  // where the request's output needs it, or it is not large
   std::string id;                  // of the container
+  std::filesystem::path path;
 };
 Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
                                      const RequestOptions& options);
-// As voxelize_scene for a picture; from the cache when the last render of this mesh used the same
-// placement.
-Result<std::shared_ptr<const LoadedGrid>> grid_to_render(TaskRun& run,
-                                                         const RequestOptions& options);
+// Name of the grid that a mesh and options give, for pictures: the key of its cache entry.
+std::string render_key(const Task& task, const RequestOptions& options);
 // Stage: render.
 Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
                                const RenderOptions& options);

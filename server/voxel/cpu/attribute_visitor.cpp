@@ -3,7 +3,7 @@
 #include <bit>
 
 #include "proto/sparse_tile.h"
-#include "server/voxel/color_tables.h"
+#include "server/grid/color_tables.h"
 #include "shaders/glsl.h"
 
 namespace voxeld {

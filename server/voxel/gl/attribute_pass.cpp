@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "server/voxel/color_tables.h"
+#include "server/grid/color_tables.h"
 #include "server/voxel/gl/touch_pass.h"
 #include "server/voxel/mip_chain.h"
 #include "shaders/shared/attributes.h"

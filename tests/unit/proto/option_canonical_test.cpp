@@ -57,6 +57,17 @@ TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {
   EXPECT_EQ(canonical_of_json(shell, OptionScope::kVoxelize), shell);
 }
 
+TEST(CanonicalOptions, levels_and_regions_are_named_in_every_scope_that_takes_them) {
+  for (const OptionScope scope : kScopes) {
+    const std::string text =
+        canonical({{"level", "2"}, {"level_rule", "any"}, {"region", "0,0,0,9,8,7"}}, scope);
+    EXPECT_NE(text.find(R"("level":2,"level_rule":"any","region":"0,0,0,9,8,7"})"),
+              std::string::npos);
+    EXPECT_EQ(canonical_of_json(text, scope), text);
+    EXPECT_EQ(canonical({{"level", "0"}, {"level_rule", "majority"}}, scope), canonical({}, scope));
+  }
+}
+
 TEST(CanonicalOptions, a_default_that_is_spelled_out_changes_nothing) {
   for (const OptionScope scope : kScopes) {
     const std::string text = canonical({}, scope);
@@ -111,6 +122,9 @@ TEST(CanonicalOptions, two_requests_that_differ_give_other_bytes) {
       {{"axes", "xyz"}},
       {{"dtype", "bool"}},
       {{"palette", "254"}},
+      {{"level", "1"}},
+      {{"level", "1"}, {"level_rule", "majority"}},
+      {{"region", "0,0,0,1,1,1"}},
   };
   std::set<std::string> texts;
   for (const OptionPairs& pairs : requests) texts.insert(canonical(pairs, OptionScope::kVoxelize));

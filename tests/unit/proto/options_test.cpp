@@ -75,6 +75,13 @@ const std::map<std::string, OptionCase>& cases() {
       {"axes", {{"zyx", "xyz"}, {"yxz", ""}, "zyx | xyz"}},
       {"dtype", {{"uint8", "bool", "float32"}, {"float64", ""}, "uint8 | bool | float32"}},
       {"palette", {{"1", "255"}, {"0", "256", ""}, "an integer from 1 to 255"}},
+      {"level", {{"0", "14"}, {"-1", "15", "", "1.5"}, "an integer from 0 to 14"}},
+      {"level_rule", {{"any", "majority"}, {"most", ""}, "any | majority"}},
+      {"region",
+       {{"0,0,0,1,1,1", "1,2,3,16384,16383,4"},
+        {"", "0,0,0,1,1", "0,0,0,1,1,1,1", "-1,0,0,1,1,1", "0,0,0,1,1,16385", "0,0,1,1,1,1",
+         "0,0,0,0.5,1,1"},
+        "x0,y0,z0,x1,y1,z1: integers from 0 to 16384, each minimum below its maximum"}},
       {"width", {{"1", "4096"}, {"0", "4097", "", "1.0"}, "an integer from 1 to 4096"}},
       {"height", {{"1", "4096"}, {"0", "4097", "", "-5"}, "an integer from 1 to 4096"}},
       {"projection",
@@ -189,6 +196,9 @@ TEST(Options, values_reach_their_fields) {
                                       {"axes", "xyz"},
                                       {"dtype", "float32"},
                                       {"palette", "7"},
+                                      {"level", "3"},
+                                      {"level_rule", "majority"},
+                                      {"region", "1,2,3,4,5,6"},
                                       {"cache", "no"},
                                       {"filename", "a.ply"}},
                                      OptionScope::kVoxelize);
@@ -207,6 +217,9 @@ TEST(Options, values_reach_their_fields) {
   EXPECT_EQ(grid.output.axes, AxisOrder::kXyz);
   EXPECT_EQ(grid.output.dtype, DType::kFloat32);
   EXPECT_EQ(grid.output.palette_max, 7);
+  EXPECT_EQ(grid.output.level, 3);
+  EXPECT_EQ(grid.output.level_rule, LevelRule::kMajority);
+  EXPECT_EQ(grid.output.region, (std::array<int, 6>{1, 2, 3, 4, 5, 6}));
   EXPECT_FALSE(grid.use_cache);
   EXPECT_EQ(grid.filename, "a.ply");
   EXPECT_EQ(parsed({{"voxel_size", "0.5"}}, OptionScope::kVoxelize).voxelize.placement.voxel_size,

@@ -10,7 +10,7 @@
 
 #include <glm/geometric.hpp>
 
-#include "server/voxel/color_tables.h"
+#include "server/grid/color_tables.h"
 
 namespace voxeld {
 namespace {

@@ -1,0 +1,89 @@
+// The cubes of one tile that are one voxel of a level of detail each. Cells lie in Morton order, and
+// so do their attributes: a cube's are a run of them, and one pass over the tile makes all sums.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+
+#include "proto/sparse_tile.h"
+#include "server/grid/tile_appender.h"
+
+namespace voxeld {
+
+// What is known of the occupied cells of one cube. Integers, so neither order nor grouping of the
+// cells changes anything.
+struct LevelSums {
+  uint64_t cells = 0;               // occupied
+  uint64_t colored = 0;             // of them, those with a colour
+  uint64_t directed = 0;            // those with a normal
+  std::array<uint64_t, 4> color{};  // R, G, B as 16-bit linear light, A as it is
+  std::array<int64_t, 3> normal{};
+
+  void add(const VoxelValues& values);
+  void add(const LevelSums& other);
+  // Mean colour in linear light, rounded as server/voxel/README.md says, and the direction of the
+  // mean normal; none where that is shorter than a thousandth.
+  VoxelValues mean() const;
+};
+
+// Adds the attributes [first, first + count) of the tile.
+void add_values(const SparseTile& tile, size_t first, size_t count, LevelSums& sums);
+
+namespace level_detail {
+
+// Calls part(group, bits) for the groups of 8^level cells of a brick that hold some, level 1 or 2.
+template <typename Part>
+void for_each_group(const BrickMask& mask, int level, Part&& part) {
+  for (uint32_t word = 0; word < 8; ++word) {
+    const uint64_t bits = mask.words[word];
+    if (bits == 0) continue;
+    if (level == 2) {
+      part(word, bits);
+      continue;
+    }
+    for (uint32_t byte = 0; byte < 8; ++byte) {
+      if (const uint64_t some = bits >> (8 * byte) & 0xff; some != 0) part(8 * word + byte, some);
+    }
+  }
+}
+
+}  // namespace level_detail
+
+// Calls emit(code, sums) for the cubes of 2^level cells to a side that hold voxels, in Morton order.
+// code: the cube's place in the tile, Morton, in cubes; from level 8 on the tile is (a part of) one
+// cube. level: 1 to 14.
+template <typename Emit>
+void for_each_level_cell(const SparseTile& tile, int level, Emit&& emit) {
+  LevelSums open;
+  uint32_t open_code = 0;
+  const auto flush = [&] {
+    if (open.cells > 0) emit(open_code, open);
+    open = {};
+  };
+  const auto add = [&](uint32_t code, uint64_t cells, size_t first) {
+    if (code != open_code) {
+      flush();
+      open_code = code;
+    }
+    open.cells += cells;
+    if (first != kNoAttributes) add_values(tile, first, static_cast<size_t>(cells), open);
+  };
+  for_each_brick(tile, [&](uint32_t brick, const BrickMask& mask, size_t first) {
+    if (level >= 3) {
+      uint64_t cells = 0;
+      for (const uint64_t word : mask.words) cells += static_cast<uint64_t>(std::popcount(word));
+      add(brick >> (3 * (std::min(level, 8) - 3)), cells, first);
+      return;
+    }
+    level_detail::for_each_group(mask, level, [&](uint32_t group, uint64_t bits) {
+      const auto cells = static_cast<uint64_t>(std::popcount(bits));
+      add(brick << (9 - 3 * level) | group, cells, first);
+      if (first != kNoAttributes) first += static_cast<size_t>(cells);
+    });
+  });
+  flush();
+}
+
+}  // namespace voxeld

@@ -1,0 +1,72 @@
+#include "server/grid/tile_appender.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace voxeld {
+namespace {
+
+constexpr uint32_t kBrickCodeBits = 9;  // of a cell in its brick
+constexpr size_t kBrickVoxels = size_t{1} << kBrickCodeBits;
+
+bool is_full(const BrickMask& mask) {
+  return std::ranges::all_of(mask.words, [](uint64_t word) { return word == ~uint64_t{0}; });
+}
+
+}  // namespace
+
+VoxelValues values_of(const SparseTile& tile, size_t index) {
+  VoxelValues values;
+  if (index == kNoAttributes) return values;
+  if (!tile.color.empty()) {
+    std::copy_n(&tile.color[4 * index], values.color.size(), values.color.begin());
+  }
+  if (!tile.normal.empty()) {
+    std::copy_n(&tile.normal[3 * index], values.normal.size(), values.normal.begin());
+  }
+  return values;
+}
+
+TileAppender::TileAppender(const std::array<int32_t, 3>& coord, const Grid& grid)
+    : has_color_(grid.has_color), has_normal_(grid.has_normal) {
+  tile_.coord = coord;
+}
+
+void TileAppender::add(uint32_t code, const VoxelValues& values) {
+  const uint32_t brick = code >> kBrickCodeBits;
+  if (!has_brick_ || brick != brick_) {
+    close_brick();
+    has_brick_ = true;
+    brick_ = brick;
+  }
+  const uint32_t bit = code & (kBrickVoxels - 1);
+  mask_.words[bit / 64] |= uint64_t{1} << (bit % 64);
+  has_values_ = has_values_ || !values.none();
+  if (has_color_) tile_.color.insert(tile_.color.end(), values.color.begin(), values.color.end());
+  if (has_normal_) {
+    tile_.normal.insert(tile_.normal.end(), values.normal.begin(), values.normal.end());
+  }
+}
+
+void TileAppender::close_brick() {
+  if (!has_brick_) return;
+  if (is_full(mask_) && !has_values_) {
+    if (has_color_) tile_.color.resize(tile_.color.size() - 4 * kBrickVoxels);
+    if (has_normal_) tile_.normal.resize(tile_.normal.size() - 3 * kBrickVoxels);
+    tile_.full.push_back({brick_, 0});
+  } else {
+    tile_.brick_morton.push_back(brick_);
+    tile_.masks.push_back(mask_);
+  }
+  mask_ = {};
+  has_values_ = false;
+}
+
+SparseTile TileAppender::finish() {
+  close_brick();
+  has_brick_ = false;
+  canonicalize(tile_);
+  return std::move(tile_);
+}
+
+}  // namespace voxeld

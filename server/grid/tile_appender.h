@@ -1,0 +1,45 @@
+// Builds a tile from voxels that come in Morton order.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "proto/sparse_tile.h"
+#include "server/grid/grid.h"
+
+namespace voxeld {
+
+// The attributes of one voxel. All zero is "none", as in bricks of which some voxels are inside a
+// solid (server/voxel/solid/merge.h).
+struct VoxelValues {
+  std::array<uint8_t, 4> color{};  // sRGB R, G, B and linear A
+  std::array<int8_t, 3> normal{};
+  bool none() const { return *this == VoxelValues{}; }
+  bool operator==(const VoxelValues&) const = default;
+};
+
+// Voxel `index` of those of a tile that have attributes; zero for channels that the tile does not
+// have, and for kNoAttributes.
+VoxelValues values_of(const SparseTile& tile, size_t index);
+
+class TileAppender {
+ public:
+  // Of `grid`, its channels count.
+  TileAppender(const std::array<int32_t, 3>& coord, const Grid& grid);
+
+  // code: of the cell in the tile, 24 bits; above that of the voxel before.
+  void add(uint32_t code, const VoxelValues& values);
+  // The tile, canonical. Entirely occupied bricks without values are full nodes.
+  SparseTile finish();
+
+ private:
+  void close_brick();
+
+  SparseTile tile_;
+  bool has_color_, has_normal_;
+  bool has_brick_ = false, has_values_ = false;
+  uint32_t brick_ = 0;
+  BrickMask mask_;
+};
+
+}  // namespace voxeld
