@@ -25,4 +25,9 @@ using glm::min;
 using glm::uint;
 using glm::uvec3;
 using std::int64_t;
+
+// The high word of a product; lib/touch_int.glsl has it for GLSL.
+inline uint umul_high(uint a, uint b) {
+  return static_cast<uint>(uint64_t{a} * b >> 32);
+}
 }  // namespace voxeld::glsl

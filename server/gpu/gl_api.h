@@ -15,6 +15,7 @@
   X(PFNGLACTIVETEXTUREPROC, ActiveTexture)                                                         \
   X(PFNGLATTACHSHADERPROC, AttachShader)                                                           \
   X(PFNGLBEGINQUERYPROC, BeginQuery)                                                               \
+  X(PFNGLBINDBUFFERPROC, BindBuffer)                                                               \
   X(PFNGLBINDBUFFERBASEPROC, BindBufferBase)                                                       \
   X(PFNGLBINDBUFFERRANGEPROC, BindBufferRange)                                                     \
   X(PFNGLBINDBUFFERSBASEPROC, BindBuffersBase)                                                     \

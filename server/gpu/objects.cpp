@@ -100,6 +100,10 @@ void Buffer::bind_uniform(uint32_t binding) const {
   context_->gl().BindBufferBase(GL_UNIFORM_BUFFER, binding, id_);
 }
 
+void Buffer::bind_indirect() const {
+  context_->gl().BindBuffer(GL_DISPATCH_INDIRECT_BUFFER, id_);
+}
+
 Status ensure_size(Buffer& buffer, const Context& context, size_t bytes, std::string_view label) {
   if (buffer.id() != 0 && buffer.size_bytes() >= bytes) return {};
   buffer = Buffer();  // the old one goes first: both need not fit at once

@@ -44,6 +44,8 @@ class Buffer {
   void bind_storage(uint32_t binding) const;
   void bind_storage(uint32_t binding, size_t offset_bytes, size_t bytes) const;
   void bind_uniform(uint32_t binding) const;
+  // For Program::dispatch_indirect().
+  void bind_indirect() const;
 
  private:
   const Context* context_ = nullptr;

@@ -67,6 +67,11 @@ void Program::dispatch(int64_t groups) const {
   context_->gl().DispatchCompute(static_cast<GLuint>(x), static_cast<GLuint>(y), 1);
 }
 
+void Program::dispatch_indirect(size_t offset_bytes) const {
+  use();
+  context_->gl().DispatchComputeIndirect(static_cast<GLintptr>(offset_bytes));
+}
+
 ShaderLibrary::ShaderLibrary(const Context& context, std::string shader_dir)
     : context_(&context), shader_dir_(std::move(shader_dir)) {}
 

@@ -29,6 +29,8 @@ class Program {
   // Work groups in x; more than dispatch_groups_max are folded into y: the shader takes
   // group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x and checks its count.
   void dispatch(int64_t groups) const;
+  // Three words of the buffer that Buffer::bind_indirect() has bound: work groups in x, y, z.
+  void dispatch_indirect(size_t offset_bytes) const;
 
  private:
   const Context* context_ = nullptr;

@@ -38,4 +38,19 @@ uint64_t compact_mask(std::span<const uint32_t> mask, uint64_t blocks, SparseTil
   return voxels;
 }
 
+uint64_t number_words(const SparseTile& tile, std::span<uint32_t> word_offsets, uint64_t& blocks) {
+  uint64_t voxels = 0;
+  blocks = 0;
+  for (size_t b = 0; b < tile.masks.size(); ++b) {
+    const size_t first = size_t{tile.brick_morton[b]} * kBrickWords;
+    blocks |= uint64_t{1} << (first / kBlockMaskWords);
+    for (size_t w = 0; w < kBrickWords; ++w) {
+      const auto word = static_cast<uint32_t>(tile.masks[b].words[w / 2] >> (32 * (w % 2)));
+      word_offsets[first + w] = static_cast<uint32_t>(voxels);
+      voxels += static_cast<uint64_t>(std::popcount(word));
+    }
+  }
+  return voxels;
+}
+
 }  // namespace voxeld

@@ -15,4 +15,8 @@ namespace voxeld {
 uint64_t compact_mask(std::span<const uint32_t> mask, uint64_t blocks, SparseTile& tile,
                       std::span<uint32_t> word_offsets);
 
+// For bricks that were compacted elsewhere: the same word_offsets of the words of `tile`, and the
+// `blocks` that its bricks are in. Returns the number of voxels.
+uint64_t number_words(const SparseTile& tile, std::span<uint32_t> word_offsets, uint64_t& blocks);
+
 }  // namespace voxeld

@@ -15,7 +15,7 @@ namespace voxeld {
 // Which program variant runs an item; see shaders/lib/touch.glsl.
 enum class TouchClass : uint8_t {
   kRows,   // small, and the bounding box is a row of cells: all touched, nothing to test
-  kSmall,  // at most 4 voxels wide: 32-bit plane test; at most 5 x 5 columns, one item
+  kSmall,  // at most 15 voxels wide (4 with small items): 32-bit plane test, one item
   kLarge,  // 64-bit plane test
 };
 inline constexpr size_t kTouchClassCount = 3;

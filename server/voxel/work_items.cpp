@@ -9,7 +9,12 @@
 namespace voxeld {
 namespace {
 
-constexpr int kSmallExtent = 1024;  // TOUCH_SMALL_EXTENT of shaders/lib/touch.glsl
+// Extent of small triangles: one item of at most as many columns as large ones get, or of 5. 32 bits
+// hold TOUCH_SMALL_EXTENT of shaders/lib/touch.glsl, which is more.
+constexpr int kSmallExtentMin = 1024;
+int small_extent(const ItemSizes& sizes) {
+  return std::max(kSmallExtentMin, (sizes.block_columns - 1) * kSubVoxelsPerVoxel);
+}
 // Columns to a side of an item whose columns may be as deep as the tile (triangles without area):
 // 8 * 8 * 257 iterations stay below the 65,535 that software drivers run.
 constexpr int kDeepBlockColumns = 8;
@@ -128,7 +133,7 @@ void ItemMaker::add(const std::array<glm::ivec3, 3>& q, int axis, uint32_t trian
   const glm::ivec3 cells = (high >> 8) - (low >> 8);
   const glm::ivec3 extent = high - low;
   auto touch_class = TouchClass::kLarge;
-  if (std::max({extent.x, extent.y, extent.z}) <= kSmallExtent) {
+  if (std::max({extent.x, extent.y, extent.z}) <= small_extent(sizes_)) {
     const bool is_row = (cells.x != 0) + (cells.y != 0) + (cells.z != 0) <= 1;
     touch_class = is_row ? TouchClass::kRows : TouchClass::kSmall;
   }

@@ -34,17 +34,34 @@ ivec3 line_edge(int x, int y, int dx, int dy, int side) {
   return ivec3(a, b, (sum >> 9) - a * (x >> 8) - b * (y >> 8));
 }
 
+// 512 times n.(centre - vertex) of the vertex's cell, for centres of its floor; a 512th, rounded up.
+TOUCH_INT line_reach(TOUCH_INT3 n, ivec3 v) {
+  ivec3 m = ivec3(255 - 2 * (v.x & 255), 255 - 2 * (v.y & 255), -(2 * (v.z & 255) + 1));
+  if (touch_is_negative(n.x)) m.x = -m.x;
+  if (touch_is_negative(n.y)) m.y = -m.y;
+  TOUCH_INT x = touch_amount(n.x), y = touch_amount(n.y);
+  TOUCH_INT sum = touch_plus(touch_times(touch_shifted9(x), m.x),
+                             touch_plus(touch_times(touch_shifted9(y), m.y),
+                                        touch_times(touch_shifted9(n.z), m.z)));
+  int rest = touch_low9(x) * m.x + touch_low9(y) * m.y + touch_low9(n.z) * m.z + 511;
+  return touch_plus(sum, touch_int(rest >> 9));
+}
+
 // Vertices turned. The sums are no larger than those of touch_setup().
 LinesAlong lines_along(ivec3 v0, ivec3 v1, ivec3 v2) {
   LinesAlong t;
   ivec3 d0 = v1 - v0;
   ivec3 d1 = v2 - v1;
   ivec3 d2 = v0 - v2;
-  TOUCH_INT3 n = TOUCH_INT3(TOUCH_INT(d0.y) * TOUCH_INT(d1.z) - TOUCH_INT(d0.z) * TOUCH_INT(d1.y),
-                            TOUCH_INT(d0.z) * TOUCH_INT(d1.x) - TOUCH_INT(d0.x) * TOUCH_INT(d1.z),
-                            TOUCH_INT(d0.x) * TOUCH_INT(d1.y) - TOUCH_INT(d0.y) * TOUCH_INT(d1.x));
-  int side = n.z >= TOUCH_INT(0) ? 1 : -1;
-  if (n.z < TOUCH_INT(0)) n = -n;
+  TOUCH_INT3 n;
+  n.x = touch_det(d0.y, d1.z, d0.z, d1.y);
+  n.y = touch_det(d0.z, d1.x, d0.x, d1.z);
+  n.z = touch_det(d0.x, d1.y, d0.y, d1.x);
+  int side = touch_is_negative(n.z) ? -1 : 1;
+  // By a product: llvmpipe of Mesa 22.3.6 negates 64-bit integers wrongly under a condition.
+  n.x = touch_times(n.x, side);
+  n.y = touch_times(n.y, side);
+  n.z = touch_times(n.z, side);
   t.v0 = v0;
   t.v1 = v1;
   t.v2 = v2;
@@ -52,11 +69,10 @@ LinesAlong lines_along(ivec3 v0, ivec3 v1, ivec3 v2) {
   t.edge1 = line_edge(v1.x, v1.y, d1.x, d1.y, side);
   t.edge2 = line_edge(v2.x, v2.y, d2.x, d2.y, side);
   t.normal = n;
-  // A 512th, rounded up.
-  TOUCH_INT sum = n.x * TOUCH_INT(255 - 2 * (v0.x & 255)) +
-                  n.y * TOUCH_INT(255 - 2 * (v0.y & 255)) - n.z * TOUCH_INT(2 * (v0.z & 255) + 1);
-  t.plane = ((sum + TOUCH_INT(511)) >> 9) -
-            (n.x * TOUCH_INT(v0.x >> 8) + n.y * TOUCH_INT(v0.y >> 8) + n.z * TOUCH_INT(v0.z >> 8));
+  t.plane = touch_minus(
+      line_reach(n, v0),
+      touch_plus(touch_times(n.x, v0.x >> 8),
+                 touch_plus(touch_times(n.y, v0.y >> 8), touch_times(n.z, v0.z >> 8))));
   return t;
 }
 
@@ -69,11 +85,13 @@ int edge_on_ends(ivec3 p, ivec3 e, int i, int k) {
   // Signs in 32 bits: negated under a condition as 64-bit integers, dx and dz come out wrong on
   // llvmpipe of Mesa 22.3.6 (seen as wrong cells of edge-on triangles).
   int side = e.x > p.x ? 1 : -1;
-  TOUCH_INT dx = TOUCH_INT(side * (e.x - p.x));
-  TOUCH_INT dz = TOUCH_INT(side * (e.z - p.z));
+  int dx = side * (e.x - p.x);
+  int dz = side * (e.z - p.z);
   // dx times the depth above the floor of cell k, in 1/512 voxel.
-  TOUCH_INT rise = TOUCH_INT(2 * p.z + 1 - 512 * k) * dx + dz * TOUCH_INT(x - (2 * p.x + 1));
-  return (rise >= TOUCH_INT(0) ? 1 : 0) | (rise < TOUCH_INT(512) * dx ? 2 : 0);
+  TOUCH_INT rise = touch_plus(touch_times(touch_int(2 * p.z + 1 - 512 * k), dx),
+                              touch_times(touch_int(dz), x - (2 * p.x + 1)));
+  bool is_below_top = touch_is_negative(touch_minus(rise, touch_times(touch_int(512), dx)));
+  return (touch_is_negative(rise) ? 0 : 1) | (is_below_top ? 2 : 0);
 }
 #endif
 
@@ -85,7 +103,7 @@ bool line_meets(LinesAlong t, ivec3 cell) {
        (t.edge2.x * cell.x + t.edge2.y * cell.y + t.edge2.z)) < 0) {
     return false;
   }
-  if (t.normal.z == TOUCH_INT(0)) {
+  if (touch_is_zero(t.normal.z)) {
 #ifdef RULE_CENTER
     return false;
 #else
@@ -93,9 +111,12 @@ bool line_meets(LinesAlong t, ivec3 cell) {
             edge_on_ends(t.v2, t.v0, cell.x, cell.z)) == 3;
 #endif
   }
-  TOUCH_INT s = t.normal.x * TOUCH_INT(cell.x) + t.normal.y * TOUCH_INT(cell.y) +
-                t.normal.z * TOUCH_INT(cell.z) + t.plane;
-  return s <= TOUCH_INT(0) && s + t.normal.z > TOUCH_INT(0);
+  TOUCH_INT s = touch_plus(
+      touch_plus(touch_times(t.normal.x, cell.x), touch_times(t.normal.y, cell.y)),
+      touch_plus(touch_times(t.normal.z, cell.z), t.plane));
+  // s <= 0 and s + normal.z > 0
+  return touch_is_negative(touch_minus(s, touch_int(1))) &&
+         !touch_is_negative(touch_plus(s, touch_minus(t.normal.z, touch_int(1))));
 }
 
 // Vertices swizzled, as for touch_setup().

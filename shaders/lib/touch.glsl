@@ -6,15 +6,14 @@
 // boundary 256 k. All is relative to the tile's min corner and swizzled: z is the triangle's
 // dominant axis, and a column (i, j) is a stack of cells along it.
 //
-// TOUCH_INT is the integer of the plane test: int for triangles up to TOUCH_SMALL_EXTENT wide that
-// reach the tile, int64_t (at most 2^51) for all others. Everything else fits int up to 2048 cells:
-// an edge function is twice the area of a triangle in the grid's box, over 256.
-#ifndef TOUCH_INT
-#define TOUCH_INT int64_t
-#define TOUCH_INT3 i64vec3
-#endif
-// In 1/256 voxel, on each axis. Then |normal| <= 2^20 on each axis and 3 * 511 * 2^20 < 2^31.
-#define TOUCH_SMALL_EXTENT 1024
+// TOUCH_INT (lib/touch_int.glsl) is the integer of the plane test: int for triangles up to
+// TOUCH_SMALL_EXTENT wide, else int64_t or two words (at most 2^51). Everything else fits int up to
+// 2048 cells: an edge function is twice the area of a triangle in the grid's box, over 256.
+#include "shaders/lib/touch_int.glsl"
+// In 1/256 voxel, on each axis. Then |normal| <= 2^24 on each axis (twice the area of a projection,
+// which is in the box), and over the triangle's own 17 cells, from which heights are counted, sums
+// are below 3 * 17 * 2^24 + 3 * 2^24 < 2^30.
+#define TOUCH_SMALL_EXTENT 4096
 // Margin for float estimates, in cells; they err by less than 1/500, see touch_row_span.
 #define TOUCH_MARGIN 0.0078125
 
@@ -24,7 +23,8 @@ struct TouchTriangle {
   ivec3 yz0, yz1, yz2;       // the same over (j, k)
   ivec3 zx0, zx1, zx2;       // the same over (k, i)
   TOUCH_INT3 normal;         // of the plane, normal.z >= 0; zero for degenerate triangles
-  TOUCH_INT plane;           // s = normal.(i, j, k) + plane
+  TOUCH_INT plane;           // s = normal.(i, j, k - base_z) + plane
+  int base_z;                // lowest cell of the bounding box
   TOUCH_INT above, below;    // the plane meets the cell iff s + above >= 0 and s - below <= 0
   float inverse_z;           // 1 / normal.z, or 0
 };
@@ -39,23 +39,34 @@ ivec3 touch_swizzle(ivec3 v, int axis) {
 int touch_dominant_axis(ivec3 v0, ivec3 v1, ivec3 v2) {
   ivec3 d0 = v1 - v0;
   ivec3 d1 = v2 - v1;
-  int64_t x = abs(int64_t(d0.y) * int64_t(d1.z) - int64_t(d0.z) * int64_t(d1.y));
-  int64_t y = abs(int64_t(d0.z) * int64_t(d1.x) - int64_t(d0.x) * int64_t(d1.z));
-  int64_t z = abs(int64_t(d0.x) * int64_t(d1.y) - int64_t(d0.y) * int64_t(d1.x));
-  if (x == int64_t(0) && y == int64_t(0) && z == int64_t(0)) {
+  TOUCH_INT x = touch_amount(touch_det(d0.y, d1.z, d0.z, d1.y));
+  TOUCH_INT y = touch_amount(touch_det(d0.z, d1.x, d0.x, d1.z));
+  TOUCH_INT z = touch_amount(touch_det(d0.x, d1.y, d0.y, d1.x));
+  if (touch_is_zero(x) && touch_is_zero(y) && touch_is_zero(z)) {
     ivec3 extent = max(v0, max(v1, v2)) - min(v0, min(v1, v2));
-    x = int64_t(-extent.x);
-    y = int64_t(-extent.y);
-    z = int64_t(-extent.z);
+    x = touch_int(-extent.x);
+    y = touch_int(-extent.y);
+    z = touch_int(-extent.z);
   }
-  return (z >= x && z >= y) ? 2 : (x >= y ? 0 : 1);
+  if (!touch_is_negative(touch_minus(z, x)) && !touch_is_negative(touch_minus(z, y))) return 2;
+  return touch_is_negative(touch_minus(x, y)) ? 1 : 0;
 }
 
 // 512 times the largest of n * (x - vertex) over the cell's side that begins at 0, for a vertex at
 // f + 1/2 of 256 within its cell: never negative, so that >> 9 rounds down.
 int touch_reach(int n, int f) { return n >= 0 ? n * (511 - 2 * f) : -n * (2 * f + 1); }
-TOUCH_INT touch_reach_wide(TOUCH_INT n, int f) {
-  return n >= TOUCH_INT(0) ? n * TOUCH_INT(511 - 2 * f) : -n * TOUCH_INT(2 * f + 1);
+// The same for the three axes of n together, >> 9, with no product wider than n.
+TOUCH_INT touch_reach_of_plane(TOUCH_INT3 n, ivec3 f, bool is_negated) {
+  ivec3 m;
+  m.x = touch_is_negative(n.x) != is_negated ? 2 * f.x + 1 : 511 - 2 * f.x;
+  m.y = touch_is_negative(n.y) != is_negated ? 2 * f.y + 1 : 511 - 2 * f.y;
+  m.z = touch_is_negative(n.z) != is_negated ? 2 * f.z + 1 : 511 - 2 * f.z;
+  TOUCH_INT x = touch_amount(n.x), y = touch_amount(n.y), z = touch_amount(n.z);
+  TOUCH_INT sum = touch_plus(touch_times(touch_shifted9(x), m.x),
+                             touch_plus(touch_times(touch_shifted9(y), m.y),
+                                        touch_times(touch_shifted9(z), m.z)));
+  int rest = touch_low9(x) * m.x + touch_low9(y) * m.y + touch_low9(z) * m.z;
+  return touch_plus(sum, touch_int(rest >> 9));
 }
 
 // Edge function of the edge from (x, y) along (dx, dy), maximal over a cell; side = +1 for
@@ -77,13 +88,13 @@ TouchTriangle touch_setup(ivec3 v0, ivec3 v1, ivec3 v2, ivec3 cell_last) {
   ivec3 d0 = v1 - v0;
   ivec3 d1 = v2 - v1;
   ivec3 d2 = v0 - v2;
-  TOUCH_INT3 n = TOUCH_INT3(TOUCH_INT(d0.y) * TOUCH_INT(d1.z) - TOUCH_INT(d0.z) * TOUCH_INT(d1.y),
-                            TOUCH_INT(d0.z) * TOUCH_INT(d1.x) - TOUCH_INT(d0.x) * TOUCH_INT(d1.z),
-                            TOUCH_INT(d0.x) * TOUCH_INT(d1.y) - TOUCH_INT(d0.y) * TOUCH_INT(d1.x));
-  TOUCH_INT zero = TOUCH_INT(0);
-  int side_x = n.x >= zero ? 1 : -1;
-  int side_y = n.y >= zero ? 1 : -1;
-  int side_z = n.z >= zero ? 1 : -1;
+  TOUCH_INT3 n;
+  n.x = touch_det(d0.y, d1.z, d0.z, d1.y);
+  n.y = touch_det(d0.z, d1.x, d0.x, d1.z);
+  n.z = touch_det(d0.x, d1.y, d0.y, d1.x);
+  int side_x = touch_is_negative(n.x) ? -1 : 1;
+  int side_y = touch_is_negative(n.y) ? -1 : 1;
+  int side_z = touch_is_negative(n.z) ? -1 : 1;
   t.xy0 = touch_edge(v0.x, v0.y, d0.x, d0.y, side_z);
   t.xy1 = touch_edge(v1.x, v1.y, d1.x, d1.y, side_z);
   t.xy2 = touch_edge(v2.x, v2.y, d2.x, d2.y, side_z);
@@ -93,17 +104,18 @@ TouchTriangle touch_setup(ivec3 v0, ivec3 v1, ivec3 v2, ivec3 cell_last) {
   t.zx0 = touch_edge(v0.z, v0.x, d0.z, d0.x, side_y);
   t.zx1 = touch_edge(v1.z, v1.x, d1.z, d1.x, side_y);
   t.zx2 = touch_edge(v2.z, v2.x, d2.z, d2.x, side_y);
-  if (n.z < zero) n = -n;
+  // By a product: llvmpipe of Mesa 22.3.6 negates 64-bit integers wrongly under a condition.
+  n.x = touch_times(n.x, side_z);
+  n.y = touch_times(n.y, side_z);
+  n.z = touch_times(n.z, side_z);
   t.normal = n;
-  t.above = (touch_reach_wide(n.x, v0.x & 255) + touch_reach_wide(n.y, v0.y & 255) +
-             touch_reach_wide(n.z, v0.z & 255)) >>
-            9;
-  t.below = (touch_reach_wide(-n.x, v0.x & 255) + touch_reach_wide(-n.y, v0.y & 255) +
-             touch_reach_wide(-n.z, v0.z & 255)) >>
-            9;
-  t.plane =
-      -(n.x * TOUCH_INT(v0.x >> 8) + n.y * TOUCH_INT(v0.y >> 8) + n.z * TOUCH_INT(v0.z >> 8));
-  t.inverse_z = n.z == zero ? 0.0f : 1.0f / float(n.z);
+  t.above = touch_reach_of_plane(n, v0 & 255, false);
+  t.below = touch_reach_of_plane(n, v0 & 255, true);
+  t.base_z = low.z >> 8;
+  t.plane = touch_negated(touch_plus(
+      touch_times(n.x, v0.x >> 8),
+      touch_plus(touch_times(n.y, v0.y >> 8), touch_times(n.z, (v0.z >> 8) - t.base_z))));
+  t.inverse_z = touch_is_zero(n.z) ? 0.0f : 1.0f / touch_float(n.z);
   return t;
 }
 
@@ -121,20 +133,28 @@ bool touch_sides(TouchTriangle t, int i, int j, int k) {
 }
 
 TOUCH_INT touch_height(TouchTriangle t, int i, int j) {
-  return t.normal.x * TOUCH_INT(i) + t.normal.y * TOUCH_INT(j) + t.plane;
+  return touch_plus(touch_plus(touch_times(t.normal.x, i), touch_times(t.normal.y, j)), t.plane);
 }
 
 // First and last cell of a column that the plane meets, exactly. s = touch_height; low and high:
-// estimates of -(s + above) / normal.z and (below - s) / normal.z that err by less than the margin
-// (they are quotients of two rounded numbers, at most 3 * 2050 in size: 3 roundings of 2^-24). Then
-// the first cell is the estimate's or the one after it, and an integer comparison decides.
+// touch_low() and touch_high() of s, which err by less than the margin (they are quotients of two
+// rounded numbers, at most 3 * 2050 in size: 3 roundings of 2^-24, of 2^-23 in two words). Then the
+// first cell is the estimate's or the one after it, and an integer comparison decides.
 ivec2 touch_depth(TouchTriangle t, TOUCH_INT s, float low, float high) {
-  if (t.normal.z == TOUCH_INT(0)) return ivec2(t.cell_min.z, t.cell_max.z);
+  if (touch_is_zero(t.normal.z)) return ivec2(t.cell_min.z, t.cell_max.z);
   int first = int(ceil(low - TOUCH_MARGIN));
   int last = int(floor(high + TOUCH_MARGIN));
-  if (s + t.normal.z * TOUCH_INT(first) + t.above < TOUCH_INT(0)) first += 1;
-  if (s + t.normal.z * TOUCH_INT(last) - t.below > TOUCH_INT(0)) last -= 1;
-  return ivec2(max(first, t.cell_min.z), min(last, t.cell_max.z));
+  TOUCH_INT at_first = touch_plus(touch_plus(s, touch_times(t.normal.z, first)), t.above);
+  TOUCH_INT at_last = touch_minus(t.below, touch_plus(s, touch_times(t.normal.z, last)));
+  if (touch_is_negative(at_first)) first += 1;
+  if (touch_is_negative(at_last)) last -= 1;
+  return ivec2(max(first + t.base_z, t.cell_min.z), min(last + t.base_z, t.cell_max.z));
+}
+float touch_low(TouchTriangle t, TOUCH_INT s) {
+  return -touch_float(touch_plus(s, t.above)) * t.inverse_z;
+}
+float touch_high(TouchTriangle t, TOUCH_INT s) {
+  return touch_float(touch_minus(t.below, s)) * t.inverse_z;
 }
 
 // One bound of touch_row_span: the columns where a*i + rest >= 0, within [first, last]. May take in

@@ -6,7 +6,7 @@ void begin_column(TouchTriangle t, int i, int j);
 // The triangle touches cell (i, j, k) of the column begun last; k ascends.
 void visit_cell(int i, int j, int k);
 
-// first, last: estimates of touch_depth.
+// low, high: estimates for touch_depth.
 void visit_column(TouchTriangle t, int i, int j, TOUCH_INT s, float low, float high) {
   if (!touch_column(t, i, j)) return;
   ivec2 depth = touch_depth(t, s, low, high);
@@ -18,21 +18,21 @@ void visit_column(TouchTriangle t, int i, int j, TOUCH_INT s, float low, float h
 
 // Columns [first, last] in both directions.
 void visit_block(TouchTriangle t, ivec2 first, ivec2 last) {
-  float slope = -float(t.normal.x) * t.inverse_z;
+  float slope = -touch_float(t.normal.x) * t.inverse_z;
   for (int j = first.y; j <= last.y; ++j) {
     ivec2 span = touch_row_span(t, j, first.x, last.x);
     TOUCH_INT s = touch_height(t, span.x, j);
-    float low = -float(s + t.above) * t.inverse_z;
-    float high = float(t.below - s) * t.inverse_z;
+    float low = touch_low(t, s);
+    float high = touch_high(t, s);
     for (int i = span.x; i <= span.y; ++i) {
       float at = slope * float(i - span.x);
       visit_column(t, i, j, s, low + at, high + at);
-      s += t.normal.x;
+      s = touch_plus(s, t.normal.x);
     }
   }
 }
 
 void visit_one_column(TouchTriangle t, int i, int j) {
   TOUCH_INT s = touch_height(t, i, j);
-  visit_column(t, i, j, s, -float(s + t.above) * t.inverse_z, float(t.below - s) * t.inverse_z);
+  visit_column(t, i, j, s, touch_low(t, s), touch_high(t, s));
 }

@@ -15,11 +15,14 @@ constexpr int kHardwareBlockColumns = 4;
 
 }  // namespace
 
-GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders)
+GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning)
     : context_(&context),
+      tuning_(tuning),
       device_(context),
-      touch_(device_, shaders),
+      touch_(device_, shaders, tuning.has_int64(context.info())),
       attributes_(device_, shaders),
+      batch_touch_(context, shaders, tuning),
+      batch_bricks_(context, shaders),
       mask_(kTileMaskWords),
       word_offsets_(kTileMaskWords) {}
 
@@ -27,16 +30,30 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   plan_ = &plan;
   stats_ = &stats;
   timer_.emplace(*context_);
-  if (!plan.records) return {};
   Stopwatch watch;
+  if (is_batched()) {
+    VOXELD_TRY(batch_touch_.begin_job(plan.mesh, plan.spec.dims, plan.options.rule));
+    note("upload", watch.lap());
+  }
+  if (!plan.records) return {};
   VOXELD_TRY(attributes_.begin_job(plan.scene, *plan.records, plan.channels.summed));
   note("textures", watch.lap());
   return {};
 }
 
 Status GlPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
+  if (is_batched()) return run_batch(bins, tiles);
   for (const TileBin& bin : bins) VOXELD_TRY(run_tile(bin, tiles));
   return {};
+}
+
+bool GlPipeline::is_batched() const {
+  return stats_->pipeline == Pipeline::kCompute && plan_->options.rule != Rule::kNone &&
+         tuning_.wants_batches(context_->info());
+}
+
+size_t GlPipeline::batch_tiles() const {
+  return stats_ != nullptr && is_batched() ? batch_touch_.batch_tiles() : 1;
 }
 
 void GlPipeline::end_job() {
@@ -45,6 +62,7 @@ void GlPipeline::end_job() {
     timer_.reset();
   }
   attributes_.end_job();
+  batch_touch_.end_job();
   plan_ = nullptr;
   stats_ = nullptr;
 }
@@ -54,6 +72,11 @@ int64_t GlPipeline::device_bytes(const Scene& scene, const WantedChannels& chann
       static_cast<int64_t>(std::min(scene.triangle_count(), kWindowTrianglesMax));
   int64_t bytes = static_cast<int64_t>(kTileMaskBytes) + triangles * 9 * 4 +
                   static_cast<int64_t>(kWindowItemsMax * sizeof(WorkItemWords));
+  if (tuning_.wants_batches(context_->info())) {
+    bytes += batch_touch_.bytes_max(scene.vertex_count(), scene.triangle_count(),
+                                    batch_touch_.batch_tiles()) +
+             batch_bricks_.bytes_max(batch_touch_.batch_tiles());
+  }
   if (channels.any()) {
     bytes += static_cast<int64_t>(kTileMaskBytes) + triangles * ATTRIBUTE_WORDS * 4 +
              2 * std::min(static_cast<int64_t>(kSumsBytesMax), context_->info().ssbo_bytes_max);
@@ -124,6 +147,38 @@ Status GlPipeline::run_tile(const TileBin& bin, std::vector<SparseTile>& tiles) 
       std::max(stats_->device_bytes_peak, device_.bytes() + attributes_.bytes());
   if (voxels > 0) tiles.push_back(std::move(tile));
   return {};
+}
+
+// The passes' device times come from the timer; "read" is what waits for them and copies.
+Status GlPipeline::run_batch(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
+  VOXELD_TRY(batch_touch_.run(bins, *timer_));
+  Stopwatch watch;
+  VOXELD_ASSIGN(std::vector<SparseTile> found,
+                batch_bricks_.run(batch_touch_.masks(), batch_touch_.counts(), bins, *timer_));
+  note("read", watch.lap());
+  stats_->tiles += static_cast<int64_t>(bins.size());
+  stats_->work_items += batch_touch_.item_count();
+  for (size_t slot = 0; slot < bins.size(); ++slot) {
+    if (found[slot].empty()) continue;
+    if (plan_->channels.any()) VOXELD_TRY(add_attributes(bins[slot], slot, found[slot]));
+    tiles.push_back(std::move(found[slot]));
+  }
+  stats_->device_bytes_peak =
+      std::max(stats_->device_bytes_peak, device_.bytes() + attributes_.bytes() +
+                                              batch_touch_.bytes() + batch_bricks_.bytes());
+  return {};
+}
+
+// Of a tile whose mask is still on the device.
+Status GlPipeline::add_attributes(const TileBin& bin, size_t slot, SparseTile& tile) {
+  Stopwatch watch;
+  uint64_t blocks = 0;
+  const uint64_t voxels = number_words(tile, word_offsets_, blocks);
+  VOXELD_TRY(device_.begin_tile(tile_cell_max(plan_->spec, bin.coord)));
+  device_.use_mask(batch_touch_.masks(), slot * kTileMaskBytes);
+  VOXELD_TRY(attributes_.begin_tile(word_offsets_, blocks));
+  note("upload", watch.lap());
+  return sum_attributes(bin, voxels, false, tile);
 }
 
 Status GlPipeline::sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,

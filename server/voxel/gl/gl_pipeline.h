@@ -9,6 +9,9 @@
 #include "server/gpu/pass_timer.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/attribute_pass.h"
+#include "server/voxel/gl/batch_bricks.h"
+#include "server/voxel/gl/batch_touch.h"
+#include "server/voxel/gl/gl_tuning.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/gl/touch_pass.h"
 #include "server/voxel/tile_pipeline.h"
@@ -16,18 +19,24 @@
 
 namespace voxeld {
 
-// stats.pipeline of the job tells which of the two runs.
+// stats.pipeline of the job tells which of the two runs. Pipeline compute has two ways to the same
+// bytes: windows of one tile at a time, prepared on the CPU, and batches of tiles (GlTuning).
 class GlPipeline final : public TilePipeline {
  public:
-  GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders);
+  GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning = {});
 
   Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
   Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
   void end_job() override;
   int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const override;
   DeviceTraits traits() const override;
+  size_t batch_tiles() const override;
 
  private:
+  // Of the job.
+  bool is_batched() const;
+  Status run_batch(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
+  Status add_attributes(const TileBin& bin, size_t slot, SparseTile& tile);
   Status run_tile(const TileBin& bin, std::vector<SparseTile>& tiles);
   Status fill_and_upload(const TileBin& bin, size_t first, size_t& end);
   Status touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one_window);
@@ -37,9 +46,12 @@ class GlPipeline final : public TilePipeline {
   void note(std::string_view pass, double ms) { add_stage(stats_->passes, pass, ms); }
 
   gpu::Context* context_;
+  GlTuning tuning_;
   TileDevice device_;
   TouchPass touch_;
   AttributePass attributes_;
+  BatchTouch batch_touch_;
+  BatchBricks batch_bricks_;
   // Of the job.
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;

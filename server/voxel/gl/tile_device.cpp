@@ -12,7 +12,13 @@ Status TileDevice::begin_tile(const glm::ivec3& cell_max) {
   }
   cell_max_ = {cell_max.x, cell_max.y, cell_max.z, 0};
   cleared_blocks_ = 0;
+  other_mask_ = nullptr;
   return {};
+}
+
+void TileDevice::use_mask(const gpu::Buffer& masks, size_t offset_bytes) {
+  other_mask_ = &masks;
+  other_offset_ = offset_bytes;
 }
 
 Status TileDevice::upload_window(const TileWindow& window, bool with_items) {
@@ -45,7 +51,11 @@ void TileDevice::bind(const shared::VoxelizeParams& params) {
   params_.upload(0, std::span(&params, 1));
   params_.bind_uniform(VOXELIZE_PARAMS);
   triangles_.bind_storage(VOXELIZE_TRIANGLES);
-  mask_.bind_storage(VOXELIZE_MASK);
+  if (other_mask_ != nullptr) {
+    other_mask_->bind_storage(VOXELIZE_MASK, other_offset_, kTileMaskBytes);
+  } else {
+    mask_.bind_storage(VOXELIZE_MASK);
+  }
 }
 
 void TileDevice::run_items(const gpu::Program& program, size_t first, size_t count,

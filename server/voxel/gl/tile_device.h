@@ -23,6 +23,8 @@ class TileDevice {
   explicit TileDevice(const gpu::Context& context) : context_(&context) {}
 
   Status begin_tile(const glm::ivec3& cell_max);
+  // The tile's mask stands in `masks` at `offset_bytes`, until the next begin_tile().
+  void use_mask(const gpu::Buffer& masks, size_t offset_bytes);
   // Vertices, and work items where `with_items`.
   Status upload_window(const TileWindow& window, bool with_items);
   // Zeroes the mask where `blocks` are set and were not set before in this tile.
@@ -49,6 +51,8 @@ class TileDevice {
   gpu::VertexArray vertex_array_;
   shared::ivec4 cell_max_;
   uint64_t cleared_blocks_ = 0;
+  const gpu::Buffer* other_mask_ = nullptr;  // of use_mask()
+  size_t other_offset_ = 0;
 };
 
 }  // namespace voxeld

@@ -1,15 +1,12 @@
 #include "server/voxel/gl/touch_pass.h"
 
 namespace voxeld {
-namespace {
 
-gpu::Defines rule_defines(Rule rule) {
+gpu::Defines touch_rule_defines(Rule rule) {
   if (rule == Rule::kThin) return {{"RULE_THIN", "1"}};
   if (rule == Rule::kCenter) return {{"RULE_CENTER", "1"}};
   return {};
 }
-
-}  // namespace
 
 gpu::Defines touch_class_defines(TouchClass touch_class) {
   switch (touch_class) {
@@ -25,10 +22,12 @@ gpu::Defines touch_class_defines(TouchClass touch_class) {
 
 Status TouchPass::run(const TileWindow& window, Pipeline pipeline, Rule rule) {
   if (rule == Rule::kNone) return {};
+  gpu::Defines always = touch_rule_defines(rule);
+  if (!has_int64_) always.emplace_back("NO_INT64", "1");
   if (pipeline == Pipeline::kRaster) {
-    VOXELD_ASSIGN(const gpu::Program* program,
-                  shaders_->get({{"voxelize.vert"}, {"voxelize.geom"}, {"voxelize_touch.frag"}},
-                                rule_defines(rule)));
+    VOXELD_ASSIGN(
+        const gpu::Program* program,
+        shaders_->get({{"voxelize.vert"}, {"voxelize.geom"}, {"voxelize_touch.frag"}}, always));
     VOXELD_TRY(device_->run_triangles(*program, 0, window.triangle_count(), {}));
     return device_->context().check("finding touched cells");
   }
@@ -42,8 +41,13 @@ Status TouchPass::run(const TileWindow& window, Pipeline pipeline, Rule rule) {
     }
     // By other rules than touch, triangles in one row of cells are tested like other small ones.
     const bool is_tested = rule != Rule::kTouch && touch_class == TouchClass::kRows;
-    gpu::Defines defines = touch_class_defines(is_tested ? TouchClass::kSmall : touch_class);
-    for (const auto& define : rule_defines(rule)) defines.push_back(define);
+    const TouchClass program_class = is_tested ? TouchClass::kSmall : touch_class;
+    gpu::Defines defines;
+    // Two words are what the shader takes by itself.
+    if (has_int64_ || program_class != TouchClass::kLarge) {
+      defines = touch_class_defines(program_class);
+    }
+    defines.insert(defines.end(), always.begin(), always.end());
     VOXELD_ASSIGN(const gpu::Program* program, shaders_->get({{"voxelize_touch.comp"}}, defines));
     device_->run_items(*program, first, count, {});
   }

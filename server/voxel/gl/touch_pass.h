@@ -10,11 +10,14 @@ namespace voxeld {
 
 // The defines that make a compute program for a class of triangles.
 gpu::Defines touch_class_defines(TouchClass touch_class);
+// And for a rule.
+gpu::Defines touch_rule_defines(Rule rule);
 
 class TouchPass {
  public:
-  TouchPass(TileDevice& device, gpu::ShaderLibrary& shaders)
-      : device_(&device), shaders_(&shaders) {}
+  // has_int64: 64-bit integers in shaders, else two words of 32 bits.
+  TouchPass(TileDevice& device, gpu::ShaderLibrary& shaders, bool has_int64)
+      : device_(&device), shaders_(&shaders), has_int64_(has_int64) {}
 
   // Sets the bits of the cells that the window's triangles occupy by `rule`; none sets nothing. The
   // window is uploaded and its blocks are cleared.
@@ -23,6 +26,7 @@ class TouchPass {
  private:
   TileDevice* device_;
   gpu::ShaderLibrary* shaders_;
+  bool has_int64_;
 };
 
 }  // namespace voxeld

@@ -24,15 +24,28 @@ inline Voxelizer& voxelizer() {
   return one;
 }
 
-inline Grid voxelize(const Scene& scene, VoxelizeOptions options, PipelineChoice pipeline,
-                     VoxelizeStats* stats = nullptr) {
+// Pipeline compute as hardware runs it, whatever the device is.
+inline Voxelizer& batched_voxelizer() {
+  static gpu::ShaderLibrary shaders(gpu::test_context());
+  static Voxelizer one(
+      std::make_unique<GlPipeline>(gpu::test_context(), shaders, GlTuning{.batches = true}));
+  return one;
+}
+
+inline Grid voxelize_on(Voxelizer& one, const Scene& scene, VoxelizeOptions options,
+                        PipelineChoice pipeline, VoxelizeStats* stats = nullptr) {
   options.pipeline = pipeline;
-  auto grid = voxelizer().voxelize(scene, options, {}, stats);
+  auto grid = one.voxelize(scene, options, {}, stats);
   if (!grid) {
     ADD_FAILURE() << grid.error().message();
     return {};
   }
   return std::move(grid).value();
+}
+
+inline Grid voxelize(const Scene& scene, const VoxelizeOptions& options, PipelineChoice pipeline,
+                     VoxelizeStats* stats = nullptr) {
+  return voxelize_on(voxelizer(), scene, options, pipeline, stats);
 }
 
 // Voxelizes by all pipelines, expects the same bytes, and gives one of the grids.
@@ -46,6 +59,8 @@ inline Grid voxelize_all(const Scene& scene, const VoxelizeOptions& options,
     EXPECT_EQ(compute.has_normal, grid.has_normal) << name << what;
     EXPECT_TRUE(compute.tiles == grid.tiles) << "differs from compute: " << name << what;
   }
+  const Grid batched = voxelize_on(batched_voxelizer(), scene, options, PipelineChoice::kCompute);
+  EXPECT_TRUE(compute.tiles == batched.tiles) << "differs from compute: batches: " << what;
   return compute;
 }
 

@@ -1,4 +1,5 @@
-// shaders/lib/crosshair.glsl, as C++, against the oracle: both rules in 32 and in 64 bits.
+// shaders/lib/crosshair.glsl, as C++, against the oracle: both rules in 32 and in 64 bits, and
+// in two words.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,6 +26,30 @@ namespace center_wide {
 #undef RULE_CENTER
 }  // namespace center_wide
 
+#undef TOUCH_INT
+#undef TOUCH_INT3
+#define NO_INT64
+
+namespace thin_split {
+#include "shaders/lib/touch.glsl"
+//
+#include "shaders/lib/crosshair.glsl"
+}  // namespace thin_split
+
+#undef TOUCH_INT
+#undef TOUCH_INT3
+#undef TOUCH_SPLIT
+
+namespace center_split {
+#define RULE_CENTER
+#include "shaders/lib/touch.glsl"
+//
+#include "shaders/lib/crosshair.glsl"
+#undef RULE_CENTER
+}  // namespace center_split
+
+#undef NO_INT64
+#undef TOUCH_SPLIT
 #undef TOUCH_INT
 #undef TOUCH_INT3
 #define TOUCH_INT int
@@ -120,13 +145,17 @@ void for_each_cell(const Triangle& v, const Box& box, const Visit& visit) {
 size_t expect_oracle_wide(const Triangle& v, const Box& box) {
   const auto thin = thin_wide::crosshair_setup(v[0], v[1], v[2]);
   const auto center = center_wide::crosshair_setup(v[0], v[1], v[2]);
+  const auto split_thin = thin_split::crosshair_setup(v[0], v[1], v[2]);
+  const auto split_center = center_split::crosshair_setup(v[0], v[1], v[2]);
   size_t occupied = 0;
   for_each_cell(v, box, [&](const ivec3& p) {
     const std::array<int, 3> cell = {p.x, p.y, p.z};
     const bool is_thin = reference::occupies_thin(doubled(v), cell);
     EXPECT_EQ(thin_wide::crosshair_meets(thin, p), is_thin);
-    EXPECT_EQ(center_wide::crosshair_meets(center, p),
-              reference::occupies_center(doubled(v), cell));
+    const bool is_center = reference::occupies_center(doubled(v), cell);
+    EXPECT_EQ(center_wide::crosshair_meets(center, p), is_center);
+    EXPECT_EQ(thin_split::crosshair_meets(split_thin, p), is_thin);
+    EXPECT_EQ(center_split::crosshair_meets(split_center, p), is_center);
     occupied += is_thin ? 1 : 0;
   });
   return occupied;
@@ -145,13 +174,14 @@ void expect_oracle_narrow(const Triangle& v, const Box& box) {
 
 constexpr Box kTile = {{0, 0, 0}, {255, 255, 255}};
 
-TEST(CrosshairShader, small_triangles_are_exact_in_32_and_in_64_bits) {
+TEST(CrosshairShader, small_triangles_are_exact_in_32_and_in_64_bits_and_in_two_words) {
   Triangles triangles(1);
   size_t occupied = 0;
   for (int t = 0; t < 6000; ++t) {
     const ivec3 cell(triangles.integer(-2, 257), triangles.integer(-2, 257),
                      triangles.integer(-2, 257));
-    const Triangle v = turned(triangles.make(t, cell, triangles.integer(1, 1000)));
+    const Triangle v =
+        turned(triangles.make(t, cell, triangles.integer(1, t % 3 == 0 ? 4000 : 1000)));
     occupied += expect_oracle_wide(v, kTile);
     expect_oracle_narrow(v, kTile);
     ASSERT_FALSE(HasFailure()) << "triangle " << t;
@@ -160,12 +190,14 @@ TEST(CrosshairShader, small_triangles_are_exact_in_32_and_in_64_bits) {
 }
 
 TEST(CrosshairShader, the_largest_small_triangles_do_not_overflow) {
-  // Corners of a box of 1024 at the far end of the tile: |normal| = 2^20 on all axes.
+  // Corners of the largest box at the far end of the tile: |normal| = 2^24 on all axes.
   for (int mask = 0; mask < 512; ++mask) {
     Triangle v;
     for (int i = 0; i < 3; ++i) {
       for (int c = 0; c < 3; ++c) {
-        v[static_cast<size_t>(i)][c] = 255 * 256 + 255 + ((mask >> (3 * i + c) & 1) * 1024) - 512;
+        v[static_cast<size_t>(i)][c] = 255 * 256 + 255 +
+                                       ((mask >> (3 * i + c) & 1) * TOUCH_SMALL_EXTENT) -
+                                       TOUCH_SMALL_EXTENT / 2;
       }
     }
     expect_oracle_narrow(turned(v), kTile);

@@ -26,6 +26,20 @@ void visit_cell(int i, int j, int k) {
 #include "shaders/lib/touch_columns.glsl"
 }  // namespace wide
 
+namespace split {
+#undef TOUCH_INT
+#undef TOUCH_INT3
+#define NO_INT64
+#include "shaders/lib/touch.glsl"
+void begin_column(TouchTriangle, int, int) {}
+void visit_cell(int i, int j, int k) {
+  g_visited->insert({i, j, k});
+}
+#include "shaders/lib/touch_columns.glsl"
+#undef NO_INT64
+#undef TOUCH_SPLIT
+}  // namespace split
+
 namespace narrow {
 #undef TOUCH_INT
 #undef TOUCH_INT3
@@ -47,12 +61,19 @@ struct Block {
   ivec2 first, last;
 };
 
-// Both visit the columns of `block` that the triangle's box has.
+// Each visits the columns of `block` that the triangle's box has.
 Visited visited_wide(const Triangle& v, const ivec3& cell_last, const Block& block) {
   Visited cells;
   g_visited = &cells;
   const auto t = wide::touch_setup(v[0], v[1], v[2], cell_last);
   wide::visit_block(t, max(block.first, ivec2(t.cell_min)), min(block.last, ivec2(t.cell_max)));
+  return cells;
+}
+Visited visited_split(const Triangle& v, const ivec3& cell_last, const Block& block) {
+  Visited cells;
+  g_visited = &cells;
+  const auto t = split::touch_setup(v[0], v[1], v[2], cell_last);
+  split::visit_block(t, max(block.first, ivec2(t.cell_min)), min(block.last, ivec2(t.cell_max)));
   return cells;
 }
 Visited visited_narrow(const Triangle& v, const ivec3& cell_last, const Block& block) {
@@ -133,29 +154,32 @@ Triangle turned(const Triangle& v) {
 
 constexpr Block kWholeTile = {{0, 0}, {255, 255}};
 
-TEST(TouchShader, small_triangles_are_exact_in_32_and_in_64_bits) {
+TEST(TouchShader, small_triangles_are_exact_in_32_and_in_64_bits_and_in_two_words) {
   Triangles triangles(1);
   const ivec3 cell_last(255, 255, 200);
   for (int t = 0; t < 20'000; ++t) {
     ivec3 centre;
     // Also across the tile's sides.
     for (int c = 0; c < 3; ++c) centre[c] = triangles.integer(-600, 256 * 256 + 600);
-    const Triangle v = turned(triangles.make(t, centre, triangles.integer(1, 1024)));
+    const int size = triangles.integer(1, t % 3 == 0 ? TOUCH_SMALL_EXTENT : 1024);
+    const Triangle v = turned(triangles.make(t, centre, size));
     const Visited expected = expected_cells(v, cell_last, kWholeTile);
     ASSERT_EQ(visited_narrow(v, cell_last, kWholeTile), expected) << "triangle " << t;
     ASSERT_EQ(visited_wide(v, cell_last, kWholeTile), expected) << "triangle " << t;
+    ASSERT_EQ(visited_split(v, cell_last, kWholeTile), expected) << "triangle " << t;
     ASSERT_EQ(visited_by_column(v, cell_last, kWholeTile), expected) << "triangle " << t;
   }
 }
 
 TEST(TouchShader, the_largest_small_triangles_do_not_overflow) {
-  // Corners of a box of 1024 at the far end of the tile: |normal| = 2^20 on all axes.
+  // Corners of the largest box at the far end of the tile: |normal| = 2^24 on all axes.
   const ivec3 cell_last(255);
   for (int mask = 0; mask < 512; ++mask) {
     Triangle v;
     for (int i = 0; i < 3; ++i) {
       for (int c = 0; c < 3; ++c)
-        v[i][c] = 255 * 256 + 255 + ((mask >> (3 * i + c) & 1) * 1024) - 512;
+        v[i][c] = 255 * 256 + 255 + ((mask >> (3 * i + c) & 1) * TOUCH_SMALL_EXTENT) -
+                  TOUCH_SMALL_EXTENT / 2;
     }
     v = turned(v);
     ASSERT_EQ(visited_narrow(v, cell_last, kWholeTile), expected_cells(v, cell_last, kWholeTile))
@@ -179,6 +203,7 @@ TEST(TouchShader, triangles_as_large_as_the_largest_grid_are_exact) {
     const Visited expected = expected_cells(v, cell_last, block);
     touched += expected.size();
     ASSERT_EQ(visited_wide(v, cell_last, block), expected) << "triangle " << t;
+    ASSERT_EQ(visited_split(v, cell_last, block), expected) << "triangle " << t;
     ASSERT_EQ(visited_by_column(v, cell_last, block), expected) << "triangle " << t;
   }
   EXPECT_GT(touched, 1000u);
@@ -198,6 +223,16 @@ TEST(TouchShader, the_dominant_axis_is_z_before_x_before_y_among_equals) {
   EXPECT_EQ(axis(o, ivec3(9, 4, 7), o), 1);
 }
 
+TEST(TouchShader, the_dominant_axis_is_the_same_in_two_words) {
+  Triangles triangles(4);
+  for (int t = 0; t < 20'000; ++t) {
+    const Triangle v = triangles.make(t, ivec3(0), t % 2 == 0 ? 2 * 2050 * 256 : 64);
+    ASSERT_EQ(split::touch_dominant_axis(v[0], v[1], v[2]),
+              wide::touch_dominant_axis(v[0], v[1], v[2]))
+        << "triangle " << t;
+  }
+}
+
 TEST(TouchShader, a_column_is_at_most_five_cells_deep) {
   // What the work items' iteration bound stands on.
   Triangles triangles(3);
@@ -208,8 +243,8 @@ TEST(TouchShader, a_column_is_at_most_five_cells_deep) {
     for (int j = setup.cell_min.y; j <= setup.cell_max.y; ++j) {
       for (int i = setup.cell_min.x; i <= setup.cell_max.x; ++i) {
         const int64_t s = wide::touch_height(setup, i, j);
-        const auto depth = wide::touch_depth(setup, s, -float(s + setup.above) * setup.inverse_z,
-                                             float(setup.below - s) * setup.inverse_z);
+        const auto depth =
+            wide::touch_depth(setup, s, wide::touch_low(setup, s), wide::touch_high(setup, s));
         ASSERT_LE(depth.y - depth.x + 1, 5);
       }
     }

@@ -1,0 +1,43 @@
+// Compacts the masks of a batch of tiles on the device, so that only occupied bricks are read back.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "proto/sparse_tile.h"
+#include "server/gpu/objects.h"
+#include "server/gpu/pass_timer.h"
+#include "server/gpu/shader_library.h"
+#include "server/voxel/bin.h"
+
+namespace voxeld {
+
+class BatchBricks {
+ public:
+  BatchBricks(const gpu::Context& context, gpu::ShaderLibrary& shaders)
+      : context_(&context), shaders_(&shaders) {}
+
+  // masks: a tile's per bin; counts: BatchTouch::counts(). One tile per bin, those without voxels
+  // empty; bricks in ascending order, as compact_mask() has them.
+  Result<std::vector<SparseTile>> run(const gpu::Buffer& masks, const gpu::Buffer& counts,
+                                      std::span<const TileBin> bins, gpu::PassTimer& timer);
+
+  // Of the last run.
+  int64_t read_bytes() const { return read_bytes_; }
+  // Of all buffers now.
+  int64_t bytes() const;
+  // An upper bound of bytes() for batches of `tiles`.
+  static int64_t bytes_max(size_t tiles);
+
+ private:
+  Status gather(size_t bricks, int64_t groups, gpu::PassTimer& timer);
+
+  const gpu::Context* context_;
+  gpu::ShaderLibrary* shaders_;
+  gpu::Buffer bits_, ranks_, tiles_, mortons_, bricks_, params_;
+  size_t capacity_ = 0;
+  int64_t read_bytes_ = 0;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,64 @@
+// Pipeline compute on hardware: the passes that find the occupied cells of a batch of tiles, sized
+// and fed by the device itself (shaders/shared/voxelize_batch.h).
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "proto/options.h"
+#include "server/gpu/pass_timer.h"
+#include "server/gpu/shader_library.h"
+#include "server/voxel/gl/gl_tuning.h"
+#include "server/voxel/gl/resident_mesh.h"
+#include "shaders/shared/voxelize_batch.h"
+
+namespace voxeld {
+
+class BatchTouch {
+ public:
+  BatchTouch(const gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning);
+
+  Status begin_job(const SnappedMesh& mesh, const glm::ivec3& dims, Rule rule);
+  void end_job() { mesh_.end_job(); }
+
+  // Tiles of one batch.
+  size_t batch_tiles() const;
+  // The masks of the bins' tiles, slot after slot. At most batch_tiles() bins. Runs again with
+  // larger lists, or smaller windows, where work items did not fit.
+  Status run(std::span<const TileBin> bins, gpu::PassTimer& timer);
+
+  // kTileMaskBytes per slot.
+  const gpu::Buffer& masks() const { return masks_; }
+  // BatchCounts, whose brick_count is 0 after run().
+  const gpu::Buffer& counts() const { return counts_; }
+  // Work items of the last run.
+  int64_t item_count() const { return item_count_; }
+  int64_t uploaded_bytes() const { return mesh_.uploaded_bytes(); }
+  // Of all buffers now.
+  int64_t bytes() const;
+  // An upper bound of bytes() for a job.
+  int64_t bytes_max(size_t vertices, size_t triangles, size_t tiles) const;
+  int64_t storage_bytes() const;
+
+ private:
+  struct Programs {
+    const gpu::Program *classify, *small, *large;
+  };
+  Result<Programs> programs() const;
+  Status run_windows(std::span<const TileBin> bins, size_t pairs_max, const Programs& programs,
+                     gpu::PassTimer& timer);
+  Status run_window(const PairWindow& window, bool is_first, const Programs& programs,
+                    gpu::PassTimer& timer);
+  Status upload_params(std::span<const TileBin> bins);
+
+  const gpu::Context* context_;
+  gpu::ShaderLibrary* shaders_;
+  GlTuning tuning_;
+  ResidentMesh mesh_;
+  gpu::Buffer masks_, small_, large_, counts_, params_;
+  shared::BatchParams values_{};
+  Rule rule_ = Rule::kTouch;
+  int64_t item_count_ = 0;
+};
+
+}  // namespace voxeld

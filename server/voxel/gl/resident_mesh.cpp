@@ -1,0 +1,132 @@
+#include "server/voxel/gl/resident_mesh.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "shaders/shared/voxelize_batch.h"
+
+namespace voxeld {
+namespace {
+
+static_assert(sizeof(glm::ivec3) == 12 && sizeof(SnappedTriangle) == 16);
+
+constexpr size_t kVertexBytes = sizeof(glm::ivec3);
+// A triangle that is gathered has three vertices of its own.
+constexpr size_t kGatheredBytes = 3 * kVertexBytes;
+// Pairs of a window where the mesh is resident: 64 MiB of work items, if each makes one.
+constexpr size_t kPairsMax = size_t{1} << 23;
+
+// BATCH_GROUPS.
+struct Group {
+  uint32_t first = 0;
+  uint32_t slot_and_count = 0;
+};
+
+}  // namespace
+
+std::vector<PairWindow> cut_pairs(std::span<const TileBin> bins, size_t pairs_max) {
+  std::vector<PairWindow> windows(1);
+  for (size_t slot = 0; slot < bins.size(); ++slot) {
+    for (std::span<const uint32_t> rest = bins[slot].triangles; !rest.empty();) {
+      if (windows.back().pair_count == pairs_max) windows.emplace_back();
+      PairWindow& window = windows.back();
+      const size_t count = std::min(rest.size(), pairs_max - window.pair_count);
+      window.parts.push_back({static_cast<uint32_t>(slot), rest.first(count)});
+      window.pair_count += count;
+      rest = rest.subspan(count);
+    }
+  }
+  return windows;
+}
+
+Status ResidentMesh::begin_job(const SnappedMesh& mesh, int64_t storage_bytes) {
+  mesh_ = &mesh;
+  uploaded_bytes_ = 0;
+  const auto limit = static_cast<size_t>(storage_bytes);
+  const auto vertices = std::span<const glm::ivec3>(mesh.vertices.data(), mesh.vertices.size());
+  const auto triangles =
+      std::span<const SnappedTriangle>(mesh.triangles.data(), mesh.triangles.size());
+  is_resident_ = vertices.size_bytes() <= limit && triangles.size_bytes() <= limit;
+  pairs_max_ = std::max<size_t>(1, std::min(kPairsMax, limit / kGatheredBytes));
+  if (!is_resident_) return {};
+  VOXELD_TRY(gpu::ensure_size(vertices_, *context_, vertices.size_bytes(), "vertices"));
+  VOXELD_TRY(gpu::ensure_size(triangles_, *context_, triangles.size_bytes(), "triangles"));
+  vertices_.upload(0, vertices);
+  triangles_.upload(0, triangles);
+  uploaded_bytes_ = static_cast<int64_t>(vertices.size_bytes() + triangles.size_bytes());
+  return context_->check("uploading the mesh");
+}
+
+void ResidentMesh::end_job() {
+  mesh_ = nullptr;
+}
+
+Status ResidentMesh::upload(const PairWindow& window) {
+  VOXELD_TRY(gpu::ensure_size(pairs_, *context_, 4 * window.pair_count, "pairs"));
+  VOXELD_TRY(upload_groups(window));
+  if (!is_resident_) return upload_gathered(window);
+  size_t at = 0;
+  for (const PairWindow::Part& part : window.parts) {
+    pairs_.upload(at, part.triangles);
+    at += part.triangles.size_bytes();
+  }
+  return context_->check("uploading pairs");
+}
+
+Status ResidentMesh::upload_groups(const PairWindow& window) {
+  std::vector<Group> groups;
+  uint32_t first = 0;
+  for (const PairWindow::Part& part : window.parts) {
+    for (size_t done = 0; done < part.triangles.size(); done += BATCH_GROUP_SIZE) {
+      const size_t count = std::min<size_t>(part.triangles.size() - done, BATCH_GROUP_SIZE);
+      groups.push_back({first, part.slot | static_cast<uint32_t>(count - 1) << 8});
+      first += static_cast<uint32_t>(count);
+    }
+  }
+  group_count_ = groups.size();
+  const auto words = std::span<const Group>(groups);
+  VOXELD_TRY(gpu::ensure_size(groups_, *context_, words.size_bytes(), "groups of pairs"));
+  groups_.upload(0, words);
+  uploaded_bytes_ = static_cast<int64_t>(4 * window.pair_count + words.size_bytes());
+  return {};
+}
+
+Status ResidentMesh::upload_gathered(const PairWindow& window) {
+  std::vector<glm::ivec3> vertices;
+  std::vector<SnappedTriangle> triangles;
+  vertices.reserve(3 * window.pair_count);
+  triangles.reserve(window.pair_count);
+  for (const PairWindow::Part& part : window.parts) {
+    for (const uint32_t index : part.triangles) {
+      const SnappedTriangle& triangle = mesh_->triangles[index];
+      const auto first = static_cast<uint32_t>(vertices.size());
+      for (const uint32_t vertex : triangle.vertices) vertices.push_back(mesh_->vertices[vertex]);
+      triangles.push_back({{first, first + 1, first + 2}, triangle.part});
+    }
+  }
+  std::vector<uint32_t> pairs(window.pair_count);
+  std::iota(pairs.begin(), pairs.end(), 0u);
+  const auto vertex_words = std::span<const glm::ivec3>(vertices);
+  const auto triangle_words = std::span<const SnappedTriangle>(triangles);
+  VOXELD_TRY(gpu::ensure_size(vertices_, *context_, vertex_words.size_bytes(), "vertices"));
+  VOXELD_TRY(gpu::ensure_size(triangles_, *context_, triangle_words.size_bytes(), "triangles"));
+  vertices_.upload(0, vertex_words);
+  triangles_.upload(0, triangle_words);
+  pairs_.upload(0, std::span<const uint32_t>(pairs));
+  uploaded_bytes_ += static_cast<int64_t>(vertex_words.size_bytes() + triangle_words.size_bytes());
+  return context_->check("uploading a window of triangles");
+}
+
+void ResidentMesh::bind() const {
+  vertices_.bind_storage(BATCH_VERTICES);
+  triangles_.bind_storage(BATCH_TRIANGLES);
+  pairs_.bind_storage(BATCH_PAIRS);
+  groups_.bind_storage(BATCH_GROUPS);
+}
+
+int64_t ResidentMesh::bytes() const {
+  return static_cast<int64_t>(vertices_.size_bytes() + triangles_.size_bytes() +
+                              pairs_.size_bytes() + groups_.size_bytes());
+}
+
+}  // namespace voxeld

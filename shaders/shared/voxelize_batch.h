@@ -1,0 +1,83 @@
+// Parameters, bindings and lists of the passes that find the occupied cells of a batch of tiles
+// with nothing prepared per triangle on the CPU, read by C++ and GLSL. The passes, in order:
+//   batch_classify  clears the masks; pairs of a triangle and a tile -> work items, in two lists
+//   batch_touch     work items -> bits of the masks; once for each list
+//   batch_bricks    masks -> which bricks are occupied
+//   batch_scan      -> how many are before each
+//   batch_gather    -> the occupied bricks alone
+#ifdef __cplusplus
+#pragma once
+#endif
+#include "shaders/shared/types.h"
+
+// Storage buffers.
+#define BATCH_VERTICES 0   // 3 ints per vertex: q in grid space, 1/256 voxel
+#define BATCH_TRIANGLES 1  // uvec4 per triangle: three vertices, and the part
+#define BATCH_PAIRS 2      // uint per pair of a tile and a triangle: the triangle; tile after tile
+#define BATCH_GROUPS 3     // uvec2 per group of pairs: the first; slot | (pairs - 1) << 8
+#define BATCH_MASKS 4      // per slot: the tile's mask, VOXELIZE_MASK of voxelize.h
+#define BATCH_SMALL 5      // uvec2 per work item for 32-bit integers; layout below
+#define BATCH_LARGE 6      // uvec2 per work item for wider ones
+#define BATCH_COUNTS 7     // BatchCounts
+// Of batch_touch instead of BATCH_SMALL and BATCH_LARGE.
+#define BATCH_ITEMS 5
+// Of the brick passes, beside BATCH_MASKS and BATCH_COUNTS.
+#define BATCH_BRICK_BITS 0  // uint per 32 bricks of a slot: occupied ones
+#define BATCH_BRICK_RANKS \
+  1                      // uint per 32 bricks of a slot: occupied bricks of the slot before them
+#define BATCH_TILES 2    // BatchTile per slot
+#define BATCH_MORTONS 3  // uint per occupied brick, ascending within a tile
+#define BATCH_BRICKS 5   // 16 uints per occupied brick
+// Uniform buffer.
+#define BATCH_PARAMS 0
+
+#define BATCH_GROUP_SIZE 64       // invocations of a work group, and pairs of one
+#define BATCH_SLOTS_MAX 64        // tiles of a batch: 6 bits of a work item
+#define BATCH_CLEAR_VECTORS 1024  // uvec4 of the masks that one group of batch_classify clears
+#define BATCH_BLOCK_COLUMNS 8     // to a side of a work item: 64 columns of at most 257 cells
+#define BATCH_TILE_MASK_WORDS 524288
+#define BATCH_TILE_BRICKS 32768
+#define BATCH_TILE_BRICK_WORDS 1024
+#define BATCH_SCAN_SIZE 256  // invocations of batch_scan, which takes a tile in one group
+// More groups than this in x are folded into y; OpenGL has 65,535 on each axis.
+#define BATCH_FOLD 32768
+
+// A work item: x = triangle; y as VOXELIZE_ITEM_... in voxelize.h, and the slot from here on.
+#define BATCH_ITEM_SLOT_SHIFT 26
+
+VOXELD_SHARED_BEGIN
+
+struct BatchParams {
+  ivec4 dims;           // xyz: cells of the grid; w unused
+  uint group_count;     // groups of pairs
+  uint clear_vectors;   // uvec4 of the masks to clear; 0 after the first window of a batch
+  uint small_capacity;  // work items that the lists hold; more are counted and not written
+  uint large_capacity;
+  uint slot_count;
+  uint brick_capacity;  // occupied bricks that fit, as with work items
+  uint padding0, padding1;
+  ivec4 tiles[BATCH_SLOTS_MAX];  // xyz: the tile's first cell in the grid; w unused
+};
+
+// x, y, z: arguments of an indirect dispatch. The first two lines are reset for each window.
+struct BatchCounts {
+  uint small_count, small_x, small_y, small_z;
+  uint large_count, large_x, large_y, large_z;
+  uint small_needed, large_needed;  // largest counts of all windows
+  uint item_count;                  // of all windows
+  uint brick_count;                 // of all tiles
+};
+
+struct BatchTile {
+  uint brick_first;  // place of the tile's bricks among those of the batch
+  uint brick_count;
+};
+
+VOXELD_SHARED_END
+
+#ifdef __cplusplus
+static_assert(offsetof(voxeld::shared::BatchParams, group_count) == 16);
+static_assert(offsetof(voxeld::shared::BatchParams, tiles) == 48);
+static_assert(sizeof(voxeld::shared::BatchCounts) == 48);
+static_assert(sizeof(voxeld::shared::BatchTile) == 8);
+#endif

@@ -1,0 +1,128 @@
+// Pipeline compute in batches of tiles, as hardware runs it: every arithmetic, size of batch and
+// way to hold the mesh gives the bytes of pipeline cpu.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "tests/gpu/voxel/pipelines.h"
+
+namespace voxeld::pipelines {
+namespace {
+
+struct Forced {
+  std::string name;
+  GlTuning tuning;
+};
+
+std::vector<Forced> forced_tunings() {
+  return {{"64-bit integers", {.batches = true, .int64 = true}},
+          {"two words", {.batches = true, .int64 = false}},
+          {"one tile at a time", {.batches = true, .batch_tiles = 1}},
+          {"five tiles at a time, two words", {.batches = true, .int64 = false, .batch_tiles = 5}},
+          // Neither the mesh nor the lists of work items fit.
+          {"small buffers", {.batches = true, .storage_bytes = 1 << 16}},
+          {"windows, two words", {.batches = false, .int64 = false}}};
+}
+
+void expect_same(const Scene& scene, const VoxelizeOptions& options, size_t voxels_min) {
+  const Grid expected = voxelize(scene, options, PipelineChoice::kCpu);
+  EXPECT_GT(voxel_count(expected), voxels_min);
+  for (const Forced& forced : forced_tunings()) {
+    gpu::ShaderLibrary shaders(gpu::test_context());
+    Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shaders, forced.tuning));
+    const Grid grid = voxelize_on(one, scene, options, PipelineChoice::kCompute);
+    EXPECT_TRUE(grid.tiles == expected.tiles) << forced.name;
+  }
+}
+
+TEST(Batches, every_tuning_gives_the_same_bytes_for_soups) {
+  const Scene scene = soup(61, {.count = 3000, .extent = 64, .size_max = 30, .colors = true});
+  for (const Rule rule : {Rule::kTouch, Rule::kThin, Rule::kCenter}) {
+    VoxelizeOptions options = unit_cells({64, 64, 64});
+    options.color = ColorMode::kNone;
+    options.rule = rule;
+    expect_same(scene, options, 10'000);
+  }
+}
+
+TEST(Batches, every_tuning_gives_the_same_bytes_across_tiles) {
+  const Scene scene = soup(62, {.count = 400, .extent = 600, .size_max = 500});
+  VoxelizeOptions options = unit_cells({600, 600, 600});
+  options.color = ColorMode::kNone;
+  expect_same(scene, options, 1'000'000);
+}
+
+TEST(Batches, every_tuning_gives_the_same_attributes) {
+  const Scene scene = soup(63, {.count = 600, .extent = 300, .size_max = 60, .colors = true});
+  VoxelizeOptions options = unit_cells({300, 300, 300});
+  options.channels_given = options.channel_color = options.channel_normal = true;
+  const Grid expected = voxelize(scene, options, PipelineChoice::kCpu);
+  for (const size_t tiles : {1u, 3u, 64u}) {
+    gpu::ShaderLibrary shaders(gpu::test_context());
+    Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shaders,
+                                               GlTuning{.batches = true, .batch_tiles = tiles}));
+    const Grid grid = voxelize_on(one, scene, options, PipelineChoice::kCompute);
+    EXPECT_TRUE(grid.tiles == expected.tiles) << tiles;
+  }
+}
+
+TEST(Batches, raster_without_64_bit_integers_gives_the_same_bytes) {
+  const Scene scene = soup(64, {.count = 1500, .extent = 80, .size_max = 60});
+  gpu::ShaderLibrary shaders(gpu::test_context());
+  Voxelizer one(
+      std::make_unique<GlPipeline>(gpu::test_context(), shaders, GlTuning{.int64 = false}));
+  for (const Rule rule : {Rule::kTouch, Rule::kThin, Rule::kCenter}) {
+    VoxelizeOptions options = unit_cells({80, 80, 80});
+    options.color = ColorMode::kNone;
+    options.rule = rule;
+    const Grid grid = voxelize_on(one, scene, options, PipelineChoice::kRaster);
+    EXPECT_TRUE(grid.tiles == voxelize(scene, options, PipelineChoice::kCpu).tiles);
+  }
+}
+
+TEST(Batches, a_triangle_in_many_tiles_is_whole) {
+  MeshPart part;
+  add_quad(part, {glm::dvec3(0, 0, 0), {1024, 0, 512}, {1024, 1024, 1024}, {0, 1024, 512}});
+  VoxelizeOptions options = unit_cells({1024, 1024, 1024});
+  options.color = ColorMode::kNone;
+  const Scene scene = scene_of(std::move(part));
+  VoxelizeStats stats;
+  const Grid grid =
+      voxelize_on(batched_voxelizer(), scene, options, PipelineChoice::kCompute, &stats);
+  EXPECT_TRUE(grid.tiles == voxelize(scene, options, PipelineChoice::kCpu).tiles);
+  // 128 x 128 blocks of 8 x 8 columns, of one triangle or both.
+  EXPECT_GE(stats.work_items, 128 * 128);
+  EXPECT_LE(stats.work_items, 2 * 128 * 128 + 4 * 4 * 128);
+}
+
+TEST(Batches, passes_are_named_and_progress_goes_by_batches) {
+  const Scene scene = soup(65, {.count = 300, .extent = 600, .size_max = 100});
+  VoxelizeOptions options = unit_cells({600, 600, 600});
+  options.color = ColorMode::kNone;
+  options.pipeline = PipelineChoice::kCompute;
+  gpu::ShaderLibrary shaders(gpu::test_context());
+  Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shaders,
+                                             GlTuning{.batches = true, .batch_tiles = 8}));
+  std::vector<int64_t> seen;
+  VoxelizeStats stats;
+  auto grid = one.voxelize(
+      scene, options,
+      [&](int64_t done, int64_t) {
+        seen.push_back(done);
+        return true;
+      },
+      &stats);
+  ASSERT_TRUE(grid.ok()) << grid.error().message();
+  EXPECT_EQ(seen, (std::vector<int64_t>{0, 8, 16, 24, 27}));
+  for (const char* pass : {"classify", "small", "large", "bricks", "gather"}) {
+    EXPECT_EQ(std::ranges::count_if(stats.passes, [&](const auto& p) { return p.first == pass; }),
+              1)
+        << pass;
+  }
+  EXPECT_LE(stats.device_bytes_peak, one.estimate(scene, options)->device_bytes);
+}
+
+}  // namespace
+}  // namespace voxeld::pipelines
