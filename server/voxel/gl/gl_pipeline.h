@@ -9,6 +9,7 @@
 #include "server/gpu/pass_timer.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/attribute_pass.h"
+#include "server/voxel/gl/gl_inside.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/gl/touch_pass.h"
 #include "server/voxel/tile_pipeline.h"
@@ -17,7 +18,7 @@
 namespace voxeld {
 
 // stats.pipeline of the job tells which of the two runs.
-class GlPipeline final : public TilePipeline {
+class GlPipeline final : public TilePipeline, public DeviceInside {
  public:
   GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders);
 
@@ -26,6 +27,11 @@ class GlPipeline final : public TilePipeline {
   void end_job() override;
   int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const override;
   DeviceTraits traits() const override;
+
+  Status find_inside(const InsideJob& job, const ColumnProgress& progress,
+                     std::vector<SparseTile>& tiles, AxisVotes& votes,
+                     VoxelizeStats& stats) override;
+  int64_t inside_bytes(const glm::ivec3& dims, Sign sign) const override;
 
  private:
   Status run_tile(const TileBin& bin, std::vector<SparseTile>& tiles);
@@ -40,6 +46,7 @@ class GlPipeline final : public TilePipeline {
   TileDevice device_;
   TouchPass touch_;
   AttributePass attributes_;
+  GlInside inside_;
   // Of the job.
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;

@@ -23,23 +23,6 @@ int64_t count_bits(const BrickRow& rows) {
   return count;
 }
 
-// Of the brick's cells, those that the surface does not have.
-int64_t count_beside(const BrickMask& cells, const SparseTile* surface, uint32_t morton) {
-  BrickMask taken;
-  if (surface != nullptr) {
-    const auto brick = std::ranges::lower_bound(surface->brick_morton, morton);
-    if (brick != surface->brick_morton.end() && *brick == morton) {
-      taken = surface->masks[static_cast<size_t>(brick - surface->brick_morton.begin())];
-    }
-    for (const FullNode& node : surface->full) {
-      if (morton - node.brick_morton < node.brick_count()) return 0;
-    }
-  }
-  int64_t count = 0;
-  for (size_t w = 0; w < 8; ++w) count += std::popcount(cells.words[w] & ~taken.words[w]);
-  return count;
-}
-
 bool is_whole(const TileExtent& extent) {
   return std::ranges::all_of(extent.size, [](int side) { return side == limits::kTileSide; });
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/solid/device_inside.h"
 #include "server/voxel/solid/inside.h"
 #include "server/voxel/tile_pipeline.h"
 
@@ -14,7 +15,10 @@ namespace voxeld {
 // One thread.
 class SolidFiller {
  public:
-  explicit SolidFiller(WorkerPool& pool) : pool_(pool) {}
+  // `device`: finds the inside where it is given; otherwise the pool's threads do. What remains
+  // theirs: sign=flood, the distances of shells, and uniting.
+  explicit SolidFiller(WorkerPool& pool, DeviceInside* device = nullptr)
+      : pool_(pool), device_(device) {}
 
   // Makes the tiles that rule=touch gives, without attributes, in any order.
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
@@ -35,9 +39,10 @@ class SolidFiller {
   Result<std::vector<SparseTile>> inside(const VoxelizePlan& plan, const FillMesh& mesh,
                                          const TouchTiles& touch, const ColumnProgress& progress,
                                          const std::vector<SparseTile>& surface, Sign sign,
-                                         AxisVotes& votes);
+                                         AxisVotes& votes, VoxelizeStats& stats);
 
   WorkerPool& pool_;
+  DeviceInside* device_;
 };
 
 }  // namespace voxeld
