@@ -1,5 +1,5 @@
-// The bits of columns become a tile's mask in Morton order, a word of 4x4x2 cells for each
-// invocation. SOLID_VOTE: two of three axes, and the cells on which they disagree. SOLID_MIX: where
+// The bits of columns become a tile's mask in Morton order, words of 4x4x2 cells. One invocation
+// makes 16, one above the other, of which most are empty or full. SOLID_VOTE: two of three axes, and the cells on which they disagree. SOLID_MIX: where
 // they do, the cells of SOLID_VOLUME_Z instead.
 #include "shared/solid.h"
 
@@ -16,15 +16,14 @@ layout(std430, binding = SOLID_VOLUME_Y) readonly buffer VolumeY { uint volume_y
 layout(std430, binding = SOLID_DISAGREE) buffer Disagree { uint disagree[]; };
 #endif
 
-const uint kWords = 524288u;      // of the mask
+const uint kRuns = 32768u;        // invocations of a tile
 const uint kBlockWords = 8192u;   // of 64^3 cells
 
-// Every third bit.
-uint compact_bits(uint v) {
-  v &= 0x249249u;
-  v = (v | (v >> 2)) & 0x0c30c3u;
-  v = (v | (v >> 4)) & 0x00f00fu;
-  return (v | (v >> 8)) & 0x0000ffu;
+// To every third bit.
+uint spread_bits(uint v) {
+  v = (v | (v << 8)) & 0x00f00fu;
+  v = (v | (v << 4)) & 0x0c30c3u;
+  return (v | (v << 2)) & 0x249249u;
 }
 
 // Bits of a word of 4x4x2 cells: x0 y0 z0 x1 y1.
@@ -87,12 +86,22 @@ void note(uint flag, uint cells) {
   if ((flags[flag] & news) != news) atomicOr(flags[flag], news);
 }
 
-void main() {
-  uint group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
-  uint word = group * uint(SOLID_GROUP_SIZE) + gl_LocalInvocationIndex;
-  if (word >= kWords) return;
-  uint code = word << 5;
-  ivec3 base = ivec3(compact_bits(code), compact_bits(code >> 1), compact_bits(code >> 2));
+// Whether 32 cells of 4x4 columns along z are all outside (0) or all inside (1); 2: neither.
+int uniform_along_z(ivec3 base) {
+  int at = (base.z >> 5) * SOLID_TILE_COLUMNS + base.y * SOLID_TILE_CELLS + base.x;
+  uint any = 0u, all = ~0u;
+  for (int n = 0; n < 16; ++n) {
+    uint bits = volume_z[at + (n >> 2) * SOLID_TILE_CELLS + (n & 3)];
+    any |= bits;
+    all &= bits;
+  }
+  return any == 0u ? 0 : (all == ~0u ? 1 : 2);
+}
+
+void make_word(ivec3 base, int state) {
+  uint word = (spread_bits(uint(base.x)) | (spread_bits(uint(base.y)) << 1) |
+               (spread_bits(uint(base.z)) << 2)) >>
+              5;
   uint block = word / kBlockWords;
 #ifdef SOLID_MIX
   uint doubtful = disagree[word];
@@ -103,7 +112,8 @@ void main() {
   }
 #else
   uint in_grid = grid_cells(base);
-  uint cells = in_grid == 0u ? 0u : cells_along_z(base) & in_grid;
+  uint cells = state == 2 ? cells_along_z(base) : 0u - uint(state);
+  cells &= in_grid;
 #ifdef SOLID_VOTE
   uint x = in_grid == 0u ? 0u : cells_along_x(base) & in_grid;
   uint y = in_grid == 0u ? 0u : cells_along_y(base) & in_grid;
@@ -117,4 +127,17 @@ void main() {
   mask[word] = cells;
 #endif
   note(uint(SOLID_FLAG_CELLS) + block, cells);
+}
+
+void main() {
+  uint group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
+  uint index = group * uint(SOLID_GROUP_SIZE) + gl_LocalInvocationIndex;
+  if (index >= kRuns) return;
+  ivec3 base = ivec3(index & 63u, (index >> 6) & 63u, index >> 12) * ivec3(4, 4, 32);
+#ifdef SOLID_MIX
+  int state = 2;
+#else
+  int state = any(greaterThanEqual(base, params.cells.xyz)) ? 0 : uniform_along_z(base);
+#endif
+  for (int pair = 0; pair < 16; ++pair) make_word(base + ivec3(0, 0, 2 * pair), state);
 }

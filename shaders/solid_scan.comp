@@ -13,36 +13,50 @@ layout(std430, binding = SOLID_CARRIES) buffer Carries { int carries[]; };
 layout(std430, binding = SOLID_COUNTS) buffer Counts { int counts[]; };
 layout(std430, binding = SOLID_THRESHOLDS) readonly buffer Thresholds { int thresholds[]; };
 
-bool is_inside(int sum, int column, int cell) {
+bool is_inside(int sum, int threshold) {
 #ifdef SOLID_NONZERO
   return sum != 0;
 #else
-  if (params.has_thresholds == 0) return sum >= 1;
-  int x = column & 255;
-  int y = column >> 8;
-  int one = thresholds[((cell >> 3) * 32 + (y >> 3)) * 32 + (x >> 3)];
-  if (one >= SOLID_MIXED) {
-    one = thresholds[SOLID_SLAB_BRICKS + (one - SOLID_MIXED) * 512 +
-                     ((cell & 7) * 8 + (y & 7)) * 8 + (x & 7)];
-  }
-  return sum >= one;
+  return sum >= threshold;
 #endif
+}
+
+// Of 8 cells of the column; SOLID_MIXED and more where they differ.
+int brick_threshold(int column, int brick) {
+  return params.has_thresholds == 0
+             ? 1
+             : thresholds[(brick * 32 + (column >> 11)) * 32 + ((column & 255) >> 3)];
+}
+
+int cell_threshold(int mixed, int column, int cell) {
+  return thresholds[SOLID_SLAB_BRICKS + (mixed - SOLID_MIXED) * 512 +
+                    ((cell & 7) * 8 + ((column >> 8) & 7)) * 8 + (column & 7)];
 }
 
 void scan_column(int column) {
   int sum = carries[column];
+  uint word = params.slab * uint(SOLID_TILE_COLUMNS) + uint(column);
+  uint changed = volume[word];
   uint bits = 0u;
-  for (int cell = 0; cell < SOLID_SLAB_CELLS; ++cell) {
-    int at = cell * SOLID_TILE_COLUMNS + column;
-    int count = counts[at];
-    if (count != 0) {
-      sum += count;
-      counts[at] = 0;  // for the next slab
+  for (int brick = 0; brick < SOLID_SLAB_CELLS / 8; ++brick) {
+    int threshold = brick_threshold(column, brick);
+    uint changes = (changed >> (8 * brick)) & 255u;
+    if (changes == 0u && threshold < SOLID_MIXED) {
+      if (is_inside(sum, threshold)) bits |= 255u << (8 * brick);
+      continue;
     }
-    if (is_inside(sum, column, cell)) bits |= 1u << cell;
+    for (int cell = 8 * brick; cell < 8 * brick + 8; ++cell) {
+      if (((changed >> cell) & 1u) != 0u) {
+        int at = cell * SOLID_TILE_COLUMNS + column;
+        sum += counts[at];
+        counts[at] = 0;  // for the next slab
+      }
+      int one = threshold < SOLID_MIXED ? threshold : cell_threshold(threshold, column, cell);
+      if (is_inside(sum, one)) bits |= 1u << cell;
+    }
   }
   carries[column] = sum;
-  volume[params.slab * uint(SOLID_TILE_COLUMNS) + uint(column)] = bits;
+  volume[word] = bits;
 }
 #else
 layout(std430, binding = SOLID_CARRIES) buffer Carries { uint carries[]; };

@@ -269,6 +269,7 @@ Status GlInside::sweep_counts(Job& job, const Place& place, const SparseTile* wa
     target.cell_first = target.tile_first + slab * SOLID_SLAB_CELLS;
     target.cell_end = std::min(target.cell_first + SOLID_SLAB_CELLS, end);
     bool is_marked = false;
+    passes_.begin_counts(slab);
     VOXELD_TRY(mark_slab(job, *job.counts, job.in.mesh, target, is_marked));
     if (job.cone_counts) {
       VOXELD_TRY(mark_slab(job, *job.cone_counts, job.cones, target, is_marked));

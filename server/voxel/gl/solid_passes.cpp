@@ -14,7 +14,7 @@ constexpr size_t kCountCarryBytes = size_t{SOLID_TILE_COLUMNS} * 4;
 constexpr size_t kThresholdBytesMax = size_t{SOLID_SLAB_BRICKS} * (1 + 512) * 4;
 constexpr size_t kFlagBytes = size_t{SOLID_FLAG_COUNT} * 4;
 constexpr int64_t kColumnGroups = SOLID_TILE_COLUMNS / SOLID_GROUP_SIZE;
-constexpr int64_t kWordGroups = static_cast<int64_t>(kTileMaskWords) / SOLID_GROUP_SIZE;
+constexpr int64_t kRunGroups = static_cast<int64_t>(kTileMaskWords) / 16 / SOLID_GROUP_SIZE;
 
 int64_t groups_of(size_t count) {
   return (static_cast<int64_t>(count) + SOLID_GROUP_SIZE - 1) / SOLID_GROUP_SIZE;
@@ -166,7 +166,14 @@ Status SolidPasses::mark_parity(const SweepWindow& window, const SweepTarget& ta
   return mark_given(window, target, false);
 }
 
+void SolidPasses::begin_counts(int slab) {
+  constexpr size_t kSlabBytes = size_t{SOLID_TILE_COLUMNS} * 4;
+  wait_for_storage(*context_);
+  count_volume_.clear(static_cast<size_t>(slab) * kSlabBytes, kSlabBytes);
+}
+
 Status SolidPasses::mark_counts(const SweepWindow& window, const SweepTarget& target) {
+  count_volume_.bind_storage(SOLID_VOLUME);
   counts_.bind_storage(SOLID_COUNTS);
   VOXELD_TRY(mark_items(window, target, true));
   return mark_given(window, target, true);
@@ -273,7 +280,7 @@ Status SolidPasses::make_cells(CellsOf what, const glm::ivec3& cells) {
   mask_.bind_storage(SOLID_MASK);
   flags_.bind_storage(SOLID_FLAGS);
   program->use();
-  program->dispatch(kWordGroups);
+  program->dispatch(kRunGroups);
   wait_for_storage(*context_);
   return context_->check("making cells inside");
 }
