@@ -53,9 +53,12 @@ Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<con
 
 struct Voxelizer::Impl {
   Impl(std::unique_ptr<TilePipeline> device_pipeline, int cpu_threads)
-      : device(std::move(device_pipeline)), cpu(cpu_threads) {}
+      : device(std::move(device_pipeline)),
+        device_inside(dynamic_cast<DeviceInside*>(device.get())),
+        cpu(cpu_threads) {}
 
   std::unique_ptr<TilePipeline> device;
+  DeviceInside* device_inside;  // null where the device finds no inside
   CpuPipeline cpu;
   int64_t host_bytes_max = default_host_bytes_max();
   CalibrationLookup calibration;
@@ -70,6 +73,11 @@ struct Voxelizer::Impl {
                   VoxelizePlan& plan, VoxelizeStats& stats) const;
   Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
                    TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
+  // On the device, of a fill.
+  int64_t inside_bytes(Pipeline which, const GridSpec& spec, const VoxelizeOptions& options) const {
+    if (which == Pipeline::kCpu || device_inside == nullptr) return 0;
+    return device_inside->inside_bytes(spec.dims, options.sign);
+  }
   // An upper estimate of what the machine's memory must hold.
   int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
                     const VoxelizeOptions& options, const WantedChannels& channels) const;
@@ -147,7 +155,8 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
                                 });
   surface_pipeline.end_job();
   VOXELD_TRY(done);
-  VOXELD_TRY(SolidFiller(cpu.pool(), host_bytes_max)
+  DeviceInside* inside = stats.pipeline == Pipeline::kCpu ? nullptr : device_inside;
+  VOXELD_TRY(SolidFiller(cpu.pool(), host_bytes_max, inside)
                  .fill(
                      plan,
                      [&]() -> Result<std::vector<SparseTile>> {
@@ -215,6 +224,9 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
       impl_->decide(options.pipeline, estimate_workload(mesh, bins.bins()), channels);
   const TilePipeline* pipeline = impl_->pipeline(estimate.pipeline.pipeline);
   if (pipeline != nullptr) estimate.device_bytes = pipeline->device_bytes(scene, channels);
+  if (options.fill != Fill::kSurface) {
+    estimate.device_bytes += impl_->inside_bytes(estimate.pipeline.pipeline, placed.spec, options);
+  }
   estimate.host_bytes = impl_->job_bytes(scene, mesh, placed, options, channels);
   VOXELD_TRY(check_host_bytes(placed.spec, estimate.host_bytes, impl_->host_bytes_max));
   return estimate;

@@ -23,6 +23,7 @@ GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const
       attributes_(device_, shaders),
       batch_touch_(context, shaders, tuning),
       batch_bricks_(context, shaders),
+      inside_(context, shaders),
       mask_(kTileMaskWords),
       word_offsets_(kTileMaskWords) {}
 
@@ -86,6 +87,16 @@ int64_t GlPipeline::device_bytes(const Scene& scene, const WantedChannels& chann
 
 DeviceTraits GlPipeline::traits() const {
   return {context_->info().is_software, context_->info().texture_side_max};
+}
+
+Status GlPipeline::find_inside(const InsideJob& job, const ColumnProgress& progress,
+                               std::vector<SparseTile>& tiles, AxisVotes& votes,
+                               VoxelizeStats& stats) {
+  return inside_.run(job, progress, device_.bytes() + attributes_.bytes(), tiles, votes, stats);
+}
+
+int64_t GlPipeline::inside_bytes(const glm::ivec3& dims, Sign sign) const {
+  return GlInside::bytes_max(dims, sign);
 }
 
 // Fills the window with the triangles of the bin from `first` on, and uploads it.

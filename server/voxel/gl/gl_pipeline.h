@@ -12,6 +12,7 @@
 #include "server/voxel/gl/batch_bricks.h"
 #include "server/voxel/gl/batch_touch.h"
 #include "server/voxel/gl/gl_tuning.h"
+#include "server/voxel/gl/gl_inside.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/gl/touch_pass.h"
 #include "server/voxel/tile_pipeline.h"
@@ -21,7 +22,7 @@ namespace voxeld {
 
 // stats.pipeline of the job tells which of the two runs. Pipeline compute has two ways to the same
 // bytes: windows of one tile at a time, prepared on the CPU, and batches of tiles (GlTuning).
-class GlPipeline final : public TilePipeline {
+class GlPipeline final : public TilePipeline, public DeviceInside {
  public:
   GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning = {});
 
@@ -31,6 +32,11 @@ class GlPipeline final : public TilePipeline {
   int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const override;
   DeviceTraits traits() const override;
   size_t batch_tiles() const override;
+
+  Status find_inside(const InsideJob& job, const ColumnProgress& progress,
+                     std::vector<SparseTile>& tiles, AxisVotes& votes,
+                     VoxelizeStats& stats) override;
+  int64_t inside_bytes(const glm::ivec3& dims, Sign sign) const override;
 
  private:
   // Of the job.
@@ -52,6 +58,7 @@ class GlPipeline final : public TilePipeline {
   AttributePass attributes_;
   BatchTouch batch_touch_;
   BatchBricks batch_bricks_;
+  GlInside inside_;
   // Of the job.
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;

@@ -11,7 +11,7 @@ constexpr size_t kRowBytes = limits::kTileSide / 8;
 // Bits of a row of bricks as bytes: a brick's are those at brick_x, kRowBytes apart.
 uint64_t brick_bits(const BrickRow& rows, int brick_x) {
   uint64_t bits = 0;
-  for (size_t i = static_cast<size_t>(brick_x) / 8; i < kBlockWords; i += kBlockRowWords) {
+  for (size_t i = static_cast<size_t>(brick_x) / 8; i < kBrickRowWords; i += kBlockRowWords) {
     bits |= rows[i];
   }
   return bits >> (brick_x % 8 * 8) & 0xff;
@@ -20,23 +20,6 @@ uint64_t brick_bits(const BrickRow& rows, int brick_x) {
 int64_t count_bits(const BrickRow& rows) {
   int64_t count = 0;
   for (const uint64_t word : rows) count += std::popcount(word);
-  return count;
-}
-
-// Of the brick's cells, those that the surface does not have.
-int64_t count_beside(const BrickMask& cells, const SparseTile* surface, uint32_t morton) {
-  BrickMask taken;
-  if (surface != nullptr) {
-    const auto brick = std::ranges::lower_bound(surface->brick_morton, morton);
-    if (brick != surface->brick_morton.end() && *brick == morton) {
-      taken = surface->masks[static_cast<size_t>(brick - surface->brick_morton.begin())];
-    }
-    for (const FullNode& node : surface->full) {
-      if (morton - node.brick_morton < node.brick_count()) return 0;
-    }
-  }
-  int64_t count = 0;
-  for (size_t w = 0; w < 8; ++w) count += std::popcount(cells.words[w] & ~taken.words[w]);
   return count;
 }
 
@@ -150,7 +133,7 @@ void ColumnMaker::make_tile(const InsidePlan& plan, const glm::ivec3& tile,
       if (plan.job.sign == Sign::kAuto) {
         winding_->next_row(y, z, winding);
         if (thresholds_.any()) apply_thresholds(plan, tile, y, z, &disagree, winding);
-        for (size_t i = 0; i < kBlockWords; ++i) {
+        for (size_t i = 0; i < kBrickRowWords; ++i) {
           rows[i] = (rows[i] & ~disagree[i]) | (winding[i] & disagree[i]);
         }
       }
@@ -167,7 +150,7 @@ void ColumnMaker::vote(const InsidePlan& plan, const glm::ivec3& tile, int brick
   axes_->x.next_row(brick_y, brick_z, x);
   axes_->y.next_row(brick_y, brick_z, y);
   uint64_t some = 0;
-  for (size_t i = 0; i < kBlockWords; ++i) {
+  for (size_t i = 0; i < kBrickRowWords; ++i) {
     any[i] = rows[i] | x[i] | y[i];
     disagree[i] = any[i] & ~(rows[i] & x[i] & y[i]);
     rows[i] = (rows[i] & (x[i] | y[i])) | (x[i] & y[i]);

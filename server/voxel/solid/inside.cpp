@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <memory>
 
 #include "server/voxel/solid/column_maker.h"
@@ -112,6 +113,22 @@ const SparseTile* SurfaceTiles::find(const glm::ivec3& coord) const {
     }
   }
   return nullptr;
+}
+
+int64_t count_beside(const BrickMask& cells, const SparseTile* surface, uint32_t morton) {
+  BrickMask taken;
+  if (surface != nullptr) {
+    const auto brick = std::ranges::lower_bound(surface->brick_morton, morton);
+    if (brick != surface->brick_morton.end() && *brick == morton) {
+      taken = surface->masks[static_cast<size_t>(brick - surface->brick_morton.begin())];
+    }
+    for (const FullNode& node : surface->full) {
+      if (morton - node.brick_morton < node.brick_count()) return 0;
+    }
+  }
+  int64_t count = 0;
+  for (size_t w = 0; w < 8; ++w) count += std::popcount(cells.words[w] & ~taken.words[w]);
+  return count;
 }
 
 size_t tile_column_count(const glm::ivec3& dims) {

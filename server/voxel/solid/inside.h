@@ -22,6 +22,9 @@ struct SurfaceTiles {
   const SparseTile* find(const glm::ivec3& coord) const;
 };
 
+// Of a brick's cells, the number that the surface of its tile (or none) does not have.
+int64_t count_beside(const BrickMask& cells, const SparseTile* surface, uint32_t morton);
+
 // Cells beside the surface, by what the three axes say of them.
 struct AxisVotes {
   int64_t inside = 0;    // by one axis or more, surface or not

@@ -1,5 +1,6 @@
 #include "server/voxel/solid/solid_filler.h"
 
+#include <algorithm>
 #include <string>
 #include <utility>
 
@@ -31,6 +32,12 @@ class TouchCells {
   std::vector<SparseTile> made_;
 };
 
+double total(const StageTimes& passes) {
+  double ms = 0;
+  for (const auto& pass : passes) ms += pass.second;
+  return ms;
+}
+
 }  // namespace
 
 SolidFiller::Choice SolidFiller::choose(const VoxelizePlan& plan, const FillMesh& mesh,
@@ -57,7 +64,8 @@ Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, co
                                                     const TouchTiles& touch,
                                                     const ColumnProgress& progress,
                                                     const std::vector<SparseTile>& surface,
-                                                    Sign sign, AxisVotes& votes) {
+                                                    Sign sign, AxisVotes& votes,
+                                                    VoxelizeStats& stats) {
   std::vector<SparseTile> tiles;
   if (sign == Sign::kFlood) {
     TouchCells cells(plan, surface);
@@ -66,7 +74,11 @@ Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, co
     return tiles;
   }
   const InsideJob job = {mesh, plan.spec.dims, sign, {surface}};
-  VOXELD_TRY(find_inside(job, pool_, progress, tiles, votes));
+  if (device_ != nullptr) {
+    VOXELD_TRY(device_->find_inside(job, progress, tiles, votes, stats));
+  } else {
+    VOXELD_TRY(find_inside(job, pool_, progress, tiles, votes));
+  }
   return tiles;
 }
 
@@ -122,8 +134,9 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   const Choice choice = choose(plan, mesh, fill);
   add_stage(stats.passes, "sign", watch.lap());
   AxisVotes votes;
+  const double before = total(stats.passes);
   VOXELD_ASSIGN(std::vector<SparseTile> found,
-                inside(plan, mesh, touch, progress, tiles, choice.sign, votes));
+                inside(plan, mesh, touch, progress, tiles, choice.sign, votes, stats));
   if (choice.sign == Sign::kMajority || choice.sign == Sign::kAuto) {
     fill.ambiguous_fraction =
         votes.inside == 0 ? 0.0
@@ -131,7 +144,8 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   } else if (choice.closed) {
     fill.ambiguous_fraction = 0.0;
   }
-  add_stage(stats.passes, "inside", watch.lap());
+  // Passes of a device have names of their own; this is the rest.
+  add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
   if (plan.options.fill == Fill::kShell) {
     const std::vector<SparseTile>* surface = &tiles;
     TouchCells cells(plan, tiles);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/solid/device_inside.h"
 #include "server/voxel/solid/inside.h"
 #include "server/voxel/tile_pipeline.h"
 
@@ -14,9 +15,11 @@ namespace voxeld {
 // One thread.
 class SolidFiller {
  public:
-  // host_bytes_max: of what only the inside of the mesh tells the size of.
-  SolidFiller(WorkerPool& pool, int64_t host_bytes_max)
-      : pool_(pool), host_bytes_max_(host_bytes_max) {}
+  // `device`: finds the inside where it is given; otherwise the pool's threads do. What remains
+  // theirs: sign=flood, distances, and uniting. host_bytes_max: of what only the inside of the mesh
+  // tells the size of.
+  SolidFiller(WorkerPool& pool, int64_t host_bytes_max, DeviceInside* device = nullptr)
+      : pool_(pool), host_bytes_max_(host_bytes_max), device_(device) {}
 
   // Makes the tiles that rule=touch gives, without attributes, in any order.
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
@@ -38,7 +41,7 @@ class SolidFiller {
   Result<std::vector<SparseTile>> inside(const VoxelizePlan& plan, const FillMesh& mesh,
                                          const TouchTiles& touch, const ColumnProgress& progress,
                                          const std::vector<SparseTile>& surface, Sign sign,
-                                         AxisVotes& votes);
+                                         AxisVotes& votes, VoxelizeStats& stats);
 
   Status band(const VoxelizePlan& plan, const FillMesh& mesh, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats) const;
@@ -49,6 +52,7 @@ class SolidFiller {
 
   WorkerPool& pool_;
   int64_t host_bytes_max_;
+  DeviceInside* device_;
 };
 
 // An upper estimate of what a band and its distances need.

@@ -32,7 +32,7 @@ struct RowSummary {
 RowSummary summarize(const BrickRow& rows) {
   RowSummary summary;
   summary.all.fill(~uint64_t{0});
-  for (size_t i = 0; i < kBlockWords; i += kBlockRowWords) {
+  for (size_t i = 0; i < kBrickRowWords; i += kBlockRowWords) {
     for (size_t w = 0; w < kBlockRowWords; ++w) {
       summary.any[w] |= rows[i + w];
       summary.all[w] &= rows[i + w];
@@ -66,7 +66,7 @@ BrickMask brick_of_row(const BrickRow& rows, int brick_x) {
 void ToggleVolume::clear(size_t row) {
   if (!used_[row]) return;
   used_[row] = false;
-  std::memset(&words_[row * kBlockWords], 0, kBlockWords * sizeof(uint64_t));
+  std::memset(&words_[row * kBrickRowWords], 0, kBrickRowWords * sizeof(uint64_t));
 }
 
 void TileBits::add_row(size_t lane_index, int brick_y, int brick_z, const BrickRow& rows) {

@@ -17,8 +17,8 @@ inline constexpr size_t kTileBrickCount = size_t{kTileBricks} * kTileBricks * kT
 // The 32 bricks of a row along x: word (z*8 + y)*4 + x/64, bit x%64; z, y within the brick.
 inline constexpr size_t kBlockRowWords = limits::kTileSide / 64;
 inline constexpr size_t kBlockPlaneWords = limits::kBrickSide * kBlockRowWords;
-inline constexpr size_t kBlockWords = limits::kBrickSide * kBlockPlaneWords;
-using BrickRow = std::array<uint64_t, kBlockWords>;
+inline constexpr size_t kBrickRowWords = limits::kBrickSide * kBlockPlaneWords;
+using BrickRow = std::array<uint64_t, kBrickRowWords>;
 
 // The brick_x-th brick of the row.
 BrickMask brick_of_row(const BrickRow& rows, int brick_x);
@@ -26,16 +26,16 @@ BrickMask brick_of_row(const BrickRow& rows, int brick_x);
 // Bits of a tile that are all 0 unless toggled, kept as brick rows of 2 KiB; 2 MiB.
 class ToggleVolume {
  public:
-  ToggleVolume() : words_(kTileBrickCount / kTileBricks * kBlockWords) {}
+  ToggleVolume() : words_(kTileBrickCount / kTileBricks * kBrickRowWords) {}
 
   void toggle(uint32_t x, uint32_t y, uint32_t z) {
     const size_t row = size_t{z >> 3} * kTileBricks + (y >> 3);
     used_[row] = true;
-    words_[row * kBlockWords + ((z & 7) * 8 + (y & 7)) * kBlockRowWords + (x >> 6)] ^= uint64_t{1}
-                                                                                       << (x & 63);
+    words_[row * kBrickRowWords + ((z & 7) * 8 + (y & 7)) * kBlockRowWords + (x >> 6)] ^=
+        uint64_t{1} << (x & 63);
   }
   bool used(size_t row) const { return used_[row]; }
-  const uint64_t* row(size_t row) const { return &words_[row * kBlockWords]; }
+  const uint64_t* row(size_t row) const { return &words_[row * kBrickRowWords]; }
   // Back to 0; does nothing where nothing was toggled.
   void clear(size_t row);
 
