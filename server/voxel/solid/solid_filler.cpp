@@ -96,7 +96,7 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
     VOXELD_TRY(keep_shell(*surface, plan.options.thickness, pool_, progress, found));
     add_stage(stats.passes, "shell", watch.lap());
   }
-  merge_tiles(std::move(found), {plan.channels.color, plan.channels.normal}, pool_, tiles);
+  merge_tiles(std::move(found), plan.channels.grid, pool_, tiles);
   add_stage(stats.passes, "merge", watch.lap());
   return {};
 }
