@@ -55,8 +55,7 @@ LevelTiles::LevelTiles(const TileSource& source, int level, LevelRule rule)
   VOXELD_CHECK(level >= 1 && level <= kLevelMax, "levels are 1 to 14");
   const Grid& grid = source.grid();
   grid_.spec = level_spec(grid.spec, level);
-  grid_.has_color = grid.has_color;
-  grid_.has_normal = grid.has_normal;
+  grid_.channels = grid.channels;
   grid_.meta_json = grid.meta_json;
   // Tiles under one follow each other in Morton order.
   for (size_t i = 0; i < source.coords().size(); ++i) {
@@ -78,7 +77,7 @@ LevelTiles::Part LevelTiles::reduce(size_t at) const {
     part.status = tile.error();
     return part;
   }
-  const bool has_channels = grid_.has_color || grid_.has_normal;
+  const bool has_channels = grid_.channels.any();
   const uint32_t first = first_code(source_.coords()[at], level_);
   for_each_level_cell(*tile, level_, [&](uint32_t code, const LevelSums& sums) {
     if (level_ > kTileBits) {
@@ -86,18 +85,18 @@ LevelTiles::Part LevelTiles::reduce(size_t at) const {
       part.codes = {first};
     } else if (sums.cells >= cells_min_) {
       part.codes.push_back(first + code);
-      if (has_channels) part.values.push_back(sums.mean());
+      if (has_channels) part.values.push_back(sums.mean(level_));
     }
   });
   return part;
 }
 
 Result<SparseTile> LevelTiles::tile(size_t index) const {
-  TileAppender out(coords_[index], grid_);
+  TileAppender out(coords_[index], grid_.channels);
   LevelSums open;  // of a voxel that several tiles are under
   uint32_t open_code = 0;
   const auto close = [&] {
-    if (open.cells >= cells_min_) out.add(open_code, open.mean());
+    if (open.cells >= cells_min_) out.add(open_code, open.mean(level_));
     open = {};
   };
   const auto append = [&](const Part& part) {

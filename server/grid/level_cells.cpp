@@ -1,12 +1,40 @@
 #include "server/grid/level_cells.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "server/grid/color_tables.h"
 
 namespace voxeld {
 
+void IdCounts::add(uint16_t id, uint64_t cells) {
+  if (id == 0) return;
+  const auto at = std::ranges::lower_bound(counts_, id, {}, &std::pair<uint16_t, uint64_t>::first);
+  if (at != counts_.end() && at->first == id) {
+    at->second += cells;
+  } else {
+    counts_.insert(at, {id, cells});
+  }
+}
+
+void IdCounts::add(const IdCounts& other) {
+  for (const auto& [id, cells] : other.counts_) add(id, cells);
+}
+
+uint16_t IdCounts::most_frequent() const {
+  std::pair<uint16_t, uint64_t> best{};
+  for (const auto& one : counts_) {
+    if (one.second > best.second) best = one;
+  }
+  return best.first;
+}
+
 void LevelSums::add(const VoxelValues& values) {
+  ++valued;
+  distance += values.distance;
+  coverage += values.coverage;
+  materials.add(values.material);
+  labels.add(values.label);
   if (values.color != VoxelValues{}.color) {
     const auto& linear = linear16_from_srgb8();
     ++colored;
@@ -23,12 +51,25 @@ void LevelSums::add(const LevelSums& other) {
   cells += other.cells;
   colored += other.colored;
   directed += other.directed;
+  valued += other.valued;
+  distance += other.distance;
+  coverage += other.coverage;
+  materials.add(other.materials);
+  labels.add(other.labels);
   for (size_t c = 0; c < color.size(); ++c) color[c] += other.color[c];
   for (size_t c = 0; c < normal.size(); ++c) normal[c] += other.normal[c];
 }
 
-VoxelValues LevelSums::mean() const {
+VoxelValues LevelSums::mean(int level) const {
   VoxelValues values;
+  if (valued > 0) {
+    const double count = static_cast<double>(valued);
+    const double steps = std::ldexp(static_cast<double>(distance) / count, -level);
+    values.distance = static_cast<int16_t>(std::floor(steps + 0.5));
+    values.coverage = static_cast<uint8_t>((coverage + valued / 2) / valued);
+    values.material = materials.most_frequent();
+    values.label = labels.most_frequent();
+  }
   if (colored > 0) {
     const auto& srgb8 = srgb8_from_linear16();
     for (size_t c = 0; c < 3; ++c) {
@@ -48,7 +89,7 @@ VoxelValues LevelSums::mean() const {
 }
 
 void add_values(const SparseTile& tile, size_t first, size_t count, LevelSums& sums) {
-  if (tile.color.empty() && tile.normal.empty()) return;
+  if (!tile.has_attributes()) return;
   for (size_t i = first; i < first + count; ++i) sums.add(values_of(tile, i));
 }
 

@@ -6,11 +6,24 @@
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <utility>
+#include <vector>
 
 #include "proto/sparse_tile.h"
 #include "server/grid/tile_appender.h"
 
 namespace voxeld {
+
+// How many cells have each id; few ids meet in one cube.
+class IdCounts {
+ public:
+  void add(uint16_t id, uint64_t cells = 1);
+  void add(const IdCounts& other);
+  uint16_t most_frequent() const;  // the lowest of several; 0 where there is none
+
+ private:
+  std::vector<std::pair<uint16_t, uint64_t>> counts_;  // ids ascending, none 0
+};
 
 // What is known of the occupied cells of one cube. Integers, so neither order nor grouping of the
 // cells changes anything.
@@ -20,12 +33,17 @@ struct LevelSums {
   uint64_t directed = 0;            // those with a normal
   std::array<uint64_t, 4> color{};  // R, G, B as 16-bit linear light, A as it is
   std::array<int64_t, 3> normal{};
+  uint64_t valued = 0;    // those with attributes of any kind
+  int64_t distance = 0;   // of them
+  uint64_t coverage = 0;  // of them
+  IdCounts materials, labels;
 
   void add(const VoxelValues& values);
   void add(const LevelSums& other);
   // Mean colour in linear light, rounded as server/voxel/README.md says, and the direction of the
-  // mean normal; none where that is shorter than a thousandth.
-  VoxelValues mean() const;
+  // mean normal; none where that is shorter than a thousandth. The most frequent id, the lowest of
+  // several, of those that are not 0; mean distance, in voxels of the level, and mean coverage.
+  VoxelValues mean(int level) const;
 };
 
 // Adds the attributes [first, first + count) of the tile.

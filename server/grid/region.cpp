@@ -54,8 +54,8 @@ class Canvas {
     });
   }
 
-  SparseTile finish(const TileCoord& coord, const Grid& grid) const {
-    TileAppender out(coord, grid);
+  SparseTile finish(const TileCoord& coord, const ChannelSet& channels) const {
+    TileAppender out(coord, channels);
     size_t voxel = 0;
     for (size_t brick = 0; brick < kTileBricks; ++brick) {
       for (uint32_t word = 0; word < 8; ++word) {
@@ -118,8 +118,7 @@ RegionTiles::RegionTiles(const TileSource& source, const CellBox& box)
   grid_.spec = grid.spec;
   grid_.spec.dims = box.max - box.min;
   grid_.spec.origin_world = grid.spec.world_from_grid(glm::dvec3(box.min));
-  grid_.has_color = grid.has_color;
-  grid_.has_normal = grid.has_normal;
+  grid_.channels = grid.channels;
   grid_.meta_json = grid.meta_json;
   for (const TileCoord& coord : source.coords()) {
     const glm::ivec3 low = glm::max(first_cell(coord), box.min) - box.min;
@@ -163,11 +162,11 @@ Result<SparseTile> RegionTiles::tile(size_t index) const {
   const glm::ivec3 low = first_cell(coord) + box_.min;
   Canvas canvas(low, glm::min(low + limits::kTileSide, box_.max));
   for (const SparseTile& source : sources) canvas.mark(source);
-  if (grid_.has_color || grid_.has_normal) {
+  if (grid_.channels.any()) {
     canvas.number_voxels();
     for (const SparseTile& source : sources) canvas.copy_values(source);
   }
-  return canvas.finish(coord, grid_);
+  return canvas.finish(coord, grid_.channels);
 }
 
 bool selects(const OutputOptions& options) {

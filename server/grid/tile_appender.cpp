@@ -24,11 +24,15 @@ VoxelValues values_of(const SparseTile& tile, size_t index) {
   if (!tile.normal.empty()) {
     std::copy_n(&tile.normal[3 * index], values.normal.size(), values.normal.begin());
   }
+  if (!tile.material.empty()) values.material = tile.material[index];
+  if (!tile.label.empty()) values.label = tile.label[index];
+  if (!tile.distance.empty()) values.distance = tile.distance[index];
+  if (!tile.coverage.empty()) values.coverage = tile.coverage[index];
   return values;
 }
 
-TileAppender::TileAppender(const std::array<int32_t, 3>& coord, const Grid& grid)
-    : has_color_(grid.has_color), has_normal_(grid.has_normal) {
+TileAppender::TileAppender(const std::array<int32_t, 3>& coord, const ChannelSet& channels)
+    : channels_(channels) {
   tile_.coord = coord;
 }
 
@@ -42,17 +46,25 @@ void TileAppender::add(uint32_t code, const VoxelValues& values) {
   const uint32_t bit = code & (kBrickVoxels - 1);
   mask_.words[bit / 64] |= uint64_t{1} << (bit % 64);
   has_values_ = has_values_ || !values.none();
-  if (has_color_) tile_.color.insert(tile_.color.end(), values.color.begin(), values.color.end());
-  if (has_normal_) {
+  if (channels_.color) {
+    tile_.color.insert(tile_.color.end(), values.color.begin(), values.color.end());
+  }
+  if (channels_.normal) {
     tile_.normal.insert(tile_.normal.end(), values.normal.begin(), values.normal.end());
   }
+  if (channels_.material) tile_.material.push_back(values.material);
+  if (channels_.label) tile_.label.push_back(values.label);
+  if (channels_.distance) tile_.distance.push_back(values.distance);
+  if (channels_.coverage) tile_.coverage.push_back(values.coverage);
 }
 
 void TileAppender::close_brick() {
   if (!has_brick_) return;
   if (is_full(mask_) && !has_values_) {
-    if (has_color_) tile_.color.resize(tile_.color.size() - 4 * kBrickVoxels);
-    if (has_normal_) tile_.normal.resize(tile_.normal.size() - 3 * kBrickVoxels);
+    for_each_channel(tile_, [&](Channel channel, auto& samples) {
+      if (samples.empty()) return;
+      samples.resize(samples.size() - channel_info(channel).components * kBrickVoxels);
+    });
     tile_.full.push_back({brick_, 0});
   } else {
     tile_.brick_morton.push_back(brick_);

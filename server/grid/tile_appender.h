@@ -14,6 +14,9 @@ namespace voxeld {
 struct VoxelValues {
   std::array<uint8_t, 4> color{};  // sRGB R, G, B and linear A
   std::array<int8_t, 3> normal{};
+  uint16_t material = 0, label = 0;
+  int16_t distance = 0;
+  uint8_t coverage = 0;
   bool none() const { return *this == VoxelValues{}; }
   bool operator==(const VoxelValues&) const = default;
 };
@@ -24,8 +27,7 @@ VoxelValues values_of(const SparseTile& tile, size_t index);
 
 class TileAppender {
  public:
-  // Of `grid`, its channels count.
-  TileAppender(const std::array<int32_t, 3>& coord, const Grid& grid);
+  TileAppender(const std::array<int32_t, 3>& coord, const ChannelSet& channels);
 
   // code: of the cell in the tile, 24 bits; above that of the voxel before.
   void add(uint32_t code, const VoxelValues& values);
@@ -36,7 +38,7 @@ class TileAppender {
   void close_brick();
 
   SparseTile tile_;
-  bool has_color_, has_normal_;
+  ChannelSet channels_;
   bool has_brick_ = false, has_values_ = false;
   uint32_t brick_ = 0;
   BrickMask mask_;

@@ -22,8 +22,7 @@ size_t parallel_batch() {
 Grid without_tiles(const Grid& grid) {
   Grid copy;
   copy.spec = grid.spec;
-  copy.has_color = grid.has_color;
-  copy.has_normal = grid.has_normal;
+  copy.channels = grid.channels;
   copy.meta_json = grid.meta_json;
   return copy;
 }

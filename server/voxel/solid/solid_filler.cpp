@@ -86,14 +86,14 @@ Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progre
                           std::vector<SparseTile> found, std::vector<SparseTile>& tiles,
                           VoxelizeStats& stats) const {
   Stopwatch watch;
-  const TileChannels channels = {plan.channels.color, plan.channels.normal};
+  const ChannelSet& channels = plan.channels.grid;
   const bool copies = plan.options.interior == Interior::kNearest && plan.channels.any();
   std::vector<SparseTile> surface;  // without attributes
   if (copies) {
     VOXELD_TRY(check_host_bytes(plan.spec, interior_bytes(plan.spec, tiles, found, channels),
                                 host_bytes_max_));
     for (const SparseTile& tile : tiles) {
-      surface.push_back({tile.coord, tile.brick_morton, tile.masks, {}, {}, {}});
+      surface.push_back({tile.coord, tile.brick_morton, tile.masks, {}});
     }
     for (SparseTile& tile : found) spell_out_full(tile);
   }
@@ -165,7 +165,7 @@ int64_t band_bytes(const FillMesh& mesh, const GridSpec& spec, double thickness,
       int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
   constexpr int64_t kBrickBytes = sizeof(BrickMask) + sizeof(uint32_t);
   const int64_t voxel_bytes =
-      (channels.color ? 4 : 0) + (channels.normal ? 3 : 0) + int64_t{sizeof(int16_t)};
+      static_cast<int64_t>(attribute_bytes(channels.grid)) + int64_t{sizeof(int16_t)};
   // Bricks and samples stand twice while surface and band are united.
   return 2 * (cells * voxel_bytes + (cells / kBrickCells + 1) * kBrickBytes) +
          TriangleTree::bytes_for(static_cast<int64_t>(mesh.triangle_count()));

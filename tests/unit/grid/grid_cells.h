@@ -79,8 +79,7 @@ inline Grid random_grid(uint32_t seed, const std::array<int, 3>& dims, int count
   grid.spec.dims = {dims[0], dims[1], dims[2]};
   grid.spec.origin_world = {1, -2, 0.5};
   grid.spec.voxel_size = {0.25, 0.5, 1};
-  grid.has_color = has_color;
-  grid.has_normal = has_normal;
+  grid.channels = {.color = has_color, .normal = has_normal};
   grid.tiles = test::tiles_of(test::random_voxels(random, dims, count), has_color, has_normal);
   normalize_tiles(grid);
   for (SparseTile& tile : grid.tiles) canonicalize(tile);
@@ -92,8 +91,7 @@ inline Grid grid_with_full_nodes(uint32_t seed, int tiles, bool has_color, bool 
   std::mt19937 random(seed);
   Grid grid;
   grid.spec.dims = {tiles * limits::kTileSide, limits::kTileSide, limits::kTileSide};
-  grid.has_color = has_color;
-  grid.has_normal = has_normal;
+  grid.channels = {.color = has_color, .normal = has_normal};
   for (int i = 0; i < tiles; ++i) {
     SparseTile tile;
     tile.coord = {i, 0, 0};

@@ -45,8 +45,8 @@ void expect_level(const Grid& grid, int level, LevelRule rule) {
   for (const auto& [cell, values] : got) {
     ASSERT_TRUE(expected.contains(cell)) << cell[0] << " " << cell[1] << " " << cell[2];
     reference::LevelMean& mean = expected[cell];
-    mean.has_color = mean.has_color && grid.has_color;
-    mean.has_normal = mean.has_normal && grid.has_normal;
+    mean.has_color = mean.has_color && grid.channels.color;
+    mean.has_normal = mean.has_normal && grid.channels.normal;
     expect_mean(values, mean);
     if (::testing::Test::HasFailure()) return;
   }
@@ -84,7 +84,7 @@ TEST(Level, full_nodes_become_full_nodes) {
   }
   Grid full;
   full.spec.dims = {1024, 512, 512};
-  full.has_color = true;
+  full.channels.color = true;
   for (int i = 0; i < 16; ++i) {
     SparseTile tile;
     tile.coord = {i % 4, i / 4 % 2, i / 8};

@@ -16,8 +16,8 @@ TEST(TileSource, a_container_gives_its_tiles_and_place) {
   const ContainerTiles source(GridReader::open(*bytes).value());
   EXPECT_EQ(testing::tiles_of(source), grid.tiles);
   EXPECT_EQ(source.grid().spec.dims, grid.spec.dims);
-  EXPECT_TRUE(source.grid().has_color);
-  EXPECT_FALSE(source.grid().has_normal);
+  EXPECT_TRUE(source.grid().channels.color);
+  EXPECT_FALSE(source.grid().channels.normal);
 }
 
 TEST(TileSource, the_first_error_ends_the_reading) {
