@@ -2,14 +2,13 @@
 // the next task is likely to ask for again.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 
 #include "server/grid/grid.h"
+#include "server/render/drawing_cost.h"
 #include "server/scene/scene.h"
 #include "server/voxel/voxelize.h"
 #include "server/worker/mesh_topology.h"
@@ -38,12 +37,6 @@ struct InputCache {
   std::string picture_key;
   std::shared_ptr<const LoadedGrid> picture;
   std::string resident_key;  // the grid that the renderer has in its buffers
-};
-
-// What one picture may take of memory.
-struct PictureLimits {
-  size_t bytes_max = size_t{768} << 20;  // tiles and the renderer's tables
-  size_t table_bytes_max = SIZE_MAX;     // one table; the device's limit where that is less
 };
 
 struct Engine {
