@@ -16,8 +16,8 @@ inline constexpr int kLevelMax = 14;
 // dims = ceil(dims / 2^level), the same origin, voxels 2^level times as large.
 GridSpec level_spec(const GridSpec& spec, int level);
 
-// The tiles of a level, each made from the 8^level ones of the source under it, which are read once.
-// The source must outlive it. In memory: the tile, and a batch of the source's.
+// The tiles of a level, each made from the 8^level ones of the source under it, which are read
+// once. The source must outlive it. In memory: the tile, and a batch of the source's.
 class LevelTiles final : public TileSource {
  public:
   // level: 1 to kLevelMax.

@@ -1,5 +1,6 @@
-// The cubes of one tile that are one voxel of a level of detail each. Cells lie in Morton order, and
-// so do their attributes: a cube's are a run of them, and one pass over the tile makes all sums.
+// The cubes of one tile that are one voxel of a level of detail each. Cells lie in Morton order,
+// and so do their attributes: a cube's are a run of them, and one pass over the tile makes all
+// sums.
 #pragma once
 
 #include <algorithm>
@@ -69,9 +70,9 @@ void for_each_group(const BrickMask& mask, int level, Part&& part) {
 
 }  // namespace level_detail
 
-// Calls emit(code, sums) for the cubes of 2^level cells to a side that hold voxels, in Morton order.
-// code: the cube's place in the tile, Morton, in cubes; from level 8 on the tile is (a part of) one
-// cube. level: 1 to 14.
+// Calls emit(code, sums) for the cubes of 2^level cells to a side that hold voxels, in Morton
+// order. code: the cube's place in the tile, Morton, in cubes; from level 8 on the tile is (a part
+// of) one cube. level: 1 to 14.
 template <typename Emit>
 void for_each_level_cell(const SparseTile& tile, int level, Emit&& emit) {
   LevelSums open;

@@ -37,9 +37,9 @@ CellBox box_of(const SparseTile& tile) {
   return box;
 }
 
-// Where the occupied cells begin along an axis, or end where `high`. Of the outermost layer of tiles
-// that holds any; a tile whose voxels reach the layer's own face ends the search. 0 where there are
-// none.
+// Where the occupied cells begin along an axis, or end where `high`. Of the outermost layer of
+// tiles that holds any; a tile whose voxels reach the layer's own face ends the search. 0 where
+// there are none.
 Result<int> find_side(const TileSource& source, size_t axis, bool high) {
   const auto& coords = source.coords();
   std::vector<size_t> order(coords.size());

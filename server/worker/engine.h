@@ -2,8 +2,6 @@
 // the next task is likely to ask for again.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,6 +11,7 @@
 #include "proto/options.h"
 #include "proto/result.h"
 #include "server/grid/grid.h"
+#include "server/render/drawing_cost.h"
 #include "server/scene/scene.h"
 #include "server/voxel/voxelize.h"
 #include "server/worker/mesh_topology.h"
@@ -42,12 +41,6 @@ struct InputCache {
   std::shared_ptr<const LoadedGrid> picture;
   // The grids that the renderers hold, by the same keys.
   std::string gl_resident_key, cpu_resident_key;
-};
-
-// What one picture may take of memory.
-struct PictureLimits {
-  size_t bytes_max = size_t{768} << 20;  // tiles and the renderer's tables
-  size_t table_bytes_max = SIZE_MAX;     // one table; the device's limit where that is less
 };
 
 struct Engine {

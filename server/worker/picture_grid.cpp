@@ -12,8 +12,8 @@
 #include "server/grid/level.h"
 #include "server/grid/region.h"
 #include "server/render/camera.h"
+#include "server/render/drawing_cost.h"
 #include "server/worker/picture_view.h"
-#include "shaders/shared/raymarch.h"
 
 namespace voxeld {
 namespace {
@@ -75,7 +75,7 @@ bool likely_fits(const TileSource& source, int level, const PictureLimits& limit
   bricks /= static_cast<double>(int64_t{1} << (2 * level));
   const Grid& grid = source.grid();
   const double values = (grid.channels.color ? 4 : 0) + (grid.channels.normal ? 4 : 0);
-  const double table = bricks * RAYMARCH_BRICK_WORDS * sizeof(uint32_t);
+  const double table = bricks * kDrawnBrickBytes;
   const double tile = bricks * sizeof(BrickMask);
   return table <= static_cast<double>(limits.table_bytes_max) &&
          table + tile + 2 * bricks * kVoxelsPerBrick * values <=
@@ -230,29 +230,6 @@ class Finder {
 };
 
 }  // namespace
-
-void DrawingCost::add(const SparseTile& tile) {
-  ++tiles_;
-  bricks_ += tile.masks.size();
-  full_ += tile.full.size();
-  values_ += std::max(tile.color.size() / 4, tile.normal.size() / 3);
-  tile_bytes_ += tile_bytes(tile);
-}
-
-bool DrawingCost::fits(const PictureLimits& limits) const {
-  // A block's table is shared by the bricks of a surface in it; at worst it has one.
-  const size_t nodes = sizeof(uint32_t) * (tiles_ * RAYMARCH_TILE_ENTRIES +
-                                           (bricks_ / 4 + full_) * RAYMARCH_BLOCK_WORDS);
-  const size_t largest = std::max(
-      {bricks_ * RAYMARCH_BRICK_WORDS * sizeof(uint32_t), nodes, values_ * sizeof(uint32_t)});
-  return largest <= limits.table_bytes_max && bytes() <= limits.bytes_max;
-}
-
-size_t DrawingCost::bytes() const {
-  const size_t nodes =
-      tiles_ * RAYMARCH_TILE_ENTRIES + (bricks_ / 4 + full_) * RAYMARCH_BLOCK_WORDS;
-  return tile_bytes_ + sizeof(uint32_t) * (bricks_ * RAYMARCH_BRICK_WORDS + nodes + 2 * values_);
-}
 
 Result<PictureGrid> picture_grid(TaskRun& run, const TileSource& source,
                                  const std::string& source_key,

@@ -2,7 +2,6 @@
 // level of detail whose voxels are small in the picture, or that fits.
 #pragma once
 
-#include <cstddef>
 #include <memory>
 #include <string>
 
@@ -26,16 +25,5 @@ Result<PictureGrid> picture_grid(TaskRun& run, const TileSource& source,
                                  const std::string& source_key,
                                  const std::shared_ptr<const LoadedGrid>& whole,
                                  const RequestOptions& options);
-
-// What tiles need to be drawn: themselves and the renderer's tables (server/render/packed_grid.h).
-class DrawingCost {
- public:
-  void add(const SparseTile& tile);
-  bool fits(const PictureLimits& limits) const;
-  size_t bytes() const;
-
- private:
-  size_t tiles_ = 0, bricks_ = 0, full_ = 0, values_ = 0, tile_bytes_ = 0;
-};
 
 }  // namespace voxeld

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "server/base/check.h"
+#include "server/base/host_memory.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/region.h"
@@ -60,22 +61,34 @@ Status voxelize(TaskRun& run) {
   return {};
 }
 
-// Draws the grid that is in memory, or as much as is needed of its container.
-Status draw(TaskRun& run, const std::filesystem::path& container, const std::string& key,
-            const RequestOptions& options) {
-  const InputCache& cache = run.engine.cache;
-  const auto whole = cache.grid_key == key ? cache.grid : nullptr;
-  std::unique_ptr<GridInput> input;
-  std::unique_ptr<TileSource> resident;
-  if (whole == nullptr) {
-    VOXELD_ASSIGN(input, GridInput::open(run, container));
-  } else {
-    resident = std::make_unique<GridTiles>(whole->grid);
+// A grid to draw: in memory, or in its container.
+struct DrawnInput {
+  std::shared_ptr<const LoadedGrid> whole;
+  std::unique_ptr<GridInput> container;
+  std::unique_ptr<GridTiles> resident;
+  const TileSource& tiles() const {
+    return resident != nullptr ? static_cast<const TileSource&>(*resident) : container->tiles();
   }
-  const TileSource& source =
-      whole == nullptr ? static_cast<const TileSource&>(input->tiles()) : *resident;
-  if (run.task.input_is_grid) add_input_meta(run, source.grid().meta_json);
-  VOXELD_ASSIGN(const PictureGrid drawn, picture_grid(run, source, key, whole, options));
+};
+
+Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& container,
+                              const std::string& key) {
+  const InputCache& cache = run.engine.cache;
+  DrawnInput input;
+  if (cache.grid_key == key) input.whole = cache.grid;
+  if (input.whole != nullptr) {
+    input.resident = std::make_unique<GridTiles>(input.whole->grid);
+  } else {
+    VOXELD_ASSIGN(input.container, GridInput::open(run, container));
+  }
+  return input;
+}
+
+// Draws the grid, or as much of it as is needed.
+Status draw(TaskRun& run, const DrawnInput& input, const std::string& key,
+            const RequestOptions& options) {
+  VOXELD_ASSIGN(const PictureGrid drawn,
+                picture_grid(run, input.tiles(), key, input.whole, options));
   VOXELD_ASSIGN(const Picture picture, render_picture(run, *drawn.grid, drawn.key, drawn.options));
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
@@ -91,7 +104,8 @@ Status render_mesh(TaskRun& run) {
   if (cache.grid != nullptr && cache.grid_key == key) {
     add_input_meta(run, cache.grid->grid.meta_json);
     VOXELD_TRY(write_grid(run, cache.grid->grid));
-    return draw(run, {}, key, options);
+    VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, {}, key));
+    return draw(run, input, key, options);
   }
   VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
   cache.grid.reset();
@@ -101,13 +115,20 @@ Status render_mesh(TaskRun& run) {
   std::erase_if(run.completion.outputs,
                 [](const TaskOutput& output) { return output.role == "result"; });
   if (made.kept) keep_grid(run, made, key);
-  return draw(run, made.path, key, options);
+  VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, made.path, key));
+  return draw(run, input, key, options);
 }
 
 Status render(TaskRun& run) {
   if (!run.task.input_is_grid) return render_mesh(run);
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kRenderGrid));
-  return draw(run, run.task.input_path, run.task.input_hash, options);
+  DrawnInput input;
+  {
+    const StageTimer stage(run, "parse");
+    VOXELD_ASSIGN(input, open_drawn(run, run.task.input_path, run.task.input_hash));
+    add_input_meta(run, input.tiles().grid().meta_json);
+  }
+  return draw(run, input, run.task.input_hash, options);
 }
 
 // grid -> the grid in another format, or what is wanted of it
@@ -160,9 +181,11 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   TaskRun run{engine, task, scratch, monitor, {}};
   run.completion.task = task.id;
   run.completion.fence = task.fence;
+  const PeakMemory peak;
   try {
     add_meta(run, {{"source_hash", task.input_hash}});
     VOXELD_TRY(run_kind(run));
+    add_meta(run, {{"host_bytes_peak", peak.bytes()}});
     return std::move(run.completion);
   } catch (const std::bad_alloc&) {
     engine.cache = {};  // gives back what it can

@@ -185,6 +185,85 @@ TEST_F(RunTaskTest, a_second_view_of_a_mesh_is_not_voxelized_again) {
   EXPECT_EQ(json::parse(other->meta_json)["dims"], json({9, 9, 9}));
 }
 
+TEST_F(RunTaskTest, a_level_of_a_grid_is_a_grid) {
+  const auto made = run(task(JobKind::kVoxelize, kCube, R"({"size":600,"format":"native"})"));
+  ASSERT_TRUE(made) << made.error().message();
+  const json whole = json::parse(made->meta_json);
+  const auto level = run(grid_task(JobKind::kExport, *made, R"({"level":2})"));
+  ASSERT_TRUE(level) << level.error().message();
+  EXPECT_EQ(output(*level, "grid").path, output(*level, "result").path);
+  const json meta = json::parse(level->meta_json);
+  EXPECT_EQ(meta["dims"], json({150, 150, 150}));
+  EXPECT_EQ(meta["voxel_count"], 150 * 150 * 150 - 148 * 148 * 148);
+  EXPECT_EQ(meta["level"], 2);
+  EXPECT_EQ(meta["level_rule"], "any");
+  EXPECT_EQ(meta["of"]["content_hash"], whole["content_hash"]);
+  EXPECT_NE(meta["content_hash"], whole["content_hash"]);
+  EXPECT_GT(meta["host_bytes_peak"].get<int64_t>(), 1 << 20);
+  // It is what a voxelization at that size gives here: the cube's faces are faces of cells.
+  const auto direct = run(task(JobKind::kVoxelize, kCube, R"({"size":150,"format":"native"})"));
+  EXPECT_EQ(json::parse(direct->meta_json)["content_hash"], meta["content_hash"]);
+  // And the same comes from the mesh at once, beside the whole grid.
+  const auto once = run(task(JobKind::kVoxelize, kCube, R"({"size":600,"level":2})"));
+  ASSERT_TRUE(once) << once.error().message();
+  EXPECT_EQ(json::parse(once->meta_json)["content_hash"], meta["content_hash"]);
+  EXPECT_EQ(read_file(output(*once, "result").path).value(),
+            read_file(output(*level, "result").path).value());
+  const auto npy =
+      run(grid_task(JobKind::kExport, *made, R"({"region":"0,0,0,600,600,1","format":"npy"})"));
+  ASSERT_TRUE(npy) << npy.error().message();
+  EXPECT_EQ(json::parse(npy->meta_json)["voxel_count"], 600 * 600);
+  EXPECT_EQ(run(grid_task(JobKind::kExport, *made, R"({"region":"0,0,0,601,1,1"})")).error().code,
+            ErrorCode::kInvalidOption);
+}
+
+TEST_F(RunTaskTest, what_does_not_fit_is_drawn_in_part_or_coarser_and_looks_the_same) {
+  const auto made = run(task(JobKind::kVoxelize, kCube, R"({"size":1000,"format":"native"})"));
+  ASSERT_TRUE(made) << made.error().message();
+  const auto draw = [&](const std::string& more, size_t bytes_max) {
+    engine().cache = {};
+    engine().picture_limits.bytes_max = bytes_max;
+    auto drawn = run(grid_task(JobKind::kRender, *made,
+                               R"({"width":128,"height":128,"light":"flat")" + more + "}"));
+    engine().picture_limits = {};
+    EXPECT_TRUE(drawn) << drawn.error().message();
+    return drawn;
+  };
+  constexpr size_t kLarge = size_t{1} << 30, kSmall = size_t{4} << 20;
+  const auto whole = draw("", kLarge), coarse = draw("", kSmall);
+  EXPECT_EQ(json::parse(whole->meta_json)["drawn"]["level"], 0);
+  const json drawn = json::parse(coarse->meta_json);
+  EXPECT_GE(drawn["drawn"]["level"].get<int>(), 1);
+  EXPECT_EQ(drawn["drawn"]["tiles"], drawn["drawn"]["tiles_in_grid"]);
+  EXPECT_EQ(drawn["dims"], json({1000, 1000, 1000}));
+  // A close-up takes single voxels of the few tiles in view, and is the same picture.
+  const auto near_whole = draw(R"(,"zoom":30)", kLarge), near = draw(R"(,"zoom":30)", kSmall);
+  const json part = json::parse(near->meta_json)["drawn"];
+  EXPECT_EQ(part["level"], 0);
+  EXPECT_LT(part["tiles"].get<int>(), part["tiles_in_grid"].get<int>() / 3);
+  EXPECT_EQ(read_file(output(*near, "result").path).value(),
+            read_file(output(*near_whole, "result").path).value());
+}
+
+TEST_F(RunTaskTest, a_picture_of_the_same_part_reads_nothing_again) {
+  const auto made = run(task(JobKind::kVoxelize, kCube, R"({"size":1000,"format":"native"})"));
+  ASSERT_TRUE(made);
+  engine().cache = {};
+  engine().picture_limits.bytes_max = size_t{4} << 20;
+  const auto first =
+      run(grid_task(JobKind::kRender, *made, R"({"width":64,"height":64,"light":"flat"})"));
+  ASSERT_TRUE(first) << first.error().message();
+  const auto* resident = engine().cache.picture.get();
+  ASSERT_NE(resident, nullptr);
+  const auto second = run(grid_task(JobKind::kRender, *made,
+                                    R"({"width":64,"height":64,"light":"flat","azimuth":31})"));
+  engine().picture_limits = {};
+  ASSERT_TRUE(second);
+  EXPECT_EQ(engine().cache.picture.get(), resident);
+  EXPECT_NE(read_file(output(*first, "result").path).value(),
+            read_file(output(*second, "result").path).value());
+}
+
 TEST_F(RunTaskTest, a_dense_output_over_the_limit_is_refused_before_it_is_computed) {
   const auto done = run(task(JobKind::kVoxelize, kCube, R"({"size":2048,"format":"npy"})"));
   ASSERT_FALSE(done);

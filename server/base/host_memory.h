@@ -1,0 +1,19 @@
+// How much memory this process takes, as Linux counts it.
+#pragma once
+
+#include <cstdint>
+
+namespace voxeld {
+
+// Resident bytes now; 0 if unknown.
+int64_t resident_bytes();
+
+// The most resident bytes since it was made, or, where the kernel does not let a process forget its
+// earlier peak, since the process began.
+class PeakMemory {
+ public:
+  PeakMemory();
+  int64_t bytes() const;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,33 @@
+// What a grid takes of memory to be drawn, counted tile by tile before anything is made of it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "server/grid/grid.h"
+
+namespace voxeld {
+
+// What one picture may take of memory.
+struct PictureLimits {
+  size_t bytes_max = size_t{768} << 20;  // tiles and the renderer's tables
+  size_t table_bytes_max = SIZE_MAX;     // of one table; see Renderer::table_bytes_max()
+};
+
+// Bytes of a brick in the renderer's largest table.
+inline constexpr size_t kDrawnBrickBytes = 80;
+
+// Tiles and the tables that they become (packed_grid.h).
+class DrawingCost {
+ public:
+  void add(const SparseTile& tile);
+  bool fits(const PictureLimits& limits) const;
+  size_t bytes() const;
+
+ private:
+  size_t node_bytes() const;
+
+  size_t tiles_ = 0, bricks_ = 0, full_ = 0, values_ = 0, tile_bytes_ = 0;
+};
+
+}  // namespace voxeld
