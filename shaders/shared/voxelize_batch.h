@@ -5,6 +5,10 @@
 //   batch_bricks    masks -> which bricks are occupied
 //   batch_scan      -> how many are before each
 //   batch_gather    -> the occupied bricks alone
+// And the tiles' octrees, breadth first, as proto/grid_format.h has them:
+//   octree_bricks   masks -> what each brick adds to the levels below it
+//   octree_levels   -> where each level and each brick begins, and the levels down to the bricks
+//   octree_leaves   -> the levels of 4 and of 2 cells
 #ifdef __cplusplus
 #pragma once
 #endif
@@ -28,8 +32,22 @@
 #define BATCH_TILES 2    // BatchTile per slot
 #define BATCH_MORTONS 3  // uint per occupied brick, ascending within a tile
 #define BATCH_BRICKS 5   // 16 uints per occupied brick
+// Of the octree passes, beside BATCH_MASKS.
+#define OCTREE_BRICKS 0  // uint per brick of a slot; layout below
+#define OCTREE_PLACES 1  // uvec2 per brick of a slot: bytes where its nodes of 4 and 2 cells begin
+#define OCTREE_TILES 2   // OctreeTile per slot
+#define OCTREE_BYTES 3   // the octrees, four bytes in a word; zero before
+#define OCTREE_COUNT 5   // uint: bytes of all octrees, each rounded up to whole words
 // Uniform buffer.
 #define BATCH_PARAMS 0
+
+// What octree_bricks says of a brick: any voxel, all voxels, how many nodes of 4 and of 2 cells
+// with voxels its stream has, and its byte.
+#define OCTREE_ANY 1u
+#define OCTREE_FULL 2u
+#define OCTREE_NODES4_SHIFT 2
+#define OCTREE_NODES2_SHIFT 8
+#define OCTREE_BYTE_SHIFT 16
 
 #define BATCH_GROUP_SIZE 64       // invocations of a work group, and pairs of one
 #define BATCH_SLOTS_MAX 64        // tiles of a batch: 6 bits of a work item
@@ -54,8 +72,9 @@ struct BatchParams {
   uint small_capacity;  // work items that the lists hold; more are counted and not written
   uint large_capacity;
   uint slot_count;
-  uint brick_capacity;  // occupied bricks that fit, as with work items
-  uint padding0, padding1;
+  uint brick_capacity;           // occupied bricks that fit, as with work items
+  uint has_full_nodes;           // octrees: 1 where voxels have no attributes
+  uint octree_words;             // octrees: words that fit
   ivec4 tiles[BATCH_SLOTS_MAX];  // xyz: the tile's first cell in the grid; w unused
 };
 
@@ -71,6 +90,11 @@ struct BatchCounts {
 struct BatchTile {
   uint brick_first;  // place of the tile's bricks among those of the batch
   uint brick_count;
+};
+
+struct OctreeTile {
+  uint byte_first;  // among the bytes of the batch; a multiple of 4
+  uint byte_count;
 };
 
 VOXELD_SHARED_END
