@@ -9,6 +9,7 @@
 #include "server/gpu/pass_timer.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/attribute_pass.h"
+#include "server/voxel/gl/gl_flood.h"
 #include "server/voxel/gl/gl_inside.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/gl/touch_pass.h"
@@ -31,6 +32,9 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   Status find_inside(const InsideJob& job, const ColumnProgress& progress,
                      std::vector<SparseTile>& tiles, AxisVotes& votes,
                      VoxelizeStats& stats) override;
+  Result<bool> flood_inside(std::span<const SparseTile> touched, const glm::ivec3& dims,
+                            const ColumnProgress& progress, std::vector<SparseTile>& tiles,
+                            VoxelizeStats& stats) override;
   int64_t inside_bytes(const glm::ivec3& dims, Sign sign) const override;
 
  private:
@@ -47,6 +51,7 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   TouchPass touch_;
   AttributePass attributes_;
   GlInside inside_;
+  GlFlood flood_;
   // Of the job.
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;

@@ -16,7 +16,7 @@ namespace voxeld {
 class SolidFiller {
  public:
   // `device`: finds the inside where it is given; otherwise the pool's threads do. What remains
-  // theirs: sign=flood, the distances of shells, and uniting.
+  // theirs: which sign `auto` takes, the distances of shells, and uniting.
   explicit SolidFiller(WorkerPool& pool, DeviceInside* device = nullptr)
       : pool_(pool), device_(device) {}
 
