@@ -1,6 +1,6 @@
 // The bits of columns become a tile's mask in Morton order, words of 4x4x2 cells. One invocation
-// makes 16, one above the other, of which most are empty or full. SOLID_VOTE: two of three axes, and the cells on which they disagree. SOLID_MIX: where
-// they do, the cells of SOLID_VOLUME_Z instead.
+// makes 16, one above the other, of which most are empty or full. SOLID_VOTE: two of three axes,
+// and the cells on which they disagree. SOLID_MIX: where they do, the cells of SOLID_VOLUME_Z.
 #include "shared/solid.h"
 
 layout(local_size_x = SOLID_GROUP_SIZE) in;

@@ -128,6 +128,10 @@ int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const Voxelize
     const int64_t tile_count = int64_t{tiles.x} * tiles.y * tiles.z;
     bytes += tile_count * (int64_t{8} << 15) + 3 * surface_bytes;
   }
+  // On its way to a device and back, a layer of tiles of the bits of a grid.
+  if (options.sign == Sign::kFlood) {
+    bytes += std::min(spec.cell_count() / 4, int64_t{128} << 20);
+  }
   return bytes;
 }
 

@@ -73,10 +73,11 @@ struct Voxelizer::Impl {
                   VoxelizePlan& plan, VoxelizeStats& stats) const;
   Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
                    TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
-  // On the device, of a fill.
-  int64_t inside_bytes(Pipeline which, const GridSpec& spec, const VoxelizeOptions& options) const {
-    if (which == Pipeline::kCpu || device_inside == nullptr) return 0;
-    return device_inside->inside_bytes(spec.dims, options.sign);
+  // What fills beside a surface by this pipeline; null: the CPU does, always where it was `auto` on
+  // a software driver, which would run shaders on the same cores.
+  DeviceInside* inside_of(Pipeline which, PipelineChoice asked) const {
+    const bool is_slow = asked == PipelineChoice::kAuto && traits().is_software;
+    return which == Pipeline::kCpu || is_slow ? nullptr : device_inside;
   }
   // An upper estimate of what the machine's memory must hold.
   int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
@@ -155,7 +156,7 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
                                 });
   surface_pipeline.end_job();
   VOXELD_TRY(done);
-  DeviceInside* inside = stats.pipeline == Pipeline::kCpu ? nullptr : device_inside;
+  DeviceInside* inside = inside_of(stats.pipeline, plan.options.pipeline);
   VOXELD_TRY(SolidFiller(cpu.pool(), host_bytes_max, inside)
                  .fill(
                      plan,
@@ -223,8 +224,9 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
       impl_->decide(options.pipeline, estimate_workload(mesh, bins.bins()), channels);
   const TilePipeline* pipeline = impl_->pipeline(estimate.pipeline.pipeline);
   if (pipeline != nullptr) estimate.device_bytes = pipeline->device_bytes(scene, channels);
-  if (options.fill != Fill::kSurface) {
-    estimate.device_bytes += impl_->inside_bytes(estimate.pipeline.pipeline, placed.spec, options);
+  const DeviceInside* inside = impl_->inside_of(estimate.pipeline.pipeline, options.pipeline);
+  if (options.fill != Fill::kSurface && inside != nullptr) {
+    estimate.device_bytes += inside->inside_bytes(placed.spec.dims, options.sign);
   }
   estimate.host_bytes = impl_->job_bytes(scene, mesh, placed, options, channels);
   VOXELD_TRY(check_host_bytes(placed.spec, estimate.host_bytes, impl_->host_bytes_max));

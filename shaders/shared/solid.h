@@ -18,6 +18,10 @@
 #define SOLID_DISAGREE 3    // mask like SOLID_MASK: cells on which the axes disagree
 #define SOLID_MASK 6        // bit per cell of the tile in Morton order, proto/sparse_tile.h
 #define SOLID_FLAGS 7       // uints, see below
+// In the flood.
+#define SOLID_FREE 0        // bit per cell of the grid, see solid_flood.comp
+#define SOLID_REACHED 1
+#define SOLID_CHANGED 2     // uint: 1 where a step reached something new
 // Uniform buffer.
 #define SOLID_PARAMS 0
 // Texture units of the slice map: slices 0 to 127 and 128 to 255.
@@ -66,10 +70,20 @@ struct SolidParams {
   uint padding0, padding1, padding2;
 };
 
+struct FloodParams {
+  ivec4 cells;  // xyz: of the grid; w unused
+  int axis;     // to go along
+  int words_x;  // of a row
+  uint lines;   // rows or columns of words along the axis
+  uint padding0;
+};
+
 VOXELD_SHARED_END
 
 #ifdef __cplusplus
 static_assert(offsetof(voxeld::shared::SolidParams, item_first) == 32);
 static_assert(offsetof(voxeld::shared::SolidParams, carry_slot) == 56);
 static_assert(sizeof(voxeld::shared::SolidParams) == 80);
+static_assert(offsetof(voxeld::shared::FloodParams, axis) == 16);
+static_assert(sizeof(voxeld::shared::FloodParams) == 32);
 #endif

@@ -24,6 +24,7 @@ GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const
       batch_touch_(context, shaders, tuning),
       batch_bricks_(context, shaders),
       inside_(context, shaders),
+      flood_(context, shaders),
       mask_(kTileMaskWords),
       word_offsets_(kTileMaskWords) {}
 
@@ -95,7 +96,14 @@ Status GlPipeline::find_inside(const InsideJob& job, const ColumnProgress& progr
   return inside_.run(job, progress, device_.bytes() + attributes_.bytes(), tiles, votes, stats);
 }
 
+Result<bool> GlPipeline::flood_inside(std::span<const SparseTile> touched, const glm::ivec3& dims,
+                                      const ColumnProgress& progress,
+                                      std::vector<SparseTile>& tiles, VoxelizeStats& stats) {
+  return flood_.run(touched, dims, progress, device_.bytes() + attributes_.bytes(), tiles, stats);
+}
+
 int64_t GlPipeline::inside_bytes(const glm::ivec3& dims, Sign sign) const {
+  if (sign == Sign::kFlood) return flood_.bytes(dims);
   return GlInside::bytes_max(dims, sign);
 }
 

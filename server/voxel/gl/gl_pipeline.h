@@ -12,6 +12,7 @@
 #include "server/voxel/gl/batch_bricks.h"
 #include "server/voxel/gl/batch_touch.h"
 #include "server/voxel/gl/gl_tuning.h"
+#include "server/voxel/gl/gl_flood.h"
 #include "server/voxel/gl/gl_inside.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/gl/touch_pass.h"
@@ -36,6 +37,9 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   Status find_inside(const InsideJob& job, const ColumnProgress& progress,
                      std::vector<SparseTile>& tiles, AxisVotes& votes,
                      VoxelizeStats& stats) override;
+  Result<bool> flood_inside(std::span<const SparseTile> touched, const glm::ivec3& dims,
+                            const ColumnProgress& progress, std::vector<SparseTile>& tiles,
+                            VoxelizeStats& stats) override;
   int64_t inside_bytes(const glm::ivec3& dims, Sign sign) const override;
 
  private:
@@ -59,6 +63,7 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   BatchTouch batch_touch_;
   BatchBricks batch_bricks_;
   GlInside inside_;
+  GlFlood flood_;
   // Of the job.
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;

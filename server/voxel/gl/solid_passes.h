@@ -60,8 +60,8 @@ class SolidPasses {
   Status mark_parity(const SweepWindow& window, const SweepTarget& target);
   Status scan_parity(int axis, size_t slot);
 
-  // Sums of a slab of SOLID_SLAB_CELLS along z: begin, mark for every window, scan. `thresholds`: in
-  // shared/solid.h; none: 1, or any but 0 with kNonzero.
+  // Sums of a slab of SOLID_SLAB_CELLS along z: begin, mark for every window, scan. `thresholds`
+  // as in shared/solid.h; none: 1, or any but 0 with kNonzero.
   void begin_counts(int slab);
   Status mark_counts(const SweepWindow& window, const SweepTarget& target);
   Status scan_counts(int slab, Sign sign, std::span<const int32_t> thresholds);

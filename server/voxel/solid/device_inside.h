@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "server/voxel/solid/inside.h"
@@ -21,7 +22,12 @@ class DeviceInside {
                              std::vector<SparseTile>& tiles, AxisVotes& votes,
                              VoxelizeStats& stats) = 0;
 
-  // Bytes on the device at the peak of find_inside(): an upper bound.
+  // As voxeld::flood_inside(). False where the CPU has to do it: `tiles` are then as they were.
+  virtual Result<bool> flood_inside(std::span<const SparseTile> touched, const glm::ivec3& dims,
+                                    const ColumnProgress& progress, std::vector<SparseTile>& tiles,
+                                    VoxelizeStats& stats) = 0;
+
+  // Bytes on the device at the peak of either: an upper bound.
   virtual int64_t inside_bytes(const glm::ivec3& dims, Sign sign) const = 0;
 };
 

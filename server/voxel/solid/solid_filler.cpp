@@ -70,6 +70,11 @@ Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, co
   if (sign == Sign::kFlood) {
     TouchCells cells(plan, surface);
     VOXELD_ASSIGN(const auto* touched, cells.get(touch));
+    if (device_ != nullptr) {
+      VOXELD_ASSIGN(const bool done,
+                    device_->flood_inside(*touched, plan.spec.dims, progress, tiles, stats));
+      if (done) return tiles;
+    }
     VOXELD_TRY(flood_inside(*touched, plan.spec.dims, progress, tiles));
     return tiles;
   }

@@ -16,8 +16,8 @@ namespace voxeld {
 class SolidFiller {
  public:
   // `device`: finds the inside where it is given; otherwise the pool's threads do. What remains
-  // theirs: sign=flood, distances, and uniting. host_bytes_max: of what only the inside of the mesh
-  // tells the size of.
+  // theirs: which sign `auto` takes, distances, and uniting. host_bytes_max: of what only the inside
+  // of the mesh tells the size of.
   SolidFiller(WorkerPool& pool, int64_t host_bytes_max, DeviceInside* device = nullptr)
       : pool_(pool), host_bytes_max_(host_bytes_max), device_(device) {}
 

@@ -66,7 +66,7 @@ TEST(DeviceOctrees, equal_those_of_the_cpu_for_surfaces) {
 TEST(DeviceOctrees, equal_those_of_the_cpu_for_voxels_with_attributes) {
   const Scene scene = soup(72, {.count = 2000, .extent = 100, .size_max = 30, .colors = true});
   const Grid grid = voxelize(scene, unit_cells({100, 100, 100}), PipelineChoice::kCpu);
-  ASSERT_TRUE(grid.has_color);
+  ASSERT_TRUE(grid.channels.color);
   DeviceOctree().expect_equal(grid.tiles, true);
 }
 

@@ -189,7 +189,6 @@ TEST(Solid, devices_name_their_passes_and_keep_their_memory) {
   const Scene open = without(wavy_sphere(3), 0.3);
   for (const PipelineChoice pipeline : devices()) {
     for (const auto& [sign, name] : kSigns) {
-      if (sign == Sign::kFlood) continue;  // on the machine
       VoxelizeOptions options = solid(of_size(70), sign);
       options.pipeline = pipeline;
       const auto estimate = voxelizer().estimate(open, options);
@@ -198,10 +197,47 @@ TEST(Solid, devices_name_their_passes_and_keep_their_memory) {
       voxelize(open, options, pipeline, &stats);
       EXPECT_GT(stats.device_bytes_peak, 0) << name;
       EXPECT_LE(stats.device_bytes_peak, estimate->device_bytes) << name;
-      const bool named = std::ranges::any_of(
-          stats.passes, [](const auto& pass) { return pass.first == "inside_sweep"; });
+      const bool named = std::ranges::any_of(stats.passes, [](const auto& pass) {
+        return pass.first == "inside_sweep" || pass.first == "inside_flood";
+      });
       EXPECT_TRUE(named) << name;
     }
+  }
+}
+
+// A corridor that turns round so often.
+Scene maze(int turns) {
+  MeshPart part;
+  const double size = 2 * turns + 1;
+  for (int wall = 0; wall <= turns; ++wall) {
+    // Open at one end, and by turns at the other.
+    const bool first = wall % 2 == 0, outer = wall == 0 || wall == turns;
+    const double y = 2 * wall + 0.5, low = first || outer ? 0.5 : 2.5;
+    const double high = first && !outer ? size - 2.5 : size - 0.5;
+    add_quad(part, {glm::dvec3(low, y, 0), {high, y, 0}, {high, y, 5}, {low, y, 5}});
+  }
+  for (const double x : {0.5, size - 0.5}) {
+    add_quad(part, {glm::dvec3(x, 3.2, 0), {x, size - 0.5, 0}, {x, size - 0.5, 5}, {x, 3.2, 5}});
+  }
+  for (const double z : {0.5, 4.5}) {
+    add_quad(part, {glm::dvec3(0, 0, z), {size, 0, z}, {size, size, z}, {0, size, z}});
+  }
+  return scene_of(std::move(part));
+}
+
+TEST(Solid, a_maze_is_flooded_to_its_end_wherever_that_is_done) {
+  for (const int turns : {5, 150}) {
+    const int side = 2 * turns + 1;
+    const VoxelizeOptions options = solid(unit_cells({side, side, 5}), Sign::kFlood);
+    const Grid expected = voxelize(maze(turns), options, PipelineChoice::kCpu);
+    VoxelizeStats stats;
+    const Grid grid = voxelize(maze(turns), options, PipelineChoice::kCompute, &stats);
+    EXPECT_TRUE(grid.tiles == expected.tiles) << turns;
+    const bool ended = std::ranges::any_of(
+        stats.passes, [](const auto& pass) { return pass.first == "inside_read"; });
+    EXPECT_EQ(ended, turns < 64) << turns;
+    // Nothing of the corridor is inside.
+    EXPECT_LT(voxel_count(grid), static_cast<size_t>(side) * side * 5 * 9 / 10) << turns;
   }
 }
 
