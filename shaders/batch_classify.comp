@@ -1,6 +1,6 @@
-// First pass of a batch: clears the masks, culls pairs of a triangle and a tile, and splits the rest
-// into work items of up to 8x8 columns, which go to the list of small triangles or to that of large
-// ones. Places in the lists are taken by one atomic operation for each group and list.
+// First pass of a batch: clears the masks, culls pairs of a triangle and a tile, and splits the
+// rest into work items of up to 8x8 columns, which go to the list of small triangles or to that of
+// large ones. Places in the lists are taken by one atomic operation for each group and list.
 #include "shared/voxelize.h"
 #include "shared/voxelize_batch.h"
 #include "lib/touch.glsl"

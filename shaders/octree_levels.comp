@@ -1,6 +1,6 @@
 // Second pass of the octrees of a batch: one group per tile reduces bricks to nodes of 16 to 256
-// cells by OR (has voxels) and AND (is full), finds by prefix sums where each level begins and where
-// each brick's nodes stand in the levels below it, and writes the levels down to the bricks.
+// cells by OR (has voxels) and AND (is full), finds by prefix sums where each level begins and
+// where each brick's nodes stand in the levels below it, and writes the levels down to the bricks.
 #include "shared/voxelize_batch.h"
 
 layout(local_size_x = BATCH_SCAN_SIZE) in;

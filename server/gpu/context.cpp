@@ -112,10 +112,6 @@ Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) 
   }
   info_.is_software = is_software_renderer(info_.renderer);
   info_.has_int64 = has_extension(gl_, "GL_ARB_gpu_shader_int64");
-  if (!info_.has_int64) {
-    return unavailable(device, info_.renderer + " has no 64-bit integers in shaders",
-                       "GL_ARB_gpu_shader_int64", "a driver without it");
-  }
   info_.has_timer_queries = has_timer_queries(gl_, info_.is_software);
   read_limits(gl_, info_);
   if (is_debug_) {

@@ -16,7 +16,7 @@ class Context {
  public:
   // Leaves the context current on the calling thread. Changes the environment while a Mesa driver
   // loads and restores it, so call it before other threads start.
-  // Errors: device-unavailable with what failed (library, device, version, int64 missing);
+  // Errors: device-unavailable with what failed (library, device, version);
   // egl:N refuses a software renderer unless it is what N names; a second kind of Mesa EGL driver
   // in one process is refused, because Mesa reads its choice of driver once.
   static Result<std::unique_ptr<Context>> create(const DeviceId& device);

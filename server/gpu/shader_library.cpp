@@ -1,5 +1,6 @@
 #include "server/gpu/shader_library.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "server/base/check.h"
@@ -136,7 +137,12 @@ Result<uint32_t> ShaderLibrary::link(const std::vector<ShaderStage>& stages,
   return driver_error(name + " does not link on " + context_->info().renderer, log);
 }
 
-Result<const Program*> ShaderLibrary::get(std::vector<ShaderStage> stages, const Defines& defines) {
+Result<const Program*> ShaderLibrary::get(std::vector<ShaderStage> stages, const Defines& given) {
+  Defines defines = given;
+  const auto is_no_int64 = [](const auto& define) { return define.first == kNoInt64Define; };
+  if (!context_->info().has_int64 && std::ranges::none_of(defines, is_no_int64)) {
+    defines.emplace_back(kNoInt64Define, "1");
+  }
   const std::string name = program_name(stages, defines);
   if (const auto found = programs_.find(name); found != programs_.end()) {
     return static_cast<const Program*>(found->second.program.get());

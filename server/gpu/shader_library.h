@@ -46,7 +46,8 @@ class ShaderLibrary {
   // Empty directory: the embedded sources.
   explicit ShaderLibrary(const Context& context, std::string shader_dir = "");
 
-  // Compiles, or returns the program made before from the same files and defines. The pointer stays
+  // Compiles, or returns the program made before from the same files and defines, to which NO_INT64
+  // (shader_source.h) is added on devices without 64-bit integers. The pointer stays
   // valid as long as the library. Errors: internal with the driver's log, its line numbers mapped
   // back to "lib/dda.glsl:17".
   Result<const Program*> get(std::vector<ShaderStage> stages, const Defines& defines = {});

@@ -9,11 +9,9 @@
 namespace voxeld::gpu {
 namespace {
 
-// 4.50 is the baseline. A variant with NO_INT64 is for devices without DeviceInfo::has_int64, so it
-// does not ask for the extension: what needs it does not compile there.
+// 4.50 is the baseline.
 constexpr std::string_view kVersion = "#version 450 core";
 constexpr std::string_view kInt64 = "#extension GL_ARB_gpu_shader_int64 : require";
-constexpr std::string_view kNoInt64 = "NO_INT64";
 
 std::string_view trim_left(std::string_view text) {
   const size_t start = text.find_first_not_of(" \t");
@@ -138,8 +136,8 @@ Result<ResolvedShader> resolve_shader(std::string_view file, const Defines& defi
                                       const ShaderReader& read) {
   Resolver resolver(read);
   resolver.append(kVersion, 0, 0);
-  const bool is_without =
-      std::ranges::any_of(defines, [](const auto& define) { return define.first == kNoInt64; });
+  const bool is_without = std::ranges::any_of(
+      defines, [](const auto& define) { return define.first == kNoInt64Define; });
   if (!is_without) resolver.append(kInt64, 0, 0);
   for (const auto& [name, value] : defines) {
     std::string line = "#define ";

@@ -17,6 +17,10 @@ namespace voxeld::gpu {
 
 using Defines = std::vector<std::pair<std::string, std::string>>;
 
+// A variant for devices without DeviceInfo::has_int64: its head does not ask for the extension, so
+// what needs it does not compile.
+inline constexpr std::string_view kNoInt64Define = "NO_INT64";
+
 // Source with #include expanded once each, version and defines at the head.
 struct ResolvedShader {
   struct Line {

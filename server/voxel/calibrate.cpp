@@ -130,7 +130,11 @@ Result<std::vector<CalibrationMeasurement>> measure_pipelines(
   std::vector<CalibrationMeasurement> measurements;
   for (const Pipeline pipeline : pipelines) {
     for (const bool attributes : {false, true}) {
-      VOXELD_TRY(measure(voxelizer, pipeline, attributes, seconds_max, measurements));
+      const Status measured = measure(voxelizer, pipeline, attributes, seconds_max, measurements);
+      // Devices without DeviceTraits::has_int64 refuse attributes, and are never chosen for them.
+      const bool is_refused = attributes && pipeline != Pipeline::kCpu && !measured &&
+                              measured.error().code == ErrorCode::kDeviceUnavailable;
+      if (!is_refused) VOXELD_TRY(measured);
     }
   }
   return measurements;
@@ -147,7 +151,10 @@ Result<std::vector<PipelineCosts>> fit_pipelines(
     if (samples[0].empty() && samples[1].empty()) continue;
     PipelineCosts costs{pipeline, {}, {}};
     VOXELD_ASSIGN(costs.occupancy, fit_cost_model(samples[0]));
-    VOXELD_ASSIGN(costs.attributes, fit_cost_model(samples[1]));
+    costs.attributes = costs.occupancy;
+    if (!samples[1].empty()) {
+      VOXELD_ASSIGN(costs.attributes, fit_cost_model(samples[1]));
+    }
     fitted.push_back(costs);
   }
   return fitted;

@@ -13,12 +13,17 @@ struct Prediction {
   double ms;
 };
 
+// Whether the device's pipelines cannot run it.
+bool needs_cpu(const ChoiceContext& context, bool attributes) {
+  return context.device == nullptr || (attributes && !context.device->has_int64);
+}
+
 // Ascending by time.
 std::vector<Prediction> predictions(const ChoiceContext& context, const Workload& work,
                                     bool attributes) {
   std::vector<Prediction> found;
   for (const Pipeline one : {Pipeline::kCpu, Pipeline::kCompute, Pipeline::kRaster}) {
-    if (one != Pipeline::kCpu && context.device == nullptr) continue;
+    if (one != Pipeline::kCpu && needs_cpu(context, attributes)) continue;
     const CostModel* model = context.calibration.calibration.model(one, attributes);
     if (model != nullptr) found.push_back({one, model->predict_ms(work)});
   }
@@ -41,8 +46,13 @@ PipelineDecision fastest(const std::vector<Prediction>& by_time, const std::stri
   return decision;
 }
 
-PipelineDecision by_rule(const ChoiceContext& context) {
+PipelineDecision by_rule(const ChoiceContext& context, bool attributes) {
   if (context.device == nullptr) return {Pipeline::kCpu, "cpu: there is no GL context", {}};
+  if (needs_cpu(context, attributes)) {
+    return {Pipeline::kCpu,
+            "cpu: attributes need 64-bit integers in shaders, which the device does not have",
+            {}};
+  }
   std::string how;
   if (!context.calibration.why_not.empty()) {
     how = " (" + context.calibration.why_not + ": `voxeld doctor --calibrate` measures)";
@@ -87,7 +97,7 @@ PipelineDecision decide_pipeline(PipelineChoice asked, const ChoiceContext& cont
     const std::vector<Prediction> by_time = predictions(context, work, attributes);
     if (!by_time.empty()) return fastest(by_time, context.calibration.calibration.date);
   }
-  return by_rule(context);
+  return by_rule(context, attributes);
 }
 
 std::string milliseconds_text(double ms) {

@@ -60,6 +60,7 @@ struct VoxelizeStats {
 struct DeviceTraits {
   bool is_software = true;
   int texture_side_max = limits::kImageSideMax;  // larger levels of a texture are passed over
+  bool has_int64 = true;                         // in shaders; attributes need them
 };
 
 // Keeps programs and scratch memory from job to job. One thread.

@@ -9,8 +9,8 @@
 namespace voxeld {
 namespace {
 
-// Extent of small triangles: one item of at most as many columns as large ones get, or of 5. 32 bits
-// hold TOUCH_SMALL_EXTENT of shaders/lib/touch.glsl, which is more.
+// Extent of small triangles: one item of at most as many columns as large ones get, or of 5. 32
+// bits hold TOUCH_SMALL_EXTENT of shaders/lib/touch.glsl, which is more.
 constexpr int kSmallExtentMin = 1024;
 int small_extent(const ItemSizes& sizes) {
   return std::max(kSmallExtentMin, (sizes.block_columns - 1) * kSubVoxelsPerVoxel);

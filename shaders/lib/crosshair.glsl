@@ -34,7 +34,8 @@ ivec3 line_edge(int x, int y, int dx, int dy, int side) {
   return ivec3(a, b, (sum >> 9) - a * (x >> 8) - b * (y >> 8));
 }
 
-// 512 times n.(centre - vertex) of the vertex's cell, for centres of its floor; a 512th, rounded up.
+// 512 times n.(centre - vertex) of the vertex's cell, for centres of its floor;
+// a 512th, rounded up.
 TOUCH_INT line_reach(TOUCH_INT3 n, ivec3 v) {
   ivec3 m = ivec3(255 - 2 * (v.x & 255), 255 - 2 * (v.y & 255), -(2 * (v.z & 255) + 1));
   if (touch_is_negative(n.x)) m.x = -m.x;

@@ -31,6 +31,13 @@ GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const
 Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   plan_ = &plan;
   stats_ = &stats;
+  if (plan.channels.any() && !tuning_.has_int64(context_->info())) {
+    return Error{ErrorCode::kDeviceUnavailable,
+                 "attributes need 64-bit integers in shaders, which " + context_->info().renderer +
+                     " does not have",
+                 "pipeline=cpu or auto, or channels=occupancy",
+                 "pipeline " + std::string(pipeline_name(stats.pipeline))};
+  }
   timer_.emplace(*context_);
   Stopwatch watch;
   if (is_batched()) {
@@ -87,7 +94,8 @@ int64_t GlPipeline::device_bytes(const Scene& scene, const WantedChannels& chann
 }
 
 DeviceTraits GlPipeline::traits() const {
-  return {context_->info().is_software, context_->info().texture_side_max};
+  return {context_->info().is_software, context_->info().texture_side_max,
+          tuning_.has_int64(context_->info())};
 }
 
 Status GlPipeline::find_inside(const InsideJob& job, const ColumnProgress& progress,

@@ -82,6 +82,27 @@ TEST(Batches, raster_without_64_bit_integers_gives_the_same_bytes) {
   }
 }
 
+TEST(Batches, attributes_without_64_bit_integers_are_refused_and_auto_takes_the_cpu) {
+  const Scene scene = soup(66, {.count = 100, .extent = 32, .size_max = 9, .colors = true});
+  gpu::ShaderLibrary shaders(gpu::test_context());
+  Voxelizer one(std::make_unique<GlPipeline>(gpu::test_context(), shaders,
+                                             GlTuning{.batches = true, .int64 = false}));
+  VoxelizeOptions options = unit_cells({32, 32, 32});
+  VoxelizeStats stats;
+  const Grid grid = voxelize_on(one, scene, options, PipelineChoice::kAuto, &stats);
+  EXPECT_TRUE(grid.has_color);
+  EXPECT_EQ(stats.pipeline, Pipeline::kCpu);
+  options.pipeline = PipelineChoice::kCompute;
+  const auto refused = one.voxelize(scene, options, {}, nullptr);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kDeviceUnavailable);
+  EXPECT_EQ(refused.error().message(),
+            "attributes need 64-bit integers in shaders, which " +
+                gpu::test_context().info().renderer +
+                " does not have: expected pipeline=cpu or auto, or channels=occupancy, got "
+                "pipeline compute");
+}
+
 TEST(Batches, a_triangle_in_many_tiles_is_whole) {
   MeshPart part;
   add_quad(part, {glm::dvec3(0, 0, 0), {1024, 0, 512}, {1024, 1024, 1024}, {0, 1024, 512}});

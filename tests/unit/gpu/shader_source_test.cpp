@@ -41,6 +41,17 @@ TEST(ResolveShader, begins_with_version_then_defines) {
   EXPECT_EQ(shader->lines[4].number, 1);
 }
 
+TEST(ResolveShader, variants_without_64_bit_integers_do_not_ask_for_them) {
+  const auto shader =
+      resolve({{"a.comp", "void main() {}\n"}}, "a.comp", {{std::string(kNoInt64Define), "1"}});
+  ASSERT_TRUE(shader.ok());
+  EXPECT_EQ(shader->text,
+            "#version 450 core\n"
+            "#define NO_INT64 1\n"
+            "void main() {}\n");
+  EXPECT_EQ(shader->lines.size(), 3u);
+}
+
 TEST(ResolveShader, includes_each_file_once_and_in_cycles) {
   const auto shader =
       resolve({{"a.comp", "#include \"lib/b.glsl\"\n#include \"lib/c.glsl\"\nmain\n"},

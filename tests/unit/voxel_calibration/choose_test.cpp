@@ -55,6 +55,20 @@ TEST(ChoosePipeline, a_device_without_gl_has_pipeline_cpu_alone) {
             "cpu: there is no GL context");
 }
 
+TEST(ChoosePipeline, attributes_on_a_device_without_64_bit_integers_take_the_cpu) {
+  const DeviceTraits device{false, 0, false};
+  const CalibrationLookup none, lookup = calibrated();
+  const auto choice = [&](const CalibrationLookup& found, bool attributes) {
+    return decide_pipeline(PipelineChoice::kAuto, {&device, found}, {1, 1, 4e7}, attributes);
+  };
+  EXPECT_EQ(choice(lookup, true).pipeline, Pipeline::kCpu);
+  EXPECT_EQ(choice(lookup, false).pipeline, Pipeline::kRaster);
+  EXPECT_EQ(choice(none, false).pipeline, Pipeline::kCompute);
+  EXPECT_EQ(choice(none, true).pipeline, Pipeline::kCpu);
+  EXPECT_EQ(choice(none, true).reason,
+            "cpu: attributes need 64-bit integers in shaders, which the device does not have");
+}
+
 TEST(ChoosePipeline, without_measurements_the_rule_holds_and_the_reason_tells_how_to_get_them) {
   CalibrationLookup lookup;
   lookup.why_not = "calibrated for 4 threads";
