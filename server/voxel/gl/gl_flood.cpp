@@ -99,10 +99,11 @@ Result<bool> GlFlood::run(std::span<const SparseTile> touched, const glm::ivec3&
   add_stage(stats.passes, "inside_upload", watch.lap());
   gpu::PassTimer timer(*context_);
   timer.begin("inside_flood");
-  const Result<bool> ended = spread(grid, progress);
+  Result<bool> ended = spread(grid, progress);
+  if (!ended) return ended;
   timer.end();
   for (const auto& [pass, ms] : timer.results()) add_stage(stats.passes, pass, ms);
-  if (!ended || !*ended) return ended;
+  if (!*ended) return false;
   watch.lap();
   take_tiles(grid, tiles);
   add_stage(stats.passes, "inside_read", watch.lap());

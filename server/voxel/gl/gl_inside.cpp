@@ -95,12 +95,14 @@ Status GlInside::run(const InsideJob& in, const ColumnProgress& progress, int64_
   Job job(in, tiles, votes);
   add_stage(job.host, "inside_bin", watch.lap());
   timer_.emplace(*context_);
-  VOXELD_TRY(passes_.begin_job(job.sweeps, stats.pipeline));
-  const Status done = run_job(job, progress);
+  Status done = passes_.begin_job(job.sweeps, stats.pipeline);
+  if (done.ok()) done = run_job(job, progress);
   stats.device_bytes_peak = std::max(stats.device_bytes_peak, other_bytes + passes_.bytes());
   passes_.end_job();
-  for (const auto& [pass, ms] : timer_->results()) add_stage(stats.passes, pass, ms);
-  for (const auto& [pass, ms] : job.host) add_stage(stats.passes, pass, ms);
+  if (done.ok()) {
+    for (const auto& [pass, ms] : timer_->results()) add_stage(stats.passes, pass, ms);
+    for (const auto& [pass, ms] : job.host) add_stage(stats.passes, pass, ms);
+  }
   timer_.reset();
   return done;
 }

@@ -9,7 +9,6 @@
 #include "tests/gpu/voxel/pipelines.h"
 
 namespace voxeld::pipelines {
-
 namespace {
 
 VoxelizeOptions all_channels(VoxelizeOptions options) {

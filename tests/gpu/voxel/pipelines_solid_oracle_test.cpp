@@ -74,8 +74,8 @@ void expect_oracle(const Scene& scene, VoxelizeOptions options, const std::strin
 
 TEST(SolidOracle, closed_meshes_are_filled_cell_for_cell) {
   VoxelizeOptions options;
-  options.placement.size = 25;
-  expect_oracle(wavy_sphere(2), options, "sphere");
+  options.placement.size = 21;
+  expect_oracle(wavy_sphere(1), options, "sphere");
 }
 
 TEST(SolidOracle, triangles_that_close_nothing_are_swept_cell_for_cell) {
