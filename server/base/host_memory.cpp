@@ -36,7 +36,7 @@ PeakMemory::PeakMemory() {
   std::ofstream("/proc/self/clear_refs") << "5";
 }
 
-int64_t PeakMemory::bytes() const {
+int64_t peak_resident_bytes() {
   if (const int64_t peak = status_bytes("VmHWM:"); peak > 0) return peak;
   rusage usage{};
   return ::getrusage(RUSAGE_SELF, &usage) == 0 ? usage.ru_maxrss * kKibi : 0;

@@ -9,6 +9,7 @@
 #include "server/formats/formats.h"
 #include "server/grid/region.h"
 #include "server/worker/grid_input.h"
+#include "server/worker/host_estimate.h"
 #include "server/worker/inspect.h"
 #include "server/worker/picture_grid.h"
 #include "server/worker/task_run.h"
@@ -87,6 +88,7 @@ Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& contain
 // Draws the grid, or as much of it as is needed.
 Status draw(TaskRun& run, const DrawnInput& input, const std::string& key,
             const RequestOptions& options) {
+  expect_bytes(run, picture_bytes(run.engine, input.tiles(), options.render));
   VOXELD_ASSIGN(const PictureGrid drawn,
                 picture_grid(run, input.tiles(), key, input.whole, options));
   VOXELD_ASSIGN(const Picture picture, render_picture(run, *drawn.grid, drawn.key, drawn.options));

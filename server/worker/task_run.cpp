@@ -14,6 +14,7 @@
 #include "server/voxel/estimate.h"
 #include "server/worker/grid_file.h"
 #include "server/worker/grid_input.h"
+#include "server/worker/host_estimate.h"
 #include "server/worker/inspect.h"
 
 namespace voxeld {
@@ -188,6 +189,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(placed.spec, asked));
   VOXELD_TRY(check_encodable(selected, asked));
+  expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed));
   VoxelizeStats stats;
   VOXELD_TRY(
       run.engine.voxelizer.voxelize(scene, options.voxelize, output, progress_of(run), &stats));
