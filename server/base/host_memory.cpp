@@ -1,5 +1,6 @@
 #include "server/base/host_memory.h"
 
+#include <malloc.h>
 #include <sys/resource.h>
 
 #include <charconv>
@@ -30,6 +31,12 @@ int64_t status_bytes(std::string_view name) {
 
 int64_t resident_bytes() {
   return status_bytes("VmRSS:");
+}
+
+void release_free_memory() {
+#ifdef __GLIBC__
+  ::malloc_trim(0);
+#endif
 }
 
 PeakMemory::PeakMemory() {

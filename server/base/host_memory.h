@@ -11,6 +11,9 @@ int64_t resident_bytes();
 // The most resident bytes that are remembered; 0 if unknown.
 int64_t peak_resident_bytes();
 
+// Gives what the allocator keeps for later back to the system.
+void release_free_memory();
+
 // The most resident bytes since it was made, or, where the kernel does not let a process forget its
 // earlier peak, since the process began.
 class PeakMemory {

@@ -74,6 +74,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   }
   const bool keeps = fills || output.format != Format::kNative;
   if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
+  result += result / 4;  // arrays have room to grow
   const int64_t records =
       channels.any()
           ? static_cast<int64_t>(scene.triangle_count()) * kRecordBytes + 4 * image_bytes(scene)
@@ -112,7 +113,10 @@ int64_t picture_bytes(const Engine& engine, const TileSource& source, const Rend
     all += 4 * tile_bytes_max(source, i);  // its tables are less than three times as large
   }
   // A software driver has a copy of a table while it is sent; its shaders come on top.
-  return 2 * std::min(all, limit) + 3 * batch * largest_tile_bytes(source) +
+  const auto table = static_cast<int64_t>(
+      std::min(engine.device.renderer->table_bytes_max(), engine.picture_limits.bytes_max / 2));
+  all = std::min(all, limit);
+  return all + std::min(all, table) + 3 * batch * largest_tile_bytes(source) +
          int64_t{16} * render.width * render.height + kSoftwareDeviceBytes / 2;
 }
 

@@ -18,6 +18,8 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kPngMediaType = "image/png";
+// Below this, giving memory back costs more than it is worth.
+constexpr int64_t kTrimBytesMin = int64_t{512} << 20;
 constexpr std::string_view kJsonMediaType = "application/json";
 
 // Writes the native container in the codec that grids are kept in.
@@ -183,6 +185,8 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   TaskRun run{engine, task, scratch, monitor, {}};
   run.completion.task = task.id;
   run.completion.fence = task.fence;
+  // What a large task before this one freed is not this one's.
+  if (resident_bytes() > kTrimBytesMin) release_free_memory();
   const PeakMemory peak;
   try {
     add_meta(run, {{"source_hash", task.input_hash}});

@@ -6,6 +6,7 @@
 
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
+#include "server/base/mapped_pages.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
@@ -100,6 +101,20 @@ void add_making_meta(TaskRun& run, const std::string& container_meta, const Voxe
   json passes = json::object();
   for (const auto& [name, ms] : stats.passes) passes[name] = ms;
   add_meta(run, {{"passes_ms", passes}});
+}
+
+// sha256_id() of a file that need not fit into memory.
+Result<std::string> file_id(const fs::path& path) {
+  constexpr size_t kPieceBytes = size_t{8} << 20;
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
+  Sha256 hash;
+  for (std::span<const uint8_t> rest = file.bytes(); !rest.empty();) {
+    const auto piece = rest.first(std::min(rest.size(), kPieceBytes));
+    hash.update(piece);
+    drop_mapped_pages(piece);
+    rest = rest.subspan(piece.size());
+  }
+  return hash.finish_id();
 }
 
 TileProgress progress_of(TaskRun& run) {
@@ -208,8 +223,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   if (files.size() > 1) list_output(run, result.path(), "result", type, extension);
   WrittenGrid written;
   written.path = file.path();
-  VOXELD_ASSIGN(const MappedFile container, MappedFile::open(file.path()));
-  written.id = sha256_id(container.bytes());
+  VOXELD_ASSIGN(written.id, file_id(file.path()));
   if (output.has_tiles()) {
     written.kept = LoadedGrid{output.take_grid(), hash};
     written.kept->grid.meta_json = meta;
