@@ -1,5 +1,6 @@
 #include "server/base/host_memory.h"
 
+#include <malloc.h>
 #include <sys/resource.h>
 
 #include <charconv>
@@ -32,11 +33,17 @@ int64_t resident_bytes() {
   return status_bytes("VmRSS:");
 }
 
+void release_free_memory() {
+#ifdef __GLIBC__
+  ::malloc_trim(0);
+#endif
+}
+
 PeakMemory::PeakMemory() {
   std::ofstream("/proc/self/clear_refs") << "5";
 }
 
-int64_t PeakMemory::bytes() const {
+int64_t peak_resident_bytes() {
   if (const int64_t peak = status_bytes("VmHWM:"); peak > 0) return peak;
   rusage usage{};
   return ::getrusage(RUSAGE_SELF, &usage) == 0 ? usage.ru_maxrss * kKibi : 0;

@@ -8,12 +8,18 @@ namespace voxeld {
 // Resident bytes now; 0 if unknown.
 int64_t resident_bytes();
 
+// The most resident bytes that are remembered; 0 if unknown.
+int64_t peak_resident_bytes();
+
+// Gives what the allocator keeps for later back to the system.
+void release_free_memory();
+
 // The most resident bytes since it was made, or, where the kernel does not let a process forget its
 // earlier peak, since the process began.
 class PeakMemory {
  public:
   PeakMemory();
-  int64_t bytes() const;
+  int64_t bytes() const { return peak_resident_bytes(); }
 };
 
 }  // namespace voxeld

@@ -23,7 +23,7 @@ std::string meta_header(const Json& meta) {
   Json brief = Json::object();
   for (const char* name :
        {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units", "mesh", "solid",
-        "level", "level_rule", "region", "of", "drawn", "host_bytes_peak"}) {
+        "level", "level_rule", "region", "of", "drawn", "host_bytes_peak", "host_bytes_estimate"}) {
     if (meta.contains(name)) brief[name] = meta[name];
   }
   std::string text = brief.dump(-1, ' ', true);

@@ -11,6 +11,7 @@
 #include "server/grid/level.h"
 #include "server/grid/region.h"
 #include "server/worker/grid_file.h"
+#include "server/worker/host_estimate.h"
 
 namespace voxeld {
 namespace {
@@ -117,6 +118,7 @@ Status write_selection(TaskRun& run, const TileSource& source, const OutputOptio
   VOXELD_ASSIGN(const Selection selection, Selection::open(source, output));
   const TileSource& tiles = selection.tiles();
   VOXELD_TRY(check_encodable(tiles.grid().spec, output));
+  expect_bytes(run, selection_bytes(source, tiles, output));
   return output.format == Format::kNative ? write_native(run, source, tiles, output)
                                           : write_other(run, source, tiles, output);
 }

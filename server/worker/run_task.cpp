@@ -9,6 +9,7 @@
 #include "server/formats/formats.h"
 #include "server/grid/region.h"
 #include "server/worker/grid_input.h"
+#include "server/worker/host_estimate.h"
 #include "server/worker/inspect.h"
 #include "server/worker/picture_grid.h"
 #include "server/worker/task_run.h"
@@ -17,6 +18,8 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kPngMediaType = "image/png";
+// Below this, giving memory back costs more than it is worth.
+constexpr int64_t kTrimBytesMin = int64_t{512} << 20;
 constexpr std::string_view kJsonMediaType = "application/json";
 
 // Writes the native container in the codec that grids are kept in.
@@ -87,6 +90,7 @@ Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& contain
 // Draws the grid, or as much of it as is needed.
 Status draw(TaskRun& run, const DrawnInput& input, const std::string& key,
             const RequestOptions& options) {
+  expect_bytes(run, picture_bytes(run.engine, input.tiles(), options.render));
   VOXELD_ASSIGN(const PictureGrid drawn,
                 picture_grid(run, input.tiles(), key, input.whole, options));
   VOXELD_ASSIGN(const Picture picture, render_picture(run, *drawn.grid, drawn.key, drawn.options));
@@ -181,6 +185,8 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   TaskRun run{engine, task, scratch, monitor, {}};
   run.completion.task = task.id;
   run.completion.fence = task.fence;
+  // What a large task before this one freed is not this one's.
+  if (resident_bytes() > kTrimBytesMin) release_free_memory();
   const PeakMemory peak;
   try {
     add_meta(run, {{"source_hash", task.input_hash}});

@@ -6,6 +6,7 @@
 
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
+#include "server/base/mapped_pages.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
@@ -14,6 +15,7 @@
 #include "server/voxel/estimate.h"
 #include "server/worker/grid_file.h"
 #include "server/worker/grid_input.h"
+#include "server/worker/host_estimate.h"
 #include "server/worker/inspect.h"
 #include "server/worker/mesh_report.h"
 
@@ -104,6 +106,20 @@ void add_making_meta(TaskRun& run, const std::string& container_meta, const Voxe
   add_meta(run, {{"passes_ms", passes}});
 }
 
+// sha256_id() of a file that need not fit into memory.
+Result<std::string> file_id(const fs::path& path) {
+  constexpr size_t kPieceBytes = size_t{8} << 20;
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
+  Sha256 hash;
+  for (std::span<const uint8_t> rest = file.bytes(); !rest.empty();) {
+    const auto piece = rest.first(std::min(rest.size(), kPieceBytes));
+    hash.update(piece);
+    drop_mapped_pages(piece);
+    rest = rest.subspan(piece.size());
+  }
+  return hash.finish_id();
+}
+
 TileProgress progress_of(TaskRun& run) {
   return [&run](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); };
 }
@@ -179,6 +195,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(placed.spec, asked));
   VOXELD_TRY(check_encodable(selected, asked));
+  expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed));
   MeshReport mesh(run.engine.cache, scene_key(run.task, false), scene);
   VoxelizeStats stats;
   VOXELD_TRY(
@@ -198,8 +215,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   if (files.size() > 1) list_output(run, result.path(), "result", type, extension);
   WrittenGrid written;
   written.path = file.path();
-  VOXELD_ASSIGN(const MappedFile container, MappedFile::open(file.path()));
-  written.id = sha256_id(container.bytes());
+  VOXELD_ASSIGN(written.id, file_id(file.path()));
   if (output.has_tiles()) {
     written.kept = LoadedGrid{output.take_grid(), hash};
     written.kept->grid.meta_json = meta;

@@ -217,6 +217,33 @@ TEST_F(RunTaskTest, a_level_of_a_grid_is_a_grid) {
             ErrorCode::kInvalidOption);
 }
 
+TEST_F(RunTaskTest, the_estimate_of_memory_bounds_the_peak) {
+  const auto expect_bounded = [](const Result<TaskCompletion>& done, const std::string& what) {
+    ASSERT_TRUE(done) << done.error().message();
+    const json meta = json::parse(done->meta_json);
+    const auto peak = meta.at("host_bytes_peak").get<int64_t>();
+    const auto estimate = meta.at("host_bytes_estimate").get<int64_t>();
+    EXPECT_GT(peak, 1 << 20) << what;
+    EXPECT_GE(estimate, peak) << what;
+    // It would be of no use if it said everything.
+    EXPECT_LT(estimate, peak + (int64_t{5} << 30)) << what;
+  };
+  for (const int size : {16, 256, 1000, 3000}) {
+    const std::string text = "{\"size\":" + std::to_string(size);
+    const auto made = run(task(JobKind::kVoxelize, kCube, text + "}"));
+    expect_bounded(made, text);
+    expect_bounded(run(grid_task(JobKind::kExport, *made, R"({"level":1})")), text + " level");
+    expect_bounded(run(grid_task(JobKind::kRender, *made, R"({"width":64,"height":64})")),
+                   text + " picture");
+    if (size > 300) continue;
+    expect_bounded(run(task(JobKind::kVoxelize, kCube, text + R"(,"fill":"solid"})")),
+                   text + " solid");
+    expect_bounded(run(task(JobKind::kVoxelize, kCube,
+                            text + R"(,"format":"npz","channels":"color,normal"})")),
+                   text + " npz");
+  }
+}
+
 TEST_F(RunTaskTest, what_does_not_fit_is_drawn_in_part_or_coarser_and_looks_the_same) {
   const auto made = run(task(JobKind::kVoxelize, kCube, R"({"size":1000,"format":"native"})"));
   ASSERT_TRUE(made) << made.error().message();

@@ -1,0 +1,128 @@
+#include "server/worker/host_estimate.h"
+
+#include <algorithm>
+#include <thread>
+
+#include "proto/limits.h"
+#include "server/base/host_memory.h"
+#include "server/worker/grid_file.h"
+
+namespace voxeld {
+namespace {
+
+constexpr int64_t kMebi = int64_t{1} << 20;
+
+// What a thread of the CPU pipeline, an encoder and the allocator keep; measured, doubled.
+constexpr int64_t kThreadBytes = 24 * kMebi;
+// Shaders, windows of triangles and sums of attributes of a software driver.
+constexpr int64_t kSoftwareDeviceBytes = 512 * kMebi;
+// Grids whose dense size is below this are not looked at more closely.
+constexpr int64_t kDenseBytesMin = 64 * kMebi;
+// Records of corners of one triangle (server/voxel/attribute_records.h), with what sorts them.
+constexpr int64_t kRecordBytes = 256;
+
+int64_t threads() {
+  return std::max(1u, std::thread::hardware_concurrency());
+}
+
+int64_t image_bytes(const Scene& scene) {
+  int64_t bytes = 0;
+  for (const Image& image : scene.images) bytes += static_cast<int64_t>(image.rgba.size());
+  return bytes;
+}
+
+// Arrays of a dense format, and the file that is made of them.
+int64_t dense_bytes(int64_t cells, bool has_color, bool has_normal, const OutputOptions& output) {
+  if (output.format == Format::kNative) return 0;
+  const int64_t samples =
+      output.format == Format::kNpy ? 1 : 1 + (has_color ? 4 : 0) + (has_normal ? 3 : 0);
+  return 2 * cells * samples * (output.dtype == DType::kFloat32 ? 4 : 1);
+}
+
+// Of one tile, decoded: bricks of which each has a voxel, and attributes.
+int64_t tile_bytes_max(const TileSource& source, size_t index) {
+  const int64_t cells = int64_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide;
+  const auto known = static_cast<int64_t>(source.voxels(index));
+  const int64_t voxels = known > 0 ? known : cells;
+  const int64_t bricks =
+      std::min(voxels, cells / (limits::kBrickSide * limits::kBrickSide * limits::kBrickSide));
+  const Grid& grid = source.grid();
+  const int64_t values = (grid.has_color ? 4 : 0) + (grid.has_normal ? 3 : 0);
+  return bricks * static_cast<int64_t>(sizeof(BrickMask) + sizeof(uint32_t)) + voxels * values;
+}
+
+int64_t largest_tile_bytes(const TileSource& source) {
+  int64_t bytes = 0;
+  for (size_t i = 0; i < source.coords().size(); ++i) {
+    bytes = std::max(bytes, tile_bytes_max(source, i));
+  }
+  return bytes;
+}
+
+}  // namespace
+
+int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOptions& options,
+                       const Placed& placed) {
+  const VoxelizeOptions& asked = options.voxelize;
+  const OutputOptions& output = options.output;
+  const WantedChannels channels = wanted_channels(scene, asked);
+  const bool fills = asked.fill != Fill::kSurface;
+  int64_t result = dense_result_bytes(placed.spec, channels);
+  if (fills || result > kDenseBytesMin) {
+    const auto closer = engine.voxelizer.estimate(scene, asked);
+    if (closer) result = std::min(result, closer->host_bytes);
+  }
+  const bool keeps = fills || output.format != Format::kNative;
+  if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
+  result += result / 4;  // arrays have room to grow
+  const int64_t records =
+      channels.any()
+          ? static_cast<int64_t>(scene.triangle_count()) * kRecordBytes + 4 * image_bytes(scene)
+          : 0;
+  const bool on_device =
+      asked.pipeline == PipelineChoice::kCompute || asked.pipeline == PipelineChoice::kRaster;
+  // Lists of triangles grow by doubling.
+  return 2 * mesh_bytes(scene) + records + result + threads() * kThreadBytes +
+         2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
+         (on_device ? kSoftwareDeviceBytes : 0) +
+         dense_bytes(placed.spec.cell_count(), channels.color, channels.normal, output);
+}
+
+int64_t selection_bytes(const TileSource& source, const TileSource& selected,
+                        const OutputOptions& output) {
+  // A tile, and the cells of it that are put together.
+  const int64_t batch = std::max<int64_t>(8, 2 * threads());
+  const int64_t tiles = 3 * batch * largest_tile_bytes(source);
+  const Grid& grid = selected.grid();
+  int64_t whole = 0;
+  if (output.format != Format::kNative) {
+    whole = std::min<int64_t>(
+        largest_tile_bytes(selected) * static_cast<int64_t>(selected.coords().size()),
+        grid.spec.cell_count() * 8);
+  }
+  return tiles + whole + threads() * kThreadBytes +
+         2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
+         dense_bytes(grid.spec.cell_count(), grid.has_color, grid.has_normal, output);
+}
+
+int64_t picture_bytes(const Engine& engine, const TileSource& source, const RenderOptions& render) {
+  const int64_t batch = std::max<int64_t>(8, 2 * threads());
+  const auto limit = static_cast<int64_t>(engine.picture_limits.bytes_max);
+  int64_t all = 0;
+  for (size_t i = 0; i < source.coords().size() && all < limit; ++i) {
+    all += 4 * tile_bytes_max(source, i);  // its tables are less than three times as large
+  }
+  // A software driver has a copy of a table while it is sent; its shaders come on top.
+  const auto table = static_cast<int64_t>(
+      std::min(engine.device.renderer->table_bytes_max(), engine.picture_limits.bytes_max / 2));
+  all = std::min(all, limit);
+  return all + std::min(all, table) + 3 * batch * largest_tile_bytes(source) +
+         int64_t{16} * render.width * render.height + kSoftwareDeviceBytes / 2;
+}
+
+void expect_bytes(TaskRun& run, int64_t more) {
+  add_meta(run,
+           {{"host_bytes_estimate", std::max(peak_resident_bytes(), resident_bytes() + more)}});
+}
+
+}  // namespace voxeld
