@@ -21,6 +21,8 @@ struct Grid::Impl {
     size_t voxel;
   };
   std::optional<Place> find(int x, int y, int z) const;
+  // The voxel of that number at a cell.
+  Voxel read(const SparseTile& tile, int x, int y, int z, size_t number) const;
   std::optional<Place> find_in_brick(const SparseTile& tile, uint32_t brick_code,
                                      uint32_t bit) const;
 };
@@ -46,6 +48,20 @@ bool in_full_node(const SparseTile& tile, uint32_t brick_code) {
 }
 
 }  // namespace
+
+Voxel Grid::Impl::read(const SparseTile& tile, int x, int y, int z, size_t number) const {
+  Voxel voxel{.x = x, .y = y, .z = z};
+  voxel.has_attributes = header.channels.any() && number != kNoAttributes;
+  if (!voxel.has_attributes) return voxel;
+  const ChannelSet& has = header.channels;
+  if (has.color) std::copy_n(&tile.color[4 * number], 4, voxel.color.begin());
+  if (has.normal) std::copy_n(&tile.normal[3 * number], 3, voxel.normal.begin());
+  if (has.material) voxel.material = tile.material[number];
+  if (has.label) voxel.label = tile.label[number];
+  if (has.distance) voxel.distance = static_cast<float>(tile.distance[number]) / kDistanceSteps;
+  if (has.coverage) voxel.coverage = tile.coverage[number];
+  return voxel;
+}
 
 std::optional<Grid::Impl::Place> Grid::Impl::find(int x, int y, int z) const {
   const std::array<int, 3> p = {x, y, z};
@@ -117,10 +133,10 @@ std::uint64_t Grid::voxel_count() const {
   return impl_->voxels;
 }
 bool Grid::has_color() const {
-  return impl_->header.has_color;
+  return impl_->header.channels.color;
 }
 bool Grid::has_normal() const {
-  return impl_->header.has_normal;
+  return impl_->header.channels.normal;
 }
 const std::string& Grid::meta_json() const {
   return impl_->header.meta_json;
@@ -135,6 +151,27 @@ std::optional<Color> Grid::color(int x, int y, int z) const {
   if (!place || !has_color() || place->voxel == kNoAttributes) return std::nullopt;
   const uint8_t* c = &place->tile->color[4 * place->voxel];
   return Color{c[0], c[1], c[2], c[3]};
+}
+
+std::vector<std::string_view> Grid::channels() const {
+  std::vector<std::string_view> names;
+  for (const ChannelInfo& info : kChannels) {
+    if (impl_->header.channels.has(info.channel)) names.push_back(info.name);
+  }
+  return names;
+}
+
+std::optional<Voxel> Grid::voxel(int x, int y, int z) const {
+  const auto place = impl_->find(x, y, z);
+  if (!place) return std::nullopt;
+  return impl_->read(*place->tile, x, y, z, place->voxel);
+}
+
+void Grid::for_each(const std::function<void(const Voxel&)>& visit) const {
+  for (const SparseTile& tile : impl_->tiles) {
+    for_each_voxel(
+        tile, [&](int x, int y, int z, size_t voxel) { visit(impl_->read(tile, x, y, z, voxel)); });
+  }
 }
 
 void Grid::for_each(

@@ -6,6 +6,7 @@
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -14,7 +15,7 @@
 
 namespace voxeld {
 
-inline constexpr size_t kAttributeChannelsMax = 4;
+inline constexpr size_t kAttributeComponentsMax = 4;
 
 struct NeighborStep {
   int x = 0, y = 0, z = 0;
@@ -40,10 +41,11 @@ inline constexpr std::array<NeighborStep, 26> kNeighborSteps = make_neighbor_ste
 struct AttributeNeighbors {
   uint32_t count = 0;       // coded neighbours
   uint32_t first = 0;       // number of the first of them; the voxel before where there are none
+  uint32_t other = 0;       // the first of them that differs from `first`; else `first`
   uint32_t same_count = 0;  // of the coded neighbours, those with the attributes of `first`
   uint32_t error = 0;       // mean of their errors
-  std::array<int, kAttributeChannelsMax> mean{};   // weighted
-  std::array<int, kAttributeChannelsMax> range{};  // largest less smallest
+  std::array<int, kAttributeComponentsMax> mean{};   // weighted
+  std::array<int, kAttributeComponentsMax> range{};  // largest less smallest
 };
 
 // 0, 1, 2, 3..4, 5..8, 9..16, 17..32, more: 0..7.
@@ -59,42 +61,46 @@ constexpr uint32_t quantized_difference(int difference) {
   return difference < 0 ? step + 4 : step;
 }
 
-// `samples` has `channels` bytes per voxel, `errors` one; both are known for numbers < `number`.
-inline AttributeNeighbors attribute_neighbors(const VoxelNumbers& numbers,
-                                              const std::array<uint32_t, 3>& cell, uint32_t number,
-                                              std::span<const uint8_t> samples, size_t channels,
-                                              std::span<const uint8_t> errors) {
+// `samples` has `components` of them per voxel, `errors` one byte; both are known for numbers <
+// `number`.
+template <typename Sample>
+AttributeNeighbors attribute_neighbors(const VoxelNumbers& numbers,
+                                       const std::array<uint32_t, 3>& cell, uint32_t number,
+                                       std::span<const Sample> samples, size_t components,
+                                       std::span<const uint8_t> errors) {
+  constexpr int kSampleMax = std::numeric_limits<Sample>::max();
   AttributeNeighbors found;
-  std::array<int, kAttributeChannelsMax> sum{}, low{}, high{};
-  low.fill(255);
+  std::array<int, kAttributeComponentsMax> sum{}, low{}, high{};
+  low.fill(kSampleMax);
   uint32_t weights = 0, error = 0;
   for (const NeighborStep& step : kNeighborSteps) {
-    const uint32_t other =
+    const uint32_t voxel =
         numbers.find(static_cast<int>(cell[0]) + step.x, static_cast<int>(cell[1]) + step.y,
                      static_cast<int>(cell[2]) + step.z);
-    if (other >= number) continue;  // not coded yet, or none
-    if (found.count++ == 0) found.first = other;
+    if (voxel >= number) continue;  // not coded yet, or none
+    if (found.count++ == 0) found.first = found.other = voxel;
     weights += step.weight;
-    error += errors[other];
+    error += errors[voxel];
     bool same = true;
-    for (size_t c = 0; c < channels; ++c) {
-      const int sample = samples[other * channels + c];
+    for (size_t c = 0; c < components; ++c) {
+      const int sample = samples[voxel * components + c];
       sum[c] += static_cast<int>(step.weight) * sample;
       low[c] = std::min(low[c], sample);
       high[c] = std::max(high[c], sample);
-      same = same && sample == samples[found.first * channels + c];
+      same = same && sample == samples[found.first * components + c];
     }
     found.same_count += same ? 1 : 0;
+    if (!same && found.other == found.first) found.other = voxel;
   }
   if (found.count == 0) {
-    found.first = number == 0 ? 0 : number - 1;
-    for (size_t c = 0; c < channels; ++c) {
-      found.mean[c] = number == 0 ? 128 : samples[found.first * channels + c];
+    found.first = found.other = number == 0 ? 0 : number - 1;
+    for (size_t c = 0; c < components; ++c) {
+      found.mean[c] = number == 0 ? kSampleMax / 2 + 1 : samples[found.first * components + c];
     }
     return found;
   }
   found.error = error / found.count;
-  for (size_t c = 0; c < channels; ++c) {
+  for (size_t c = 0; c < components; ++c) {
     found.mean[c] = (sum[c] + static_cast<int>(weights / 2)) / static_cast<int>(weights);
     found.range[c] = high[c] - low[c];
   }

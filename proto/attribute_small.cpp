@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cstring>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "proto/attribute_context.h"
 #include "proto/occupancy_model.h"
@@ -14,7 +15,6 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kColorChannels = 4, kNormalChannels = 3;
 constexpr uint32_t kSameNode = 63;  // beside the nodes of differences
 
 // Places in the tree of one difference's bits.
@@ -89,11 +89,20 @@ int wrapped(int difference) {
   return static_cast<int8_t>(static_cast<uint8_t>(difference));
 }
 
-// Channels of a voxel in the order they are coded, and what each is predicted to be.
+// Of a voxel: what is known, and its place among those known.
+template <typename Sample>
+struct Place {
+  const VoxelNumbers& numbers;
+  std::array<uint32_t, 3> cell{};
+  std::span<const Sample> samples;  // of the whole tile
+};
+
+// Components of a voxel in the order they are coded, and what each is predicted to be.
 class ColorPredictor {
  public:
-  static constexpr size_t kChannels = kColorChannels;
-  explicit ColorPredictor(const AttributeNeighbors& near) : near_(near) {}
+  using Sample = uint8_t;
+  static constexpr size_t kComponents = 4;
+  ColorPredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {}
 
   size_t channel(size_t i) const { return kOrder[i]; }
   // `done`: the voxel's samples so far. Red and blue mostly change with green.
@@ -104,7 +113,7 @@ class ColorPredictor {
   }
 
  private:
-  static constexpr std::array<size_t, kColorChannels> kOrder = {1, 0, 2, 3};  // G, R, B, A
+  static constexpr std::array<size_t, kComponents> kOrder = {1, 0, 2, 3};  // G, R, B, A
   const AttributeNeighbors& near_;
 };
 
@@ -118,12 +127,13 @@ uint32_t square_root(uint32_t value) {
 // others leave little choice for it, as the length is 127.
 class NormalPredictor {
  public:
-  static constexpr size_t kChannels = kNormalChannels;
-  explicit NormalPredictor(const AttributeNeighbors& near) : near_(near) {
+  using Sample = uint8_t;
+  static constexpr size_t kComponents = 3;
+  NormalPredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {
     const auto size = [&](size_t c) {
       return near.mean[c] < 128 ? 128 - near.mean[c] : near.mean[c] - 128;
     };
-    for (size_t c = 1; c < kNormalChannels; ++c) {
+    for (size_t c = 1; c < kComponents; ++c) {
       if (size(c) >= size(order_[2])) order_[2] = c;
     }
     order_[0] = order_[2] == 0 ? 1 : 0;
@@ -141,14 +151,77 @@ class NormalPredictor {
   }
 
  private:
-  std::array<size_t, kNormalChannels> order_ = {1, 2, 0};
+  std::array<size_t, kComponents> order_ = {1, 2, 0};
   const AttributeNeighbors& near_;
 };
 
+class CoveragePredictor {
+ public:
+  using Sample = uint8_t;
+  static constexpr size_t kComponents = 1;
+  CoveragePredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {}
+
+  size_t channel(size_t) const { return 0; }
+  int predicted(size_t, const uint8_t*) const { return near_.mean[0]; }
+
+ private:
+  const AttributeNeighbors& near_;
+};
+
+// Samples of 16 bits, which are coded as one difference. A voxel beside two surfaces has the id of
+// one or of the other.
+class IdPredictor {
+ public:
+  using Sample = uint16_t;
+  static constexpr size_t kComponents = 1;
+  IdPredictor(const AttributeNeighbors& near, const Place<Sample>& place)
+      : predicted_(near.count == 0 ? near.mean[0] : place.samples[near.other]) {}
+  int predicted() const { return predicted_; }
+
+ private:
+  int predicted_;
+};
+
+// Distances, offset by 2^15: as if they were linear in each pair of axes in which three neighbours
+// tell how.
+class DistancePredictor {
+ public:
+  using Sample = uint16_t;
+  static constexpr size_t kComponents = 1;
+  DistancePredictor(const AttributeNeighbors& near, const Place<Sample>& place) {
+    int sum = 0, count = 0;
+    for (size_t a = 0; a < 3; ++a) {
+      for (size_t b = a + 1; b < 3; ++b) {
+        const auto at_a = sample(place, a, a), at_b = sample(place, b, b);
+        const auto at_both = sample(place, a, b);
+        if (!at_a || !at_b || !at_both) continue;
+        sum += *at_a + *at_b - *at_both;
+        ++count;
+      }
+    }
+    predicted_ = count == 0 ? near.mean[0] : std::clamp(sum, 0, count * 65535) / count;
+  }
+  int predicted() const { return predicted_; }
+
+ private:
+  // Of the cell one step back along each of the axes, which comes before the cell.
+  static std::optional<int> sample(const Place<Sample>& place, size_t a, size_t b) {
+    std::array<int, 3> cell{};
+    for (size_t c = 0; c < 3; ++c) {
+      cell[c] = static_cast<int>(place.cell[c]) - (c == a || c == b ? 1 : 0);
+    }
+    const uint32_t voxel = place.numbers.find(cell[0], cell[1], cell[2]);
+    if (voxel == VoxelNumbers::kNone) return std::nullopt;
+    return place.samples[voxel];
+  }
+
+  int predicted_ = 0;
+};
+
 // Whether all samples are those of near.first.
-template <typename Coder>
-bool code_same(BitCoder<Coder>& coder, const AttributeNeighbors& near, size_t channels,
-               const uint8_t* samples, const uint8_t* first) {
+template <typename Coder, typename Sample>
+bool code_same(BitCoder<Coder>& coder, const AttributeNeighbors& near, size_t components,
+               const Sample* samples, const Sample* first) {
   DifferenceContext context;
   context.error = quantized(near.error);
   context.range = quantized(static_cast<uint32_t>(near.range[0]));
@@ -156,16 +229,17 @@ bool code_same(BitCoder<Coder>& coder, const AttributeNeighbors& near, size_t ch
   context.before_that = std::min(near.count, 15u);
   context.count = std::min(near.count, 3u);
   context.predicted = std::min(near.same_count, 7u) << 3 | std::min(near.count, 7u);
-  return coder.code(std::equal(samples, samples + channels, first), context.at(kSameNode));
+  return coder.code(std::equal(samples, samples + components, first), context.at(kSameNode));
 }
 
 // Codes one voxel; its error is the sum of the sizes of its differences, at most 255.
 template <typename Predictor, typename Coder>
-uint8_t code_voxel(BitCoder<Coder>& coder, const AttributeNeighbors& near, uint8_t* samples) {
-  const Predictor predictor(near);
+uint8_t code_voxel(BitCoder<Coder>& coder, const AttributeNeighbors& near,
+                   const Place<uint8_t>& place, uint8_t* samples) {
+  const Predictor predictor(near, place);
   uint32_t error = 0;
   std::array<int, 2> before{};
-  for (size_t i = 0; i < Predictor::kChannels; ++i) {
+  for (size_t i = 0; i < Predictor::kComponents; ++i) {
     uint8_t& sample = samples[predictor.channel(i)];
     const int predicted = predictor.predicted(i, samples);
     DifferenceContext context;
@@ -184,12 +258,35 @@ uint8_t code_voxel(BitCoder<Coder>& coder, const AttributeNeighbors& near, uint8
   return static_cast<uint8_t>(std::min(error, 255u));
 }
 
+// The same of one sample of 16 bits: the multiple of 256 that is nearest to its difference, then
+// the rest.
+template <typename Predictor, typename Coder>
+uint8_t code_voxel(BitCoder<Coder>& coder, const AttributeNeighbors& near,
+                   const Place<uint16_t>& place, uint16_t* sample) {
+  const int predicted = Predictor(near, place).predicted();
+  const int difference = static_cast<int16_t>(static_cast<uint16_t>(*sample - predicted));
+  DifferenceContext context;
+  context.error = quantized(near.error);
+  context.range = quantized(static_cast<uint32_t>(near.range[0]));
+  context.count = std::min(near.count, 3u);
+  context.predicted = static_cast<uint32_t>(predicted) >> 10;
+  const int high = code_difference(coder, context, wrapped((difference + 128) >> 8));
+  context.channel = 1;
+  context.before = quantized_difference(high);
+  const int low = code_difference(coder, context, wrapped(difference));
+  const auto told = static_cast<int16_t>(static_cast<uint16_t>(256 * high + low));
+  *sample = static_cast<uint16_t>(predicted + told);
+  return static_cast<uint8_t>(std::min(told < 0 ? -told : int{told}, 255));
+}
+
 // `samples` is complete when writing, zero when reading. False when the bytes ran out.
 template <typename Predictor, typename Coder>
-bool code_attributes(Coder& coder, const SparseTile& tile, std::vector<uint8_t>& samples) {
-  constexpr size_t kChannels = Predictor::kChannels;
+bool code_attributes(Coder& coder, const SparseTile& tile,
+                     std::vector<typename Predictor::Sample>& samples) {
+  using Sample = typename Predictor::Sample;
+  constexpr size_t kComponents = Predictor::kComponents;
   const VoxelNumbers numbers(tile);
-  std::vector<uint8_t> errors(samples.size() / kChannels);
+  std::vector<uint8_t> errors(samples.size() / kComponents);
   BitCoder<Coder> bits{coder, {}};
   uint32_t number = 0;
   for (size_t b = 0; b < tile.masks.size(); ++b) {
@@ -197,13 +294,15 @@ bool code_attributes(Coder& coder, const SparseTile& tile, std::vector<uint8_t>&
       for (uint64_t rest = tile.masks[b].words[word]; rest != 0; rest &= rest - 1) {
         const auto cell = morton_decode(tile.brick_morton[b] << 9 | word << 6 |
                                         static_cast<uint32_t>(std::countr_zero(rest)));
-        const auto near = attribute_neighbors(numbers, cell, number, samples, kChannels, errors);
-        uint8_t* voxel = &samples[number * kChannels];
-        const uint8_t* first = &samples[near.first * kChannels];
-        if (number > 0 && code_same(bits, near, kChannels, voxel, first)) {
-          std::copy_n(first, kChannels, voxel);
+        const Place<Sample> place{numbers, cell, samples};
+        const auto near =
+            attribute_neighbors<Sample>(numbers, cell, number, samples, kComponents, errors);
+        Sample* voxel = &samples[number * kComponents];
+        const Sample* first = &samples[near.first * kComponents];
+        if (number > 0 && code_same(bits, near, kComponents, voxel, first)) {
+          std::copy_n(first, kComponents, voxel);
         } else {
-          errors[number] = code_voxel<Predictor>(bits, near, voxel);
+          errors[number] = code_voxel<Predictor>(bits, near, place, voxel);
         }
         ++number;
       }
@@ -213,52 +312,78 @@ bool code_attributes(Coder& coder, const SparseTile& tile, std::vector<uint8_t>&
   return true;
 }
 
-template <typename Predictor>
-std::vector<uint8_t> encoded(const SparseTile& tile, std::vector<uint8_t> samples) {
-  std::vector<uint8_t> bytes;
-  RangeEncoder coder(bytes);
-  code_attributes<Predictor>(coder, tile, samples);
-  coder.finish();
-  return bytes;
+// What stands between a channel's samples and what is coded of them: signed ones are offset.
+template <typename From, typename To>
+std::vector<To> offset_samples(std::span<const From> samples, int offset) {
+  std::vector<To> out(samples.size());
+  std::ranges::transform(samples, out.begin(),
+                         [&](From sample) { return static_cast<To>(sample + offset); });
+  return out;
 }
 
-template <typename Predictor>
-Result<std::vector<uint8_t>> decoded(std::span<const uint8_t> bytes, const SparseTile& tile) {
-  std::vector<uint8_t> samples(tile.attribute_count() * Predictor::kChannels);
-  RangeDecoder coder(bytes);
-  const bool complete = code_attributes<Predictor>(coder, tile, samples);
-  if (complete && coder.at_end()) return samples;
-  return Error{
-      ErrorCode::kBadRequest,
-      std::string("grid container, small attributes: ") +
-          (complete && !coder.exhausted() ? "bytes after the stream" : "the stream is cut off"),
-      "", ""};
+struct Encoder {
+  template <typename Predictor, typename T>
+  void run(const SparseTile& tile, const std::vector<T>& channel, int offset) {
+    auto samples = offset_samples<T, typename Predictor::Sample>(channel, offset);
+    RangeEncoder coder(bytes);
+    code_attributes<Predictor>(coder, tile, samples);
+    coder.finish();
+  }
+  std::vector<uint8_t> bytes;
+};
+
+struct Decoder {
+  template <typename Predictor, typename T>
+  void run(SparseTile& tile, std::vector<T>& channel, int offset) {
+    using Sample = typename Predictor::Sample;
+    std::vector<Sample> samples(tile.attribute_count() * Predictor::kComponents);
+    RangeDecoder coder(bytes);
+    const bool complete = code_attributes<Predictor>(coder, tile, samples);
+    if (complete && coder.at_end()) {
+      channel = offset_samples<Sample, T>(samples, -offset);
+      return;
+    }
+    status = Error{
+        ErrorCode::kBadRequest,
+        std::string("grid container, small attributes: ") +
+            (complete && !coder.exhausted() ? "bytes after the stream" : "the stream is cut off"),
+        "", ""};
+  }
+  std::span<const uint8_t> bytes;
+  Status status{};
+};
+
+// Each channel's predictor.
+template <typename Tile, typename Job>
+void run_channel(Tile& tile, Channel channel, Job& job) {
+  switch (channel) {
+    case Channel::kColor:
+      return job.template run<ColorPredictor>(tile, tile.color, 0);
+    case Channel::kNormal:
+      return job.template run<NormalPredictor>(tile, tile.normal, 128);
+    case Channel::kMaterial:
+      return job.template run<IdPredictor>(tile, tile.material, 0);
+    case Channel::kLabel:
+      return job.template run<IdPredictor>(tile, tile.label, 0);
+    case Channel::kDistance:
+      return job.template run<DistancePredictor>(tile, tile.distance, 32768);
+    case Channel::kCoverage:
+      return job.template run<CoveragePredictor>(tile, tile.coverage, 0);
+  }
 }
 
 }  // namespace
 
-std::vector<uint8_t> encode_color_small(const SparseTile& tile) {
-  return encoded<ColorPredictor>(tile, tile.color);
+std::vector<uint8_t> encode_channel_small(const SparseTile& tile, Channel channel) {
+  Encoder encoder;
+  run_channel(tile, channel, encoder);
+  return std::move(encoder.bytes);
 }
 
-std::vector<uint8_t> encode_normal_small(const SparseTile& tile) {
-  std::vector<uint8_t> samples(tile.normal.size());
-  std::ranges::transform(tile.normal, samples.begin(),
-                         [](int8_t sample) { return static_cast<uint8_t>(sample + 128); });
-  return encoded<NormalPredictor>(tile, std::move(samples));
-}
-
-Status decode_color_small(std::span<const uint8_t> bytes, SparseTile& tile) {
-  VOXELD_ASSIGN(tile.color, decoded<ColorPredictor>(bytes, tile));
-  return {};
-}
-
-Status decode_normal_small(std::span<const uint8_t> bytes, SparseTile& tile) {
-  VOXELD_ASSIGN(const std::vector<uint8_t> samples, decoded<NormalPredictor>(bytes, tile));
-  tile.normal.resize(samples.size());
-  std::ranges::transform(samples, tile.normal.begin(),
-                         [](uint8_t sample) { return static_cast<int8_t>(sample - 128); });
-  return {};
+Status decode_channel_small(std::span<const uint8_t> bytes, Channel channel, SparseTile& tile) {
+  Decoder decoder{bytes};
+  run_channel(tile, channel, decoder);
+  return decoder.status;
 }
 
 }  // namespace voxeld

@@ -1,5 +1,5 @@
-// The attributes of a tile, predicted from neighbours and entropy coded with contexts: the colour
-// and normal streams of codec `small`. proto/README.md specifies the bits.
+// The attributes of a tile, predicted from neighbours and entropy coded with contexts: the channels'
+// streams of codec `small`. proto/README.md specifies the bits.
 #pragma once
 
 #include <cstdint>
@@ -11,14 +11,11 @@
 
 namespace voxeld {
 
-// The tile must have masks and the attributes.
-std::vector<uint8_t> encode_color_small(const SparseTile& tile);
-std::vector<uint8_t> encode_normal_small(const SparseTile& tile);
+// The tile must have masks and the channel.
+std::vector<uint8_t> encode_channel_small(const SparseTile& tile, Channel channel);
 
-// Fill the attributes of the voxels of `tile.masks`. Errors: bad-request, for streams that are cut
-// off or longer than their bits. Take 2 MiB and 1 byte per voxel besides the result, and the time
-// of at most 69 bits (colour) or 52 (normal) per voxel, whatever the bytes are.
-Status decode_color_small(std::span<const uint8_t> bytes, SparseTile& tile);
-Status decode_normal_small(std::span<const uint8_t> bytes, SparseTile& tile);
+// Fills the channel of a tile with masks. Errors: bad-request, when the bytes are fewer or more
+// than the stream. Takes time for at most as many voxels as the masks have.
+Status decode_channel_small(std::span<const uint8_t> bytes, Channel channel, SparseTile& tile);
 
 }  // namespace voxeld

@@ -31,7 +31,7 @@ bool is_canonical(const SparseTile& tile, bool has_attributes) {
 }
 
 const SparseTile& canonical_form(const SparseTile& tile, SparseTile& copy) {
-  if (is_canonical(tile, !tile.color.empty() || !tile.normal.empty())) return tile;
+  if (is_canonical(tile, tile.has_attributes())) return tile;
   copy = tile;
   canonicalize(copy);
   return copy;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <numeric>
 
 #include "proto/grid_layout.h"
 #include "proto/parallel.h"
@@ -28,7 +29,7 @@ bool voxels_fit(const SparseTile& tile, const std::array<int32_t, 3>& dims) {
   bool all = true;
   for (size_t b = 0; b < tile.masks.size(); ++b) {
     if (fits(tile, tile.brick_morton[b], 1, dims)) continue;
-    const SparseTile one = {tile.coord, {tile.brick_morton[b]}, {tile.masks[b]}, {}, {}, {}};
+    const SparseTile one = {tile.coord, {tile.brick_morton[b]}, {tile.masks[b]}, {}};
     for_each_voxel(one, [&](int x, int y, int z, size_t) {
       all = all && x < dims[0] && y < dims[1] && z < dims[2];
     });
@@ -59,9 +60,8 @@ Status GridReader::read_header() {
   if (version != kGridVersion) {
     return broken(8, "version", std::to_string(kGridVersion), std::to_string(version));
   }
-  if ((channels & ~(kColorBit | kNormalBit)) != 0) return broken(12, "unknown channels");
-  header_.has_color = (channels & kColorBit) != 0;
-  header_.has_normal = (channels & kNormalBit) != 0;
+  if ((channels >> kChannelCount) != 0) return broken(12, "unknown channels");
+  header_.channels = channels_of_bits(channels);
   header_.dims = get<std::array<int32_t, 3>>(bytes_, 16);
   header_.origin = get<std::array<double, 3>>(bytes_, 32);
   header_.voxel_size = get<std::array<double, 3>>(bytes_, 56);
@@ -75,63 +75,76 @@ Status GridReader::read_header() {
     return broken(96, "length", std::to_string(total) + " bytes", std::to_string(bytes_.size()));
   }
   VOXELD_TRY(read_codecs());
-  for (size_t i = kCodecsByte + 3; i < kGridHeaderBytes; ++i) {
+  for (size_t i = kCodecsByte + kCodecs; i < kGridHeaderBytes; ++i) {
     if (bytes_[i] != 0) return broken(i, "reserved byte", "0", std::to_string(bytes_[i]));
   }
   return {};
 }
 
 Status GridReader::read_codecs() {
-  StreamCodecs& codecs = header_.codecs;
-  Codec* const places[] = {&codecs.octree, &codecs.color, &codecs.normal};
-  const bool exists[] = {true, header_.has_color, header_.has_normal};
-  for (size_t i = 0; i < std::size(places); ++i) {
+  for (size_t i = 0; i < kCodecs; ++i) {
+    const bool exists = i == 0 || header_.channels.has(kChannels[i - 1].channel);
     const uint8_t codec = bytes_[kCodecsByte + i];
-    if (codec > (exists[i] ? 1 : 0)) {
-      return broken(kCodecsByte + i, "codec of a stream", exists[i] ? "0 or 1" : "0",
+    if (codec > (exists ? 1 : 0)) {
+      return broken(kCodecsByte + i, "codec of a stream", exists ? "0 or 1" : "0",
                     std::to_string(codec));
     }
-    *places[i] = codec == 1 ? Codec::kSmall : Codec::kFast;
+    Codec& place = i == 0 ? header_.codecs.octree : header_.codecs.channels[i - 1];
+    place = codec == 1 ? Codec::kSmall : Codec::kFast;
   }
   return {};
 }
 
+uint64_t GridReader::Entry::bytes() const {
+  return std::accumulate(channel_bytes.begin(), channel_bytes.end(), uint64_t{octree_bytes});
+}
+
+// The entry at byte `at`, whose streams must begin at `offset`.
+Status GridReader::read_entry(size_t at, uint64_t offset) {
+  Entry entry;
+  entry.coord = get<std::array<int32_t, 3>>(bytes_, at);
+  entry.brick_count = get<uint32_t>(bytes_, at + 12);
+  entry.voxel_count = get<uint64_t>(bytes_, at + 16);
+  entry.offset = get<uint64_t>(bytes_, at + 24);
+  entry.octree_bytes = get<uint32_t>(bytes_, at + 32);
+  if (!inside(entry.coord, header_.dims)) return broken(at, "tile coord is outside the grid");
+  if (!entries_.empty() && tile_order(entries_.back().coord) >= tile_order(entry.coord)) {
+    return broken(at, "tiles are not in ascending Morton order");
+  }
+  if (entry.voxel_count == 0 || entry.voxel_count > kTileVoxelsMax) {
+    return broken(at + 16, "voxel count", "1 to " + std::to_string(kTileVoxelsMax),
+                  std::to_string(entry.voxel_count));
+  }
+  if (entry.offset != offset) {
+    return broken(at + 24, "tile offset", std::to_string(offset), std::to_string(entry.offset));
+  }
+  bool streams_match = entry.octree_bytes != 0;
+  size_t next = at + kEntryStreamsByte;
+  for (size_t i = 0; i < kChannelCount; ++i) {
+    if (!header_.channels.has(kChannels[i].channel)) continue;
+    entry.channel_bytes[i] = get<uint32_t>(bytes_, next);
+    next += 4;
+    streams_match = streams_match && (entry.channel_bytes[i] != 0) == (entry.brick_count != 0);
+  }
+  if (!streams_match) return broken(at + 32, "streams do not match the channels");
+  if (next < at + grid_entry_bytes(header_.channels) && get<uint32_t>(bytes_, next) != 0) {
+    return broken(next, "reserved bytes", "0", "others");
+  }
+  if (offset + entry.bytes() > bytes_.size()) {
+    return broken(at + 24, "tile data lie beyond the end");
+  }
+  entries_.push_back(entry);
+  return {};
+}
+
 Status GridReader::read_directory(size_t directory) {
-  uint64_t next = directory + tile_count_ * kGridEntryBytes;
+  const size_t entry_bytes = grid_entry_bytes(header_.channels);
+  uint64_t next = directory + tile_count_ * entry_bytes;
   uint64_t voxels = 0;
   for (size_t i = 0; i < tile_count_; ++i) {
-    const size_t at = directory + i * kGridEntryBytes;
-    Entry entry;
-    entry.coord = get<std::array<int32_t, 3>>(bytes_, at);
-    entry.brick_count = get<uint32_t>(bytes_, at + 12);
-    entry.voxel_count = get<uint64_t>(bytes_, at + 16);
-    entry.offset = get<uint64_t>(bytes_, at + 24);
-    entry.octree_bytes = get<uint32_t>(bytes_, at + 32);
-    entry.color_bytes = get<uint32_t>(bytes_, at + 36);
-    entry.normal_bytes = get<uint32_t>(bytes_, at + 40);
-    if (!inside(entry.coord, header_.dims)) return broken(at, "tile coord is outside the grid");
-    if (!entries_.empty() && tile_order(entries_.back().coord) >= tile_order(entry.coord)) {
-      return broken(at, "tiles are not in ascending Morton order");
-    }
-    if (entry.voxel_count == 0 || entry.voxel_count > kTileVoxelsMax) {
-      return broken(at + 16, "voxel count", "1 to " + std::to_string(kTileVoxelsMax),
-                    std::to_string(entry.voxel_count));
-    }
-    if (entry.offset != next) {
-      return broken(at + 24, "tile offset", std::to_string(next), std::to_string(entry.offset));
-    }
-    if (get<uint32_t>(bytes_, at + 44) != 0)
-      return broken(at + 44, "reserved bytes", "0", "others");
-    const bool has_bricks = entry.brick_count != 0;
-    if ((entry.color_bytes != 0) != (header_.has_color && has_bricks) ||
-        (entry.normal_bytes != 0) != (header_.has_normal && has_bricks) ||
-        entry.octree_bytes == 0) {
-      return broken(at + 32, "streams do not match the channels");
-    }
-    next += uint64_t{entry.octree_bytes} + entry.color_bytes + entry.normal_bytes;
-    if (next > bytes_.size()) return broken(at + 24, "tile data lie beyond the end");
-    voxels += entry.voxel_count;
-    entries_.push_back(entry);
+    VOXELD_TRY(read_entry(directory + i * entry_bytes, next));
+    next += entries_.back().bytes();
+    voxels += entries_.back().voxel_count;
   }
   if (next != bytes_.size()) return broken(next, "bytes after the last tile");
   if (voxels != voxel_count_) {
@@ -146,7 +159,7 @@ Result<GridReader> GridReader::open(std::span<const uint8_t> bytes) {
   VOXELD_TRY(reader.read_header());
   const size_t directory = kGridHeaderBytes + padded(reader.meta_bytes_);
   if (reader.meta_bytes_ > kMetaBytesMax || directory > bytes.size() ||
-      (bytes.size() - directory) / kGridEntryBytes < reader.tile_count_) {
+      (bytes.size() - directory) / grid_entry_bytes(reader.header_.channels) < reader.tile_count_) {
     return broken(80, "meta or directory is cut off");
   }
   reader.header_.meta_json.assign(reinterpret_cast<const char*>(bytes.data()) + kGridHeaderBytes,
@@ -160,7 +173,7 @@ Result<GridReader> GridReader::open(std::span<const uint8_t> bytes) {
 
 std::pair<uint64_t, uint64_t> GridReader::tile_byte_range(size_t index) const {
   const Entry& entry = entries_[index];
-  return {entry.offset, uint64_t{entry.octree_bytes} + entry.color_bytes + entry.normal_bytes};
+  return {entry.offset, entry.bytes()};
 }
 
 Result<SparseTile> GridReader::decode_tile(size_t index) const {
@@ -168,8 +181,7 @@ Result<SparseTile> GridReader::decode_tile(size_t index) const {
   SparseTile tile;
   tile.coord = entry.coord;
   VOXELD_TRY(decode_octree_stream(bytes_.subspan(entry.offset, entry.octree_bytes),
-                                  header_.codecs.octree, header_.has_color || header_.has_normal,
-                                  tile));
+                                  header_.codecs.octree, header_.channels.any(), tile));
   const size_t voxels = tile.voxel_count();
   if (tile.masks.size() != entry.brick_count || voxels != entry.voxel_count) {
     return broken(entry.offset, "octree does not match its directory entry",
@@ -178,11 +190,14 @@ Result<SparseTile> GridReader::decode_tile(size_t index) const {
                   std::to_string(tile.masks.size()) + " and " + std::to_string(voxels));
   }
   VOXELD_TRY(check_cells(tile, header_.dims));
-  const auto color = bytes_.subspan(entry.offset + entry.octree_bytes, entry.color_bytes);
-  const auto normal =
-      bytes_.subspan(entry.offset + entry.octree_bytes + entry.color_bytes, entry.normal_bytes);
-  if (!color.empty()) VOXELD_TRY(decode_color_stream(color, header_.codecs.color, tile));
-  if (!normal.empty()) VOXELD_TRY(decode_normal_stream(normal, header_.codecs.normal, tile));
+  uint64_t at = entry.offset + entry.octree_bytes;
+  for (size_t i = 0; i < kChannelCount; ++i) {
+    const auto stream = bytes_.subspan(at, entry.channel_bytes[i]);
+    at += stream.size();
+    if (stream.empty()) continue;
+    VOXELD_TRY(
+        decode_channel_stream(stream, kChannels[i].channel, header_.codecs.channels[i], tile));
+  }
   return tile;
 }
 

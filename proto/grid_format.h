@@ -4,8 +4,8 @@
 //
 //   byte  size  header
 //      0     8  magic "VOXGRID" and a zero byte
-//      8     4  u32 version, 2
-//     12     4  u32 channels: bit 0 colour, bit 1 normal
+//      8     4  u32 version, 3
+//     12     4  u32 channels: bit 0 colour, 1 normal, 2 material, 3 label, 4 distance, 5 coverage
 //     16    12  i32[3] dims: cells in x, y, z, each 1..16384
 //     28     4  u32 tile side as a power of two: 8 (256 cells)
 //     32    24  f64[3] origin: world position of the min corner of cell 0,0,0
@@ -14,20 +14,22 @@
 //     84     4  u32 meta bytes
 //     88     8  u64 voxel count of all tiles
 //     96     8  u64 bytes of the whole container
-//    104     3  u8[3] codec of the octree, colour and normal streams: 0 fast, 1 small; 0 where the
-//               grid has no such channel
-//    107    21  reserved
+//    104     7  u8[7] codec of the octree's stream and of each channel's, in the order of their
+//               bits: 0 fast, 1 small; 0 where the grid has no such channel
+//    111    17  reserved
 //    128     m  meta: a JSON object in UTF-8, then zeros up to a multiple of 8
 //
-//   directory: 48 bytes per tile, in ascending Morton order of its coord
+//   directory, for a grid of n channels: 36 + 4 n bytes per tile, rounded up to a multiple of 8, in
+//   ascending Morton order of the tile's coord
 //      0    12  u32[3] coord, in tiles
 //     12     4  u32 brick count: occupied bricks of 8x8x8 cells that lie in no full node
 //     16     8  u64 voxel count, those in full nodes included
 //     24     8  u64 offset of the tile's data in the container
-//     32     4  u32 octree bytes, stored one after the
-//     36     4  u32 colour bytes, other from offset on; tiles
-//     40     4  u32 normal bytes, follow each other without gaps to the end of the container
-//     44     4  reserved
+//     32     4  u32 octree bytes, and
+//     36   4 n  u32[n] bytes of each channel that the grid has, in the order of their bits; streams
+//               are stored one after the other from offset on, tiles without gaps to the end of
+//               the container
+//     ..     -  zeros up to the entry's size
 //
 // A full node is an entirely occupied one of 8 cells or more whose voxels have no attributes. The
 // attribute streams hold the voxels of the other bricks; a tile without such bricks has none, and 0
@@ -42,6 +44,9 @@
 //   colour  4 planes (R, G, B as sRGB, A linear) of one byte per voxel in Morton order; each byte
 //           is the difference to the one before it in its plane, modulo 256
 //   normal  3 planes (x, y, z; signed, unit normal times 127) in the same way
+//   material, label     2 planes (low and high byte of an id; 0: none)
+//   distance            2 planes (low and high byte, signed)
+//   coverage            1 plane
 //
 // One grid has one octree: full nodes are as large as can be (eight full siblings are refused), and
 // where there are no attributes a full brick is a full node (spelled out, it is refused).
@@ -63,15 +68,25 @@
 
 namespace voxeld {
 
-// 2: full nodes and codecs. Version 1, which was never released, had neither; its readers take a
-// full node for a broken one.
-inline constexpr uint32_t kGridVersion = 2;
+// 3: channels beside colour and normal. Versions 1 and 2 were never released.
+inline constexpr uint32_t kGridVersion = 3;
 inline constexpr size_t kGridHeaderBytes = 128;
-inline constexpr size_t kGridEntryBytes = 48;
+
+// Of one tile in the directory.
+constexpr size_t grid_entry_bytes(const ChannelSet& channels) {
+  return (36 + 4 * channels.count() + 7) / 8 * 8;
+}
 
 // How each kind of stream is compressed.
 struct StreamCodecs {
-  Codec octree = Codec::kFast, color = Codec::kFast, normal = Codec::kFast;
+  Codec octree = Codec::kFast;
+  std::array<Codec, kChannelCount> channels{};  // by number of the channel
+
+  static StreamCodecs all(Codec codec) {
+    StreamCodecs codecs{codec, {}};
+    codecs.channels.fill(codec);
+    return codecs;
+  }
   bool operator==(const StreamCodecs&) const = default;
 };
 
@@ -80,9 +95,8 @@ struct GridHeader {
   std::array<int32_t, 3> dims{};       // cells
   std::array<double, 3> origin{};      // world position of the min corner of cell 0,0,0
   std::array<double, 3> voxel_size{};  // world units
-  bool has_color = false;
-  bool has_normal = false;
-  StreamCodecs codecs;           // fast for channels that are not there
+  ChannelSet channels;
+  StreamCodecs codecs;           // read: fast for channels that are not there
   std::string meta_json = "{}";  // JSON object: source, options, pipeline, units, ...
 };
 
@@ -117,12 +131,16 @@ class GridReader {
   struct Entry {
     std::array<int32_t, 3> coord{};
     uint64_t offset = 0, voxel_count = 0;
-    uint32_t octree_bytes = 0, color_bytes = 0, normal_bytes = 0, brick_count = 0;
+    uint32_t octree_bytes = 0, brick_count = 0;
+    std::array<uint32_t, kChannelCount> channel_bytes{};  // 0 for those that the grid has not
+
+    uint64_t bytes() const;
   };
   GridReader() = default;
   Status read_header();
   Status read_codecs();
   Status read_directory(size_t directory);
+  Status read_entry(size_t at, uint64_t offset);
 
   GridHeader header_;
   std::span<const uint8_t> bytes_;

@@ -21,10 +21,9 @@ static_assert(std::endian::native == std::endian::little, "the container is litt
 
 inline constexpr char kMagic[8] = {'V', 'O', 'X', 'G', 'R', 'I', 'D', '\0'};
 inline constexpr uint32_t kTileLog2 = 8;
-inline constexpr uint32_t kColorBit = 1, kNormalBit = 2;
-inline constexpr size_t kColorChannels = 4, kNormalChannels = 3;
 inline constexpr uint32_t kTileBricksMax = 1u << 3 * (kTileLog2 - 3);
-inline constexpr size_t kCodecsByte = 104;
+inline constexpr size_t kCodecsByte = 104, kCodecs = 1 + kChannelCount;
+inline constexpr size_t kEntryStreamsByte = 36;  // of an entry: bytes of its channels' streams
 inline constexpr uint64_t kTileVoxelsMax = uint64_t{1} << (3 * kTileLog2);
 inline constexpr size_t kMetaBytesMax = size_t{1} << 24;
 

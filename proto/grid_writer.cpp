@@ -16,11 +16,17 @@ using namespace grid_layout;
 
 namespace {
 
-bool follows_the_rules(const SparseTile& tile, const GridHeader& header) {
+bool samples_are_complete(const SparseTile& tile, const ChannelSet& channels) {
   const size_t voxels = tile.attribute_count();
+  return std::ranges::all_of(kChannels, [&](const ChannelInfo& info) {
+    return channel_bytes(tile, info.channel).size() ==
+           (channels.has(info.channel) ? info.bytes() * voxels : 0);
+  });
+}
+
+bool follows_the_rules(const SparseTile& tile, const GridHeader& header) {
   return tile.brick_morton.size() == tile.masks.size() &&
-         tile.color.size() == (header.has_color ? kColorChannels * voxels : 0) &&
-         tile.normal.size() == (header.has_normal ? kNormalChannels * voxels : 0) &&
+         samples_are_complete(tile, header.channels) &&
          std::ranges::adjacent_find(tile.brick_morton, std::ranges::greater_equal{}) ==
              tile.brick_morton.end() &&
          (tile.brick_morton.empty() || tile.brick_morton.back() < kTileBricksMax) &&
@@ -33,7 +39,7 @@ void put_header(std::vector<uint8_t>& out, const GridHeader& header, size_t tile
                 uint64_t voxels) {
   std::memcpy(out.data(), kMagic, sizeof kMagic);
   put(out, 8, kGridVersion);
-  put(out, 12, (header.has_color ? kColorBit : 0) | (header.has_normal ? kNormalBit : 0));
+  put(out, 12, channel_bits(header.channels));
   put(out, 16, header.dims);
   put(out, 28, kTileLog2);
   put(out, 32, header.origin);
@@ -41,15 +47,27 @@ void put_header(std::vector<uint8_t>& out, const GridHeader& header, size_t tile
   put(out, 80, static_cast<uint32_t>(tiles));
   put(out, 84, static_cast<uint32_t>(header.meta_json.size()));
   put(out, 88, voxels);
-  const StreamCodecs& codecs = header.codecs;
-  const Codec stored[] = {codecs.octree, header.has_color ? codecs.color : Codec::kFast,
-                          header.has_normal ? codecs.normal : Codec::kFast};
-  for (size_t i = 0; i < std::size(stored); ++i) {
-    put(out, kCodecsByte + i, static_cast<uint8_t>(stored[i] == Codec::kSmall ? 1 : 0));
+  const auto put_codec = [&](size_t i, Codec codec) {
+    put(out, kCodecsByte + i, static_cast<uint8_t>(codec == Codec::kSmall ? 1 : 0));
+  };
+  put_codec(0, header.codecs.octree);
+  for (size_t i = 0; i < kChannelCount; ++i) {
+    if (header.channels.has(kChannels[i].channel)) put_codec(1 + i, header.codecs.channels[i]);
   }
 }
 
 }  // namespace
+
+size_t EncodedTile::bytes() const {
+  size_t bytes = octree.size();
+  for (const auto& stream : channels) bytes += stream.size();
+  return bytes;
+}
+
+void EncodedTile::append_to(std::vector<uint8_t>& out) const {
+  out.insert(out.end(), octree.begin(), octree.end());
+  for (const auto& stream : channels) out.insert(out.end(), stream.begin(), stream.end());
+}
 
 Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header) {
   if (!follows_the_rules(tile, header)) {
@@ -63,11 +81,11 @@ Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header
   out.bricks = canonical.masks.size();
   out.voxels = canonical.voxel_count();
   VOXELD_ASSIGN(out.octree, encode_octree_stream(canonical, header.codecs.octree));
-  if (!canonical.color.empty()) {
-    VOXELD_ASSIGN(out.color, encode_color_stream(canonical, header.codecs.color));
-  }
-  if (!canonical.normal.empty()) {
-    VOXELD_ASSIGN(out.normal, encode_normal_stream(canonical, header.codecs.normal));
+  for (size_t i = 0; i < kChannelCount; ++i) {
+    const Channel channel = kChannels[i].channel;
+    if (channel_bytes(canonical, channel).empty()) continue;
+    VOXELD_ASSIGN(out.channels[i],
+                  encode_channel_stream(canonical, channel, header.codecs.channels[i]));
   }
   return out;
 }
@@ -105,10 +123,15 @@ Status GridWriter::add(const EncodedTile& tile) {
                           : "grid container: tiles are not in ascending Morton order",
                  "", ""};
   }
-  entries_.push_back({tile.coord, tile.voxels, static_cast<uint32_t>(tile.bricks),
-                      static_cast<uint32_t>(tile.octree.size()),
-                      static_cast<uint32_t>(tile.color.size()),
-                      static_cast<uint32_t>(tile.normal.size())});
+  Entry& entry = entries_.emplace_back();
+  entry.coord = tile.coord;
+  entry.voxels = tile.voxels;
+  entry.bricks = static_cast<uint32_t>(tile.bricks);
+  entry.octree_bytes = static_cast<uint32_t>(tile.octree.size());
+  for (size_t i = 0; i < kChannelCount; ++i) {
+    entry.channel_bytes[i] = static_cast<uint32_t>(tile.channels[i].size());
+  }
+  entry.bytes = tile.bytes();
   voxels_ += tile.voxels;
   return {};
 }
@@ -121,21 +144,26 @@ Result<std::vector<uint8_t>> GridWriter::finish(std::string meta_json) {
   }
   header_.meta_json = std::move(meta_json);
   const size_t directory = kGridHeaderBytes + padded(header_.meta_json.size());
-  std::vector<uint8_t> out(directory + kGridEntryBytes * entries_.size());
+  const size_t entry_bytes = grid_entry_bytes(header_.channels);
+  std::vector<uint8_t> out(directory + entry_bytes * entries_.size());
   put_header(out, header_, entries_.size(), voxels_);
   std::memcpy(out.data() + kGridHeaderBytes, header_.meta_json.data(), header_.meta_json.size());
   uint64_t offset = out.size();
   for (size_t i = 0; i < entries_.size(); ++i) {
     const Entry& entry = entries_[i];
-    const size_t at = directory + i * kGridEntryBytes;
+    const size_t at = directory + i * entry_bytes;
     put(out, at, entry.coord);
     put(out, at + 12, entry.bricks);
     put(out, at + 16, entry.voxels);
     put(out, at + 24, offset);
     put(out, at + 32, entry.octree_bytes);
-    put(out, at + 36, entry.color_bytes);
-    put(out, at + 40, entry.normal_bytes);
-    offset += uint64_t{entry.octree_bytes} + entry.color_bytes + entry.normal_bytes;
+    size_t next = at + kEntryStreamsByte;
+    for (size_t c = 0; c < kChannelCount; ++c) {
+      if (!header_.channels.has(kChannels[c].channel)) continue;
+      put(out, next, entry.channel_bytes[c]);
+      next += 4;
+    }
+    offset += entry.bytes;
   }
   put(out, 96, offset);
   return out;
@@ -154,9 +182,7 @@ Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
   VOXELD_ASSIGN(std::vector<uint8_t> out, writer.finish(header.meta_json));
   out.reserve(out.size() + bytes);
   for (EncodedTile& tile : encoded) {
-    for (const auto* stream : {&tile.octree, &tile.color, &tile.normal}) {
-      out.insert(out.end(), stream->begin(), stream->end());
-    }
+    tile.append_to(out);
     tile = {};
   }
   return out;

@@ -18,9 +18,12 @@ namespace voxeld {
 struct EncodedTile {
   std::array<int32_t, 3> coord{};  // in tiles
   uint64_t bricks = 0, voxels = 0;
-  std::vector<uint8_t> octree, color, normal;  // streams; empty where there are none
+  std::vector<uint8_t> octree;                                 // its stream
+  std::array<std::vector<uint8_t>, kChannelCount> channels{};  // empty where there are none
 
-  size_t bytes() const { return octree.size() + color.size() + normal.size(); }
+  size_t bytes() const;
+  // Appends all streams, in the order of the container.
+  void append_to(std::vector<uint8_t>& out) const;
 };
 
 // The canonical form of a tile that is not empty, as the header's channels and codecs say. Errors:
@@ -37,8 +40,8 @@ class GridWriter {
   static Result<GridWriter> open(GridHeader header);
 
   const GridHeader& header() const { return header_; }
-  // Takes note of the next tile; its octree, colour and normal bytes follow those of the last one.
-  // Errors: internal, when its coord is not after the last one's.
+  // Takes note of the next tile; its streams follow those of the last one. Errors: internal, when
+  // its coord is not after the last one's.
   Status add(const EncodedTile& tile);
   size_t tile_count() const { return entries_.size(); }
   uint64_t voxel_count() const { return voxels_; }
@@ -49,7 +52,9 @@ class GridWriter {
   struct Entry {
     std::array<int32_t, 3> coord{};
     uint64_t voxels = 0;
-    uint32_t bricks = 0, octree_bytes = 0, color_bytes = 0, normal_bytes = 0;
+    uint32_t bricks = 0, octree_bytes = 0;
+    std::array<uint32_t, kChannelCount> channel_bytes{};
+    uint64_t bytes = 0;
   };
   explicit GridWriter(GridHeader header) : header_(std::move(header)) {}
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <span>
 #include <utility>
 
@@ -51,9 +52,39 @@ size_t SparseTile::voxel_count() const {
   return count;
 }
 
+bool SparseTile::has_attributes() const {
+  bool any = false;
+  for_each_channel(*this, [&](Channel, const auto& samples) { any = any || !samples.empty(); });
+  return any;
+}
+
+std::span<const uint8_t> channel_bytes(const SparseTile& tile, Channel channel) {
+  static_assert(std::endian::native == std::endian::little, "channels are stored as they are");
+  std::span<const uint8_t> bytes;
+  for_each_channel(tile, [&](Channel which, const auto& samples) {
+    if (which != channel) return;
+    bytes = {reinterpret_cast<const uint8_t*>(samples.data()), samples.size() * sizeof samples[0]};
+  });
+  return bytes;
+}
+
+void set_channel_bytes(SparseTile& tile, Channel channel, std::span<const uint8_t> bytes) {
+  for_each_channel(tile, [&](Channel which, auto& samples) {
+    if (which != channel) return;
+    samples.resize(bytes.size() / sizeof samples[0]);
+    if (!samples.empty()) std::memcpy(samples.data(), bytes.data(), bytes.size());
+  });
+}
+
+void resize_channels(SparseTile& tile, const ChannelSet& channels) {
+  const size_t voxels = tile.attribute_count();
+  for_each_channel(tile, [&](Channel channel, auto& samples) {
+    if (channels.has(channel)) samples.resize(voxels * channel_info(channel).components);
+  });
+}
+
 void canonicalize(SparseTile& tile) {
-  const bool has_attributes = !tile.color.empty() || !tile.normal.empty();
-  if (has_attributes) {
+  if (tile.has_attributes()) {
     std::vector<FullNode> joined;
     for (const FullNode& node : tile.full) push_full(joined, node);
     tile.full = std::move(joined);

@@ -6,8 +6,10 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
+#include "proto/channels.h"
 #include "proto/limits.h"
 
 namespace voxeld {
@@ -52,14 +54,42 @@ struct SparseTile {
   std::vector<uint32_t> brick_morton;  // ascending; < (kTileSide/kBrickSide)^3
   std::vector<BrickMask> masks;        // same length
   std::vector<FullNode> full;          // ascending; neither overlaps another nor a mask
-  std::vector<uint8_t> color;          // empty, or 4 per voxel: sRGB R, G, B and linear A
-  std::vector<int8_t> normal;          // empty, or 3 per voxel: unit normal times 127, rounded
+  // Each empty, or so many samples per voxel of `masks`:
+  std::vector<uint8_t> color{};      // 4: sRGB R, G, B and linear A
+  std::vector<int8_t> normal{};      // 3: unit normal times 127, rounded
+  std::vector<uint16_t> material{};  // 1: id, 0 where there is none
+  std::vector<uint16_t> label{};     // 1: likewise
+  std::vector<int16_t> distance{};   // 1: in 1/kDistanceSteps voxel
+  std::vector<uint8_t> coverage{};   // 1: 255 is all of the voxel
 
   bool empty() const { return masks.empty() && full.empty(); }
   size_t voxel_count() const;      // of masks and full nodes
   size_t attribute_count() const;  // voxels of masks: those that have attributes
+  bool has_attributes() const;     // of any channel
   bool operator==(const SparseTile&) const = default;
 };
+
+// Calls visit(channel, member) for each channel in its order; `member` is where a tile has it.
+template <typename Visit>
+void for_each_channel_member(Visit&& visit) {
+  visit(Channel::kColor, &SparseTile::color);
+  visit(Channel::kNormal, &SparseTile::normal);
+  visit(Channel::kMaterial, &SparseTile::material);
+  visit(Channel::kLabel, &SparseTile::label);
+  visit(Channel::kDistance, &SparseTile::distance);
+  visit(Channel::kCoverage, &SparseTile::coverage);
+}
+// Calls visit(channel, samples); `samples` is the tile's vector.
+template <typename Tile, typename Visit>
+void for_each_channel(Tile& tile, Visit&& visit) {
+  for_each_channel_member([&](Channel channel, auto member) { visit(channel, tile.*member); });
+}
+
+// A channel's samples in memory, which are little-endian, and back: `bytes` holds whole samples.
+std::span<const uint8_t> channel_bytes(const SparseTile& tile, Channel channel);
+void set_channel_bytes(SparseTile& tile, Channel channel, std::span<const uint8_t> bytes);
+// Makes every channel of `channels` as long as attribute_count() says, new samples 0.
+void resize_channels(SparseTile& tile, const ChannelSet& channels);
 
 // Moves full masks of a tile without attributes into `full`, and joins full nodes where eight make
 // a larger one. Needs `full` in ascending order.

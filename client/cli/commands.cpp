@@ -198,21 +198,23 @@ void info_of_grid(const Arguments& arguments) {
                  {"voxel_count", grid.voxel_count()},
                  {"color", grid.has_color()},
                  {"normal", grid.has_normal()},
+                 {"channels", grid.channels()},
                  {"bytes", bytes.size()},
                  {"meta", parsed(grid.meta_json())}};
   if (arguments.json) {
     print_json(object);
     return;
   }
+  std::string holds = "occupancy";
+  for (const std::string_view channel : grid.channels()) holds += ", " + std::string(channel);
   const auto dims = grid.dims();
   const auto origin = grid.origin();
   const auto edge = grid.voxel_size();
   std::printf(
       "cells       %d x %d x %d\nvoxels      %llu\norigin      %.9g %.9g %.9g\n"
-      "voxel size  %.9g %.9g %.9g\nholds       occupancy%s%s\nbytes       %zu\n",
+      "voxel size  %.9g %.9g %.9g\nholds       %s\nbytes       %zu\n",
       dims[0], dims[1], dims[2], static_cast<unsigned long long>(grid.voxel_count()), origin[0],
-      origin[1], origin[2], edge[0], edge[1], edge[2], grid.has_color() ? ", color" : "",
-      grid.has_normal() ? ", normal" : "", bytes.size());
+      origin[1], origin[2], edge[0], edge[1], edge[2], holds.c_str(), bytes.size());
 }
 
 void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {

@@ -5,7 +5,7 @@ namespace voxeld {
 
 Result<std::vector<uint8_t>> encode_native(const Grid& grid, const OutputOptions& options) {
   GridHeader header = container_header(grid);
-  header.codecs = {options.codec, options.codec, options.codec};
+  header.codecs = StreamCodecs::all(options.codec);
   return encode_grid(header, grid.tiles);
 }
 

@@ -147,6 +147,44 @@ std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options) 
   return std::move(array.bytes);
 }
 
+std::vector<uint8_t> npy_ids(const Grid& grid, Channel channel, const OutputOptions& options) {
+  Array array = make_array(grid, options, "<u2", 2, 1);
+  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
+    const auto& ids = channel == Channel::kMaterial ? tile.material : tile.label;
+    array.set(array.layout.at(x, y, z, 0), ids[voxel]);
+  });
+  return std::move(array.bytes);
+}
+
+std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options) {
+  const bool is_float = options.dtype == DType::kFloat32;
+  Array array = make_array(grid, options, is_float ? "<f4" : "|u1", is_float ? 4 : 1, 1);
+  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
+    const uint8_t sample = tile.coverage[voxel];
+    const size_t at = array.layout.at(x, y, z, 0);
+    is_float ? array.set(at, static_cast<float>(sample) / 255) : array.set(at, sample);
+  });
+  // What is entirely inside is covered.
+  for (const SparseTile& tile : grid.tiles) {
+    for_each_full_run(tile, [&](int x, int y, int z, int length) {
+      const size_t first = array.layout.at(x, y, z, 0);
+      for (size_t i = 0; i < static_cast<size_t>(length); ++i) {
+        is_float ? array.set(first + i, 1.0F) : array.set(first + i, uint8_t{255});
+      }
+    });
+  }
+  return std::move(array.bytes);
+}
+
+std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options) {
+  Array array = make_array(grid, options, "<f4", 4, 1);
+  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
+    array.set(array.layout.at(x, y, z, 0),
+              static_cast<float>(tile.distance[voxel]) / static_cast<float>(kDistanceSteps));
+  });
+  return std::move(array.bytes);
+}
+
 std::vector<uint8_t> npy_doubles(std::span<const double> values) {
   const int64_t shape[] = {static_cast<int64_t>(values.size())};
   std::vector<uint8_t> bytes = npy_header("<f8", false, shape);

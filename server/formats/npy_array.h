@@ -26,6 +26,12 @@ std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options);
 // (z, y, x, 3) or (x, y, z, 3): int8 unit normal times 127; float32: -1..1. 0 where a
 // voxel has none.
 std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options);
+// (z, y, x) or (x, y, z): uint16 ids, whatever dtype says. 0 where a voxel has none.
+std::vector<uint8_t> npy_ids(const Grid& grid, Channel channel, const OutputOptions& options);
+// Likewise: uint8, 255 for a voxel that is covered; float32: 0..1.
+std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options);
+// Likewise: float32, whatever dtype says: samples divided by kDistanceSteps, in voxels.
+std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options);
 std::vector<uint8_t> npy_doubles(std::span<const double> values);
 std::vector<uint8_t> npy_text(std::string_view text);
 

@@ -87,8 +87,15 @@ Result<std::vector<uint8_t>> encode_npz(const Grid& grid, const OutputOptions& o
   const GridHeader header = container_header(grid);
   std::vector<Member> members;
   members.push_back({"occupancy.npy", npy_occupancy(grid, options)});
-  if (grid.has_color) members.push_back({"color.npy", npy_color(grid, options)});
-  if (grid.has_normal) members.push_back({"normal.npy", npy_normal(grid, options)});
+  if (grid.channels.color) members.push_back({"color.npy", npy_color(grid, options)});
+  if (grid.channels.normal) members.push_back({"normal.npy", npy_normal(grid, options)});
+  const ChannelSet& channels = grid.channels;
+  for (const Channel ids : {Channel::kMaterial, Channel::kLabel}) {
+    if (!channels.has(ids)) continue;
+    members.push_back({std::string(channel_info(ids).name) + ".npy", npy_ids(grid, ids, options)});
+  }
+  if (channels.distance) members.push_back({"distance.npy", npy_distance(grid, options)});
+  if (channels.coverage) members.push_back({"coverage.npy", npy_coverage(grid, options)});
   members.push_back({"origin.npy", npy_doubles(header.origin)});
   members.push_back({"voxel_size.npy", npy_doubles(header.voxel_size)});
   members.push_back({"meta.npy", npy_text(grid.meta_json)});

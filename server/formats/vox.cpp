@@ -4,13 +4,15 @@
 //   VOX 150 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA }
 //
 // z points up there: a cell (x, y, z) of the grid is written at (x, -z, y), which keeps handedness.
-// Voxels without colour (those of full nodes, and all of a grid without colours) get the mean
-// colour of the others, or a neutral grey. dims, origin and voxel_size stand in the attributes of
+// Where a grid has labels or materials and no colour, each id has a colour (id_color()). Voxels
+// without colour or id (those of full nodes, and all of a grid without either) get the mean colour
+// of the others, or a neutral grey. dims, origin and voxel_size stand in the attributes of
 // the root node.
 #include <algorithm>
 #include <array>
 #include <cstring>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "proto/option_values.h"
@@ -71,21 +73,37 @@ uint32_t key_of(const uint8_t* color) {
   return color[0] | uint32_t{color[1]} << 8 | uint32_t{color[2]} << 16;
 }
 
-uint64_t uncolored_count(const Grid& grid) {
-  uint64_t count = 0;
-  for (const SparseTile& tile : grid.tiles) count += tile.voxel_count() - tile.color.size() / 4;
-  return count;
-}
+// Gives voxels their colours, as keys of the palette.
+class Colors {
+ public:
+  explicit Colors(const Grid& grid)
+      : has_color_(grid.channels.color),
+        ids_(coloring_ids(grid)),
+        other_(key_of(mean_color(grid).data())) {}
 
-Palette palette_of(const Grid& grid, int colors_max) {
+  // `voxel`: its number in the tile, or kNoAttributes.
+  uint32_t of(const SparseTile& tile, size_t voxel) const {
+    if (voxel == kNoAttributes) return other_;
+    if (has_color_) return key_of(&tile.color[4 * voxel]);
+    return ids_ ? key_of(id_color(voxel_id(tile, *ids_, voxel)).data()) : other_;
+  }
+  uint32_t other() const { return other_; }
+
+ private:
+  bool has_color_;
+  std::optional<Channel> ids_;
+  uint32_t other_;  // of voxels without
+};
+
+Palette palette_of(const Grid& grid, const Colors& colors, int colors_max) {
   ColorCounts counts;
   for (const SparseTile& tile : grid.tiles) {
-    for (size_t i = 0; i < tile.color.size(); i += 4) ++counts[key_of(&tile.color[i])];
+    const size_t voxels = tile.attribute_count();
+    for (size_t voxel = 0; voxel < voxels; ++voxel) ++counts[colors.of(tile, voxel)];
+    const uint64_t others = tile.voxel_count() - voxels;
+    if (others > 0) counts[colors.other()] += others;
   }
-  const uint64_t uncolored = uncolored_count(grid);
-  if (uncolored > 0 || !grid.has_color) {
-    counts[key_of(mean_color(grid).data())] += std::max<uint64_t>(uncolored, 1);
-  }
+  if (counts.empty()) counts[colors.other()] = 1;
   return make_palette(counts, colors_max);
 }
 
@@ -94,7 +112,7 @@ std::array<int, 3> scene_size(const GridSpec& spec) {
   return {spec.dims.x, spec.dims.z, spec.dims.y};
 }
 
-Models models_of(const Grid& grid, const Palette& palette) {
+Models models_of(const Grid& grid, const Colors& colors, const Palette& palette) {
   Models models;
   std::array<int, 3> last_model = {-1, -1, -1};
   std::vector<Voxel>* last = nullptr;  // of last_model; a map's elements stay where they are
@@ -106,12 +124,9 @@ Models models_of(const Grid& grid, const Palette& palette) {
                      static_cast<uint8_t>(p[1] % kModelSide),
                      static_cast<uint8_t>(p[2] % kModelSide), static_cast<uint8_t>(entry + 1)});
   };
-  const auto mean = palette.index_of.find(key_of(mean_color(grid).data()));
-  const uint8_t uncolored = mean == palette.index_of.end() ? uint8_t{0} : mean->second;
   for (const SparseTile& tile : grid.tiles) {
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
-      const bool has_color = grid.has_color && voxel != kNoAttributes;
-      add(x, y, z, has_color ? palette.index_of.at(key_of(&tile.color[4 * voxel])) : uncolored);
+      add(x, y, z, palette.index_of.at(colors.of(tile, voxel)));
     });
   }
   if (models.empty()) models[{0, 0, 0}] = {};
@@ -222,8 +237,9 @@ std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& 
 Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options) {
   const std::array<int, 3> scene = scene_size(grid.spec);
   VOXELD_TRY(check_length(sizeof(Voxel) * grid.voxel_count()));  // before any memory is taken
-  const Palette palette = palette_of(grid, options.palette_max);
-  const Models models = models_of(grid, palette);
+  const Colors colors(grid);
+  const Palette palette = palette_of(grid, colors, options.palette_max);
+  const Models models = models_of(grid, colors, palette);
   Bytes children;
   add_models(children, models, scene);
   add_scene_graph(children, models, grid);

@@ -26,8 +26,7 @@ void hash_tile(const SparseTile& tile, Sha256& hash) {
   hash.update(bytes_of(&bricks, 1));
   hash.update(bytes_of(tile.brick_morton.data(), tile.brick_morton.size()));
   hash.update(bytes_of(tile.masks.data(), tile.masks.size()));
-  hash.update(bytes_of(tile.color.data(), tile.color.size()));
-  hash.update(bytes_of(tile.normal.data(), tile.normal.size()));
+  for (const ChannelInfo& info : kChannels) hash.update(channel_bytes(tile, info.channel));
   if (tile.full.empty()) return;
   hash.update(bytes_of(&kFullNodesFollow, 1));
   const uint64_t nodes = tile.full.size();
@@ -46,7 +45,8 @@ ContentHasher::ContentHasher(const Grid& grid) {
   hash_.update(bytes_of(header.dims.data(), header.dims.size()));
   hash_.update(bytes_of(header.origin.data(), header.origin.size()));
   hash_.update(bytes_of(header.voxel_size.data(), header.voxel_size.size()));
-  const uint8_t channels[2] = {header.has_color, header.has_normal};
+  const uint32_t bits = channel_bits(header.channels), normal = channel_bits({.normal = true});
+  const uint8_t channels[2] = {static_cast<uint8_t>(bits & ~normal), header.channels.normal};
   hash_.update(channels);
 }
 

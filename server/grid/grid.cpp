@@ -29,8 +29,7 @@ Result<Grid> grid_from_container(std::span<const uint8_t> bytes) {
     grid.spec.origin_world[c] = header.origin[i];
     grid.spec.voxel_size[c] = header.voxel_size[i];
   }
-  grid.has_color = header.has_color;
-  grid.has_normal = header.has_normal;
+  grid.channels = header.channels;
   grid.meta_json = header.meta_json;
   VOXELD_ASSIGN(grid.tiles, reader.decode_tiles());
   return grid;
@@ -44,8 +43,7 @@ GridHeader container_header(const Grid& grid) {
     header.origin[i] = grid.spec.origin_world[c];
     header.voxel_size[i] = grid.spec.voxel_size[c];
   }
-  header.has_color = grid.has_color;
-  header.has_normal = grid.has_normal;
+  header.channels = grid.channels;
   header.meta_json = grid.meta_json;
   return header;
 }

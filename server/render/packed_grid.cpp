@@ -81,8 +81,8 @@ class Packer {
 
   Status run() {
     packed_.spec = grid_.spec;
-    packed_.has_color = grid_.has_color;
-    packed_.has_normal = grid_.has_normal;
+    packed_.has_color = grid_.channels.color;
+    packed_.has_normal = grid_.channels.normal;
     packed_.tile_dims = grid_.spec.tile_dims();
     packed_.occupied_min = glm::ivec3(std::numeric_limits<int>::max());
     packed_.occupied_max = glm::ivec3(std::numeric_limits<int>::min());
@@ -125,8 +125,8 @@ class Packer {
       return too_large("voxels", std::max(colors, normals));
     }
     packed_.bricks.resize(bricks * RAYMARCH_BRICK_WORDS);
-    if (grid_.has_color) packed_.colors.resize(colors);
-    if (grid_.has_normal) packed_.normals.resize(normals);
+    if (grid_.channels.color) packed_.colors.resize(colors);
+    if (grid_.channels.normal) packed_.normals.resize(normals);
     return {};
   }
 
@@ -209,11 +209,11 @@ class Packer {
 
   void copy_attributes(const SparseTile& tile) {
     const size_t first = packed_.attribute_count;
-    if (grid_.has_color) {
+    if (grid_.channels.color) {
       VOXELD_CHECK(first + tile.color.size() / 4 <= packed_.colors.size(), "a colour per voxel");
       std::memcpy(packed_.colors.data() + first, tile.color.data(), tile.color.size());
     }
-    if (!grid_.has_normal) return;
+    if (!grid_.channels.normal) return;
     VOXELD_CHECK(first + tile.normal.size() / 3 <= packed_.normals.size(), "a normal per voxel");
     for (size_t i = 0; i + 3 <= tile.normal.size(); i += 3) {
       packed_.normals[first + i / 3] =
@@ -236,10 +236,10 @@ class Packer {
       if (mask.words[i] != 0) words[RAYMARCH_BRICK_NODES] |= 1u << i;
     }
     packed_.attribute_count += count;
-    if (grid_.has_color) {
+    if (grid_.channels.color) {
       words[RAYMARCH_BRICK_COLOR] = mean_color(std::span(packed_.colors).subspan(first, count));
     }
-    if (grid_.has_normal) {
+    if (grid_.channels.normal) {
       words[RAYMARCH_BRICK_NORMAL] = mean_normal(std::span(packed_.normals).subspan(first, count));
     }
   }
@@ -255,7 +255,7 @@ class Packer {
   void finish_block(size_t table) {
     const auto entries = std::span(packed_.nodes).subspan(table, RAYMARCH_BLOCK_ENTRIES);
     mark_empty_cubes(entries, glm::ivec3(kBricksPerSide), RAYMARCH_BRICK_SHIFT);
-    if (!grid_.has_color && !grid_.has_normal) return;
+    if (!grid_.channels.color && !grid_.channels.normal) return;
     std::array<uint32_t, RAYMARCH_BLOCK_ENTRIES> colors{}, normals{};
     size_t count = 0;
     for (const uint32_t entry : entries) {
@@ -282,9 +282,9 @@ class Packer {
 Result<PackedGrid> pack_grid(const Grid& grid) {
   PackedGrid packed;
   VOXELD_TRY(Packer(grid, packed).run());
-  VOXELD_CHECK(!grid.has_color || packed.colors.size() == packed.attribute_count,
+  VOXELD_CHECK(!grid.channels.color || packed.colors.size() == packed.attribute_count,
                "a colour per voxel");
-  VOXELD_CHECK(!grid.has_normal || packed.normals.size() == packed.attribute_count,
+  VOXELD_CHECK(!grid.channels.normal || packed.normals.size() == packed.attribute_count,
                "a normal per voxel");
   return packed;
 }

@@ -33,7 +33,7 @@ int64_t brick_count(const GridSpec& spec) {
 }
 
 int64_t attribute_bytes(const WantedChannels& channels) {
-  return (channels.color ? 4 : 0) + (channels.normal ? 3 : 0);
+  return static_cast<int64_t>(attribute_bytes(channels.grid));
 }
 
 }  // namespace
@@ -51,14 +51,14 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
   WantedChannels wanted;
   const bool has_source = options.color == ColorMode::kAxis ||
                           options.color == ColorMode::kShaded || scene.has_colors();
-  wanted.color = options.color != ColorMode::kNone && has_source &&
-                 (!options.channels_given || options.channel_color);
-  wanted.normal = options.channels_given && options.channel_normal;
-  wanted.shaded = wanted.color && options.color == ColorMode::kShaded;
-  wanted.summed.color = wanted.color;
+  wanted.grid.color = options.color != ColorMode::kNone && has_source &&
+                      (!options.channels_given || options.channel_color);
+  wanted.grid.normal = options.channels_given && options.channel_normal;
+  wanted.shaded = wanted.grid.color && options.color == ColorMode::kShaded;
+  wanted.summed.color = wanted.grid.color;
   wanted.summed.alpha =
-      wanted.color && options.color != ColorMode::kAxis && has_transparency(scene);
-  wanted.summed.normal = wanted.normal || wanted.shaded;
+      wanted.grid.color && options.color != ColorMode::kAxis && has_transparency(scene);
+  wanted.summed.normal = wanted.grid.normal || wanted.shaded;
   return wanted;
 }
 

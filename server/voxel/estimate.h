@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "proto/channels.h"
 #include "proto/options.h"
 #include "proto/result.h"
 #include "server/voxel/attribute_records.h"
@@ -19,10 +20,10 @@ Result<Placed> place_scene(const Scene& scene, const VoxelizeOptions& options);
 
 // What a request's options and a scene's contents give.
 struct WantedChannels {
-  bool color = false, normal = false;  // of the grid
+  ChannelSet grid;
   bool shaded = false;
   AttributeChannels summed;
-  bool any() const { return color || normal; }
+  bool any() const { return grid.any(); }
 };
 WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& options);
 

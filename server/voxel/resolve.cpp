@@ -88,7 +88,7 @@ void resolve_voxel(const Sums& sums, const ResolveOptions& options, size_t voxel
   if (weight == 0) return;  // never for an occupied voxel
   Unit normal;
   if (channels.normal) normal = mean_normal(sums, channels.count() - 3, weight);
-  if (options.write_color) {
+  if (options.write.color) {
     const auto& srgb8 = srgb8_from_linear16();
     uint8_t* out = &tile.color[4 * voxel];
     const Shade shade = options.shaded ? phong(normal) : Shade{1.0, 0.0};
@@ -99,7 +99,7 @@ void resolve_voxel(const Sums& sums, const ResolveOptions& options, size_t voxel
     out[3] = channels.alpha ? static_cast<uint8_t>((mean16(sums[4], weight) + 128u) / 257u)
                             : uint8_t{255};
   }
-  if (options.write_normal) {
+  if (options.write.normal) {
     int8_t* out = &tile.normal[3 * voxel];
     out[0] = normal8(normal.x);
     out[1] = normal8(normal.y);

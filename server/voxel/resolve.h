@@ -13,12 +13,11 @@ namespace voxeld {
 struct ResolveOptions {
   AttributeChannels channels;
   bool shaded = false;  // bake Phong shading into the colour; needs channels.normal
-  bool write_color = false;
-  bool write_normal = false;
+  ChannelSet write{};
 };
 
 // sums, carries: channels.count() words per voxel, lower and upper halves; carries may be empty:
-// all are 0. Writes voxels [voxel_first, …) of `tile`, whose color and normal have their full size.
+// all are 0. Writes voxels [voxel_first, …) of `tile`, whose channels have their full size.
 void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> carries,
                     const ResolveOptions& options, size_t voxel_first, SparseTile& tile);
 

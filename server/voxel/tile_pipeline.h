@@ -41,7 +41,7 @@ struct VoxelizePlan {
   std::optional<AttributeRecords> records{};  // where channels.any()
 
   ResolveOptions resolve_options() const {
-    return {channels.summed, channels.shaded, channels.color, channels.normal};
+    return {channels.summed, channels.shaded, channels.grid};
   }
 };
 

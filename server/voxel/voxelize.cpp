@@ -122,7 +122,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   stats.triangles = static_cast<int64_t>(plan.mesh.triangles.size());
   add_stage(stats.passes, "snap", watch.lap());
   for (size_t part = 0; part < scene.parts.size(); ++part) {
-    const bool sampled = plan.channels.color && options.color != ColorMode::kAxis;
+    const bool sampled = plan.channels.grid.color && options.color != ColorMode::kAxis;
     plan.part_images.push_back(sampled ? part_image(scene, part) : -1);
   }
   if (!plan.channels.any()) return {};
@@ -179,8 +179,7 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
   VOXELD_TRY(impl_->plan_job(scene, options, fills || sink.keeps_tiles(), plan, *stats));
   Grid grid;
   grid.spec = plan.spec;
-  grid.has_color = plan.channels.color;
-  grid.has_normal = plan.channels.normal;
+  grid.channels = plan.channels.grid;
   VOXELD_TRY(sink.begin(grid));
   Stopwatch watch;
   const TileBins bins(plan.mesh, plan.spec.tile_dims());

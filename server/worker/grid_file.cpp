@@ -14,8 +14,10 @@ namespace {
 constexpr size_t kCopyBytes = size_t{4} << 20;
 
 size_t bytes_of(const SparseTile& tile) {
+  size_t attributes = 0;
+  for (const ChannelInfo& info : kChannels) attributes += channel_bytes(tile, info.channel).size();
   return tile.masks.size() * (sizeof(BrickMask) + sizeof(uint32_t)) +
-         tile.full.size() * sizeof(FullNode) + tile.color.size() + tile.normal.size();
+         tile.full.size() * sizeof(FullNode) + attributes;
 }
 
 Result<UniqueFd> create(const std::filesystem::path& path) {
@@ -46,7 +48,7 @@ GridFile::~GridFile() {
 
 Status GridFile::begin(const Grid& grid) {
   GridHeader header = container_header(grid);
-  header.codecs = {codec_, codec_, codec_};
+  header.codecs = StreamCodecs::all(codec_);
   VOXELD_ASSIGN(writer_, GridWriter::open(std::move(header)));
   return {};
 }
@@ -59,9 +61,7 @@ Status GridFile::add(std::span<const SparseTile> tiles) {
 
 Status GridFile::store(const EncodedTile& tile) {
   VOXELD_TRY(writer_->add(tile));
-  for (const auto* stream : {&tile.octree, &tile.color, &tile.normal}) {
-    pending_.insert(pending_.end(), stream->begin(), stream->end());
-  }
+  tile.append_to(pending_);
   return pending_.size() < pending_bytes_max_ ? Status() : spill();
 }
 

@@ -267,8 +267,9 @@ Status add_output(TaskRun& run, std::string_view roles, std::span<const uint8_t>
 
 json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash) {
   json channels = json::array({"occupancy"});
-  if (grid.has_color) channels.push_back("color");
-  if (grid.has_normal) channels.push_back("normal");
+  for (const ChannelInfo& info : kChannels) {
+    if (grid.channels.has(info.channel)) channels.push_back(info.name);
+  }
   const GridSpec& spec = grid.spec;
   return {{"dims", {spec.dims.x, spec.dims.y, spec.dims.z}},
           {"origin", {spec.origin_world.x, spec.origin_world.y, spec.origin_world.z}},

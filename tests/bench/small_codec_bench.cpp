@@ -116,7 +116,7 @@ Status measure(const Stream& stream, Codec codec, const std::vector<SparseTile>&
 }
 
 std::vector<Stream> streams_of(const Grid& grid) {
-  const bool has_attributes = grid.has_color || grid.has_normal;
+  const bool has_attributes = grid.channels.any();
   std::vector<Stream> streams = {
       {"octree", [](const SparseTile& tile) { return octree_from_tile(tile).size(); },
        [](const SparseTile& tile) { return tile.voxel_count(); }, encode_octree_stream,
@@ -124,13 +124,18 @@ std::vector<Stream> streams_of(const Grid& grid) {
          return decode_octree_stream(bytes, codec, has_attributes, tile);
        }}};
   const auto voxels = [](const SparseTile& tile) { return tile.attribute_count(); };
-  if (grid.has_color) {
-    streams.push_back({"color", [](const SparseTile& tile) { return tile.color.size(); }, voxels,
-                       encode_color_stream, decode_color_stream});
-  }
-  if (grid.has_normal) {
-    streams.push_back({"normal", [](const SparseTile& tile) { return tile.normal.size(); }, voxels,
-                       encode_normal_stream, decode_normal_stream});
+  for (const ChannelInfo& info : kChannels) {
+    const Channel channel = info.channel;
+    if (!grid.channels.has(channel)) continue;
+    streams.push_back({info.name.data(),
+                       [=](const SparseTile& tile) { return channel_bytes(tile, channel).size(); },
+                       voxels,
+                       [=](const SparseTile& tile, Codec codec) {
+                         return encode_channel_stream(tile, channel, codec);
+                       },
+                       [=](std::span<const uint8_t> bytes, Codec codec, SparseTile& tile) {
+                         return decode_channel_stream(bytes, channel, codec, tile);
+                       }});
   }
   return streams;
 }

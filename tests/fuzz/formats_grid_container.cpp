@@ -66,7 +66,7 @@ void stream(Bytes bytes) {
                "bytes come back");
 }
 
-// Six bytes a voxel: 16 bits of each coordinate; colours and normals are made from them.
+// Six bytes a voxel: 16 bits of each coordinate; attributes are made from them.
 void cells(Bytes bytes) {
   constexpr int kSides[3] = {2048, 700, 300};
   std::vector<voxeld::test::TestVoxel> voxels;
@@ -77,11 +77,15 @@ void cells(Bytes bytes) {
       voxel.color[c] = bytes[2 * c];
       voxel.normal[c] = static_cast<int8_t>(bytes[2 * c + 1]);
     }
+    voxel.material = static_cast<uint16_t>(bytes[0] << 8 | bytes[1]);
+    voxel.label = bytes[2];
+    voxel.distance = static_cast<int16_t>(bytes[3] << 8 | bytes[4]);
+    voxel.coverage = bytes[5];
   }
   voxeld::Grid grid;
   grid.spec.dims = {kSides[0], kSides[1], kSides[2]};
-  grid.has_color = grid.has_normal = true;
-  grid.tiles = voxeld::test::tiles_of(voxels, true, true);
+  grid.channels = voxeld::channels_of_bits(voxeld::test::kChannelSets - 1);
+  grid.tiles = voxeld::test::tiles_of(voxels, grid.channels);
   voxeld::normalize_tiles(grid);
   const auto written = voxeld::encode(grid, {});
   VOXELD_CHECK(written.ok(), "a grid can be written");

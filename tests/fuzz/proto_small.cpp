@@ -1,5 +1,5 @@
 // The streams of codec small. The first byte says what the rest is: the octree of a tile without or
-// with attributes; colours or normals of a small tile; or cells that must come back.
+// with attributes; a channel of a small tile; or cells that must come back.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -15,6 +15,8 @@
 namespace {
 
 using Bytes = std::span<const uint8_t>;
+
+constexpr voxeld::ChannelSet kAll = voxeld::channels_of_bits(voxeld::test::kChannelSets - 1);
 
 void octree(Bytes bytes, bool has_attributes) {
   voxeld::SparseTile tile;
@@ -43,21 +45,15 @@ voxeld::SparseTile small_tile() {
 }
 
 void attributes(Bytes bytes) {
-  voxeld::SparseTile tile = small_tile();
-  const size_t voxels = tile.attribute_count();
-  if (voxeld::decode_color_small(bytes, tile)) {
-    VOXELD_CHECK(tile.color.size() == 4 * voxels, "a colour per voxel");
-    voxeld::SparseTile back = small_tile();
-    VOXELD_CHECK(voxeld::decode_color_small(voxeld::encode_color_small(tile), back).ok() &&
-                     back.color == tile.color,
-                 "colours come back");
-  }
-  if (voxeld::decode_normal_small(bytes, tile)) {
-    VOXELD_CHECK(tile.normal.size() == 3 * voxels, "a normal per voxel");
-    voxeld::SparseTile back = small_tile();
-    VOXELD_CHECK(voxeld::decode_normal_small(voxeld::encode_normal_small(tile), back).ok() &&
-                     back.normal == tile.normal,
-                 "normals come back");
+  for (const voxeld::ChannelInfo& info : voxeld::kChannels) {
+    voxeld::SparseTile tile = small_tile(), back = small_tile();
+    if (!voxeld::decode_channel_small(bytes, info.channel, tile)) continue;
+    VOXELD_CHECK(
+        voxeld::channel_bytes(tile, info.channel).size() == info.bytes() * tile.attribute_count(),
+        "samples for each voxel");
+    const auto written = voxeld::encode_channel_small(tile, info.channel);
+    VOXELD_CHECK(voxeld::decode_channel_small(written, info.channel, back).ok() && back == tile,
+                 "samples come back");
   }
 }
 
@@ -74,9 +70,13 @@ void cells(Bytes bytes) {
     voxel.cell = {bytes[0], bytes[1], bytes[2]};
     voxel.color = {bytes[3], bytes[0], 7, 255};
     voxel.normal = {static_cast<int8_t>(bytes[3]), static_cast<int8_t>(bytes[1]), -128};
+    voxel.material = static_cast<uint16_t>(bytes[3] << 8 | bytes[2]);
+    voxel.label = bytes[3] % 3;
+    voxel.distance = static_cast<int16_t>((bytes[3] - 128) * bytes[0]);
+    voxel.coverage = bytes[3];
   }
   if (voxels.empty()) return;
-  voxeld::SparseTile tile = voxeld::test::tiles_of(voxels, true, true)[0];
+  voxeld::SparseTile tile = voxeld::test::tiles_of(voxels, kAll)[0];
   std::ranges::sort(full);
   full.erase(std::unique(full.begin(), full.end()), full.end());
   for (const uint32_t brick : full) {
@@ -84,10 +84,11 @@ void cells(Bytes bytes) {
   }
   voxeld::canonicalize(tile);
   voxeld::SparseTile back;
-  const bool read =
-      voxeld::decode_octree_small(voxeld::encode_octree_small(tile), true, back).ok() &&
-      voxeld::decode_color_small(voxeld::encode_color_small(tile), back).ok() &&
-      voxeld::decode_normal_small(voxeld::encode_normal_small(tile), back).ok();
+  bool read = voxeld::decode_octree_small(voxeld::encode_octree_small(tile), true, back).ok();
+  for (const voxeld::ChannelInfo& info : voxeld::kChannels) {
+    const auto written = voxeld::encode_channel_small(tile, info.channel);
+    read = read && voxeld::decode_channel_small(written, info.channel, back).ok();
+  }
   VOXELD_CHECK(read && back == tile, "a tile comes back");
 }
 

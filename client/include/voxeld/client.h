@@ -4,7 +4,7 @@
 //   voxeld::client::Options options;
 //   options.set("size", "256");
 //   auto grid = client.voxelize(voxeld::client::Source::file("bunny.ply"), options);
-//   grid.for_each([](int x, int y, int z, const Color* color, const Normal* normal) { ... });
+//   grid.for_each([](const voxeld::client::Voxel& voxel) { ... });
 //
 // Every failure is a voxeld::client::Error. A Client may be used by one thread at a time; several
 // Clients are independent. Jobs keep working when the Client that made them is gone.
@@ -93,6 +93,17 @@ class VOXELD_CLIENT_API Source {
 using Color = std::array<std::uint8_t, 4>;  // sRGB R, G, B and linear A
 using Normal = std::array<std::int8_t, 3>;  // unit normal times 127
 
+// One voxel of a grid, with what its channels say: 0 for channels that the grid does not have.
+struct Voxel {
+  int x = 0, y = 0, z = 0;
+  bool has_attributes = false;  // false for the inside of a solid: all channels are 0
+  Color color{};
+  Normal normal{};
+  std::uint16_t material = 0, label = 0;  // ids; meta_json() names them
+  float distance = 0;                     // signed, in voxels
+  std::uint8_t coverage = 0;              // 255: all of it
+};
+
 // A sparse grid, decoded. Cell (x,y,z) covers origin + voxel_size * [x,x+1) x [y,y+1) x [z,z+1).
 class VOXELD_CLIENT_API Grid {
  public:
@@ -108,13 +119,19 @@ class VOXELD_CLIENT_API Grid {
   std::uint64_t voxel_count() const;
   bool has_color() const;
   bool has_normal() const;
+  // "color", "normal", "material", "label", "distance", "coverage": those that the grid has.
+  std::vector<std::string_view> channels() const;
   const std::string& meta_json() const;
 
   bool occupied(int x, int y, int z) const;
   // nullopt where the cell is empty, or the grid or this voxel (the inside of a solid) has no
   // colour.
   std::optional<Color> color(int x, int y, int z) const;
-  // Every voxel, in Morton order within each tile; `color` and `normal` are null where the
+  // nullopt where the cell is empty.
+  std::optional<Voxel> voxel(int x, int y, int z) const;
+  // Every voxel, in Morton order within each tile.
+  void for_each(const std::function<void(const Voxel&)>& visit) const;
+  // The same; `color` and `normal` are null where the
   // grid or the voxel (the inside of a solid) has none.
   void for_each(const std::function<void(int x, int y, int z, const Color* color,
                                          const Normal* normal)>& visit) const;

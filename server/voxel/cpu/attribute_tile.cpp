@@ -161,9 +161,7 @@ void CpuAttributes::run(const TileBin& bin, std::span<const uint32_t> mask,
   find_octants(tile);
   if (octants_.empty()) return;
   sort_triangles(bin);
-  const size_t voxels = octants_.back().voxel_first + octants_.back().voxel_count;
-  if (plan_->channels.color) tile.color.resize(4 * voxels);
-  if (plan_->channels.normal) tile.normal.resize(3 * voxels);
+  resize_channels(tile, plan_->channels.grid);
   std::atomic<size_t> next = 0;
   const auto count =
       static_cast<int>(std::min<size_t>(octants_.size(), static_cast<size_t>(pool_->threads())));

@@ -128,8 +128,7 @@ Status GlPipeline::run_tile(const TileBin& bin, std::vector<SparseTile>& tiles) 
 
 Status GlPipeline::sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
                                   SparseTile& tile) {
-  if (plan_->channels.color) tile.color.resize(4 * voxel_count);
-  if (plan_->channels.normal) tile.normal.resize(3 * voxel_count);
+  resize_channels(tile, plan_->channels.grid);
   const ResolveOptions resolve = plan_->resolve_options();
   const size_t step = attributes_.voxels_max();
   for (size_t first = 0; first < voxel_count; first += step) {

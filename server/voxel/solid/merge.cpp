@@ -34,7 +34,7 @@ std::vector<FullNode> merge_full(const std::vector<FullNode>& a, const std::vect
 
 class TileMerger {
  public:
-  TileMerger(const SparseTile& surface, const SparseTile& inside, const TileChannels& channels)
+  TileMerger(const SparseTile& surface, const SparseTile& inside, const ChannelSet& channels)
       : surface_(surface), inside_(inside), channels_(channels) {}
 
   SparseTile run() {
@@ -65,8 +65,7 @@ class TileMerger {
 
   void add_node(const FullNode& node) {
     const uint32_t end = node.brick_morton + node.brick_count();
-    const bool has_attributes = channels_.color || channels_.normal;
-    if (!has_attributes || surface_brick() >= end) {
+    if (!channels_.any() || surface_brick() >= end) {
       out_.full.push_back(node);
       while (surface_brick() < end) ++s_;
       while (inside_brick() < end) ++i_;
@@ -98,30 +97,35 @@ class TileMerger {
   }
 
   void add_attributes(const BrickMask& of_surface, const BrickMask& mask) {
-    if (!channels_.color && !channels_.normal) return;
+    if (!channels_.any()) return;
+    for_each_channel_member([&](Channel channel, auto member) {
+      if (!channels_.has(channel)) return;
+      append(surface_.*member, channel_info(channel).components, of_surface, mask, out_.*member);
+    });
+    for (const uint64_t word : of_surface.words) voxel_ += static_cast<size_t>(std::popcount(word));
+  }
+
+  // The samples of a brick's voxels: those of the surface, and zeros.
+  template <typename T>
+  void append(const std::vector<T>& from, size_t components, const BrickMask& of_surface,
+              const BrickMask& mask, std::vector<T>& to) const {
+    auto next = from.begin() + static_cast<ptrdiff_t>(voxel_ * components);
     for (size_t w = 0; w < 8; ++w) {
       for (uint64_t bits = mask.words[w]; bits != 0; bits &= bits - 1) {
         const bool is_surface = (of_surface.words[w] & bits & (~bits + 1)) != 0;
-        if (channels_.color) append(surface_.color, 4, is_surface, out_.color);
-        if (channels_.normal) append(surface_.normal, 3, is_surface, out_.normal);
-        if (is_surface) ++voxel_;
+        if (!is_surface) {
+          to.resize(to.size() + components);
+          continue;
+        }
+        to.insert(to.end(), next, next + static_cast<ptrdiff_t>(components));
+        next += static_cast<ptrdiff_t>(components);
       }
     }
   }
 
-  template <typename T>
-  void append(const std::vector<T>& from, size_t width, bool is_surface, std::vector<T>& to) const {
-    if (!is_surface) {
-      to.resize(to.size() + width);
-      return;
-    }
-    const auto first = from.begin() + static_cast<ptrdiff_t>(voxel_ * width);
-    to.insert(to.end(), first, first + static_cast<ptrdiff_t>(width));
-  }
-
   const SparseTile& surface_;
   const SparseTile& inside_;
-  const TileChannels channels_;
+  const ChannelSet channels_;
   size_t s_ = 0, i_ = 0;  // next bricks
   size_t voxel_ = 0;      // next voxel of the surface
   SparseTile out_;
@@ -130,11 +134,11 @@ class TileMerger {
 }  // namespace
 
 SparseTile merge_tile(const SparseTile& surface, const SparseTile& inside,
-                      const TileChannels& channels) {
+                      const ChannelSet& channels) {
   return TileMerger(surface, inside, channels).run();
 }
 
-void merge_tiles(std::vector<SparseTile> inside, const TileChannels& channels, WorkerPool& pool,
+void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, WorkerPool& pool,
                  std::vector<SparseTile>& tiles) {
   std::ranges::sort(tiles, {}, tile_order);
   std::ranges::sort(inside, {}, tile_order);
@@ -152,7 +156,7 @@ void merge_tiles(std::vector<SparseTile> inside, const TileChannels& channels, W
     if (of_inside <= of_surface) ++i;
   }
   std::vector<SparseTile> merged(pairs.size());
-  const bool bare = !channels.color && !channels.normal;
+  const bool bare = !channels.any();
   std::atomic<size_t> next = 0;
   pool.run(pool.threads(), [&](int) {
     SparseTile none;

@@ -344,7 +344,7 @@ void expect_colors(const Scene& scene, int size, double mean_max, double largest
   const MeshPart& part = scene.parts[0];
   for (const auto& [pipeline, name] : kPipelines) {
     const Grid grid = voxelize(scene, options, pipeline);
-    ASSERT_TRUE(grid.has_color);
+    ASSERT_TRUE(grid.channels.color);
     const auto expected = reference::average_colors(
         triangles_of(scene), oracle_grid(grid.spec),
         [&](size_t t, const std::array<double, 3>& bary) {

@@ -139,7 +139,7 @@ TEST(LevelsOfDetail, voxels_far_smaller_than_a_pixel_give_their_mean) {
 TEST(FullNodes, are_light_grey_and_cut_open_by_sections) {
   Grid grid;
   grid.spec.dims = glm::ivec3(256);
-  grid.has_color = true;
+  grid.channels.color = true;
   SparseTile tile;
   tile.full = {{0, kTileLevels}};
   grid.tiles = {tile};

@@ -161,7 +161,7 @@ TEST(Renderer, a_grid_of_1024_cells_a_side_renders) {
   };
   Grid grid;
   grid.spec = spec;
-  grid.has_color = true;
+  grid.channels.color = true;
   for (int x = 0; x < 4; ++x) {
     for (int z = 0; z < 4; ++z) {
       GridSpec layer;  // the lowest eight cells of one column of tiles

@@ -38,8 +38,8 @@ void add_brick(SparseTile& tile, uint32_t brick_morton, const glm::ivec3& dims, 
 Grid make_test_grid(const GridSpec& spec, bool has_color, bool has_normal, const VoxelAt& at) {
   Grid grid;
   grid.spec = spec;
-  grid.has_color = has_color;
-  grid.has_normal = has_normal;
+  grid.channels.color = has_color;
+  grid.channels.normal = has_normal;
   const glm::ivec3 tiles = (spec.dims + (limits::kTileSide - 1)) / limits::kTileSide;
   constexpr uint32_t kBricks = 32 * 32 * 32;
   for (int z = 0; z < tiles.z; ++z) {

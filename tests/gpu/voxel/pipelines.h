@@ -42,8 +42,8 @@ inline Grid voxelize_all(const Scene& scene, const VoxelizeOptions& options,
   for (const PipelineChoice other : {PipelineChoice::kRaster, PipelineChoice::kCpu}) {
     const std::string name = other == PipelineChoice::kCpu ? "cpu: " : "raster: ";
     const Grid grid = voxelize(scene, options, other);
-    EXPECT_EQ(compute.has_color, grid.has_color) << name << what;
-    EXPECT_EQ(compute.has_normal, grid.has_normal) << name << what;
+    EXPECT_EQ(compute.channels.color, grid.channels.color) << name << what;
+    EXPECT_EQ(compute.channels.normal, grid.channels.normal) << name << what;
     EXPECT_TRUE(compute.tiles == grid.tiles) << "differs from compute: " << name << what;
   }
   return compute;
@@ -70,10 +70,10 @@ inline Cells cells_of(const Grid& grid) {
   for (const SparseTile& tile : grid.tiles) {
     for_each_voxel(tile, [&](int x, int y, int z, size_t index) {
       Voxel& voxel = cells[{x, y, z}];
-      if (grid.has_color) {
+      if (grid.channels.color) {
         for (size_t c = 0; c < 4; ++c) voxel.color[c] = tile.color[4 * index + c];
       }
-      if (grid.has_normal) {
+      if (grid.channels.normal) {
         for (size_t c = 0; c < 3; ++c) voxel.normal[c] = tile.normal[3 * index + c];
       }
     });

@@ -47,10 +47,10 @@ TEST(Attributes, a_mesh_without_colours_gets_no_colour_channel) {
   MeshPart part;
   add_box(part, {1, 1, 1}, {7, 7, 7});
   const Scene scene = scene_of(part);
-  EXPECT_FALSE(voxelize_all(scene, unit_cells({8, 8, 8})).has_color);
+  EXPECT_FALSE(voxelize_all(scene, unit_cells({8, 8, 8})).channels.color);
   VoxelizeOptions options = unit_cells({8, 8, 8});
   options.color = ColorMode::kShaded;
-  EXPECT_TRUE(voxelize_all(scene, options).has_color);
+  EXPECT_TRUE(voxelize_all(scene, options).channels.color);
 }
 
 TEST(Attributes, normals_of_a_box_point_outwards) {

@@ -107,7 +107,7 @@ TEST(Pipelines, give_the_same_bytes_in_every_colour_mode) {
     VoxelizeOptions options = unit_cells({48, 48, 48});
     options.color = mode;
     const Grid grid = voxelize_all(scene, options, std::to_string(static_cast<int>(mode)));
-    EXPECT_EQ(grid.has_color, mode != ColorMode::kNone);
+    EXPECT_EQ(grid.channels.color, mode != ColorMode::kNone);
   }
 }
 

@@ -29,8 +29,8 @@ GridHeader header_of(const std::array<int, 3>& dims, bool has_color, bool has_no
   header.dims = dims;
   header.origin = {-1.5, 0.25, 1e6};
   header.voxel_size = {0.5, 0.125, 2};
-  header.has_color = has_color;
-  header.has_normal = has_normal;
+  header.channels.color = has_color;
+  header.channels.normal = has_normal;
   header.meta_json = R"({"source":"a.ply"})";
   return header;
 }
@@ -38,7 +38,7 @@ GridHeader header_of(const std::array<int, 3>& dims, bool has_color, bool has_no
 Written written(const GridHeader& header, const std::vector<test::TestVoxel>& voxels) {
   Written out;
   for (const test::TestVoxel& voxel : voxels) out.voxels.try_emplace(voxel.cell, voxel);
-  const auto tiles = test::tiles_of(voxels, header.has_color, header.has_normal);
+  const auto tiles = test::tiles_of(voxels, header.channels);
   const auto bytes = encode_grid(header, tiles);
   EXPECT_TRUE(bytes.ok()) << bytes.error().message();
   const auto view = std::as_bytes(std::span(bytes.value()));
@@ -84,6 +84,37 @@ TEST(Grid, for_each_visits_every_voxel_once_with_its_color_and_normal) {
   });
   EXPECT_EQ(seen.size(), in.voxels.size());
   EXPECT_EQ(grid.voxel_count(), in.voxels.size());
+}
+
+TEST(Grid, every_voxel_has_what_its_channels_say) {
+  std::mt19937 random(6);
+  const auto voxels = test::random_voxels(random, {300, 40, 52}, 3000);
+  GridHeader header = header_of({300, 40, 52}, true, true);
+  for (const uint32_t bits : {0u, 1u, 0b010100u, 0b101010u, 0b111111u}) {
+    header.channels = channels_of_bits(bits);
+    const Written in = written(header, voxels);
+    const Grid grid = Grid::decode(in.container);
+    EXPECT_EQ(grid.channels().size(), header.channels.count());
+    size_t seen = 0;
+    grid.for_each([&](const Voxel& voxel) {
+      const test::TestVoxel& expected = in.voxels.at({voxel.x, voxel.y, voxel.z});
+      const ChannelSet& has = header.channels;
+      EXPECT_EQ(voxel.has_attributes, has.any());
+      EXPECT_EQ(voxel.color, has.color ? expected.color : Color());
+      EXPECT_EQ(voxel.normal, has.normal ? expected.normal : Normal());
+      EXPECT_EQ(voxel.material, has.material ? expected.material : 0);
+      EXPECT_EQ(voxel.label, has.label ? expected.label : 0);
+      EXPECT_EQ(voxel.distance, has.distance ? static_cast<float>(expected.distance) / 128 : 0);
+      EXPECT_EQ(voxel.coverage, has.coverage ? expected.coverage : 0);
+      ++seen;
+    });
+    EXPECT_EQ(seen, in.voxels.size());
+    const auto& [cell, expected] = *in.voxels.begin();
+    const auto one = grid.voxel(cell[0], cell[1], cell[2]);
+    ASSERT_TRUE(one.has_value());
+    EXPECT_EQ(one->label, header.channels.label ? expected.label : 0);
+  }
+  EXPECT_FALSE(Grid::decode(written(header, {}).container).voxel(1, 1, 1).has_value());
 }
 
 TEST(Grid, voxels_of_full_nodes_are_occupied_and_have_no_color) {

@@ -63,7 +63,10 @@ inline NpyArray read_npy(const std::vector<uint8_t>& bytes) {
     array.shape.push_back(std::stoll(side));
   }
   array.data.assign(bytes.begin() + static_cast<std::ptrdiff_t>(begin + size), bytes.end());
-  size_t expected = array.descr == "<f8" ? 8 : array.descr == "<f4" ? 4 : 1;
+  size_t expected = array.descr == "<f8"   ? 8
+                    : array.descr == "<f4" ? 4
+                    : array.descr == "<u2" ? 2
+                                           : 1;
   for (const int64_t side : array.shape) expected *= static_cast<size_t>(side);
   EXPECT_EQ(array.data.size(), expected);
   return array;

@@ -184,6 +184,53 @@ TEST(NpyNormal, is_int8_or_minus_1_to_1) {
   }
 }
 
+TEST(NpyIds, are_uint16_whatever_the_type_of_other_samples) {
+  std::mt19937 random(1);
+  const auto voxels = test::random_voxels(random, {30, 20, 10}, 90);
+  const Grid grid = test::grid_of({30, 20, 10}, voxels, {.material = true, .label = true});
+  for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
+    for (const DType dtype : {DType::kUint8, DType::kFloat32}) {
+      const OutputOptions options = options_of(dtype, axes);
+      const auto material = test::read_npy(npy_ids(grid, Channel::kMaterial, options));
+      const auto label = test::read_npy(npy_ids(grid, Channel::kLabel, options));
+      EXPECT_EQ(material.descr, "<u2");
+      EXPECT_EQ(material.shape.size(), 3u);
+      std::map<std::array<int, 3>, test::TestVoxel> first;
+      for (const auto& voxel : voxels) first.try_emplace(voxel.cell, voxel);
+      size_t sum = 0, expected_sum = 0;
+      for (const uint16_t id : label.as<uint16_t>()) sum += id;
+      for (const auto& [cell, voxel] : first) {
+        const auto at = material.at(position(cell, axes));
+        EXPECT_EQ(material.as<uint16_t>()[at], voxel.material);
+        EXPECT_EQ(label.as<uint16_t>()[at], voxel.label);
+        expected_sum += voxel.label;
+      }
+      EXPECT_EQ(sum, expected_sum) << "empty cells are 0";
+    }
+  }
+}
+
+TEST(NpyMeasures, distances_are_in_voxels_and_coverage_is_uint8_or_0_to_1) {
+  test::TestVoxel voxel{.cell = {1, 2, 3}};
+  voxel.distance = -192;
+  voxel.coverage = 51;
+  Grid grid = test::grid_of({16, 16, 16}, {voxel}, {.distance = true, .coverage = true});
+  grid.tiles[0].full = {{morton_encode(1, 1, 1), 0}};
+  const OutputOptions plain = options_of(DType::kUint8, AxisOrder::kZyx);
+  const auto distance = test::read_npy(npy_distance(grid, plain));
+  EXPECT_EQ(distance.descr, "<f4");
+  EXPECT_EQ(distance.as<float>()[distance.at({3, 2, 1})], -1.5f);
+  const auto coverage = test::read_npy(npy_coverage(grid, plain));
+  EXPECT_EQ(coverage.descr, "|u1");
+  EXPECT_EQ(coverage.data[coverage.at({3, 2, 1})], 51);
+  EXPECT_EQ(coverage.data[coverage.at({8, 9, 15})], 255) << "of a full node";
+  EXPECT_EQ(coverage.data[coverage.at({0, 0, 0})], 0);
+  const auto floats =
+      test::read_npy(npy_coverage(grid, options_of(DType::kFloat32, AxisOrder::kXyz)));
+  EXPECT_FLOAT_EQ(floats.as<float>()[floats.at({1, 2, 3})], 0.2f);
+  EXPECT_EQ(floats.as<float>()[floats.at({15, 9, 8})], 1.0f);
+}
+
 TEST(NpyArrays, of_numbers_and_of_text) {
   const double numbers[] = {1.5, -2, 1e300};
   const auto doubles = test::read_npy(npy_doubles(numbers));

@@ -64,6 +64,10 @@ TEST(Npz, has_a_member_for_each_channel_that_the_grid_has) {
   EXPECT_EQ(names(members_of(test::random_grid(1, dims, 50, true, true))),
             (Names{"color.npy", "meta.npy", "normal.npy", "occupancy.npy", "origin.npy",
                    "voxel_size.npy"}));
+  const ChannelSet others = {.material = true, .label = true, .distance = true, .coverage = true};
+  EXPECT_EQ(names(members_of(test::grid_of(dims, {{{1, 2, 3}, {}, {}}}, others))),
+            (Names{"coverage.npy", "distance.npy", "label.npy", "material.npy", "meta.npy",
+                   "occupancy.npy", "origin.npy", "voxel_size.npy"}));
 }
 
 TEST(Npz, members_are_the_arrays_that_npy_writes) {

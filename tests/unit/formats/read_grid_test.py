@@ -17,6 +17,7 @@ import read_grid  # noqa: E402
 import small_oracle  # noqa: E402
 
 WRITE_SAMPLE = sys.argv.pop(1)
+CHANNELS = ["color", "normal", "material", "label", "distance", "coverage"]
 
 
 class ReadGrid(unittest.TestCase):
@@ -31,11 +32,10 @@ class ReadGrid(unittest.TestCase):
 
     def rows(self, grid):
         """Cells and channels in the order of the text: sorted by cell."""
-        columns = [np.asarray(grid["cells"]), grid["color"].astype(int),
-                   grid["normal"].astype(int)]
+        columns = [np.asarray(grid["cells"]), *(grid[name].astype(int) for name in CHANNELS)]
         return sorted(map(tuple, np.hstack(columns)))
 
-    def test_voxels_colours_and_normals_are_what_was_written(self):
+    def test_voxels_and_all_their_channels_are_what_was_written(self):
         grid = read_grid.read_grid(self.grids["all"])
         self.assertEqual(self.rows(grid), sorted(map(tuple, self.voxels)))
         self.assertEqual(grid["color"].dtype, np.uint8)
@@ -51,8 +51,8 @@ class ReadGrid(unittest.TestCase):
 
     def test_channels_that_are_not_there_are_none(self):
         grid = read_grid.read_grid(self.grids["bare"])
-        self.assertIsNone(grid["color"])
-        self.assertIsNone(grid["normal"])
+        for name in CHANNELS:
+            self.assertIsNone(grid[name])
         self.assertEqual(sorted(map(tuple, grid["cells"])),
                          sorted(map(tuple, self.voxels[:, :3])))
 
@@ -67,22 +67,23 @@ class ReadGrid(unittest.TestCase):
         channels, = struct.unpack_from("<I", data, 12)
         meta_bytes, = struct.unpack_from("<I", data, 84)
         entry = 128 + (meta_bytes + 7) // 8 * 8
-        at, *sizes = struct.unpack_from("<Q3I", data, entry + 24)
-        streams = []
-        for size in sizes:
-            streams.append(data[at:at + size])
+        names = ["octree", *(name for i, name in enumerate(CHANNELS) if channels >> i & 1)]
+        at, *sizes = struct.unpack_from(f"<Q{len(names)}I", data, entry + 24)
+        streams = {}
+        for name, size in zip(names, sizes):
+            streams[name] = data[at:at + size]
             at += size
-        return small_oracle.read_tile(streams, channels & 1, channels & 2)
+        return small_oracle.read_tile(streams)
 
     def test_codec_small_is_what_another_reader_of_its_specification_reads(self):
         voxels = self.small_voxels("small")
         grid = read_grid.read_grid(self.grids["small_as_fast"])
-        none = [0] * 4, [0] * 3
-        for cell, color, normal in zip(grid["cells"].tolist(), grid["color"].tolist(),
-                                       grid["normal"].tolist()):
+        self.assertGreater(sum(bool(channels) for channels in voxels.values()), 1000)
+        for i, cell in enumerate(grid["cells"].tolist()):
             got = voxels.pop(tuple(cell))
-            expected = (None, None) if (color, normal) == none else (tuple(color), tuple(normal))
-            self.assertEqual(got, expected, cell)
+            for name in CHANNELS:
+                expected = tuple(grid[name][i].tolist())
+                self.assertEqual(got.get(name, (0,) * len(expected)), expected, (cell, name))
         self.assertEqual(voxels, {})
 
     def test_octants_of_codec_small_are_what_another_reader_reads(self):
@@ -91,7 +92,7 @@ class ReadGrid(unittest.TestCase):
         self.assertEqual(set(voxels), set(map(tuple, grid["cells"].tolist())))
 
     def test_the_other_codec_is_refused(self):
-        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 2 and codec fast"):
+        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 3 and codec fast"):
             read_grid.read_grid(self.grids["small"])
 
     def test_an_empty_grid_has_no_cells(self):
@@ -99,7 +100,7 @@ class ReadGrid(unittest.TestCase):
         self.assertEqual(np.asarray(grid["cells"]).shape, (0, 3))
 
     def test_another_file_is_refused(self):
-        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 2"):
+        with self.assertRaisesRegex(ValueError, "not a voxeld grid of version 3"):
             read_grid.read_grid(b"VOXGRIM" + self.grids["all"][7:])
 
 

@@ -11,17 +11,20 @@
 namespace voxeld::test {
 
 inline Grid grid_of(const std::array<int, 3>& dims, const std::vector<TestVoxel>& voxels,
-                    bool has_color, bool has_normal) {
+                    const ChannelSet& channels) {
   Grid grid;
   grid.spec.dims = {dims[0], dims[1], dims[2]};
   grid.spec.origin_world = {-1.5, 0.25, 1e10};
   grid.spec.voxel_size = {0.5, 0.25, 0.125};
-  grid.has_color = has_color;
-  grid.has_normal = has_normal;
+  grid.channels = channels;
   grid.meta_json = R"({"units":"mm"})";
-  grid.tiles = tiles_of(voxels, has_color, has_normal);
+  grid.tiles = tiles_of(voxels, channels);
   normalize_tiles(grid);
   return grid;
+}
+inline Grid grid_of(const std::array<int, 3>& dims, const std::vector<TestVoxel>& voxels,
+                    bool has_color, bool has_normal) {
+  return grid_of(dims, voxels, {.color = has_color, .normal = has_normal});
 }
 
 // A full brick of cells 8..15 beside one voxel with attributes at cell 0,0,0; 512 + 1 voxels.

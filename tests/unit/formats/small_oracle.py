@@ -1,8 +1,8 @@
 """Another reader of codec small, written from proto/README.md with plain loops: the oracle of the C++
 one. Slow: some thousand voxels a second.
 
-    read_tile(streams, has_color, has_normal)   streams: octree, colour and normal bytes of a tile
-        -> {(x, y, z): (colour or None, normal or None)}
+    read_tile(streams)   streams: {"octree": bytes of a tile, "color": …} with the channels it has
+        -> {(x, y, z): {"color": samples, …}}, {} for voxels of full nodes
 """
 import math
 
@@ -244,81 +244,124 @@ def read_size(bit):
     return value
 
 
-def read_attributes(data, cells, is_normal):
-    channels = 3 if is_normal else 4
-    reader, model = Reader(data), Model()
-    ordered = sorted(cells, key=morton)
-    samples, errors = {}, {}
-    before = None
-    for number, cell in enumerate(ordered):
+class Voxel:
+    """What is known before a voxel's samples are: those of its coded neighbours."""
+
+    def __init__(self, cell, samples, errors, before, components, middle):
         known = []
         for step in STEPS:
             other = tuple(a + b for a, b in zip(cell, step))
             if other in samples:
                 known.append((samples[other], 4 - sum(map(abs, step)), errors[other]))
-        count = len(known)
-        if known:
-            first = known[0][0]
-            total = sum(w for _, w, _ in known)
-            mean = [(sum(w * s[c] for s, w, _ in known) + total // 2) // total
-                    for c in range(channels)]
-            spread = [max(s[c] for s, _, _ in known) - min(s[c] for s, _, _ in known)
-                      for c in range(channels)]
-            error = sum(e for _, _, e in known) // count
+        self.cell, self.samples, self.count = cell, samples, len(known)
+        self.spread, self.error = [0] * components, 0
+        if not known:
+            self.first = before
+            self.mean = list(before) if before else [middle] * components
         else:
-            first, spread, error = before, [0] * channels, 0
-            mean = list(before) if before else [128] * channels
-        same = sum(s == first for s, _, _ in known)
+            self.first = known[0][0]
+            total = sum(w for _, w, _ in known)
+            self.mean = [(sum(w * s[c] for s, w, _ in known) + total // 2) // total
+                         for c in range(components)]
+            self.spread = [max(s[c] for s, _, _ in known) - min(s[c] for s, _, _ in known)
+                           for c in range(components)]
+            self.error = sum(e for _, _, e in known) // len(known)
+        others = [s for s, _, _ in known if s != self.first]
+        self.other = others[0] if others else self.first
+        self.same = sum(s == self.first for s, _, _ in known)
 
-        def bit_of(i, r, b, a, h):
+    def back(self, *axes):
+        """The sample one step back along the axes, or None."""
+        cell = tuple(c - (axis in axes) for axis, c in enumerate(self.cell))
+        return self.samples[cell][0] if cell in self.samples else None
+
+
+def read_difference(bit):
+    if not bit(0):
+        return 0
+    sign = -1 if bit(1) else 1
+    return sign * read_size(bit)
+
+
+def read_bytes(voxel, context, is_normal, is_color):
+    """Samples of 8 bits and the sum of their errors."""
+    mean = voxel.mean
+    order = range(len(mean))
+    if is_normal:
+        last = max(range(3), key=lambda c: (abs(mean[c] - 128), c))
+        order = [c for c in range(3) if c != last] + [last]
+    elif is_color:
+        order = [1, 0, 2, 3]
+    out, told = [0] * len(mean), []
+    for i, c in enumerate(order):
+        predicted = mean[c]
+        if is_normal and i == 2:
+            a, b = (out[o] - 128 for o in order[:2])
+            r = math.isqrt(max(0, 127 * 127 - a * a - b * b))
+            predicted = 128 + r if mean[c] >= 128 else 128 - r
+        elif is_color and c in (0, 2):
+            predicted = max(0, min(255, mean[c] + out[1] - mean[1]))
+        difference = read_difference(context(i, voxel.spread[c], s_of(told[-1]) if told else 0,
+                                             s_of(told[-2]) if len(told) > 1 else 0,
+                                             predicted >> 2))
+        told.append(difference)
+        out[c] = (predicted + difference) & 255
+    return tuple(out), sum(map(abs, told))
+
+
+def read_word(voxel, context, is_distance):
+    """One sample of 16 bits and the size of its error."""
+    predicted = voxel.other[0] if voxel.count else voxel.mean[0]
+    if is_distance:
+        planes = [(voxel.back(a), voxel.back(b), voxel.back(a, b))
+                  for a, b in ((0, 1), (0, 2), (1, 2))]
+        planes = [a + b - ab for a, b, ab in planes if None not in (a, b, ab)]
+        predicted = (max(0, min(65535 * len(planes), sum(planes))) // len(planes) if planes
+                     else voxel.mean[0])
+    high = read_difference(context(0, voxel.spread[0], 0, 0, predicted >> 10))
+    low = read_difference(context(1, voxel.spread[0], s_of(high), 0, predicted >> 10))
+    difference = (256 * high + low + 32768) % 65536 - 32768
+    return ((predicted + difference) & 65535,), abs(difference)
+
+
+def read_channel(name, data, cells):
+    components = {"color": 4, "normal": 3}.get(name, 1)
+    is_word = name in ("material", "label", "distance")
+    reader, model = Reader(data), Model()
+    samples, errors, before = {}, {}, None
+    for number, cell in enumerate(sorted(cells, key=morton)):
+        voxel = Voxel(cell, samples, errors, before, components, 32768 if is_word else 128)
+
+        def context(i, r, b, a, h):
             def bit(node):
-                n = i << 6 | node
-                e, c = z_of(error), min(count, 3)
+                n, e, c = i << 6 | node, z_of(voxel.error), min(voxel.count, 3)
                 values = (n | e << 8 | z_of(r) << 11, n | b << 8 | a << 12, n,
                           n | e << 8 | b << 11 | c << 15, n | h << 8 | z_of(r) << 14)
                 return model.bit(reader, values, i << 3 | min(node, 7))
             return bit
 
-        if number > 0 and bit_of(0, spread[0], min(same, 15), min(count, 15),
-                                 min(same, 7) << 3 | min(count, 7))(63):
-            samples[cell], errors[cell] = first, 0
-            before = first
-            continue
-        if is_normal:
-            last = max(range(3), key=lambda c: (abs(mean[c] - 128), c))
-            order = [c for c in range(3) if c != last] + [last]
+        if number > 0 and context(0, voxel.spread[0], min(voxel.same, 15), min(voxel.count, 15),
+                                  min(voxel.same, 7) << 3 | min(voxel.count, 7))(63):
+            before, error = voxel.first, 0
+        elif is_word:
+            before, error = read_word(voxel, context, name == "distance")
         else:
-            order = [1, 0, 2, 3]
-        voxel, told = [0] * channels, []
-        for i, c in enumerate(order):
-            predicted = mean[c]
-            if is_normal and i == 2:
-                a, b = (voxel[o] - 128 for o in order[:2])
-                r = math.isqrt(max(0, 127 * 127 - a * a - b * b))
-                predicted = 128 + r if mean[c] >= 128 else 128 - r
-            elif not is_normal and c in (0, 2):
-                predicted = max(0, min(255, mean[c] + voxel[1] - mean[1]))
-            bit = bit_of(i, spread[c], s_of(told[-1]) if told else 0,
-                         s_of(told[-2]) if len(told) > 1 else 0, predicted >> 2)
-            difference = 0
-            if bit(0):
-                difference = -1 if bit(1) else 1
-                difference *= read_size(bit)
-            told.append(difference)
-            voxel[c] = (predicted + difference) & 255
-        samples[cell], errors[cell] = tuple(voxel), min(255, sum(map(abs, told)))
-        before = samples[cell]
+            before, error = read_bytes(voxel, context, name == "normal", name == "color")
+        samples[cell], errors[cell] = before, min(255, error)
     reader.close()
-    return samples
+    offset = {"normal": 128, "distance": 32768}.get(name, 0)
+    return {cell: tuple(s - offset for s in values) for cell, values in samples.items()}
 
 
-def read_tile(streams, has_color, has_normal):
-    cells, full = read_octree(streams[0])
-    color = read_attributes(streams[1], cells, False) if has_color and cells else {}
-    normal = read_attributes(streams[2], cells, True) if has_normal and cells else {}
-    grid = {c: (color.get(c), tuple(s - 128 for s in normal[c]) if c in normal else None)
-            for c in cells}
+def read_tile(streams):
+    cells, full = read_octree(streams["octree"])
+    grid = {cell: {} for cell in cells}
+    for name, data in streams.items():
+        if name == "octree" or not cells:
+            continue
+        for cell, values in read_channel(name, data, cells).items():
+            grid[cell][name] = values
     for bx, by, bz in full:
         for i in range(512):
-            grid[(8 * bx + i % 8, 8 * by + i // 8 % 8, 8 * bz + i // 64)] = (None, None)
+            grid[(8 * bx + i % 8, 8 * by + i // 8 % 8, 8 * bz + i // 64)] = {}
     return grid

@@ -90,6 +90,31 @@ TEST(Vox, voxels_of_full_nodes_have_the_mean_colour_of_the_others) {
   EXPECT_EQ(encode_vox(grid, {}).error().code, ErrorCode::kGridTooLarge);
 }
 
+TEST(Vox, a_grid_without_colours_has_one_for_each_label_or_material) {
+  std::vector<test::TestVoxel> voxels(3);
+  for (int i = 0; i < 3; ++i) {
+    voxels[static_cast<size_t>(i)].cell = {i, 0, 0};
+    voxels[static_cast<size_t>(i)].material = static_cast<uint16_t>(1 + i / 2);
+    voxels[static_cast<size_t>(i)].label = static_cast<uint16_t>(i);
+  }
+  const std::array<int, 3> dims = {8, 8, 8};
+  const Grid by_material = test::grid_of(dims, voxels, {.material = true});
+  const auto cells = written(by_material).cells();
+  for (const auto& voxel : voxels) {
+    EXPECT_EQ(cells.at(scene_cell(by_material, voxel.cell[0], 0, 0)), id_color(voxel.material));
+  }
+  const auto labelled = written(test::grid_of(dims, voxels, {.material = true, .label = true}));
+  for (const auto& voxel : voxels) {
+    EXPECT_EQ(labelled.cells().at(scene_cell(by_material, voxel.cell[0], 0, 0)),
+              id_color(voxel.label));
+  }
+  const auto colored = written(test::grid_of(dims, voxels, {.color = true, .label = true}));
+  EXPECT_EQ(colored.cells().begin()->second, (std::array<uint8_t, 3>{0, 0, 0}));
+  std::set<std::array<uint8_t, 3>> colors;
+  for (uint16_t id = 0; id < 100; ++id) colors.insert(id_color(id));
+  EXPECT_EQ(colors.size(), 100u);
+}
+
 TEST(Vox, the_turn_to_z_up_keeps_handedness) {
   const Grid grid = test::grid_of({10, 10, 10},
                                   {{{1, 0, 0}, {1, 0, 0, 255}, {}},

@@ -17,7 +17,7 @@ Grid sample() {
   grid.spec.dims = {300, 300, 20};
   grid.spec.origin_world = {-1, 0, 2.5};
   grid.spec.voxel_size = {0.5, 0.5, 0.25};
-  grid.has_color = grid.has_normal = true;
+  grid.channels.color = grid.channels.normal = true;
   grid.tiles = test::tiles_of(test::box_voxels({250, 254, 3}, {260, 258, 5}), true, true);
   return grid;
 }
@@ -85,6 +85,28 @@ TEST(ContentHash, a_tile_of_full_nodes_alone_counts) {
   EXPECT_NE(content_hash(grid), empty);
 }
 
+TEST(ContentHash, each_channel_counts_and_each_of_its_samples) {
+  std::set<std::string> hashes;
+  std::mt19937 random(3);
+  const auto voxels = test::random_voxels(random, {100, 100, 100}, 200);
+  for (uint32_t bits = 0; bits < test::kChannelSets; ++bits) {
+    Grid grid;
+    grid.spec.dims = {100, 100, 100};
+    grid.channels = channels_of_bits(bits);
+    grid.tiles = test::tiles_of(voxels, grid.channels);
+    hashes.insert(content_hash(grid));
+    for (const ChannelInfo& info : kChannels) {
+      if (!grid.channels.has(info.channel)) continue;
+      Grid other = grid;
+      for_each_channel(other.tiles[0], [&](Channel channel, auto& samples) {
+        if (channel == info.channel) samples.back() ^= 1;
+      });
+      hashes.insert(content_hash(other));
+    }
+  }
+  EXPECT_EQ(hashes.size(), test::kChannelSets + test::kChannelSets / 2 * kChannelCount);
+}
+
 TEST(ContentHash, any_difference_gives_another_hash) {
   const std::vector<std::function<void(Grid&)>> changes = {
       [](Grid&) {},
@@ -93,8 +115,8 @@ TEST(ContentHash, any_difference_gives_another_hash) {
       [](Grid& g) { g.spec.origin_world.x = 0; },
       [](Grid& g) { g.spec.origin_world.z = std::nextafter(2.5, 3.0); },
       [](Grid& g) { g.spec.voxel_size.y = 0.25; },
-      [](Grid& g) { g.has_color = false; },
-      [](Grid& g) { g.has_normal = false; },
+      [](Grid& g) { g.channels.color = false; },
+      [](Grid& g) { g.channels.normal = false; },
       [](Grid& g) {
         g.tiles[0].coord = {0, 0, 1};
       },

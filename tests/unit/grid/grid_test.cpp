@@ -15,8 +15,8 @@ Grid random_grid(uint32_t seed) {
   grid.spec.dims = {520, 300, 260};
   grid.spec.origin_world = {1, -2, 1e-3};
   grid.spec.voxel_size = {0.1, 0.1, 0.3};
-  grid.has_color = true;
-  grid.has_normal = true;
+  grid.channels.color = true;
+  grid.channels.normal = true;
   grid.meta_json = R"({"units":"cm"})";
   grid.tiles = test::tiles_of(test::random_voxels(random, {520, 300, 260}, 2000), true, true);
   return grid;
@@ -27,7 +27,7 @@ TEST(Grid, normalizing_sorts_tiles_by_morton_order_and_drops_empty_ones) {
   const uint64_t voxels = grid.voxel_count();
   const size_t count = grid.tiles.size();
   ASSERT_GT(count, 6u);
-  grid.tiles.insert(grid.tiles.begin(), SparseTile{{1, 1, 0}, {}, {}, {}, {}, {}});
+  grid.tiles.insert(grid.tiles.begin(), SparseTile{{1, 1, 0}, {}, {}, {}});
   normalize_tiles(grid);
   EXPECT_EQ(grid.tiles.size(), count);
   EXPECT_EQ(grid.voxel_count(), voxels);
@@ -52,8 +52,8 @@ TEST(Grid, comes_back_from_its_container) {
   EXPECT_EQ(back->spec.dims, grid.spec.dims);
   EXPECT_EQ(back->spec.origin_world, grid.spec.origin_world);
   EXPECT_EQ(back->spec.voxel_size, grid.spec.voxel_size);
-  EXPECT_EQ(back->has_color, grid.has_color);
-  EXPECT_EQ(back->has_normal, grid.has_normal);
+  EXPECT_EQ(back->channels.color, grid.channels.color);
+  EXPECT_EQ(back->channels.normal, grid.channels.normal);
   EXPECT_EQ(back->meta_json, grid.meta_json);
   EXPECT_TRUE(back->tiles == grid.tiles);
 }

@@ -27,18 +27,20 @@ T get(const Bytes& bytes, size_t at) {
   return value;
 }
 
-GridHeader header_of(const std::array<int32_t, 3>& dims, bool color, bool normal) {
+GridHeader header_of(const std::array<int32_t, 3>& dims, const ChannelSet& channels) {
   GridHeader header;
   header.dims = dims;
   header.origin = {-1.5, 0.25, 1e10};
   header.voxel_size = {0.5, 0.5, 0.125};
-  header.has_color = color;
-  header.has_normal = normal;
+  header.channels = channels;
   header.meta_json = R"({"units":"mm"})";
   return header;
 }
+GridHeader header_of(const std::array<int32_t, 3>& dims, bool color, bool normal) {
+  return header_of(dims, {.color = color, .normal = normal});
+}
 
-// Two tiles with all channels; the directory begins at 128 + 16.
+// Two tiles with two channels; the directory begins at 128 + 16.
 constexpr size_t kDirectory = kGridHeaderBytes + 16;
 Bytes two_tiles() {
   const auto voxels = test::box_voxels({254, 1, 2}, {259, 4, 3});
@@ -71,8 +73,7 @@ void expect_round_trip(const GridHeader& header, const std::vector<SparseTile>& 
   EXPECT_EQ(reader->header().dims, header.dims);
   EXPECT_EQ(reader->header().origin, header.origin);
   EXPECT_EQ(reader->header().voxel_size, header.voxel_size);
-  EXPECT_EQ(reader->header().has_color, header.has_color);
-  EXPECT_EQ(reader->header().has_normal, header.has_normal);
+  EXPECT_EQ(reader->header().channels, header.channels);
   EXPECT_EQ(reader->header().meta_json, header.meta_json);
   ASSERT_EQ(reader->tile_count(), tiles.size());
   uint64_t voxels = 0;
@@ -89,14 +90,15 @@ void expect_round_trip(const GridHeader& header, const std::vector<SparseTile>& 
 }
 
 TEST(GridFormat, random_grids_come_back_with_each_set_of_channels) {
-  for (uint32_t seed = 0; seed < 16; ++seed) {
+  for (uint32_t seed = 0; seed < test::kChannelSets; ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     const std::array<int, 3> dims = {1 + test::below(random, 700), 1 + test::below(random, 300),
                                      1 + test::below(random, 300)};
-    const bool color = (seed & 1) != 0, normal = (seed & 2) != 0;
-    expect_round_trip(header_of(dims, color, normal),
-                      test::tiles_of(test::random_voxels(random, dims, 3000), color, normal));
+    const ChannelSet channels = channels_of_bits(seed);
+    EXPECT_EQ(channel_bits(channels), seed);
+    expect_round_trip(header_of(dims, channels),
+                      test::tiles_of(test::random_voxels(random, dims, 3000), channels));
   }
 }
 
@@ -104,13 +106,13 @@ TEST(GridFormat, full_nodes_come_back_with_each_set_of_channels_and_codec) {
   for (uint32_t seed = 0; seed < 16; ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
-    const bool color = (seed & 1) != 0, normal = (seed & 2) != 0;
+    const ChannelSet channels = channels_of_bits(seed * 21);  // each channel on and off
     std::vector<SparseTile> tiles;
     for (int i = 0; i < 3; ++i) {
-      tiles.push_back(test::tile_with_full_nodes(random, color, normal));
+      tiles.push_back(test::tile_with_full_nodes(random, channels));
       tiles.back().coord = {i, 2 * i, 1};
     }
-    GridHeader header = header_of({768, 2048, 512}, color, normal);
+    GridHeader header = header_of({768, 2048, 512}, channels);
     if ((seed & 4) != 0) header.codecs.octree = Codec::kSmall;
     expect_round_trip(header, tiles);
   }
@@ -163,7 +165,7 @@ TEST(GridFormat, an_empty_grid_and_the_largest_dims_come_back) {
 TEST(GridFormat, the_bytes_lie_where_the_byte_map_says) {
   const Bytes bytes = two_tiles();
   EXPECT_EQ(std::memcmp(bytes.data(), "VOXGRID\0", 8), 0);
-  EXPECT_EQ(get<uint32_t>(bytes, 8), 2u);
+  EXPECT_EQ(get<uint32_t>(bytes, 8), 3u);
   EXPECT_EQ(get<uint32_t>(bytes, 12), 3u);
   EXPECT_EQ(get<int32_t>(bytes, 16), 300);
   EXPECT_EQ(get<int32_t>(bytes, 24), 10);
@@ -181,6 +183,31 @@ TEST(GridFormat, the_bytes_lie_where_the_byte_map_says) {
   EXPECT_EQ(get<uint64_t>(bytes, kDirectory + 24), kDirectory + 96);
 }
 
+TEST(GridFormat, streams_and_directory_entries_are_as_many_as_channels) {
+  std::vector<test::TestVoxel> voxels(1);
+  voxels[0].material = 0x1234;
+  voxels[0].label = 0xfedc;
+  voxels[0].distance = -2;
+  voxels[0].coverage = 7;
+  const std::vector<std::pair<uint32_t, size_t>> entry_bytes = {
+      {0, 40}, {4, 40}, {4 + 16, 48}, {4 + 8 + 16, 48}, {1 + 4 + 8 + 16, 56}, {63, 64}};
+  for (const auto& [bits, size] : entry_bytes) {
+    SCOPED_TRACE(bits);
+    const ChannelSet channels = channels_of_bits(bits);
+    EXPECT_EQ(grid_entry_bytes(channels), size);
+    const auto bytes =
+        encode_grid(header_of({9, 9, 9}, channels), test::tiles_of(voxels, channels));
+    ASSERT_TRUE(bytes);
+    EXPECT_EQ(get<uint32_t>(*bytes, 12), bits);
+    EXPECT_EQ(get<uint64_t>(*bytes, kDirectory + 24), kDirectory + size);
+    uint64_t end = kDirectory + size + get<uint32_t>(*bytes, kDirectory + 32);
+    for (size_t i = 0; i < channels.count(); ++i) {
+      end += get<uint32_t>(*bytes, kDirectory + 36 + 4 * i);
+    }
+    EXPECT_EQ(end, bytes->size());
+  }
+}
+
 TEST(GridFormat, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   std::mt19937 random(3);
   auto tiles = test::tiles_of(test::random_voxels(random, {600, 600, 600}, 500), true, false);
@@ -188,7 +215,7 @@ TEST(GridFormat, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   const GridHeader header = header_of({600, 600, 600}, true, false);
   const auto first = encode_grid(header, tiles);
   std::ranges::shuffle(tiles, random);
-  tiles.insert(tiles.begin() + 2, SparseTile{{2, 2, 2}, {}, {}, {}, {}, {}});  // empty: left out
+  tiles.insert(tiles.begin() + 2, SparseTile{{2, 2, 2}, {}, {}, {}});  // empty: left out
   const auto second = encode_grid(header, tiles);
   ASSERT_TRUE(first && second);
   EXPECT_EQ(*first, *second);
@@ -223,7 +250,7 @@ TEST(GridFormat, the_byte_range_of_a_tile_is_its_data_and_ranges_follow_each_oth
   EXPECT_EQ(reader->tile_coord(1), (std::array<int32_t, 3>{1, 0, 0}));
   const auto [first, first_size] = reader->tile_byte_range(0);
   const auto [second, second_size] = reader->tile_byte_range(1);
-  EXPECT_EQ(first, kDirectory + 2 * kGridEntryBytes);
+  EXPECT_EQ(first, kDirectory + 2 * grid_entry_bytes({.color = true, .normal = true}));
   EXPECT_EQ(second, first + first_size);
   EXPECT_EQ(second + second_size, bytes.size());
 }
@@ -268,8 +295,8 @@ TEST(GridFormat, every_field_of_the_header_is_checked) {
        "0: not a grid container: expected the magic VOXGRID, got other bytes"},
       {[](Bytes& b) { b[7] = 1; },
        "0: not a grid container: expected the magic VOXGRID, got other bytes"},
-      {[](Bytes& b) { put(b, 8, 1u); }, "8: version: expected 2, got 1"},
-      {[](Bytes& b) { put(b, 12, 7u); }, "12: unknown channels"},
+      {[](Bytes& b) { put(b, 8, 2u); }, "8: version: expected 3, got 2"},
+      {[](Bytes& b) { put(b, 12, 67u); }, "12: unknown channels"},
       {[](Bytes& b) { put(b, 16, 0); }, "16: dims: expected 1 to 16384, got 0"},
       {[](Bytes& b) { put(b, 20, 16385); }, "16: dims: expected 1 to 16384, got 16385"},
       {[](Bytes& b) { put(b, 24, -5); }, "16: dims: expected 1 to 16384, got -5"},
@@ -287,7 +314,8 @@ TEST(GridFormat, every_field_of_the_header_is_checked) {
       {[](Bytes& b) { put(b, 88, uint64_t{16}); }, "88: voxel count: expected 15, got 16"},
       {[](Bytes& b) { b[104] = 2; }, "104: codec of a stream: expected 0 or 1, got 2"},
       {[](Bytes& b) { b[106] = 9; }, "106: codec of a stream: expected 0 or 1, got 9"},
-      {[](Bytes& b) { b[107] = 1; }, "107: reserved byte: expected 0, got 1"},
+      {[](Bytes& b) { b[107] = 1; }, "107: codec of a stream: expected 0, got 1"},
+      {[](Bytes& b) { b[111] = 1; }, "111: reserved byte: expected 0, got 1"},
       {[](Bytes& b) { b[127] = 9; }, "127: reserved byte: expected 0, got 9"},
       {[](Bytes& b) { b[128 + 15] = 1; }, "143: padding: expected 0, got 1"},
   });
@@ -380,9 +408,7 @@ TEST(GridWriter, writes_the_same_bytes_tile_by_tile) {
     const auto encoded = encode_tile(tile, writer->header());
     ASSERT_TRUE(encoded.ok());
     ASSERT_TRUE(writer->add(*encoded).ok());
-    for (const auto* stream : {&encoded->octree, &encoded->color, &encoded->normal}) {
-      data.insert(data.end(), stream->begin(), stream->end());
-    }
+    encoded->append_to(data);
   }
   EXPECT_EQ(writer->tile_count(), tiles.size());
   auto whole = writer->finish(header.meta_json);

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <random>
+#include <type_traits>
 #include <vector>
 
 #include "proto/sparse_tile.h"
@@ -16,12 +17,15 @@ struct TestVoxel {
   std::array<int, 3> cell{};  // of the grid
   std::array<uint8_t, 4> color{};
   std::array<int8_t, 3> normal{};
+  uint16_t material = 0, label = 0;
+  int16_t distance = 0;
+  uint8_t coverage = 0;
   bool operator==(const TestVoxel&) const = default;
 };
 
 // Tiles of the voxels, by coord; of voxels in the same cell the first stays.
-inline std::vector<SparseTile> tiles_of(const std::vector<TestVoxel>& voxels, bool has_color,
-                                        bool has_normal) {
+inline std::vector<SparseTile> tiles_of(const std::vector<TestVoxel>& voxels,
+                                        const ChannelSet& channels) {
   constexpr int kSide = limits::kTileSide;
   std::map<std::array<int, 3>, std::map<uint32_t, TestVoxel>> by_tile;
   for (const TestVoxel& voxel : voxels) {
@@ -41,14 +45,28 @@ inline std::vector<SparseTile> tiles_of(const std::vector<TestVoxel>& voxels, bo
         tile.masks.emplace_back();
       }
       tile.masks.back().words[code >> 6 & 7] |= uint64_t{1} << (code & 63);
-      if (has_color) tile.color.insert(tile.color.end(), voxel.color.begin(), voxel.color.end());
-      if (has_normal) {
+      if (channels.color) {
+        tile.color.insert(tile.color.end(), voxel.color.begin(), voxel.color.end());
+      }
+      if (channels.normal) {
         tile.normal.insert(tile.normal.end(), voxel.normal.begin(), voxel.normal.end());
       }
+      if (channels.material) tile.material.push_back(voxel.material);
+      if (channels.label) tile.label.push_back(voxel.label);
+      if (channels.distance) tile.distance.push_back(voxel.distance);
+      if (channels.coverage) tile.coverage.push_back(voxel.coverage);
     }
   }
   return tiles;
 }
+
+inline std::vector<SparseTile> tiles_of(const std::vector<TestVoxel>& voxels, bool has_color,
+                                        bool has_normal) {
+  return tiles_of(voxels, {.color = has_color, .normal = has_normal});
+}
+
+// Each set of channels there is, by number.
+inline constexpr uint32_t kChannelSets = 1u << kChannelCount;
 
 inline int below(std::mt19937& random, int end) {
   return static_cast<int>(random() % static_cast<uint32_t>(end));
@@ -69,6 +87,12 @@ inline std::vector<TestVoxel> random_voxels(std::mt19937& random, const std::arr
     }
     voxel.cell = at;
     for (uint8_t& channel : voxel.color) channel = static_cast<uint8_t>(random());
+    // Ids in patches, distances that change slowly, and now and then anything.
+    voxel.material = static_cast<uint16_t>(below(random, 50) == 0 ? random() : 1 + at[0] / 7 % 3);
+    voxel.label = static_cast<uint16_t>(1 + (at[0] / 40 + at[1] / 40) * 300);
+    voxel.distance = static_cast<int16_t>(
+        below(random, 50) == 0 ? random() : static_cast<uint32_t>(128 * at[0] - 90 * at[1]));
+    voxel.coverage = static_cast<uint8_t>(at[2] + below(random, 9));
     voxels.push_back(voxel);
   }
   return voxels;
@@ -113,19 +137,25 @@ inline void add_random_node(std::mt19937& random, uint32_t brick_morton, uint32_
 }
 
 // A canonical tile with full nodes of many sizes beside other bricks; not empty.
-inline SparseTile tile_with_full_nodes(std::mt19937& random, bool has_color, bool has_normal) {
+inline SparseTile tile_with_full_nodes(std::mt19937& random, const ChannelSet& channels) {
   SparseTile tile;
   for (uint32_t octant = 0; octant < 8; ++octant) {
     add_random_node(random, octant << 12, kTileLevels - 1, tile);
   }
   if (tile.empty()) tile.full.push_back({8, 1});
-  const size_t voxels = tile.attribute_count();
-  tile.color.resize(has_color ? 4 * voxels : 0);
-  for (uint8_t& sample : tile.color) sample = static_cast<uint8_t>(random());
-  tile.normal.resize(has_normal ? 3 * voxels : 0);
-  for (int8_t& sample : tile.normal) sample = static_cast<int8_t>(below(random, 255) - 127);
+  resize_channels(tile, channels);
+  for_each_channel(tile, [&](Channel channel, auto& samples) {
+    for (auto& sample : samples) {
+      using Sample = std::remove_reference_t<decltype(sample)>;
+      sample = static_cast<Sample>(channel == Channel::kNormal ? below(random, 255) - 127
+                                                               : static_cast<int>(random()));
+    }
+  });
   canonicalize(tile);
   return tile;
+}
+inline SparseTile tile_with_full_nodes(std::mt19937& random, bool has_color, bool has_normal) {
+  return tile_with_full_nodes(random, {.color = has_color, .normal = has_normal});
 }
 
 }  // namespace voxeld::test

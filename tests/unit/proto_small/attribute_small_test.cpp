@@ -51,35 +51,50 @@ SparseTile normal_shell() {
   return tile;
 }
 
-// Return the bytes.
-std::vector<uint8_t> expect_color_round_trip(const SparseTile& tile) {
-  const auto bytes = encode_color_small(tile);
+// Returns the bytes.
+std::vector<uint8_t> expect_round_trip(const SparseTile& tile, Channel channel) {
+  const auto bytes = encode_channel_small(tile, channel);
   SparseTile back = tile;
-  back.color.clear();
-  const Status status = decode_color_small(bytes, back);
+  set_channel_bytes(back, channel, {});
+  const Status status = decode_channel_small(bytes, channel, back);
   EXPECT_TRUE(status) << status.error().message();
   EXPECT_TRUE(back == tile);
   return bytes;
 }
+std::vector<uint8_t> expect_color_round_trip(const SparseTile& tile) {
+  return expect_round_trip(tile, Channel::kColor);
+}
 std::vector<uint8_t> expect_normal_round_trip(const SparseTile& tile) {
-  const auto bytes = encode_normal_small(tile);
-  SparseTile back = tile;
-  back.normal.clear();
-  const Status status = decode_normal_small(bytes, back);
-  EXPECT_TRUE(status) << status.error().message();
-  EXPECT_TRUE(back == tile);
-  return bytes;
+  return expect_round_trip(tile, Channel::kNormal);
 }
 
 std::string color_refusal(std::span<const uint8_t> bytes, SparseTile tile) {
   tile.color.clear();
-  const Status status = decode_color_small(bytes, tile);
+  const Status status = decode_channel_small(bytes, Channel::kColor, tile);
   EXPECT_FALSE(status);
   return status ? "" : status.error().message();
 }
 
 size_t fast_bytes(std::span<const uint8_t> samples, size_t channels) {
   return compress_stream(planes_from_samples(samples, channels))->size();
+}
+size_t fast_bytes(const SparseTile& tile, Channel channel) {
+  return fast_bytes(channel_bytes(tile, channel), channel_info(channel).bytes());
+}
+
+constexpr ChannelSet kAll = channels_of_bits(test::kChannelSets - 1);
+
+// Of a shell: labels in patches, and the distance of each cell from a sphere in 1/128 voxel.
+SparseTile measured_shell() {
+  SparseTile tile = test::sphere_shell(60, 4);
+  for_each_voxel(tile, [&](int x, int y, int z, size_t) {
+    tile.label.push_back(static_cast<uint16_t>(x + y < 220 ? 7 : z < 128 ? 300 : 8));
+    const double radius = std::hypot(x - 127.5, y - 127.5, z - 127.5);
+    tile.distance.push_back(static_cast<int16_t>(std::lround(128 * (radius - 62))));
+    tile.coverage.push_back(
+        static_cast<uint8_t>(std::clamp(std::lround(4 * (radius - 30)), 0L, 255L)));
+  });
+  return tile;
 }
 
 TEST(VoxelNumbers, are_those_that_for_each_voxel_counts) {
@@ -140,6 +155,43 @@ TEST(AttributeSmall, smooth_normals_cost_less_than_two_thirds_of_codec_fast) {
   EXPECT_LT(3 * expect_normal_round_trip(tile).size(), 2 * fast_bytes(samples, 3));
 }
 
+TEST(AttributeSmall, ids_in_patches_cost_next_to_nothing) {
+  const SparseTile tile = measured_shell();
+  const size_t bytes = expect_round_trip(tile, Channel::kLabel).size();
+  EXPECT_LT(50 * bytes, tile.label.size()) << bytes;  // 0.16 bits each
+  EXPECT_LT(4 * bytes, fast_bytes(tile, Channel::kLabel));
+}
+
+TEST(AttributeSmall, distances_cost_less_than_a_third_and_coverage_less_than_codec_fast) {
+  const SparseTile tile = measured_shell();
+  EXPECT_LT(3 * expect_round_trip(tile, Channel::kDistance).size(),
+            fast_bytes(tile, Channel::kDistance));
+  EXPECT_LT(expect_round_trip(tile, Channel::kCoverage).size(),
+            fast_bytes(tile, Channel::kCoverage));
+}
+
+TEST(AttributeSmall, differences_of_16_bits_wrap_around) {
+  std::mt19937 random(9);
+  SparseTile tile = test::noise(3, 3000);
+  constexpr std::array<int, 8> kExtreme = {-32768, -32767, -129, -128, 0, 127, 32639, 32767};
+  for (size_t i = 0; i < tile.attribute_count(); ++i) {
+    tile.distance.push_back(static_cast<int16_t>(kExtreme[random() % kExtreme.size()]));
+    tile.material.push_back(static_cast<uint16_t>(tile.distance.back()));
+  }
+  expect_round_trip(tile, Channel::kDistance);
+  expect_round_trip(tile, Channel::kMaterial);
+}
+
+TEST(AttributeSmall, random_samples_of_every_channel_come_back_and_hardly_grow) {
+  std::mt19937 random(11);
+  const SparseTile tile = test::tile_with_full_nodes(random, kAll);
+  for (const ChannelInfo& info : kChannels) {
+    SCOPED_TRACE(info.name);
+    EXPECT_LT(static_cast<double>(expect_round_trip(tile, info.channel).size()),
+              1.15 * static_cast<double>(channel_bytes(tile, info.channel).size()) + 100);
+  }
+}
+
 TEST(AttributeSmall, random_attributes_come_back_and_hardly_grow) {
   std::mt19937 random(1);
   for (int round = 0; round < 2; ++round) {
@@ -184,7 +236,7 @@ TEST(AttributeSmall, every_truncation_and_an_extra_byte_are_refused) {
   tile = colored(std::move(tile), [](int x, int y, int z) {
     return std::array{x * 3, y * 5, z * 7, 255};
   });
-  auto bytes = encode_color_small(tile);
+  auto bytes = encode_channel_small(tile, Channel::kColor);
   for (size_t size = 0; size < bytes.size(); ++size) {
     EXPECT_EQ(color_refusal(std::span<const uint8_t>(bytes).first(size), tile),
               "grid container, small attributes: the stream is cut off")
@@ -197,7 +249,7 @@ TEST(AttributeSmall, every_truncation_and_an_extra_byte_are_refused) {
 TEST(AttributeSmall, flipped_and_random_bytes_give_samples_or_an_error_in_bounded_time) {
   std::mt19937 random(4);
   const SparseTile tile = smooth_shell();
-  const auto good = encode_color_small(tile);
+  const auto good = encode_channel_small(tile, Channel::kColor);
   int refused = 0;
   for (int round = 0; round < 30; ++round) {
     auto bytes = round % 2 == 0 ? good : std::vector<uint8_t>(random() % 3000);
@@ -208,8 +260,8 @@ TEST(AttributeSmall, flipped_and_random_bytes_give_samples_or_an_error_in_bounde
     }
     SparseTile back = shell();
     const auto start = std::chrono::steady_clock::now();
-    const Status color = decode_color_small(bytes, back);
-    const Status normal = decode_normal_small(bytes, back);
+    const Status color = decode_channel_small(bytes, Channel::kColor, back);
+    const Status normal = decode_channel_small(bytes, Channel::kNormal, back);
     EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(30));
     refused += color ? 0 : 1;
     EXPECT_TRUE(!color || back.color.size() == tile.color.size());
@@ -223,15 +275,19 @@ TEST(GridSmall, each_stream_has_the_codec_that_the_header_says) {
   GridHeader header;
   header.dims = {256, 256, 256};
   header.voxel_size = {1, 1, 1};
-  header.has_color = header.has_normal = true;
-  SparseTile tile = normal_shell();
+  header.channels = kAll;
+  SparseTile tile = test::sphere_shell(9, 2);
   tile.full = {{0, 1}};
-  tile = colored(std::move(tile), [](int x, int y, int z) { return std::array{x, y, z, 255}; });
-  for (int codecs = 0; codecs < 8; ++codecs) {
-    const auto codec = [&](int bit) {
+  resize_channels(tile, kAll);
+  for_each_channel(tile, [](Channel, auto& samples) {
+    for (size_t i = 0; i < samples.size(); ++i) samples[i] = static_cast<uint8_t>(i / 5);
+  });
+  for (size_t codecs = 0; codecs < 128; ++codecs) {
+    const auto codec = [&](size_t bit) {
       return (codecs >> bit & 1) != 0 ? Codec::kSmall : Codec::kFast;
     };
-    header.codecs = {codec(0), codec(1), codec(2)};
+    header.codecs.octree = codec(0);
+    for (size_t i = 0; i < kChannelCount; ++i) header.codecs.channels[i] = codec(1 + i);
     const auto bytes = encode_grid(header, std::span(&tile, 1));
     ASSERT_TRUE(bytes) << bytes.error().message();
     const auto reader = GridReader::open(*bytes);
@@ -250,8 +306,8 @@ TEST(GridSmall, every_truncation_and_flipped_bit_of_a_container_is_an_error_or_a
   GridHeader header;
   header.dims = {256, 256, 256};
   header.voxel_size = {1, 1, 1};
-  header.has_color = true;
-  header.codecs = {Codec::kSmall, Codec::kSmall, Codec::kFast};
+  header.channels.color = true;
+  header.codecs = StreamCodecs::all(Codec::kSmall);
   const auto good = encode_grid(header, std::span(&tile, 1));
   ASSERT_TRUE(good) << good.error().message();
   const auto decode = [](std::span<const uint8_t> bytes) {

@@ -16,7 +16,7 @@ using ::testing::ElementsAre;
 Grid three_voxels() {
   Grid grid;
   grid.spec.dims = {300, 17, 9};
-  grid.has_color = grid.has_normal = true;
+  grid.channels.color = grid.channels.normal = true;
   SparseTile near;
   near.brick_morton = {morton_encode(4, 1, 0)};  // cells x 32..39, y 8..15
   near.masks.resize(1);

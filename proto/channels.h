@@ -1,0 +1,94 @@
+// The channels that the voxels of a grid can have beside being there: one table, over which the
+// container, the content hash, the exports and the decoders loop.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace voxeld {
+
+// In the order in which they are stored; a channel's number is its bit in the container.
+enum class Channel : uint8_t { kColor, kNormal, kMaterial, kLabel, kDistance, kCoverage };
+inline constexpr size_t kChannelCount = 6;
+
+// Samples of the channel distance for one voxel.
+inline constexpr int kDistanceSteps = 128;
+
+// Which of them a grid has.
+struct ChannelSet {
+  bool color = false;     // sRGB R, G, B and linear A
+  bool normal = false;    // unit normal times 127
+  bool material = false;  // ids from 1 on; 0: none
+  bool label = false;     // likewise
+  bool distance = false;  // signed: 1/128 voxel
+  bool coverage = false;  // 255: all of it
+
+  constexpr bool has(Channel channel) const;
+  constexpr void set(Channel channel, bool on = true);
+  constexpr bool any() const;
+  constexpr size_t count() const;
+  bool operator==(const ChannelSet&) const = default;
+};
+
+struct ChannelInfo {
+  Channel channel;
+  std::string_view name;  // of the option's word, the npz member and the JSON
+  size_t components;      // samples per voxel
+  size_t sample_bytes;
+  bool ChannelSet::*member;
+
+  constexpr size_t bytes() const { return components * sample_bytes; }  // per voxel
+};
+
+inline constexpr std::array<ChannelInfo, kChannelCount> kChannels = {{
+    {Channel::kColor, "color", 4, 1, &ChannelSet::color},
+    {Channel::kNormal, "normal", 3, 1, &ChannelSet::normal},
+    {Channel::kMaterial, "material", 1, 2, &ChannelSet::material},
+    {Channel::kLabel, "label", 1, 2, &ChannelSet::label},
+    {Channel::kDistance, "distance", 1, 2, &ChannelSet::distance},
+    {Channel::kCoverage, "coverage", 1, 1, &ChannelSet::coverage},
+}};
+
+constexpr const ChannelInfo& channel_info(Channel channel) {
+  return kChannels[static_cast<size_t>(channel)];
+}
+
+constexpr bool ChannelSet::has(Channel channel) const {
+  return this->*channel_info(channel).member;
+}
+constexpr void ChannelSet::set(Channel channel, bool on) {
+  this->*channel_info(channel).member = on;
+}
+constexpr bool ChannelSet::any() const {
+  return count() > 0;
+}
+constexpr size_t ChannelSet::count() const {
+  size_t count = 0;
+  for (const ChannelInfo& info : kChannels) count += has(info.channel) ? 1 : 0;
+  return count;
+}
+
+// Bytes of a voxel's attributes.
+constexpr size_t attribute_bytes(const ChannelSet& channels) {
+  size_t bytes = 0;
+  for (const ChannelInfo& info : kChannels) bytes += channels.has(info.channel) ? info.bytes() : 0;
+  return bytes;
+}
+
+// One bit per channel, by its number, and back; bits without a channel are left out.
+constexpr uint32_t channel_bits(const ChannelSet& channels) {
+  uint32_t bits = 0;
+  for (size_t i = 0; i < kChannelCount; ++i) bits |= channels.has(kChannels[i].channel) << i;
+  return bits;
+}
+constexpr ChannelSet channels_of_bits(uint32_t bits) {
+  ChannelSet channels;
+  for (size_t i = 0; i < kChannelCount; ++i)
+    channels.set(kChannels[i].channel, (bits >> i & 1) != 0);
+  return channels;
+}
+
+}  // namespace voxeld
