@@ -131,8 +131,12 @@ class InteriorFill {
   void copy(const glm::ivec3& from_cell, SparseTile& to, size_t to_voxel) const {
     const VoxelPlaces::Place from = places_.find(from_cell);
     const SparseTile& tile = tiles_[from.tile];
-    copy_samples(tile.color, from.voxel, to.color, to_voxel, 4);
-    copy_samples(tile.normal, from.voxel, to.normal, to_voxel, 3);
+    for_each_channel_member([&](Channel channel, auto member) {
+      // A voxel's own distance and coverage are no matter of what is near.
+      if (channel == Channel::kDistance || channel == Channel::kCoverage) return;
+      copy_samples(tile.*member, from.voxel, to.*member, to_voxel,
+                   channel_info(channel).components);
+    });
   }
 
   const BrickIndex& surface_;
@@ -154,9 +158,9 @@ void spell_out_full(SparseTile& tile) {
 }
 
 int64_t interior_bytes(const GridSpec& spec, std::span<const SparseTile> surface,
-                       std::span<const SparseTile> inside, const TileChannels& channels) {
+                       std::span<const SparseTile> inside, const ChannelSet& channels) {
   // Attributes and bricks stand twice while surface and inside are united.
-  const int64_t voxel_bytes = (channels.color ? 4 : 0) + (channels.normal ? 3 : 0);
+  const auto voxel_bytes = static_cast<int64_t>(attribute_bytes(channels));
   constexpr int64_t kBrickBytes = 2 * (sizeof(BrickMask) + sizeof(uint32_t)) + 16;
   int64_t bytes = NearestCells::bytes_for(spec.dims);
   for (const auto& list : {surface, inside}) {

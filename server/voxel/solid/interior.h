@@ -17,7 +17,7 @@ void spell_out_full(SparseTile& tile);
 // What all voxels of the tiles as masks with attributes and the search for the nearest need, in
 // bytes.
 int64_t interior_bytes(const GridSpec& spec, std::span<const SparseTile> surface,
-                       std::span<const SparseTile> inside, const TileChannels& channels);
+                       std::span<const SparseTile> inside, const ChannelSet& channels);
 
 // Gives the voxels of `tiles` (in masks, all of them) that are not in `surface` the attributes of
 // the nearest voxel that is: NearestCells. `progress`: called from time to time, with 0 columns
