@@ -44,7 +44,8 @@ void add_voxelize(Json& out, const VoxelizeOptions& v) {
   out["rule"] = word(v.rule, words::kRule);
   out["fill"] = word(v.fill, words::kFill);
   const bool has_inside = v.fill == Fill::kSolid || v.fill == Fill::kShell;
-  if (has_inside) out["sign"] = word(v.sign, words::kSign);
+  const bool measures = v.channel_distance || (v.fill == Fill::kBand && !v.channels_given);
+  if (has_inside || measures) out["sign"] = word(v.sign, words::kSign);
   if (v.fill == Fill::kShell || v.fill == Fill::kBand) out["thickness"] = to_text(v.thickness);
   if (has_inside) out["interior"] = word(v.interior, words::kInterior);
   out["color"] = word(v.color, words::kColor);
@@ -52,6 +53,7 @@ void add_voxelize(Json& out, const VoxelizeOptions& v) {
     std::string channels = "occupancy";
     if (v.channel_color) channels += ",color";
     if (v.channel_normal) channels += ",normal";
+    if (v.channel_distance) channels += ",distance";
     out["channels"] = channels;
   }
   out["pipeline"] = word(v.pipeline, words::kPipeline);

@@ -86,8 +86,10 @@ Status set_channels(VoxelizeOptions& voxelize, std::string_view text) {
       voxelize.channel_color = true;
     } else if (part == "normal") {
       voxelize.channel_normal = true;
+    } else if (part == "distance") {
+      voxelize.channel_distance = true;
     } else if (part != "occupancy") {
-      return invalid("channels", "a list of occupancy, color and normal", text);
+      return invalid("channels", "a list of occupancy, color, normal and distance", text);
     }
   }
   return {};
@@ -294,8 +296,10 @@ constexpr double kDefaultBandThickness = 3.0;  // voxels
 // Options that would say nothing are more likely a mistake.
 Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& given) {
   const std::string_view fill = word_of<Fill>(v.fill, words::kFill);
-  if (given.contains("sign") && v.fill != Fill::kSolid && v.fill != Fill::kShell) {
-    return invalid("sign", "fill solid or shell with it", fill);
+  // A band has distances where its channels are not named.
+  const bool measures = v.channel_distance || (v.fill == Fill::kBand && !v.channels_given);
+  if (given.contains("sign") && !measures && v.fill != Fill::kSolid && v.fill != Fill::kShell) {
+    return invalid("sign", "fill solid or shell or channel distance with it", fill);
   }
   if (given.contains("thickness") && v.fill != Fill::kShell && v.fill != Fill::kBand) {
     return invalid("thickness", "fill shell or band with it", fill);

@@ -14,9 +14,9 @@ namespace voxeld::cli {
 class MeshSource {
  public:
   // `input`: a path, or "-" for stdin. An .obj, .gltf or .md5mesh that names other files
-  // (materials, textures, buffers) becomes a zip of all that are there, in a temporary file; names that lead
-  // out of the mesh's folder and files that are missing are left out (the daemon's answer names
-  // them).
+  // (materials, textures, buffers) becomes a zip of all that are there, in a temporary file; names
+  // that lead out of the mesh's folder and files that are missing are left out (the daemon's answer
+  // names them).
   // Throws client::Error "file".
   static MeshSource open(const std::string& input);
 

@@ -1,8 +1,12 @@
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 
+#include <nlohmann/json.hpp>
+
 #include "proto/tile_runs.h"
+#include "server/formats/extend_sign.h"
 #include "server/formats/formats.h"
 #include "server/formats/npy_array.h"
 
@@ -176,12 +180,49 @@ std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options
   return std::move(array.bytes);
 }
 
+namespace {
+
+// What cells without a distance have in a dense array.
+struct DistanceBackground {
+  bool is_band = false;  // the sign of their neighbours; else outside
+  float voxels = 0;
+};
+
+DistanceBackground distance_background(const Grid& grid) {
+  const auto meta = nlohmann::json::parse(grid.meta_json, nullptr, false);
+  const auto options =
+      meta.is_object() && meta.contains("options") ? meta["options"] : nlohmann::json::object();
+  DistanceBackground background;
+  background.is_band = options.is_object() && options.value("fill", nlohmann::json()) == "band";
+  int farthest = 1;
+  for (const SparseTile& tile : grid.tiles) {
+    for (const int16_t distance : tile.distance) farthest = std::max(farthest, std::abs(distance));
+  }
+  background.voxels = static_cast<float>(farthest) / static_cast<float>(kDistanceSteps);
+  return background;
+}
+
+}  // namespace
+
 std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options) {
   Array array = make_array(grid, options, "<f4", 4, 1);
+  const DistanceBackground background = distance_background(grid);
+  // The header is a multiple of 64 bytes long.
+  const std::span<float> cells(reinterpret_cast<float*>(array.bytes.data() + array.data),
+                               array.layout.cells);
+  std::ranges::fill(cells, background.is_band ? NAN : background.voxels);
   for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
     array.set(array.layout.at(x, y, z, 0),
               static_cast<float>(tile.distance[voxel]) / static_cast<float>(kDistanceSteps));
   });
+  for (const SparseTile& tile : grid.tiles) {
+    for_each_full_run(tile, [&](int x, int y, int z, int length) {
+      std::ranges::fill(cells.subspan(array.layout.at(x, y, z, 0), static_cast<size_t>(length)),
+                        -background.voxels);
+    });
+  }
+  const glm::uvec3 dims(grid.spec.dims);
+  if (background.is_band) extend_sign(cells, {dims.z, dims.y, dims.x}, background.voxels);
   return std::move(array.bytes);
 }
 

@@ -46,8 +46,8 @@ struct Md5Anim {
 };
 
 // Reads the grammar of real files and the textbook's long keywords (numberOfFrames,
-// numberOfAnimatedComponents). Frames may come in any order of their numbers; one that is missing or
-// there twice is an error, as are components beyond a frame's. Errors: malformed-mesh with line,
+// numberOfAnimatedComponents). Frames may come in any order of their numbers; one that is missing
+// or there twice is an error, as are components beyond a frame's. Errors: malformed-mesh with line,
 // expected and got; unsupported-feature for versions other than 10.
 Result<Md5Anim> parse_md5_anim(std::string_view name, std::string_view text);
 

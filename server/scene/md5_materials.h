@@ -13,7 +13,8 @@ namespace voxeld {
 // Material name -> image, of the diffuse stage: "diffusemap image", or a stage "{ blend diffusemap
 // map image }". Of an image expression, as in addnormals( a.tga, heightmap( b.tga, 4 ) ), the first
 // path counts. Names are compared without regard to case, with slashes for backslashes. A file that
-// ends in the middle gives what was read until then: a mesh without its colours is better than none.
+// ends in the middle gives what was read until then: a mesh without its colours is better than
+// none.
 std::map<std::string, std::string> parse_mtr(std::string_view text);
 
 // Finds images in the upload: by its .mtr files; else the shader's name itself, with the extensions

@@ -55,10 +55,10 @@ struct Md5Mesh {
 };
 
 // The spelled-out keywords of the textbook grammar (numberOfJoints, numberOfMeshes,
-// numberOfTriangles, triangle, numberOfWeights) are read as well; `name` stands in errors. Counts at
-// the head that disagree with what is there are warnings, and what is there counts; inside a mesh
-// they are errors. Vertices, triangles and weights may come in any order of their numbers if each
-// number is there once; else the order counts, with a warning, as in the game. Errors:
+// numberOfTriangles, triangle, numberOfWeights) are read as well; `name` stands in errors. Counts
+// at the head that disagree with what is there are warnings, and what is there counts; inside a
+// mesh they are errors. Vertices, triangles and weights may come in any order of their numbers if
+// each number is there once; else the order counts, with a warning, as in the game. Errors:
 // malformed-mesh with line, expected and got; unsupported-feature for versions other than 10.
 Result<Md5Mesh> parse_md5_mesh(std::string_view name, std::string_view text);
 

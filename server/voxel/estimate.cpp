@@ -54,6 +54,8 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
   wanted.grid.color = options.color != ColorMode::kNone && has_source &&
                       (!options.channels_given || options.channel_color);
   wanted.grid.normal = options.channels_given && options.channel_normal;
+  wanted.grid.distance =
+      options.channels_given ? options.channel_distance : options.fill == Fill::kBand;
   wanted.shaded = wanted.grid.color && options.color == ColorMode::kShaded;
   wanted.summed.color = wanted.grid.color;
   wanted.summed.alpha =
@@ -100,7 +102,7 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
 
 int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
                    int64_t surface_bytes, int threads) {
-  if (options.fill == Fill::kSurface) return 0;
+  if (options.fill == Fill::kSurface && !options.channel_distance) return 0;
   // An upper bound of crossings: columns that the boxes of triangles reach, along one axis or
   // three.
   const bool votes = options.sign == Sign::kAuto || options.sign == Sign::kMajority;

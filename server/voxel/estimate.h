@@ -23,7 +23,12 @@ struct WantedChannels {
   ChannelSet grid;
   bool shaded = false;
   AttributeChannels summed;
-  bool any() const { return grid.any(); }
+  // Whether pipelines have attributes to make; distances are measured after them.
+  bool any() const {
+    ChannelSet made = grid;
+    made.distance = false;
+    return made.any();
+  }
 };
 WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& options);
 
@@ -41,7 +46,7 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const Wanted
 // What fill=solid and shell need more than the surface, whose result_bytes() are given: bricks of
 // the inside beside those of the surface and while both are united, crossings of columns, and what
 // each thread keeps. The walls that an open mesh casts along an axis of parity come on top. 0 for
-// fill=surface.
+// fill=surface without distances.
 int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
                    int64_t surface_bytes, int threads);
 

@@ -49,6 +49,11 @@ Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<con
   }
 }
 
+// Fills look at the whole surface, and so do the signs of distances.
+bool needs_all_tiles(const VoxelizeOptions& options, const WantedChannels& channels) {
+  return options.fill != Fill::kSurface || channels.grid.distance;
+}
+
 }  // namespace
 
 struct Voxelizer::Impl {
@@ -90,9 +95,8 @@ int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
   const int64_t surface_bytes = result_bytes(mesh, placed.spec, channels);
   const int64_t bytes = mesh_bytes(scene) + surface_bytes +
                         fill_bytes(mesh, placed.spec, options, surface_bytes, cpu.threads());
-  if (options.fill != Fill::kBand) return bytes;
-  return bytes + band_bytes(FillMesh::of(scene, placed.world_from_file, placed.spec, mesh),
-                            placed.spec, options.thickness, channels);
+  return bytes + distance_bytes(FillMesh::of(scene, placed.world_from_file, placed.spec, mesh),
+                                placed.spec, options, channels);
 }
 
 PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& work,
@@ -123,7 +127,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
   VOXELD_ASSIGN(plan.mesh, snap_scene(scene, placed.world_from_file, placed.spec, bytes_left));
   // A close estimate takes its time, and matters only to grids that might not fit.
-  const bool fills = options.fill != Fill::kSurface;
+  const bool fills = needs_all_tiles(options, plan.channels);
   if (keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left)) {
     VOXELD_TRY(check_host_bytes(
         placed.spec, job_bytes(scene, plan.mesh, placed, options, plan.channels), host_bytes_max));
@@ -185,7 +189,7 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
   if (stats == nullptr) stats = &unwanted;
   VOXELD_TRY(impl_->check_asked(options.pipeline));
   VoxelizePlan plan{scene, options, wanted_channels(scene, options)};
-  const bool fills = options.fill != Fill::kSurface;
+  const bool fills = needs_all_tiles(options, plan.channels);
   VOXELD_TRY(impl_->plan_job(scene, options, fills || sink.keeps_tiles(), plan, *stats));
   Grid grid;
   grid.spec = plan.spec;

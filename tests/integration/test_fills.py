@@ -20,6 +20,23 @@ def off_file(faces):
     return "\n".join(lines).encode() + b"\n"
 
 
+def sphere_stl(around, along, radius):
+    """A sphere around 0 as a binary STL, wound outwards."""
+    u = np.linspace(0, 2 * np.pi, around + 1)
+    u[-1] = 0
+    v = np.linspace(0, np.pi, along + 1)
+    ring, height = np.sin(v)[:, None], np.cos(v)[:, None]
+    ring[[0, -1]] = 0
+    points = radius * np.stack([ring * np.cos(u), ring * np.sin(u), height + 0 * u], axis=-1)
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    triangles = np.concatenate([np.stack([a, b, c], axis=-2)[:-1].reshape(-1, 3, 3),
+                                np.stack([a, c, d], axis=-2)[1:].reshape(-1, 3, 3)])
+    facets = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)),
+                                       ("extra", "<u2")])
+    facets["corners"] = triangles
+    return bytes(80) + len(facets).to_bytes(4, "little") + facets.tobytes()
+
+
 class Fills(DaemonTest):
     def voxelize(self, mesh, query):
         response = self.daemon.post(f"/v1/voxelize?format=npy&filename=box.off&{query}", mesh)
@@ -67,6 +84,50 @@ class Fills(DaemonTest):
         self.assertEqual(np.flatnonzero(row).tolist(), [*range(3, 9), *range(23, 29)])
         wider, _ = self.voxelize(off_file(FACES), "voxel_size=0.5&padding=6&fill=band&thickness=5")
         self.assertEqual(np.flatnonzero(wider[16, 16]).tolist(), [*range(1, 11), *range(21, 31)])
+
+    def test_a_band_is_a_signed_distance_field(self):
+        radius = 28.0
+        mesh = sphere_stl(300, 150, radius)
+        fields = {}
+        for axes in ("zyx", "xyz"):
+            response = self.daemon.post(
+                f"/v1/voxelize?voxel_size=1&padding=6&fill=band&format=npz&axes={axes}&filename=s.stl",
+                mesh)
+            self.assertEqual(response.status, 200, response.body)
+            archive = np.load(io.BytesIO(response.body))
+            fields[axes] = archive["distance"]
+        field, origin = fields["zyx"], archive["origin"]
+        self.assertTrue((fields["xyz"].transpose(2, 1, 0) == field).all())
+        self.assertEqual(field.dtype, np.float32)
+        z, y, x = (np.indices(field.shape) + 0.5 + origin[::-1].reshape(3, 1, 1, 1))
+        exact = np.sqrt(x * x + y * y + z * z) - radius
+        band = archive["occupancy"].transpose(2, 1, 0) != 0
+        self.assertTrue((np.abs(field - exact)[band] < 0.01).all())
+        self.assertTrue((np.abs(exact)[band] < 3.01).all())
+        self.assertTrue((np.abs(exact)[~band] > 2.99).all())
+        # Beside the band: its thickness, with the sign of the side.
+        beside = field[~band]
+        self.assertTrue((np.sign(beside) == np.sign(exact[~band])).all())
+        self.assertEqual(len(np.unique(np.abs(beside))), 1)
+        self.assertAlmostEqual(float(abs(beside[0])), 3, delta=0.02)
+        # Along x, signs change where the sphere is.
+        a, b = field[..., :-1], field[..., 1:]
+        at = np.nonzero((a < 0) != (b < 0))
+        self.assertGreater(len(at[0]), 4000)
+        zero = x[..., :-1][at] + a[at] / (a[at] - b[at])
+        off = np.sqrt(zero**2 + y[..., :-1][at] ** 2 + z[..., :-1][at] ** 2) - radius
+        self.assertLess(np.abs(off).max(), 0.015)
+
+    def test_surfaces_and_solids_have_distances_where_they_are_asked_for(self):
+        query = "size=20&padding=2&format=npz&filename=box.off&channels=distance"
+        for fill in ("surface", "solid", "shell"):
+            response = self.daemon.post(f"/v1/voxelize?{query}&fill={fill}", off_file(FACES))
+            self.assertEqual(response.status, 200, response.body)
+            distance = np.load(io.BytesIO(response.body))["distance"]
+            # Cells are 0.625 wide: the first of them inside is 0.5 voxels beside the face.
+            self.assertAlmostEqual(float(distance[10, 10, 2]), -0.5, delta=0.01)
+            self.assertGreater(float(distance[10, 10, 1]), 0)
+            self.assertEqual(float(distance[10, 10, 10]) < 0, fill == "solid")
 
     def test_a_solid_that_is_cut_shows_the_colours_of_its_surface(self):
         query = "size=20&fill=solid&color=axis&format=npz&filename=box.off"

@@ -16,7 +16,7 @@ namespace voxeld {
 namespace {
 
 constexpr int kUnit = 512;  // a voxel, in the tree's units
-constexpr int kDistanceSteps = 128;
+
 constexpr int kBlockSide = 64;  // cells; one part of the work of a tile
 const double kHalfDiagonal = std::sqrt(3.0) / 2;
 constexpr uint32_t kBlocks = 64;  // of a tile

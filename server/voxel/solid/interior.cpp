@@ -132,6 +132,7 @@ class InteriorFill {
     const VoxelPlaces::Place from = places_.find(from_cell);
     const SparseTile& tile = tiles_[from.tile];
     for_each_channel_member([&](Channel channel, auto member) {
+      // A voxel's own distance and coverage are no matter of what is near.
       if (channel == Channel::kDistance || channel == Channel::kCoverage) return;
       copy_samples(tile.*member, from.voxel, to.*member, to_voxel,
                    channel_info(channel).components);

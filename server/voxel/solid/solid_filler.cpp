@@ -1,12 +1,14 @@
 #include "server/voxel/solid/solid_filler.h"
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "server/base/stopwatch.h"
 #include "server/voxel/solid/boundary.h"
 #include "server/voxel/solid/distance_field.h"
+#include "server/voxel/solid/distance_maker.h"
 #include "server/voxel/solid/flood.h"
 #include "server/voxel/solid/interior.h"
 #include "server/voxel/solid/merge.h"
@@ -87,6 +89,29 @@ Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, co
   return tiles;
 }
 
+Result<std::vector<SparseTile>> SolidFiller::find_signed(
+    const VoxelizePlan& plan, const FillMesh& mesh, const TouchTiles& touch,
+    const ColumnProgress& progress, const std::vector<SparseTile>& surface, VoxelizeStats& stats) {
+  Stopwatch watch;
+  FillStats& fill = stats.fill.emplace();
+  const Choice choice = choose(plan, mesh, fill);
+  add_stage(stats.passes, "sign", watch.lap());
+  AxisVotes votes;
+  const double before = total(stats.passes);
+  VOXELD_ASSIGN(std::vector<SparseTile> found,
+                inside(plan, mesh, touch, progress, surface, choice.sign, votes, stats));
+  if (choice.sign == Sign::kMajority || choice.sign == Sign::kAuto) {
+    fill.ambiguous_fraction =
+        votes.inside == 0 ? 0.0
+                          : static_cast<double>(votes.disagree) / static_cast<double>(votes.inside);
+  } else if (choice.closed) {
+    fill.ambiguous_fraction = 0.0;
+  }
+  // Passes of a device have names of their own; this is the rest.
+  add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
+  return found;
+}
+
 Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progress,
                           std::vector<SparseTile> found, std::vector<SparseTile>& tiles,
                           VoxelizeStats& stats) const {
@@ -110,48 +135,28 @@ Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progre
   return {};
 }
 
-Status SolidFiller::band(const VoxelizePlan& plan, const FillMesh& mesh,
-                         const ColumnProgress& progress, std::vector<SparseTile>& tiles,
-                         VoxelizeStats& stats) const {
-  Stopwatch watch;
-  const TriangleTree triangles(mesh);
-  add_stage(stats.passes, "tree", watch.lap());
-  const BrickIndex inside({}, plan.spec.dims);
-  std::vector<DistanceTile> found;
-  VOXELD_TRY(find_band({triangles, plan.spec.dims, inside}, plan.options.thickness, pool_, progress,
-                       found));
-  add_stage(stats.passes, "band", watch.lap());
-  std::vector<SparseTile> cells;
-  for (DistanceTile& tile : found) {
-    canonicalize(tile.tile);
-    cells.push_back(std::move(tile.tile));
-  }
-  return unite(plan, progress, std::move(cells), tiles, stats);
-}
-
 Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
                          const ColumnProgress& progress, std::vector<SparseTile>& tiles,
                          VoxelizeStats& stats) {
-  Stopwatch watch;
   const FillMesh mesh = FillMesh::of(plan.scene, plan.world_from_file, plan.spec, plan.mesh);
-  if (plan.options.fill == Fill::kBand) return band(plan, mesh, progress, tiles, stats);
-  FillStats& fill = stats.fill.emplace();
-  const Choice choice = choose(plan, mesh, fill);
-  add_stage(stats.passes, "sign", watch.lap());
-  AxisVotes votes;
-  const double before = total(stats.passes);
-  VOXELD_ASSIGN(std::vector<SparseTile> found,
-                inside(plan, mesh, touch, progress, tiles, choice.sign, votes, stats));
-  if (choice.sign == Sign::kMajority || choice.sign == Sign::kAuto) {
-    fill.ambiguous_fraction =
-        votes.inside == 0 ? 0.0
-                          : static_cast<double>(votes.disagree) / static_cast<double>(votes.inside);
-  } else if (choice.closed) {
-    fill.ambiguous_fraction = 0.0;
+  const Fill kind = plan.options.fill;
+  const bool measures = plan.channels.grid.distance;
+  std::vector<SparseTile> found;
+  if (measures || kind == Fill::kSolid || kind == Fill::kShell) {
+    VOXELD_ASSIGN(found, find_signed(plan, mesh, touch, progress, tiles, stats));
   }
-  // Passes of a device have names of their own; this is the rest.
-  add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
-  if (plan.options.fill == Fill::kShell) {
+  Stopwatch watch;
+  std::optional<DistanceMaker> distances;
+  if (measures || kind == Fill::kBand) {
+    distances.emplace(mesh, plan.spec.dims, measures ? found : std::vector<SparseTile>(), pool_);
+    add_stage(stats.passes, "tree", watch.lap());
+  }
+  if (kind == Fill::kBand) {
+    VOXELD_ASSIGN(found, distances->band(plan.options.thickness, progress));
+    if (!measures) std::ranges::for_each(found, canonicalize);
+    add_stage(stats.passes, "band", watch.lap());
+  }
+  if (kind == Fill::kShell) {
     const std::vector<SparseTile>* surface = &tiles;
     TouchCells cells(plan, tiles);
     if (plan.options.rule == Rule::kNone) {
@@ -160,20 +165,34 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
     VOXELD_TRY(keep_shell(*surface, plan.options.thickness, pool_, progress, found));
     add_stage(stats.passes, "shell", watch.lap());
   }
-  return unite(plan, progress, std::move(found), tiles, stats);
+  // Places for distances, which are measured when the voxels stand.
+  for (SparseTile& tile : tiles) resize_channels(tile, plan.channels.grid);
+  if (kind != Fill::kSurface) {
+    VOXELD_TRY(unite(plan, progress, std::move(found), tiles, stats));
+  }
+  if (!measures) return {};
+  watch.lap();
+  VOXELD_TRY(distances->measure(progress, tiles));
+  add_stage(stats.passes, "distance", watch.lap());
+  return {};
 }
 
-int64_t band_bytes(const FillMesh& mesh, const GridSpec& spec, double thickness,
-                   const WantedChannels& channels) {
-  const int64_t cells = band_cells_max(mesh, spec.dims, thickness);
+int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
+                       const WantedChannels& channels) {
+  const bool is_band = options.fill == Fill::kBand;
+  if (!is_band && !channels.grid.distance) return 0;
+  const glm::ivec3 tiles = spec.tile_dims();
+  // A tree, and tables of the bricks inside.
+  const int64_t bytes = TriangleTree::bytes_for(static_cast<int64_t>(mesh.triangle_count())) +
+                        int64_t{tiles.x} * tiles.y * tiles.z * (int64_t{8} << 15);
+  if (!is_band) return bytes;
+  const int64_t cells = band_cells_max(mesh, spec.dims, options.thickness);
   constexpr int64_t kBrickCells =
       int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
   constexpr int64_t kBrickBytes = sizeof(BrickMask) + sizeof(uint32_t);
-  const int64_t voxel_bytes =
-      static_cast<int64_t>(attribute_bytes(channels.grid)) + int64_t{sizeof(int16_t)};
+  const auto voxel_bytes = static_cast<int64_t>(attribute_bytes(channels.grid) + sizeof(int16_t));
   // Bricks and samples stand twice while surface and band are united.
-  return 2 * (cells * voxel_bytes + (cells / kBrickCells + 1) * kBrickBytes) +
-         TriangleTree::bytes_for(static_cast<int64_t>(mesh.triangle_count()));
+  return bytes + 2 * (cells * voxel_bytes + (cells / kBrickCells + 1) * kBrickBytes);
 }
 
 }  // namespace voxeld

@@ -1,5 +1,5 @@
-// fill=solid, shell and band: from a grid's surface to what is inside or near. Surface tiles come from any
-// pipeline; the inside is the same whichever it was.
+// fill=solid, shell and band: from a grid's surface to what is inside or near. Surface tiles come
+// from any pipeline; the inside is the same whichever it was.
 #pragma once
 
 #include <functional>
@@ -16,8 +16,8 @@ namespace voxeld {
 class SolidFiller {
  public:
   // `device`: finds the inside where it is given; otherwise the pool's threads do. What remains
-  // theirs: which sign `auto` takes, distances, and uniting. host_bytes_max: of what only the inside
-  // of the mesh tells the size of.
+  // theirs: which sign `auto` takes, distances, and uniting. host_bytes_max: of what only the
+  // inside of the mesh tells the size of.
   SolidFiller(WorkerPool& pool, int64_t host_bytes_max, DeviceInside* device = nullptr)
       : pool_(pool), host_bytes_max_(host_bytes_max), device_(device) {}
 
@@ -25,10 +25,11 @@ class SolidFiller {
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
 
   // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
-  // fill asks for, in Morton order of coord. `touch` is called where the fill needs the cells that
-  // rule=touch gives and `tiles` are others. Errors: those of `touch` and `progress`, which is
-  // called with tile columns done of tile_column_count(); grid-too-large where attributes of the
-  // inside need too much memory.
+  // fill asks for, in Morton order of coord, with distances where the plan wants
+  // them: also for Fill::kSurface, whose tiles must be in that order. `touch` is called where the
+  // fill needs the cells that rule=touch gives and `tiles` are others. Errors: those of `touch` and
+  // `progress`, which is called with tile columns done of tile_column_count(); grid-too-large where
+  // attributes of the inside need too much memory.
   Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
@@ -43,8 +44,12 @@ class SolidFiller {
                                          const std::vector<SparseTile>& surface, Sign sign,
                                          AxisVotes& votes, VoxelizeStats& stats);
 
-  Status band(const VoxelizePlan& plan, const FillMesh& mesh, const ColumnProgress& progress,
-              std::vector<SparseTile>& tiles, VoxelizeStats& stats) const;
+  // What is inside by the plan's sign, and how that was found.
+  Result<std::vector<SparseTile>> find_signed(const VoxelizePlan& plan, const FillMesh& mesh,
+                                              const TouchTiles& touch,
+                                              const ColumnProgress& progress,
+                                              const std::vector<SparseTile>& surface,
+                                              VoxelizeStats& stats);
   // Surface and inside in one, with what the plan says of the inside's attributes.
   Status unite(const VoxelizePlan& plan, const ColumnProgress& progress,
                std::vector<SparseTile> found, std::vector<SparseTile>& tiles,
@@ -55,8 +60,8 @@ class SolidFiller {
   DeviceInside* device_;
 };
 
-// An upper estimate of what a band and its distances need.
-int64_t band_bytes(const FillMesh& mesh, const GridSpec& spec, double thickness,
-                   const WantedChannels& channels);
+// An upper estimate of what distances and bands need beside surface and inside.
+int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
+                       const WantedChannels& channels);
 
 }  // namespace voxeld

@@ -23,13 +23,19 @@ inline double squared_distance_to_segment(const glm::dvec3& a, const glm::dvec3&
 // between point and triangle in 3D", sorts the same cases by regions.) The result depends on the
 // order of the corners in the last bits: give them in one.
 inline double squared_distance_to_triangle(const std::array<glm::dvec3, 3>& v) {
-  const glm::dvec3 normal = glm::cross(v[1] - v[0], v[2] - v[0]);
+  // Twice the areas of the triangles of the origin and a side; their sum is the triangle's. Exact
+  // for corners within 2^26 of the origin that are integers.
+  const std::array<glm::dvec3, 3> sides = {glm::cross(v[0], v[1]), glm::cross(v[1], v[2]),
+                                           glm::cross(v[2], v[0])};
+  const glm::dvec3 normal = sides[0] + sides[1] + sides[2];
   const double area = glm::dot(normal, normal);
-  const auto beyond = [&](size_t i, size_t j) {
-    return glm::dot(normal, glm::cross(v[i], v[j] - v[i])) < 0;
-  };
-  const std::array<bool, 3> outside = {beyond(0, 1), beyond(1, 2), beyond(2, 0)};
-  const bool flat = !(area > 0);
+  const std::array<bool, 3> outside = {glm::dot(normal, sides[0]) < 0,
+                                       glm::dot(normal, sides[1]) < 0,
+                                       glm::dot(normal, sides[2]) < 0};
+  // Corners that are farther away round; what that could make of no area at all is none.
+  const double rounded = 1e-28 * (glm::dot(sides[0], sides[0]) + glm::dot(sides[1], sides[1]) +
+                                  glm::dot(sides[2], sides[2]));
+  const bool flat = !(area > rounded);
   if (!flat && !outside[0] && !outside[1] && !outside[2]) {
     const double height = glm::dot(normal, v[0]);
     return height * height / area;

@@ -68,6 +68,20 @@ TEST(CanonicalOptions, levels_and_regions_are_named_in_every_scope_that_takes_th
   }
 }
 
+TEST(CanonicalOptions, bands_and_distances_name_their_sign) {
+  const std::string band = canonical({{"fill", "band"}}, OptionScope::kVoxelize);
+  EXPECT_NE(band.find(R"("fill":"band","sign":"auto","thickness":"3","color")"), std::string::npos);
+  EXPECT_EQ(canonical_of_json(band, OptionScope::kVoxelize), band);
+  const std::string bare =
+      canonical({{"fill", "band"}, {"channels", "occupancy"}}, OptionScope::kVoxelize);
+  EXPECT_EQ(bare.find("sign"), std::string::npos);
+  EXPECT_EQ(canonical_of_json(bare, OptionScope::kVoxelize), bare);
+  const std::string surface = canonical({{"channels", "distance"}}, OptionScope::kVoxelize);
+  EXPECT_NE(surface.find(R"("sign":"auto")"), std::string::npos);
+  EXPECT_NE(surface.find(R"("channels":"occupancy,distance")"), std::string::npos);
+  EXPECT_EQ(canonical_of_json(surface, OptionScope::kVoxelize), surface);
+}
+
 TEST(CanonicalOptions, a_default_that_is_spelled_out_changes_nothing) {
   for (const OptionScope scope : kScopes) {
     const std::string text = canonical({}, scope);

@@ -67,7 +67,7 @@ const std::map<std::string, OptionCase>& cases() {
       {"channels",
        {{"occupancy", "color", "normal", "color,normal,occupancy", "color,color"},
         {"", "alpha", "color,", "color normal"},
-        "a list of occupancy, color and normal"}},
+        "a list of occupancy, color, normal and distance"}},
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
       {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, "native | npy | npz | vox"}},
@@ -287,7 +287,7 @@ TEST(Options, sign_and_thickness_need_a_fill_that_they_apply_to) {
     EXPECT_TRUE(
         parse_options(OptionPairs{{"sign", sign}, {"fill", "shell"}}, OptionScope::kVoxelize));
     EXPECT_EQ(refused({{"sign", sign}}, OptionScope::kVoxelize).message(),
-              "sign: expected fill solid or shell with it, got \"surface\"");
+              "sign: expected fill solid or shell or channel distance with it, got \"surface\"");
   }
   for (const char* thickness : {"1", "256", "2.5"}) {
     EXPECT_TRUE(parse_options(OptionPairs{{"fill", "shell"}, {"thickness", thickness}},
@@ -365,6 +365,19 @@ TEST(Options, interior_applies_to_solids_and_shells_that_have_a_surface) {
                     OptionScope::kVoxelize)
                 .message(),
             "rule: expected touch, thin or center where interior is nearest, got \"none\"");
+}
+
+TEST(Options, distances_have_a_sign_and_bands_have_distances) {
+  const auto surface =
+      parsed({{"channels", "occupancy,distance"}, {"sign", "parity"}}, OptionScope::kVoxelize);
+  EXPECT_TRUE(surface.voxelize.channel_distance);
+  EXPECT_EQ(surface.voxelize.sign, Sign::kParity);
+  EXPECT_EQ(parsed({{"fill", "band"}, {"sign", "winding"}}, OptionScope::kVoxelize).voxelize.sign,
+            Sign::kWinding);
+  EXPECT_EQ(refused({{"fill", "band"}, {"channels", "occupancy"}, {"sign", "winding"}},
+                    OptionScope::kVoxelize)
+                .message(),
+            "sign: expected fill solid or shell or channel distance with it, got \"band\"");
 }
 
 TEST(Options, a_band_is_three_voxels_to_each_side) {

@@ -18,8 +18,10 @@ namespace {
 using solid_test::cells_of;
 using solid_test::differences;
 using solid_test::joined;
+using solid_test::moved;
 using solid_test::Occupancy;
 using solid_test::oracle_grid;
+using solid_test::OracleGrid;
 using solid_test::triangles_of;
 using solid_test::voxelized;
 using Corners = std::vector<glm::ivec3>;  // q, three for each triangle
@@ -157,6 +159,24 @@ TEST(Distance, cells_inside_are_negative_and_the_distance_is_the_same) {
   }
   EXPECT_GT(negative, 20u);
   EXPECT_EQ(plain.at(20, 20, 20), with_sign.at(20, 20, 20));
+}
+
+TEST(Distance, a_line_through_far_corners_is_as_near_as_it_is) {
+  // Three corners on a line along (3, 5, 7) a million cells long, through (2, 2, 2) + 1/512.
+  const glm::ivec3 at(512, 512, 512), along(3, 5, 7);
+  const Corners line = {at - 30'000'000 * along, at + 35'000'001 * along, at + 12'345'678 * along};
+  Dense dense = band(line, {5, 5, 5}, 2);
+  const glm::dvec3 direction = glm::normalize(glm::dvec3(along));
+  for (int z = 0; z < 5; ++z) {
+    for (int y = 0; y < 5; ++y) {
+      for (int x = 0; x < 5; ++x) {
+        const glm::dvec3 p = glm::dvec3(x, y, z) - 1.5 - 1.0 / 512;
+        const double distance = glm::length(p - glm::dot(p, direction) * direction);
+        const int steps = static_cast<int>(std::floor(distance * 128 + 0.5));
+        ASSERT_NEAR(dense.at(x, y, z), distance <= 2 ? steps : kTooFar, 1) << x << y << z;
+      }
+    }
+  }
 }
 
 TEST(Distance, a_centre_on_the_surface_keeps_its_sign) {
@@ -298,6 +318,108 @@ TEST(Band, it_costs_what_was_estimated_or_less_and_is_refused_above) {
   const auto refused = voxelizer.voxelize(scene, band_options(8, 300), {}, nullptr);
   ASSERT_FALSE(refused.ok());
   EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
+}
+
+// What the grid says of each of its voxels; those of full nodes have none.
+std::map<std::array<int, 3>, int> distances_of(const Grid& grid) {
+  std::map<std::array<int, 3>, int> all;
+  for (const SparseTile& tile : grid.tiles) {
+    EXPECT_EQ(tile.distance.size(), tile.attribute_count());
+    for_each_voxel(tile, [&](int x, int y, int z, size_t i) {
+      if (i != kNoAttributes) all[{x, y, z}] = tile.distance[i];
+    });
+  }
+  return all;
+}
+
+TEST(SignedDistance, is_the_oracles_distance_and_sign_by_every_fill) {
+  const Scene scene = wavy_sphere(2);
+  VoxelizeOptions options = band_options(2.5, 24);
+  options.sign = Sign::kParity;
+  options.channels_given = options.channel_distance = true;
+  for (const Fill fill : {Fill::kBand, Fill::kSurface, Fill::kSolid, Fill::kShell}) {
+    options.fill = fill;
+    const Grid grid = voxelized(scene, options);
+    const OracleGrid place = oracle_grid(grid);
+    const auto snapped = reference::snap_triangles(triangles_of(scene), place);
+    const Occupancy inside = reference::parity_cells(snapped, place, 2);
+    const auto all = distances_of(grid);
+    EXPECT_GT(all.size(), 1000u);
+    for (const auto& [cell, got] : all) {
+      const long double steps = reference::surface_distance(snapped, cell) / 4;
+      const auto at =
+          static_cast<size_t>(cell[0] + place.dims[0] * (cell[1] + place.dims[1] * cell[2]));
+      ASSERT_EQ(got < 0, inside[at] != 0) << static_cast<int>(fill);
+      if (steps < 1) continue;
+      ASSERT_LE(std::abs(std::abs(got) - steps), 0.5L + 1e-6L);
+    }
+  }
+}
+
+TEST(SignedDistance, no_voxel_and_no_other_attribute_changes_for_it) {
+  const Scene scene = wavy_sphere(2);
+  for (const Fill fill : {Fill::kSurface, Fill::kSolid, Fill::kShell, Fill::kBand}) {
+    VoxelizeOptions options = band_options(3, 60);
+    options.fill = fill;
+    options.color = ColorMode::kAxis;
+    options.channels_given = options.channel_color = true;
+    Grid plain = voxelized(scene, options);
+    options.channel_distance = true;
+    Grid measured = voxelized(scene, options, nullptr, 3);
+    EXPECT_TRUE(measured.channels.distance);
+    EXPECT_FALSE(plain.channels.distance);
+    for (SparseTile& tile : measured.tiles) tile.distance.clear();
+    // (What is full of a band without distances is full nodes.)
+    EXPECT_EQ(differences(cells_of(plain), cells_of(measured)), 0u);
+    if (fill == Fill::kBand) continue;
+    EXPECT_TRUE(plain.tiles == measured.tiles) << static_cast<int>(fill);
+  }
+}
+
+TEST(SignedDistance, surface_voxels_of_a_solid_have_one_where_it_has_no_other_attribute) {
+  VoxelizeOptions options = band_options(1, 64);
+  options.fill = Fill::kSurface;
+  const Occupancy surface = cells_of(voxelized(wavy_sphere(2), options));
+  options.fill = Fill::kSolid;
+  options.channels_given = options.channel_distance = true;
+  const Grid solid = voxelized(wavy_sphere(2), options);
+  const auto all = distances_of(solid);
+  EXPECT_LT(all.size(), solid.voxel_count());  // full nodes have none
+  for (int z = 0; z < solid.spec.dims.z; ++z) {
+    for (int y = 0; y < solid.spec.dims.y; ++y) {
+      for (int x = 0; x < solid.spec.dims.x; ++x) {
+        const auto at = static_cast<size_t>(x + solid.spec.dims.x * (y + solid.spec.dims.y * z));
+        ASSERT_TRUE(surface[at] == 0 || all.contains({x, y, z}));
+      }
+    }
+  }
+}
+
+TEST(SignedDistance, zero_lies_on_a_sphere_within_a_hundredth_of_a_voxel) {
+  // 81,920 triangles, sides below a voxel: 0.002 voxels from the sphere, as is what snapping moves;
+  // 1/256 comes of rounding, and 0.003 of interpolating along edges of cells.
+  constexpr double kRadius = 40;
+  Scene sphere = moved(wavy_sphere(6), [](const glm::dvec3& p) {
+    return glm::normalize(p) * kRadius + glm::dvec3(50.3, 49.6, 50.45);
+  });
+  VoxelizeOptions options = band_options(2, 0);
+  solid_test::set_bounds(options, glm::dvec3(0), glm::dvec3(100));
+  options.placement.padding = 0;
+  const auto all = distances_of(voxelized(sphere, options));
+  size_t crossings = 0;
+  for (const auto& [cell, a] : all) {
+    for (size_t axis = 0; axis < 3; ++axis) {
+      std::array<int, 3> next = cell;
+      ++next[axis];
+      const auto b = all.find(next);
+      if (b == all.end() || (a < 0) == (b->second < 0)) continue;
+      glm::dvec3 p(cell[0] + 0.5, cell[1] + 0.5, cell[2] + 0.5);
+      p[static_cast<int>(axis)] += static_cast<double>(a) / (a - b->second);
+      ASSERT_NEAR(glm::length(p - glm::dvec3(50.3, 49.6, 50.45)), kRadius, 0.01);
+      ++crossings;
+    }
+  }
+  EXPECT_GT(crossings, 20000u);
 }
 
 }  // namespace
