@@ -82,8 +82,12 @@ Status set_channels(VoxelizeOptions& voxelize, std::string_view text) {
       voxelize.channel_color = true;
     } else if (part == "normal") {
       voxelize.channel_normal = true;
+    } else if (part == "material") {
+      voxelize.channel_material = true;
+    } else if (part == "coverage") {
+      voxelize.channel_coverage = true;
     } else if (part != "occupancy") {
-      return invalid("channels", "a list of occupancy, color and normal", text);
+      return invalid("channels", "a list of occupancy, color, normal, material and coverage", text);
     }
   }
   return {};
@@ -249,6 +253,9 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
 Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& given) {
   if (given.contains("sign") && v.fill == Fill::kSurface) {
     return invalid("sign", "fill solid or shell with it", "surface");
+  }
+  if (v.channel_coverage && v.fill != Fill::kSurface) {
+    return invalid("channels", "fill surface with coverage", word_of<Fill>(v.fill, words::kFill));
   }
   if (given.contains("thickness") && v.fill != Fill::kShell) {
     return invalid("thickness", "fill shell with it", word_of<Fill>(v.fill, words::kFill));
