@@ -3,10 +3,8 @@
 
     grid = read_grid(open("bunny.voxg", "rb").read())
     grid["cells"]   int (n, 3): x, y, z of every voxel, by tile, in Morton order
-    grid["color"]   uint8 (n, 4): sRGB and alpha;   grid["normal"]  int8 (n, 3)
-    grid["material"], grid["label"]  uint16 (n, 1)  grid["coverage"]  uint8 (n, 1)
-    grid["distance"]  int16 (n, 1), 1/128 voxel;    all of them 0 where a voxel has no attributes
-                    (the inside of a solid), and None where the grid has no such channel
+    grid["color"]   uint8 (n, 4), and so on for CHANNELS: None where the grid has no such channel,
+                    0 where a voxel has no attributes (the inside of a solid)
 """
 import json
 import struct
@@ -15,7 +13,7 @@ import sys
 import numpy as np
 import zstandard
 
-# Name, samples per voxel and their type, in the order of the header's bits.
+# Name, samples per voxel, their type; in the order of the header's bits. Distances: 1/128 voxel.
 CHANNELS = [("color", 4, "<u1"), ("normal", 3, "<i1"), ("material", 1, "<u2"), ("label", 1, "<u2"),
             ("distance", 1, "<i2"), ("coverage", 1, "<u1")]
 
@@ -35,46 +33,40 @@ def read_octree(octree):
     return all_codes[order], order < len(codes)
 
 
-def compact(codes):
-    """Every third bit of the codes."""
+def compact(codes):  # every third bit
     return sum(((codes >> (3 * bit)) & 1) << bit for bit in range(8))
 
 
 def planes(raw, has_attributes, samples, dtype):
     """Planes of differences, one for each byte -> (voxels, samples), 0 where there are none."""
     count = samples * np.dtype(dtype).itemsize
-    differences = np.frombuffer(raw, np.uint8).reshape(count, np.count_nonzero(has_attributes))
     out = np.zeros((len(has_attributes), count), np.uint8)
-    out[has_attributes] = np.cumsum(differences, axis=1, dtype=np.uint8).T
+    out[has_attributes] = np.frombuffer(raw, np.uint8).reshape(count, -1).cumsum(1, np.uint8).T
     return out.view(dtype)
 
 
 def read_grid(data):
-    magic, version, bits = struct.unpack_from("<8sII", data, 0)
-    if magic != b"VOXGRID\0" or version != 3 or data[104:111] != bytes(7):
+    if data[:12] != b"VOXGRID\0\3\0\0\0" or data[104:111] != bytes(7):
         raise ValueError("not a voxeld grid of version 3 and codec fast")
     dims, side = struct.unpack_from("<3i", data, 16), 1 << struct.unpack_from("<I", data, 28)[0]
     origin, voxel_size = struct.unpack_from("<3d", data, 32), struct.unpack_from("<3d", data, 56)
     tiles, meta_bytes = struct.unpack_from("<II", data, 80)
     directory = 128 + (meta_bytes + 7) // 8 * 8
-    channels = [channel for i, channel in enumerate(CHANNELS) if bits >> i & 1]
-    entry_bytes = (36 + 4 * len(channels) + 7) // 8 * 8
+    channels = [channel for i, channel in enumerate(CHANNELS) if data[12] >> i & 1]
+    row = struct.Struct(f"<4IQQ{1 + len(channels)}I")
     cells, samples = [], {name: [] for name, _, _ in channels}
     for i in range(tiles):
-        x, y, z, _, _, at, *sizes = struct.unpack_from(f"<4IQQ{1 + len(channels)}I", data,
-                                                       directory + entry_bytes * i)
+        x, y, z, _, _, at, *sizes = row.unpack_from(data, directory + (row.size + 7) // 8 * 8 * i)
         ends = np.cumsum([at, *sizes])
         streams = [zstandard.decompress(data[a:b]) if a < b else b"" for a, b in zip(ends, ends[1:])]
         codes, has_attributes = read_octree(streams[0])
-        cells.append(np.stack([compact(codes) + x * side, compact(codes >> 1) + y * side,
-                               compact(codes >> 2) + z * side], axis=1))
+        cells.append(np.stack([compact(codes >> c) + t * side for c, t in enumerate((x, y, z))], 1))
         for (name, count, dtype), stream in zip(channels, streams[1:]):
             samples[name].append(planes(stream, has_attributes, count, dtype))
     return {"dims": dims, "origin": origin, "voxel_size": voxel_size,
             "meta": json.loads(data[128:128 + meta_bytes] or b"{}"),
             "cells": np.concatenate(cells) if cells else np.zeros((0, 3), np.int64),
-            **{name: np.concatenate(samples[name]) if samples.get(name) else None
-               for name, _, _ in CHANNELS}}
+            **{c[0]: np.concatenate(samples[c[0]]) if samples.get(c[0]) else None for c in CHANNELS}}
 
 
 if __name__ == "__main__":

@@ -53,7 +53,9 @@ void add_voxelize(Json& out, const VoxelizeOptions& v) {
     std::string channels = "occupancy";
     if (v.channel_color) channels += ",color";
     if (v.channel_normal) channels += ",normal";
+    if (v.channel_material) channels += ",material";
     if (v.channel_distance) channels += ",distance";
+    if (v.channel_coverage) channels += ",coverage";
     out["channels"] = channels;
   }
   out["pipeline"] = word(v.pipeline, words::kPipeline);

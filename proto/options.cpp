@@ -86,10 +86,15 @@ Status set_channels(VoxelizeOptions& voxelize, std::string_view text) {
       voxelize.channel_color = true;
     } else if (part == "normal") {
       voxelize.channel_normal = true;
+    } else if (part == "material") {
+      voxelize.channel_material = true;
     } else if (part == "distance") {
       voxelize.channel_distance = true;
+    } else if (part == "coverage") {
+      voxelize.channel_coverage = true;
     } else if (part != "occupancy") {
-      return invalid("channels", "a list of occupancy, color, normal and distance", text);
+      return invalid("channels",
+                     "a list of occupancy, color, normal, material, distance and coverage", text);
     }
   }
   return {};
@@ -300,6 +305,9 @@ Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& gi
   const bool measures = v.channel_distance || (v.fill == Fill::kBand && !v.channels_given);
   if (given.contains("sign") && !measures && v.fill != Fill::kSolid && v.fill != Fill::kShell) {
     return invalid("sign", "fill solid or shell or channel distance with it", fill);
+  }
+  if (v.channel_coverage && v.fill != Fill::kSurface) {
+    return invalid("channels", "fill surface with coverage", fill);
   }
   if (given.contains("thickness") && v.fill != Fill::kShell && v.fill != Fill::kBand) {
     return invalid("thickness", "fill shell or band with it", fill);

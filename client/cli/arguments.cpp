@@ -118,7 +118,8 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   CLI::App app("voxel: voxel grids and pictures of meshes, from a voxeld daemon");
   app.footer(kFooter);
   app.set_version_flag("--version", "voxel " + std::string(version()));
-  app.add_option("input", arguments.input, "mesh file (obj ply stl off gltf glb md5mesh zip), - for stdin");
+  app.add_option("input", arguments.input,
+                 "mesh file (obj ply stl off gltf glb md5mesh zip), - for stdin");
   add_output_flag(app, arguments);
   add_common_flags(app, arguments);
   add_option_flags(app, Flags::kVoxelize, voxelize_given);

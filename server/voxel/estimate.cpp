@@ -54,6 +54,8 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
   wanted.grid.color = options.color != ColorMode::kNone && has_source &&
                       (!options.channels_given || options.channel_color);
   wanted.grid.normal = options.channels_given && options.channel_normal;
+  wanted.grid.material = options.channels_given && options.channel_material;
+  wanted.grid.coverage = options.channels_given && options.channel_coverage;
   wanted.grid.distance =
       options.channels_given ? options.channel_distance : options.fill == Fill::kBand;
   wanted.shaded = wanted.grid.color && options.color == ColorMode::kShaded;

@@ -17,6 +17,9 @@ constexpr size_t kVoxelGrain = 1 << 13;
 constexpr std::array<double, 3> kToLight = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0};
 constexpr double kAmbient = 0.2, kDiffuse = 0.8, kSpecular = 0.25;  // exponent 16
 
+// Of a surface as large as a cell's face, across its dominant axis: 16 lattice points.
+constexpr uint64_t kFaceWeight = 16 * 256;
+
 struct Unit {
   double x = 0, y = 0, z = 0;
   bool valid = false;
@@ -98,6 +101,10 @@ void resolve_voxel(const Sums& sums, const ResolveOptions& options, size_t voxel
     }
     out[3] = channels.alpha ? static_cast<uint8_t>((mean16(sums[4], weight) + 128u) / 257u)
                             : uint8_t{255};
+  }
+  if (options.write.coverage) {
+    tile.coverage[voxel] = static_cast<uint8_t>(
+        std::min<uint64_t>((255 * weight + kFaceWeight / 2) / kFaceWeight, 255));
   }
   if (options.write.normal) {
     int8_t* out = &tile.normal[3 * voxel];

@@ -22,6 +22,7 @@
 #include "server/voxel/cost_model.h"
 #include "server/voxel/estimate.h"
 #include "server/voxel/fill_stats.h"
+#include "server/voxel/id_fold.h"
 #include "server/voxel/pipeline.h"
 #include "server/voxel/resolve.h"
 #include "server/voxel/snap.h"
@@ -38,6 +39,7 @@ struct VoxelizePlan {
   glm::dmat4 world_from_file{1.0};
   SnappedMesh mesh{};
   std::vector<int> part_images{};             // part_image() of every part that is sampled, else -1
+  std::vector<IdChannel> ids{};               // of the grid's channels that hold ids
   std::optional<AttributeRecords> records{};  // where channels.any()
 
   ResolveOptions resolve_options() const {

@@ -33,6 +33,21 @@ class Steps {
   const size_t tiles_, total_;
 };
 
+// The material of each part, for a channel. Errors: invalid-option for more than 16 bits of them.
+Result<IdChannel> material_ids(const Scene& scene, Channel channel) {
+  if (scene.materials.size() > UINT16_MAX) {
+    return Error{ErrorCode::kInvalidOption,
+                 channel == Channel::kMaterial ? "channels: material: too many materials"
+                                               : "color: dominant: too many materials",
+                 "at most " + std::to_string(UINT16_MAX), std::to_string(scene.materials.size())};
+  }
+  IdChannel ids{channel, {}};
+  for (const MeshPart& part : scene.parts) {
+    ids.part_ids.push_back(static_cast<uint16_t>(part.material + 1));
+  }
+  return ids;
+}
+
 // Tiles are handed over as they come, as the pipeline made them.
 Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<const TileBin> bins,
                  const Steps& steps, VoxelizeStats& stats,
@@ -139,6 +154,12 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
     plan.part_images.push_back(sampled ? part_image(scene, part) : -1);
   }
   if (!plan.channels.any()) return {};
+  const bool dominant = plan.channels.grid.color && options.color == ColorMode::kDominant;
+  for (const Channel channel : {Channel::kColor, Channel::kMaterial}) {
+    if (channel == Channel::kColor ? !dominant : !plan.channels.grid.material) continue;
+    VOXELD_ASSIGN(IdChannel ids, material_ids(scene, channel));
+    plan.ids.push_back(std::move(ids));
+  }
   plan.records.emplace(scene, plan.mesh, plan.spec, plan.world_from_file, options.color,
                        plan.channels.summed, traits().texture_side_max);
   add_stage(stats.passes, "levels", watch.lap());

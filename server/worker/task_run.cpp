@@ -76,6 +76,15 @@ json device_facts(const Engine& engine) {
           {"driver", info.version}};
 }
 
+// What the ids of channel material mean.
+json material_names(const Scene& scene) {
+  json names = json::array();
+  for (const Material& material : scene.materials) {
+    names.push_back({{"id", names.size() + 1}, {"name", material.name}});
+  }
+  return names;
+}
+
 // The object that every output carries. It says nothing of pipeline, device or time.
 std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
                            const json& facts, const std::optional<FillStats>& fill,
@@ -87,6 +96,10 @@ std::string container_meta(const Task& task, const Scene& scene, const RequestOp
                {"options", grid_options(options)},
                {"algorithm_version", kAlgorithmVersion}};
   meta.update(facts);
+  const json& channels = facts.at("channels");
+  if (std::find(channels.begin(), channels.end(), json("material")) != channels.end()) {
+    meta["materials"] = material_names(scene);
+  }
   meta["mesh"] = describe_mesh(topology, fill);
   if (fill) meta["solid"] = describe_fill(*fill, topology);
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);

@@ -52,6 +52,33 @@ class Formats(DaemonTest):
                          np.asarray(grid["normal"])).all())
         self.assertLess(len((ROOT / "docs/read_grid.py").read_text().splitlines()), 75)
 
+    def test_materials_and_coverage_are_the_same_in_npz_and_native_and_are_named(self):
+        import read_grid
+        query = "size=120&channels=material,coverage"
+        native = self.voxelize(query + "&format=native").body
+        grid = read_grid.read_grid(native)
+        dense = self.npz(query)
+        cells = np.asarray(grid["cells"])
+        for name, dtype in (("material", np.uint16), ("coverage", np.uint8)):
+            self.assertEqual(dense[name].dtype, dtype)
+            self.assertEqual(dense[name].shape, dense["occupancy"].shape)
+            got = dense[name][cells[:, 2], cells[:, 1], cells[:, 0]]
+            self.assertTrue((got == grid[name][:, 0]).all())
+        meta = json.loads(bytes(dense["meta"]))
+        self.assertEqual(meta["channels"], ["occupancy", "material", "coverage"])
+        self.assertEqual(meta["materials"], grid["meta"]["materials"])
+        names = {entry["id"]: entry["name"] for entry in meta["materials"]}
+        used = set(np.unique(grid["material"]).tolist())
+        self.assertGreater(len(used), 1)
+        self.assertLessEqual(used - {0}, set(names))
+        self.assertGreater(np.mean(grid["coverage"]), 60)
+        refused = self.daemon.post("/v1/voxelize?size=9&fill=solid&channels=coverage"
+                                   "&filename=sample.glb", self.fixture("sample.glb"))
+        self.assertEqual(refused.status, 400, refused.body)
+        small = self.voxelize(query + "&format=native&codec=small")
+        self.assertEqual(small.body[104:111], bytes([1, 0, 0, 1, 0, 0, 1]))
+        self.assertLess(len(small.body), len(native))
+
     def test_codec_small_is_smaller_and_gives_the_same_grid(self):
         query = "size=200&channels=occupancy,color,normal&format=native"
         fast = self.voxelize(query + "&codec=fast")

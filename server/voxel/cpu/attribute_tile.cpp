@@ -9,6 +9,7 @@
 
 #include "server/voxel/cpu/attribute_visitor.h"
 #include "server/voxel/resolve.h"
+#include "server/voxel/sum_fold.h"
 #include "server/voxel/tile_window.h"
 #include "shaders/shared/attributes.h"
 
@@ -118,6 +119,67 @@ void CpuAttributes::sort_triangles(const TileBin& bin) {
   }
 }
 
+void CpuAttributes::add_triangle(const TileBin& bin, uint32_t triangle,
+                                 const AttributeTarget& target) const {
+  const auto q = corners_in_tile(plan_->mesh, triangle, bin.coord);
+  const Box box = cell_box(q);
+  const Box common = {glm::max(box.first, target.cell_first), glm::min(box.last, target.cell_last)};
+  if (common.empty()) return;
+  const CornerOrder order = corner_order(q);
+  AttributeSource source;
+  source.corners = {q[order.corner[0]], q[order.corner[1]], q[order.corner[2]]};
+  source.axis = dominant_axis(source.corners);
+  std::array<uint32_t, ATTRIBUTE_WORDS> words{};
+  plan_->records->write(triangle, source.corners, source.axis, order, words);
+  source.words = words.data();
+  const int image = plan_->part_images[plan_->mesh.triangles[triangle].part];
+  if (image >= 0) source.levels = textures_[static_cast<size_t>(image)];
+  add_attributes(source, target);
+}
+
+std::span<const uint32_t> CpuAttributes::octant_triangles(const Octant& octant,
+                                                          Worker& worker) const {
+  const auto first = list_.begin() + starts_[octant.morton];
+  worker.triangles.assign(first, list_.begin() + starts_[octant.morton + 1]);
+  worker.triangles.insert(worker.triangles.end(), wide_.begin(), wide_.end());
+  return worker.triangles;
+}
+
+void CpuAttributes::fold_ids(const TileBin& bin, const Octant& octant, const IdChannel& channel,
+                             AttributeTarget target, Worker& worker, SparseTile& tile) const {
+  const auto ids = distinct_ids(channel, plan_->mesh, worker.triangles);
+  const auto sum_alone = [&](uint16_t id) {
+    worker.sums.assign(octant.voxel_count * target.channels.count(), 0);
+    target.sums = worker.sums.data();
+    for (const uint32_t triangle : worker.triangles) {
+      if (channel.id_of(plan_->mesh, triangle) == id) add_triangle(bin, triangle, target);
+    }
+  };
+  const auto sum_at = [&](size_t at) { return worker.sums[at]; };
+  if (channel.channel == Channel::kColor) {
+    if (ids.size() == 1) return;  // resolved from the sums of all
+    SumFold fold(octant.voxel_count, target.channels);
+    for (const uint16_t id : ids) {
+      sum_alone(id);
+      fold.add(sum_at);
+    }
+    resolve_voxels(fold.sums(), dominant_part(plan_->resolve_options()), octant.voxel_first, tile);
+    return;
+  }
+  const auto samples =
+      std::span(id_samples(tile, channel.channel)).subspan(octant.voxel_first, octant.voxel_count);
+  if (ids.size() == 1) {
+    std::ranges::fill(samples, ids.front());
+    return;
+  }
+  target.channels = {};
+  worker.fold.begin(octant.voxel_count);
+  for (const uint16_t id : ids) {
+    sum_alone(id);
+    worker.fold.add(id, sum_at, samples);
+  }
+}
+
 void CpuAttributes::run_octant(const TileBin& bin, const Octant& octant,
                                std::span<const uint32_t> mask,
                                std::span<const uint32_t> word_offsets, Worker& worker,
@@ -134,26 +196,10 @@ void CpuAttributes::run_octant(const TileBin& bin, const Octant& octant,
   target.voxel_first = octant.voxel_first;
   target.sums = worker.sums.data();
   target.channels = channels;
-  const auto add = [&](uint32_t triangle) {
-    const auto q = corners_in_tile(plan_->mesh, triangle, bin.coord);
-    const Box box = cell_box(q);
-    const Box common = {glm::max(box.first, target.cell_first),
-                        glm::min(box.last, target.cell_last)};
-    if (common.empty()) return;
-    const CornerOrder order = corner_order(q);
-    AttributeSource source;
-    source.corners = {q[order.corner[0]], q[order.corner[1]], q[order.corner[2]]};
-    source.axis = dominant_axis(source.corners);
-    std::array<uint32_t, ATTRIBUTE_WORDS> words{};
-    plan_->records->write(triangle, source.corners, source.axis, order, words);
-    source.words = words.data();
-    const int image = plan_->part_images[plan_->mesh.triangles[triangle].part];
-    if (image >= 0) source.levels = textures_[static_cast<size_t>(image)];
-    add_attributes(source, target);
-  };
-  for (size_t i = starts_[octant.morton]; i < starts_[octant.morton + 1]; ++i) add(list_[i]);
-  for (const uint32_t triangle : wide_) add(triangle);
+  const std::span<const uint32_t> triangles = octant_triangles(octant, worker);
+  for (const uint32_t triangle : triangles) add_triangle(bin, triangle, target);
   resolve_voxels(worker.sums, plan_->resolve_options(), octant.voxel_first, tile);
+  for (const IdChannel& channel : plan_->ids) fold_ids(bin, octant, channel, target, worker, tile);
 }
 
 void CpuAttributes::run(const TileBin& bin, std::span<const uint32_t> mask,

@@ -12,7 +12,9 @@
 
 #include "proto/sparse_tile.h"
 #include "server/voxel/bin.h"
+#include "server/voxel/cpu/attribute_visitor.h"
 #include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/id_fold.h"
 #include "server/voxel/mip_chain.h"
 #include "server/voxel/tile_pipeline.h"
 
@@ -42,10 +44,17 @@ class CpuAttributes {
   };
   struct Worker {
     std::vector<uint64_t> sums;
+    std::vector<uint32_t> triangles;  // that may touch the octant
+    IdFold fold;
   };
 
   void find_octants(const SparseTile& tile);
   void sort_triangles(const TileBin& bin);
+  void add_triangle(const TileBin& bin, uint32_t triangle, const AttributeTarget& target) const;
+  std::span<const uint32_t> octant_triangles(const Octant& octant, Worker& worker) const;
+  // What has the largest weight in each voxel. `target`: of the octant.
+  void fold_ids(const TileBin& bin, const Octant& octant, const IdChannel& channel,
+                AttributeTarget target, Worker& worker, SparseTile& tile) const;
   void run_octant(const TileBin& bin, const Octant& octant, std::span<const uint32_t> mask,
                   std::span<const uint32_t> word_offsets, Worker& worker, SparseTile& tile) const;
 

@@ -87,7 +87,8 @@ Status AttributePass::run(const TileWindow& window, std::span<const uint32_t> wo
 
 Status AttributePass::run_image(const TileWindow& window, int image, Pipeline pipeline) {
   const auto index = static_cast<size_t>(image);
-  const bool textured = image >= 0 && index < textures_.size() && textures_[index].id() != 0;
+  const bool textured =
+      channels_.color && image >= 0 && index < textures_.size() && textures_[index].id() != 0;
   if (textured) textures_[index].bind(VOXELIZE_TEXTURE);
   if (pipeline == Pipeline::kRaster) {
     VOXELD_ASSIGN(const gpu::Program* program,

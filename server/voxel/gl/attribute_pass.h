@@ -24,6 +24,8 @@ class AttributePass {
   // Uploads the levels of the scene's images that triangles use.
   Status begin_job(const Scene& scene, const AttributeRecords& records,
                    const AttributeChannels& channels);
+  // What the following voxels are summed for: the job's channels or fewer.
+  void set_channels(const AttributeChannels& channels) { channels_ = channels; }
   // Frees the images.
   void end_job() { textures_.clear(); }
 

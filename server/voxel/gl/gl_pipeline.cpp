@@ -1,9 +1,11 @@
 #include "server/voxel/gl/gl_pipeline.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "server/base/stopwatch.h"
 #include "server/voxel/compact.h"
+#include "server/voxel/sum_fold.h"
 #include "server/voxel/tile_mask.h"
 #include "shaders/shared/attributes.h"
 
@@ -223,7 +225,58 @@ Status GlPipeline::sum_attributes(const TileBin& bin, size_t voxel_count, bool i
     note("read", watch.lap());
     resolve_voxels(sums_, carries_, resolve, first, tile);
     note("resolve", watch.lap());
+    for (const IdChannel& channel : plan_->ids) {
+      VOXELD_TRY(fold_ids(bin, channel, first, std::min(step, voxel_count - first), tile));
+      is_one_window = false;  // another one is uploaded now
+    }
   }
+  return {};
+}
+
+Status GlPipeline::fold_ids(const TileBin& bin, const IdChannel& channel, size_t first,
+                            size_t count, SparseTile& tile) {
+  const auto ids = distinct_ids(channel, plan_->mesh, bin.triangles);
+  const bool is_color = channel.channel == Channel::kColor;
+  if (ids.size() == 1) {
+    if (is_color) return {};  // resolved from the sums of all
+    const auto samples = std::span(id_samples(tile, channel.channel)).subspan(first, count);
+    std::ranges::fill(samples, ids.front());
+    return {};
+  }
+  const AttributeChannels channels = is_color ? plan_->channels.summed : AttributeChannels();
+  attributes_.set_channels(channels);
+  SumFold sums(is_color ? count : 0, channels);
+  fold_.begin(is_color ? 0 : count);
+  for (const uint16_t id : ids) {
+    VOXELD_TRY(sum_alone(bin, channel, id, first, count));
+    Stopwatch watch;
+    const auto sum_at = [&](size_t at) {
+      return sums_[at] | (carries_.empty() ? 0u : uint64_t{carries_[at]} << 32);
+    };
+    if (is_color) {
+      sums.add(sum_at);
+    } else {
+      fold_.add(id, sum_at, std::span(id_samples(tile, channel.channel)).subspan(first, count));
+    }
+    note("ids", watch.lap());
+  }
+  attributes_.set_channels(plan_->channels.summed);
+  if (is_color) {
+    resolve_voxels(sums.sums(), dominant_part(plan_->resolve_options()), first, tile);
+  }
+  return {};
+}
+
+// Sums of the triangles with one id.
+Status GlPipeline::sum_alone(const TileBin& bin, const IdChannel& channel, uint16_t id,
+                             size_t first, size_t count) {
+  std::vector<uint32_t> triangles;
+  std::ranges::copy_if(bin.triangles, std::back_inserter(triangles), [&](uint32_t triangle) {
+    return channel.id_of(plan_->mesh, triangle) == id;
+  });
+  VOXELD_TRY(attributes_.begin_voxels(first, count));
+  VOXELD_TRY(sum_windows({bin.coord, triangles}, false));
+  attributes_.read(sums_, carries_);
   return {};
 }
 

@@ -52,6 +52,11 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   Status touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one_window);
   Status sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
                         SparseTile& tile);
+  // What has the largest weight in each of the voxels [first, first + count).
+  Status fold_ids(const TileBin& bin, const IdChannel& channel, size_t first, size_t count,
+                  SparseTile& tile);
+  Status sum_alone(const TileBin& bin, const IdChannel& channel, uint16_t id, size_t first,
+                   size_t count);
   Status sum_windows(const TileBin& bin, bool is_one_window);
   void note(std::string_view pass, double ms) { add_stage(stats_->passes, pass, ms); }
 
@@ -73,6 +78,7 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   std::vector<uint32_t> mask_, word_offsets_;
   std::vector<uint32_t> words_;  // attributes of the window
   std::vector<uint32_t> sums_, carries_;
+  IdFold fold_;
 };
 
 }  // namespace voxeld

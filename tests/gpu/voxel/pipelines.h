@@ -55,8 +55,7 @@ inline Grid voxelize_all(const Scene& scene, const VoxelizeOptions& options,
   for (const PipelineChoice other : {PipelineChoice::kRaster, PipelineChoice::kCpu}) {
     const std::string name = other == PipelineChoice::kCpu ? "cpu: " : "raster: ";
     const Grid grid = voxelize(scene, options, other);
-    EXPECT_EQ(compute.channels.color, grid.channels.color) << name << what;
-    EXPECT_EQ(compute.channels.normal, grid.channels.normal) << name << what;
+    EXPECT_EQ(compute.channels, grid.channels) << name << what;
     EXPECT_TRUE(compute.tiles == grid.tiles) << "differs from compute: " << name << what;
   }
   const Grid batched = voxelize_on(batched_voxelizer(), scene, options, PipelineChoice::kCompute);

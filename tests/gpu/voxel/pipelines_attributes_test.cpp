@@ -1,7 +1,9 @@
 // Colours and normals whose values are known.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <random>
 
 #include "tests/gpu/voxel/pipelines.h"
 
@@ -233,6 +235,45 @@ TEST(Attributes, a_thin_wire_takes_its_colour_from_along_its_length) {
   EXPECT_LT(cells.at({2, 0, 0}).color[2], 90);
   EXPECT_NEAR(cells.at({15, 0, 0}).color[0], 188, 4);
   EXPECT_GT(cells.at({29, 0, 0}).color[2], 240);
+}
+
+// Triangles of four materials, and of none, all over the same cells.
+TEST(Attributes, ids_and_coverage_are_the_same_by_each_pipeline) {
+  std::mt19937 random(12);
+  Scene scene;
+  scene.materials.resize(4);
+  for (int p = 0; p < 9; ++p) {
+    MeshPart& part = scene.parts.emplace_back();
+    part.material = p % 5 - 1;
+    for (uint32_t i = 0; i < 90; ++i) {
+      const auto at = [&] { return static_cast<double>(random() % 4000) / 100; };
+      part.positions.emplace_back(at(), at(), at());
+      part.indices.push_back(i);
+    }
+  }
+  VoxelizeOptions options = unit_cells({40, 40, 40});
+  options.channels_given = options.channel_material = options.channel_coverage = true;
+  const Grid grid = voxelize_all(scene, options);
+  ASSERT_EQ(grid.tiles.size(), 1u);
+  std::array<size_t, 5> counts{};
+  for (const uint16_t id : grid.tiles[0].material) ++counts.at(id);
+  for (const size_t count : counts) EXPECT_GT(count, 500u);
+  options.channel_normal = true;
+  EXPECT_EQ(voxelize_all(scene, options).tiles[0].material, grid.tiles[0].material);
+  for (MeshPart& part : scene.parts) {
+    for (size_t i = 0; i < part.positions.size(); ++i) {
+      part.colors.emplace_back(float(random() % 256) / 255, float(i % 3) / 2, 0.5f, 1.0f);
+    }
+  }
+  options.channel_color = true;
+  options.color = ColorMode::kDominant;
+  const Grid dominant = voxelize_all(scene, options);
+  EXPECT_EQ(dominant.tiles[0].material, grid.tiles[0].material);
+  options.color = ColorMode::kAverage;
+  EXPECT_NE(voxelize(scene, options, PipelineChoice::kCpu).tiles[0].color, dominant.tiles[0].color);
+  std::ranges::reverse(scene.parts);
+  EXPECT_EQ(voxelize(scene, options, PipelineChoice::kCompute).tiles[0].material,
+            grid.tiles[0].material);
 }
 
 }  // namespace

@@ -63,11 +63,14 @@ const std::map<std::string, OptionCase>& cases() {
       {"interior", {{}, {"all", ""}, "none | nearest"}},
       {"thickness", {{}, {"0.99", "256.1", "nan", ""}, "a number from 1 to 256"}},
       {"color",
-       {{"average", "shaded", "axis", "none"}, {"red", ""}, "average | shaded | axis | none"}},
+       {{"average", "dominant", "shaded", "axis", "none"},
+        {"red", ""},
+        "average | dominant | shaded | axis | none"}},
       {"channels",
-       {{"occupancy", "color", "normal", "color,normal,occupancy", "color,color"},
+       {{"occupancy", "color", "normal", "color,normal,occupancy", "color,color",
+         "material,coverage"},
         {"", "alpha", "color,", "color normal"},
-        "a list of occupancy, color, normal and distance"}},
+        "a list of occupancy, color, normal, material, distance and coverage"}},
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
       {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, "native | npy | npz | vox"}},
@@ -289,6 +292,9 @@ TEST(Options, sign_and_thickness_need_a_fill_that_they_apply_to) {
     EXPECT_EQ(refused({{"sign", sign}}, OptionScope::kVoxelize).message(),
               "sign: expected fill solid or shell or channel distance with it, got \"surface\"");
   }
+  EXPECT_EQ(
+      refused({{"fill", "solid"}, {"channels", "coverage"}}, OptionScope::kVoxelize).message(),
+      "channels: expected fill surface with coverage, got \"solid\"");
   for (const char* thickness : {"1", "256", "2.5"}) {
     EXPECT_TRUE(parse_options(OptionPairs{{"fill", "shell"}, {"thickness", thickness}},
                               OptionScope::kVoxelize));

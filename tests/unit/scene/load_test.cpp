@@ -47,11 +47,13 @@ TEST(LoadScene, the_name_after_an_exclamation_mark_chooses) {
 }
 
 TEST(LoadScene, a_zip_without_a_mesh_says_what_it_holds) {
-  EXPECT_EQ(message_of(load_text("x.zip", ZipMaker().add("a.png", "").add("b.txt", "").bytes())),
-            "x.zip: no mesh in the zip: expected one obj, ply, stl, off, gltf, glb or md5mesh file, got "
-            "a.png, b.txt");
+  EXPECT_EQ(
+      message_of(load_text("x.zip", ZipMaker().add("a.png", "").add("b.txt", "").bytes())),
+      "x.zip: no mesh in the zip: expected one obj, ply, stl, off, gltf, glb or md5mesh file, got "
+      "a.png, b.txt");
   EXPECT_EQ(message_of(load_text("x.zip", ZipMaker().bytes())),
-            "x.zip: no mesh in the zip: expected one obj, ply, stl, off, gltf, glb or md5mesh file, got no "
+            "x.zip: no mesh in the zip: expected one obj, ply, stl, off, gltf, glb or md5mesh "
+            "file, got no "
             "files");
 }
 

@@ -4,7 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cstdlib>
+#include <iterator>
+#include <map>
 #include <random>
 #include <string>
 
@@ -151,6 +155,183 @@ TEST(VoxelizerWithoutDevice, an_estimate_needs_no_device_memory) {
   ASSERT_TRUE(estimate.ok()) << estimate.error().message();
   EXPECT_EQ(estimate->device_bytes, 0);
   EXPECT_GT(estimate->host_bytes, 0);
+}
+
+// Rectangles [x0, x1] x [y0, y1] at height z, each with its material.
+struct Sheet {
+  double x0, y0, x1, y1, z;
+  int material;
+};
+
+Scene sheets(const std::vector<Sheet>& all, int materials) {
+  Scene scene;
+  scene.materials.resize(static_cast<size_t>(materials));
+  for (const Sheet& sheet : all) {
+    MeshPart& part = scene.parts.emplace_back();
+    part.material = sheet.material;
+    part.positions = {{sheet.x0, sheet.y0, sheet.z},
+                      {sheet.x1, sheet.y0, sheet.z},
+                      {sheet.x1, sheet.y1, sheet.z},
+                      {sheet.x0, sheet.y1, sheet.z}};
+    part.indices = {0, 1, 2, 0, 2, 3};
+  }
+  return scene;
+}
+
+VoxelizeOptions ids_in_cells(std::array<int, 3> dims) {
+  VoxelizeOptions options;
+  options.placement.voxel_size = {1.0, 1.0, 1.0};
+  options.placement.bounds = {0, 0, 0, double(dims[0]), double(dims[1]), double(dims[2])};
+  options.channels_given = options.channel_material = options.channel_coverage = true;
+  return options;
+}
+
+struct Measured {
+  int material = -1, coverage = -1;
+};
+
+std::map<std::array<int, 3>, Measured> measured(const Scene& scene,
+                                                const VoxelizeOptions& options) {
+  Voxelizer voxelizer;
+  const Grid grid = voxelized(voxelizer, scene, options);
+  std::map<std::array<int, 3>, Measured> cells;
+  for (const SparseTile& tile : grid.tiles) {
+    EXPECT_EQ(tile.material.size(), tile.voxel_count());
+    EXPECT_EQ(tile.coverage.size(), tile.voxel_count());
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
+      cells[{x, y, z}] = {tile.material[voxel], tile.coverage[voxel]};
+    });
+  }
+  return cells;
+}
+
+TEST(Ids, the_material_with_the_largest_area_wins_whatever_the_order_of_parts) {
+  // Of cell 1,1,1 the second material covers 3/4 in two pieces, the first 1/2 above it.
+  std::vector<Sheet> all = {{1, 1, 1.5, 2, 1.8, 0},
+                            {1, 1, 1.5, 2, 1.2, 1},
+                            {1.5, 1, 1.75, 2, 1.4, 1},
+                            {3, 1, 4, 2, 1.5, -1}};
+  for (int round = 0; round < 4; ++round) {
+    std::ranges::rotate(all, all.begin() + 1);
+    const auto cells = measured(sheets(all, 2), ids_in_cells({5, 3, 3}));
+    EXPECT_EQ(cells.at({1, 1, 1}).material, 2);
+    EXPECT_EQ(cells.at({3, 1, 1}).material, 0) << "of no material";
+    EXPECT_EQ(cells.at({1, 1, 1}).coverage, 255) << "5/4 of a face";
+    EXPECT_EQ(cells.at({3, 1, 1}).coverage, 255);
+  }
+}
+
+TEST(Ids, equal_areas_give_the_smaller_id_and_no_material_is_the_smallest) {
+  const auto tie = [](int a, int b) {
+    const Scene scene = sheets({{1, 1, 2, 2, 1.3, a}, {1, 1, 2, 2, 1.6, b}}, 3);
+    return measured(scene, ids_in_cells({3, 3, 3})).at({1, 1, 1}).material;
+  };
+  EXPECT_EQ(tie(0, 2), 1);
+  EXPECT_EQ(tie(2, 0), 1);
+  EXPECT_EQ(tie(1, -1), 0);
+  EXPECT_EQ(tie(2, 2), 3);
+}
+
+TEST(Ids, do_not_depend_on_how_a_surface_is_cut_into_triangles) {
+  std::vector<Sheet> cut;
+  for (int i = 0; i < 8; ++i) cut.push_back({i / 8.0, 0, (i + 1) / 8.0, 0.75, 0.5, 1});
+  cut.push_back({0, 0, 1, 0.5, 0.25, 0});
+  const Scene whole = sheets({{0, 0, 1, 0.75, 0.5, 1}, {0, 0, 1, 0.5, 0.25, 0}}, 2);
+  const auto a = measured(whole, ids_in_cells({2, 2, 2}));
+  const auto b = measured(sheets(cut, 2), ids_in_cells({2, 2, 2}));
+  EXPECT_EQ(a.at({0, 0, 0}).material, 2);
+  EXPECT_EQ(b.at({0, 0, 0}).material, 2);
+  EXPECT_EQ(a.at({0, 0, 0}).coverage, b.at({0, 0, 0}).coverage);
+}
+
+TEST(Coverage, is_the_area_in_a_voxel_over_that_of_its_face) {
+  const Scene scene = sheets({{0.5, 0, 4, 4, 0.5, 0}}, 1);
+  const auto cells = measured(scene, ids_in_cells({4, 4, 2}));
+  EXPECT_EQ(cells.at({0, 1, 0}).coverage, 128);  // half of 16 points
+  EXPECT_EQ(cells.at({2, 1, 0}).coverage, 255);
+  EXPECT_FALSE(cells.contains({2, 1, 1}));
+  // A square at 45 degrees has the area of its projection times sqrt(2).
+  Scene slope = sheets({{0, 0, 4, 4, 0, 0}}, 1);
+  for (auto& p : slope.parts[0].positions) p.z = p.x;
+  const auto steep = measured(slope, ids_in_cells({4, 4, 4}));
+  int sum = 0;
+  for (const auto& [cell, one] : steep) sum += cell[1] == 2 ? one.coverage : 0;
+  EXPECT_GE(sum, 4 * 255);
+  EXPECT_LE(sum, 4 * 361);
+}
+
+TEST(Ids, more_materials_than_ids_are_refused) {
+  Scene scene = sheets({{0, 0, 1, 1, 0.5, 65535}}, 65536);
+  Voxelizer voxelizer;
+  const auto refused = voxelizer.voxelize(scene, ids_in_cells({2, 2, 2}), {}, nullptr);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(refused.error().message(),
+            "channels: material: too many materials: expected at most 65535, got 65536");
+  scene.materials.pop_back();
+  scene.parts[0].material = 65534;
+  EXPECT_EQ(measured(scene, ids_in_cells({2, 2, 2})).at({0, 0, 0}).material, 65535);
+}
+
+// The definition again: each material's surface voxelized alone, by the sums that coverage shows.
+TEST(Ids, are_those_of_the_largest_coverage_of_each_material_alone) {
+  std::mt19937 random(4);
+  std::vector<Sheet> all;
+  for (int i = 0; i < 60; ++i) {
+    const auto at = [&](int below) { return static_cast<double>(random() % unsigned(below)) / 8; };
+    const double x = at(64), y = at(64);
+    all.push_back({x, y, x + 0.125 + at(6), y + 0.125 + at(6), at(8) / 2 + 0.06, i % 3});
+  }
+  const VoxelizeOptions options = ids_in_cells({10, 10, 1});
+  const auto together = measured(sheets(all, 3), options);
+  std::array<std::map<std::array<int, 3>, Measured>, 3> alone;
+  for (int material = 0; material < 3; ++material) {
+    std::vector<Sheet> one;
+    std::ranges::copy_if(all, std::back_inserter(one),
+                         [&](const Sheet& sheet) { return sheet.material == material; });
+    alone[static_cast<size_t>(material)] = measured(sheets(one, 3), options);
+  }
+  int compared = 0;
+  for (const auto& [cell, got] : together) {
+    int best = -1, id = 0;
+    bool is_clear = true;
+    for (int material = 0; material < 3; ++material) {
+      const auto found = alone[static_cast<size_t>(material)].find(cell);
+      if (found == alone[static_cast<size_t>(material)].end()) continue;
+      const int coverage = found->second.coverage;
+      is_clear = is_clear && coverage < 255 && coverage != best;
+      if (coverage > best) {
+        best = coverage;
+        id = material + 1;
+      }
+    }
+    if (!is_clear) continue;
+    ++compared;
+    EXPECT_EQ(got.material, id) << cell[0] << ' ' << cell[1];
+  }
+  EXPECT_GT(compared, 20);
+}
+
+TEST(DominantColor, is_that_of_the_material_with_the_largest_area_alone) {
+  // Red and green of one material cover cell 0,0,0; blue of another covers a part or all of it.
+  const auto color_of = [](double blue, ColorMode mode) {
+    Scene scene =
+        sheets({{0, 0, 0.5, 1, 0.25, 0}, {0.5, 0, 1, 1, 0.25, 0}, {0, 0, blue, 1, 0.5, 1}}, 2);
+    const std::array<glm::vec4, 3> colors = {glm::vec4(1, 0, 0, 1), glm::vec4(0, 1, 0, 1),
+                                             glm::vec4(0, 0, 1, 1)};
+    for (size_t p = 0; p < 3; ++p) scene.parts[p].colors.assign(4, colors[p]);
+    VoxelizeOptions options = ids_in_cells({1, 1, 1});
+    options.channel_color = true;
+    options.color = mode;
+    Voxelizer voxelizer;
+    const Grid grid = voxelized(voxelizer, scene, options);
+    EXPECT_EQ(grid.tiles[0].coverage, std::vector<uint8_t>{255});
+    return grid.tiles[0].color;
+  };
+  using Color = std::vector<uint8_t>;
+  EXPECT_EQ(color_of(0.75, ColorMode::kDominant), (Color{188, 188, 0, 255}));
+  EXPECT_EQ(color_of(1.0, ColorMode::kDominant), (Color{188, 188, 0, 255})) << "the first of two";
+  EXPECT_NE(color_of(0.75, ColorMode::kAverage), (Color{188, 188, 0, 255}));
 }
 
 }  // namespace

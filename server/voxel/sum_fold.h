@@ -1,0 +1,40 @@
+// The sums of the id that has the largest sum of weights in a voxel: color=dominant. README.md
+// defines it. Ids come in ascending order, as to IdFold.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "server/voxel/resolve.h"
+
+namespace voxeld {
+
+class SumFold {
+ public:
+  SumFold(size_t voxels, const AttributeChannels& channels)
+      : stride_(channels.count()), best_(voxels * stride_) {}
+
+  // sum(i): of the triangles with this id, channels.count() per voxel, the weight first.
+  template <typename Sum>
+  void add(const Sum& sum) {
+    for (size_t first = 0; first < best_.size(); first += stride_) {
+      if (sum(first) <= best_[first]) continue;
+      for (size_t i = first; i < first + stride_; ++i) best_[i] = sum(i);
+    }
+  }
+  std::span<const uint64_t> sums() const { return best_; }
+
+ private:
+  size_t stride_;
+  std::vector<uint64_t> best_;
+};
+
+// What of `options` is resolved from the sums of one id, and what from those of all.
+inline ResolveOptions dominant_part(ResolveOptions options) {
+  options.write = {.color = options.write.color};
+  return options;
+}
+
+}  // namespace voxeld
