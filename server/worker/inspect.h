@@ -18,8 +18,8 @@ nlohmann::json describe_scene(const Scene& scene);
 
 // How the mesh closes, for the meta object of every grid: {watertight, closed, open_edges,
 // non_manifold_edges, flipped_edges, degenerate_triangles, components, enclosed_components,
-// inner_walls, ambiguous_fraction}; null where it is not known: ambiguous_fraction where nothing was
-// filled, else where the mesh is above kTopologyTrianglesMax.
+// inner_walls, ambiguous_fraction}; null where it is not known: ambiguous_fraction where nothing
+// was filled, else where the mesh is above kTopologyTrianglesMax.
 nlohmann::json describe_mesh(const std::optional<MeshTopology>& topology,
                              const std::optional<FillStats>& fill);
 

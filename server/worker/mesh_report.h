@@ -9,9 +9,9 @@
 
 namespace voxeld {
 
-// Counts on a thread of its own from construction on, so that tiles do not wait for it; large meshes
-// when they are asked for, after the tiles' memory is free. What the cache has of the same scene is
-// not counted again. The scene and the cache must outlive it.
+// Counts on a thread of its own from construction on, so that tiles do not wait for it; large
+// meshes when they are asked for, after the tiles' memory is free. What the cache has of the same
+// scene is not counted again. The scene and the cache must outlive it.
 class MeshReport {
  public:
   // Meshes of more triangles are not counted beside the tiles.

@@ -20,8 +20,8 @@ struct MeshTopology {
   int64_t unbalanced_edges = 0;
   int64_t components = 0;  // parts that share no position
   // Components whose first vertex lies inside of another, closed one (which winds
-  // around it there), and those of them that are closed and turned like it: their inside is inside of
-  // another, so their faces are walls that no outside sees. Unset where it would take long.
+  // around it there), and those of them that are closed and turned like it: their inside is inside
+  // of another, so their faces are walls that no outside sees. Unset where it would take long.
   std::optional<int64_t> enclosed_components;
   std::optional<int64_t> inner_walls;
   bool watertight() const { return open_edges == 0 && non_manifold_edges == 0; }

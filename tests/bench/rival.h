@@ -27,7 +27,8 @@ struct Rival {
   // Voxelize the surface, or surface and inside. They return the number of voxels, or of what the
   // rival has instead.
   Count surface = nullptr, solid = nullptr;
-  // Signed distances of what is at most three voxels from the surface. Returns the number of voxels.
+  // Signed distances of what is at most three voxels from the surface. Returns the number of
+  // voxels.
   Count band = nullptr;
   // Voxelizes the surface and writes it to a file in the rival's own format, or as plain bits.
   std::function<void(const GridMesh&, const std::string& path)> save = nullptr;

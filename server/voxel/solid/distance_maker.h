@@ -17,7 +17,8 @@ class DistanceMaker {
   DistanceMaker(const FillMesh& mesh, const glm::ivec3& dims, std::vector<SparseTile> inside,
                 WorkerPool& pool);
 
-  // The cells at most `thickness` voxels from the mesh, all in masks, in any order. Their distances are kept for measure(). Errors: those of `progress`, as find_band().
+  // The cells at most `thickness` voxels from the mesh, all in masks, in any order. Their distances
+  // are kept for measure(). Errors: those of `progress`, as find_band().
   Result<std::vector<SparseTile>> band(double thickness, const ColumnProgress& progress);
 
   // Fills in SparseTile::distance of all voxels of masks.

@@ -1,5 +1,5 @@
-// fill=solid, shell and band: from a grid's surface to what is inside or near. Surface tiles come from any
-// pipeline; the inside is the same whichever it was.
+// fill=solid, shell and band: from a grid's surface to what is inside or near. Surface tiles come
+// from any pipeline; the inside is the same whichever it was.
 #pragma once
 
 #include <functional>
@@ -23,10 +23,10 @@ class SolidFiller {
 
   // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
   // fill asks for, in Morton order of coord, with distances where the plan wants
-  // them: also for Fill::kSurface, whose tiles must be in that order. `touch` is called where the fill needs the cells that
-  // rule=touch gives and `tiles` are others. Errors: those of `touch` and `progress`, which is
-  // called with tile columns done of tile_column_count(); grid-too-large where attributes of the
-  // inside need too much memory.
+  // them: also for Fill::kSurface, whose tiles must be in that order. `touch` is called where the
+  // fill needs the cells that rule=touch gives and `tiles` are others. Errors: those of `touch` and
+  // `progress`, which is called with tile columns done of tile_column_count(); grid-too-large where
+  // attributes of the inside need too much memory.
   Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
