@@ -2,10 +2,9 @@
 //   rivals_bench MESH [--solid | --band] [--NAME VALUE]... [--runs N] [--json FILE] SIZE...
 // MESH as in bench_scene.h; --NAME VALUE are options of voxeld's request, --solid is also --fill
 // solid, --band --fill band of three voxels to each side. Each pair of voxelizer and size runs in a
-// process of its own, after one run that warms up.
-// Prints a table of median milliseconds from the mesh in memory to its voxels, how many times as
-// long as voxeld that is, and the process's peak memory. The mesh itself is in every process's
-// memory.
+// process of its own, after one run that warms up. Prints a table of median milliseconds from the
+// mesh in memory to its voxels, how many times as long as voxeld that is, and the process's peak
+// memory. The mesh itself is in every process's memory.
 #include <sys/wait.h>
 #include <unistd.h>
 

@@ -214,6 +214,26 @@ std::vector<int16_t> distances_of_bricks(const DistanceJob& job, const SparseTil
   return out;
 }
 
+glm::i64vec3 cubes_of(const glm::ivec3& dims, int bits) {
+  return glm::i64vec3((dims - 1) >> bits) + int64_t{1};
+}
+int64_t count_of(const glm::i64vec3& cubes) {
+  return cubes.x * cubes.y * cubes.z;
+}
+
+// Calls visit(number) for the cubes from first to last.
+template <typename Visit>
+void for_each_cube(const glm::i64vec3& first, const glm::i64vec3& last, const glm::i64vec3& cubes,
+                   const Visit& visit) {
+  for (int64_t z = first.z; z <= last.z; ++z) {
+    for (int64_t y = first.y; y <= last.y; ++y) {
+      for (int64_t x = first.x; x <= last.x; ++x) {
+        visit(static_cast<size_t>((z * cubes.y + y) * cubes.x + x));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 Status find_band(const DistanceJob& job, double thickness, WorkerPool& pool,
@@ -254,11 +274,9 @@ std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile&
 int64_t band_cells_max(const FillMesh& mesh, const glm::ivec3& dims, double thickness) {
   // At most 2^24 cubes of the grid, 8 cells to a side or more.
   int bits = 3;
-  const auto cubes_of = [&] { return glm::i64vec3((dims - 1) >> bits) + int64_t{1}; };
-  for (; cubes_of().x * cubes_of().y * cubes_of().z > int64_t{1} << 24; ++bits) {
-  }
-  const glm::i64vec3 cubes = cubes_of();
-  std::vector<bool> reached(static_cast<size_t>(cubes.x * cubes.y * cubes.z));
+  while (count_of(cubes_of(dims, bits)) > int64_t{1} << 24) ++bits;
+  const glm::i64vec3 cubes = cubes_of(dims, bits);
+  std::vector<bool> reached(static_cast<size_t>(count_of(cubes)));
   const auto reach = static_cast<int>(std::ceil(thickness)) + 1;
   const int shift = mesh.sub_voxel_bits();
   int64_t count = 0;
@@ -266,17 +284,11 @@ int64_t band_cells_max(const FillMesh& mesh, const glm::ivec3& dims, double thic
     const auto v = mesh.corners(t);
     const glm::ivec3 low = (glm::min(v[0], glm::min(v[1], v[2])) >> shift) - reach;
     const glm::ivec3 high = (glm::max(v[0], glm::max(v[1], v[2])) >> shift) + reach;
-    const glm::i64vec3 first = glm::max(low, 0) >> bits;
-    const glm::i64vec3 last = glm::min(high, dims - 1) >> bits;
-    for (int64_t z = first.z; z <= last.z; ++z) {
-      for (int64_t y = first.y; y <= last.y; ++y) {
-        for (int64_t x = first.x; x <= last.x; ++x) {
-          const auto at = static_cast<size_t>((z * cubes.y + y) * cubes.x + x);
-          if (!reached[at]) ++count;
-          reached[at] = true;
-        }
-      }
-    }
+    for_each_cube(glm::max(low, 0) >> bits, glm::min(high, dims - 1) >> bits, cubes,
+                  [&](size_t at) {
+                    count += reached[at] ? 0 : 1;
+                    reached[at] = true;
+                  });
   }
   const int64_t cells = int64_t{dims.x} * dims.y * dims.z;
   return std::min(cells, count << (3 * bits));

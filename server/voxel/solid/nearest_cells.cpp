@@ -9,7 +9,8 @@
 namespace voxeld {
 namespace {
 
-constexpr int kLinesAtOnce = 16;  // neighbours along y share cache lines
+constexpr int kNowhere = -(1 << 20);  // to the left; to the right it is positive
+constexpr int kLinesAtOnce = 16;      // neighbours along y share cache lines
 
 // The cells of a brick at y, z: bit x.
 uint32_t row_of(const BrickMask& mask, int y, int z) {
@@ -44,28 +45,30 @@ NearestCells::NearestCells(const BrickIndex& set, const glm::ivec3& dims, Worker
 bool NearestCells::run_row(int slab, int y, int z, Scratch& scratch) const {
   const std::vector<Brick>& row = rows_[row_of_bricks(y, z)];
   const auto here = std::ranges::lower_bound(row, slab, {}, &Brick::x);
-  constexpr int kNowhere = -(1 << 20);
+  const bool has_own = here != row.end() && here->x == slab;
+  const uint32_t own = has_own ? row_of(*here->mask, y, z) : 0;
   int left = kNowhere, right = -kNowhere;
   for (auto brick = here; brick != row.begin() && left == kNowhere;) {
     --brick;
     const uint32_t cells = row_of(*brick->mask, y, z);
     if (cells != 0) left = brick->x * kWidth + std::bit_width(cells) - 1;
   }
-  uint32_t own = 0;
-  for (auto brick = here; brick != row.end() && right == -kNowhere; ++brick) {
+  for (auto brick = here + (has_own ? 1 : 0); brick != row.end() && right == -kNowhere; ++brick) {
     const uint32_t cells = row_of(*brick->mask, y, z);
-    if (brick->x == slab) {
-      own = cells;
-    } else if (cells != 0) {
-      right = brick->x * kWidth + std::countr_zero(cells);
-    }
+    if (cells != 0) right = brick->x * kWidth + std::countr_zero(cells);
   }
   if (own == 0 && left == kNowhere && right == -kNowhere) return false;
+  add_row(slab, y, {left, own, right}, scratch);
+  return true;
+}
+
+void NearestCells::add_row(int slab, int y, const SetCells& set, Scratch& scratch) const {
+  int left = set.left;
   for (int x = 0; x < kWidth; ++x) {
     const int cell = slab * kWidth + x;
-    if ((own >> x & 1) != 0) left = cell;
-    const uint32_t beyond = own >> x;
-    const int next = beyond != 0 ? cell + std::countr_zero(beyond) : right;
+    if ((set.own >> x & 1) != 0) left = cell;
+    const uint32_t beyond = set.own >> x;
+    const int next = beyond != 0 ? cell + std::countr_zero(beyond) : set.right;
     const int nearest = cell - left <= next - cell ? left : next;
     const auto apart = static_cast<uint32_t>(std::abs(cell - nearest));
     const size_t at =
@@ -73,7 +76,6 @@ bool NearestCells::run_row(int slab, int y, int z, Scratch& scratch) const {
     scratch.squared[at] = apart * apart;
     scratch.x[at] = static_cast<int16_t>(nearest);
   }
-  return true;
 }
 
 void NearestCells::run_plane(int slab, int z, Scratch& scratch) {

@@ -51,6 +51,13 @@ class NearestCells {
     LowerEnvelope envelope;
   };
 
+  // Of a row: in the slab bit by bit, and the nearest beside it.
+  struct SetCells {
+    int left;
+    uint32_t own;
+    int right;
+  };
+
   size_t place(int x, int y, int z) const {
     return (static_cast<size_t>(x) * static_cast<size_t>(dims_.z) + static_cast<size_t>(z)) *
                static_cast<size_t>(dims_.y) +
@@ -61,6 +68,7 @@ class NearestCells {
            static_cast<size_t>(y / kWidth);
   }
   bool run_row(int slab, int y, int z, Scratch& scratch) const;
+  void add_row(int slab, int y, const SetCells& set, Scratch& scratch) const;
   void run_plane(int slab, int z, Scratch& scratch);
   void run_lines(int y_begin, int y_end, Scratch& scratch);
 

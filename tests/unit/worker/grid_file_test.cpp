@@ -112,7 +112,7 @@ TEST_F(GridFileTest, says_where_it_cannot_write) {
   GridFile file(folder_ / "nowhere" / "grid", Codec::kFast, 0);
   GridOutput output({&file}, false);
   Grid place = sheet();
-  ASSERT_TRUE(output.begin(Grid{place.spec, false, false, {}, "{}"}).ok());
+  ASSERT_TRUE(output.begin(Grid{place.spec, {}, {}, "{}"}).ok());
   const Status status = output.add(place.tiles);
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().message(), "create grid.tiles: No such file or directory");
