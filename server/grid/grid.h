@@ -30,8 +30,8 @@ inline constexpr std::array<uint8_t, 3> kNeutralColor = {0xb4, 0xb4, 0xb4};
 // An sRGB colour for an id, for pictures and palettes of grids whose voxels have ids but no colour:
 // ids that follow each other differ much. 0, no id, is kNeutralColor.
 std::array<uint8_t, 3> id_color(uint16_t id);
-// The channel whose ids colour the voxels of a grid without colour: label, else material; none where
-// the grid has colour or neither.
+// The channel whose ids colour the voxels of a grid without colour: label, else material; none
+// where the grid has colour or neither.
 std::optional<Channel> coloring_ids(const Grid& grid);
 // A voxel's number in a tile -> its id in that channel.
 uint16_t voxel_id(const SparseTile& tile, Channel channel, size_t voxel);
