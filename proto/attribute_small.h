@@ -1,5 +1,5 @@
-// The attributes of a tile, predicted from neighbours and entropy coded with contexts: the
-// channels' streams of codec `small`. proto/README.md specifies the bits.
+// The attributes of a tile, predicted from neighbours and entropy coded with contexts: streams of
+// channels in codec `small`. proto/README.md specifies the bits.
 #pragma once
 
 #include <cstdint>

@@ -18,7 +18,7 @@ constexpr std::array<double, 3> kToLight = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0};
 constexpr double kAmbient = 0.2, kDiffuse = 0.8, kSpecular = 0.25;  // exponent 16
 
 // Of a surface as large as a cell's face, across its dominant axis: 16 lattice points.
-constexpr uint64_t kFaceWeight = 16 * 256;
+constexpr uint64_t kFaceWeight = uint64_t{16} * 256;
 
 struct Unit {
   double x = 0, y = 0, z = 0;

@@ -9,8 +9,8 @@
 namespace voxeld {
 
 // The cells of both, canonical, with the attributes of `surface`; voxels that are not surface have
-// 0 in bricks that have attributes. Full nodes of the inside stay
-// what they are but for bricks that hold surface with attributes.
+// 0 in bricks that have attributes. Full nodes of the inside stay what they are but for bricks that
+// hold surface with attributes.
 SparseTile merge_tile(const SparseTile& surface, const SparseTile& inside,
                       const ChannelSet& channels);
 
