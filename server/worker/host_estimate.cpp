@@ -12,7 +12,7 @@ namespace {
 
 constexpr int64_t kMebi = int64_t{1} << 20;
 
-// What a thread of the CPU pipeline, an encoder and the allocator keep; measured, doubled.
+// What a thread of the CPU pipeline, an encoder and the allocator keep: a generous guess.
 constexpr int64_t kThreadBytes = 24 * kMebi;
 // Shaders, windows of triangles and sums of attributes of a software driver.
 constexpr int64_t kSoftwareDeviceBytes = 512 * kMebi;
@@ -32,11 +32,13 @@ int64_t image_bytes(const Scene& scene) {
 }
 
 // Arrays of a dense format, and the file that is made of them.
-int64_t dense_bytes(int64_t cells, bool has_color, bool has_normal, const OutputOptions& output) {
+int64_t dense_bytes(int64_t cells, const ChannelSet& channels, const OutputOptions& output) {
   if (output.format == Format::kNative) return 0;
-  const int64_t samples =
-      output.format == Format::kNpy ? 1 : 1 + (has_color ? 4 : 0) + (has_normal ? 3 : 0);
-  return 2 * cells * samples * (output.dtype == DType::kFloat32 ? 4 : 1);
+  // Distances are written as floats, which are twice as large.
+  const auto attributes =
+      static_cast<int64_t>(attribute_bytes(channels)) + (channels.distance ? 2 : 0);
+  const int64_t bytes = output.format == Format::kNpy ? 1 : 1 + attributes;
+  return 2 * cells * bytes * (output.dtype == DType::kFloat32 ? 4 : 1);
 }
 
 // Of one tile, decoded: bricks of which each has a voxel, and attributes.
@@ -47,7 +49,7 @@ int64_t tile_bytes_max(const TileSource& source, size_t index) {
   const int64_t bricks =
       std::min(voxels, cells / (limits::kBrickSide * limits::kBrickSide * limits::kBrickSide));
   const Grid& grid = source.grid();
-  const int64_t values = (grid.has_color ? 4 : 0) + (grid.has_normal ? 3 : 0);
+  const auto values = static_cast<int64_t>(attribute_bytes(grid.channels));
   return bricks * static_cast<int64_t>(sizeof(BrickMask) + sizeof(uint32_t)) + voxels * values;
 }
 
@@ -85,7 +87,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   return 2 * mesh_bytes(scene) + records + result + threads() * kThreadBytes +
          2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
          (on_device ? kSoftwareDeviceBytes : 0) +
-         dense_bytes(placed.spec.cell_count(), channels.color, channels.normal, output);
+         dense_bytes(placed.spec.cell_count(), channels.grid, output);
 }
 
 int64_t selection_bytes(const TileSource& source, const TileSource& selected,
@@ -98,23 +100,24 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
   if (output.format != Format::kNative) {
     whole = std::min<int64_t>(
         largest_tile_bytes(selected) * static_cast<int64_t>(selected.coords().size()),
-        grid.spec.cell_count() * 8);
+        grid.spec.cell_count() * (1 + static_cast<int64_t>(attribute_bytes(grid.channels))));
   }
   return tiles + whole + threads() * kThreadBytes +
          2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
-         dense_bytes(grid.spec.cell_count(), grid.has_color, grid.has_normal, output);
+         dense_bytes(grid.spec.cell_count(), grid.channels, output);
 }
 
-int64_t picture_bytes(const Engine& engine, const TileSource& source, const RenderOptions& render) {
+int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOptions& render) {
   const int64_t batch = std::max<int64_t>(8, 2 * threads());
   const auto limit = static_cast<int64_t>(engine.picture_limits.bytes_max);
   int64_t all = 0;
   for (size_t i = 0; i < source.coords().size() && all < limit; ++i) {
     all += 4 * tile_bytes_max(source, i);  // its tables are less than three times as large
   }
+  const auto by = engine.choose_renderer(render.renderer);
   // A software driver has a copy of a table while it is sent; its shaders come on top.
   const auto table = static_cast<int64_t>(
-      std::min(engine.device.renderer->table_bytes_max(), engine.picture_limits.bytes_max / 2));
+      std::min(by ? by->renderer->table_bytes_max() : 0, engine.picture_limits.bytes_max / 2));
   all = std::min(all, limit);
   return all + std::min(all, table) + 3 * batch * largest_tile_bytes(source) +
          int64_t{16} * render.width * render.height + kSoftwareDeviceBytes / 2;

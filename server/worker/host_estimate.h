@@ -21,7 +21,7 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
                         const OutputOptions& output);
 
 // The tiles and tables of a picture, at most picture_limits, and the picture.
-int64_t picture_bytes(const Engine& engine, const TileSource& source, const RenderOptions& render);
+int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOptions& render);
 
 // Meta: host_bytes_estimate, the resident bytes now and `more`, but no less than the peak so far.
 void expect_bytes(TaskRun& run, int64_t more);
