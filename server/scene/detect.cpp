@@ -38,8 +38,8 @@ std::optional<MeshFormat> format_of_extension(std::string_view filename) {
   const size_t dot = base.rfind('.');
   if (dot == base.npos) return std::nullopt;
   constexpr std::pair<std::string_view, MeshFormat> kExtensions[] = {
-      {"obj", MeshFormat::kObj}, {"ply", MeshFormat::kPly},   {"stl", MeshFormat::kStl},
-      {"off", MeshFormat::kOff}, {"gltf", MeshFormat::kGltf}, {"glb", MeshFormat::kGlb},
+      {"obj", MeshFormat::kObj},     {"ply", MeshFormat::kPly},   {"stl", MeshFormat::kStl},
+      {"off", MeshFormat::kOff},     {"gltf", MeshFormat::kGltf}, {"glb", MeshFormat::kGlb},
       {"md5mesh", MeshFormat::kMd5}, {"zip", MeshFormat::kZip}};
   for (const auto& [name, format] : kExtensions) {
     if (equals_ignoring_case(base.substr(dot + 1), name)) return format;
