@@ -90,7 +90,7 @@ TEST(Batches, attributes_without_64_bit_integers_are_refused_and_auto_takes_the_
   VoxelizeOptions options = unit_cells({32, 32, 32});
   VoxelizeStats stats;
   const Grid grid = voxelize_on(one, scene, options, PipelineChoice::kAuto, &stats);
-  EXPECT_TRUE(grid.has_color);
+  EXPECT_TRUE(grid.channels.color);
   EXPECT_EQ(stats.pipeline, Pipeline::kCpu);
   options.pipeline = PipelineChoice::kCompute;
   const auto refused = one.voxelize(scene, options, {}, nullptr);

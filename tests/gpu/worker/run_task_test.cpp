@@ -124,7 +124,7 @@ TEST_F(RunTaskTest, a_picture_says_what_drew_it) {
     EXPECT_EQ(json::parse(done->meta_json)["drawn_by"], by_gl ? "gl" : "cpu");
   }
   const auto by_gl = picture("gl");
-  ASSERT_EQ(by_gl.has_value(), has_gl());
+  ASSERT_EQ(by_gl.ok(), has_gl());
   if (has_gl()) {
     EXPECT_EQ(json::parse(by_gl->meta_json)["drawn_by"], "gl");
   } else {
