@@ -233,6 +233,13 @@ Md5Pose joint_in_frame(const Md5Anim& anim, const Md5AnimJoint& joint, size_t fr
   return {{value[0], value[1], value[2]}, glm::normalize(glm::dquat(w, xyz.x, xyz.y, xyz.z))};
 }
 
+// Empty for a root.
+template <typename Joint>
+std::string_view parent_name(const std::vector<Joint>& joints, int parent) {
+  if (parent == kMd5RootParent) return {};
+  return joints[static_cast<size_t>(parent)].name;
+}
+
 // "a", "b" and 3 more
 std::string listed(const std::vector<std::string>& names) {
   std::string text;
@@ -310,11 +317,9 @@ Result<std::vector<uint32_t>> match_md5_joints(std::string_view mesh_name,
     }
     match.push_back(found->second);
     if (taken[found->second]++ != 0) repeated.push_back(joint.name);
-    const int parent = anim.joints[found->second].parent;
     const std::string_view anim_parent =
-        parent == kMd5RootParent ? "" : anim.joints[static_cast<size_t>(parent)].name;
-    const std::string_view mesh_parent =
-        joint.parent == kMd5RootParent ? "" : mesh_joints[static_cast<size_t>(joint.parent)].name;
+        parent_name(anim.joints, anim.joints[found->second].parent);
+    const std::string_view mesh_parent = parent_name(mesh_joints, joint.parent);
     if (anim_parent != mesh_parent) moved.push_back(joint.name);
   }
   for (size_t j = 0; j < taken.size(); ++j) {
