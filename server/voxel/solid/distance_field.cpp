@@ -20,7 +20,6 @@ constexpr int kUnit = 512;  // a voxel, in the tree's units
 constexpr int kBlockSide = 64;  // cells; one part of the work of a tile
 const double kHalfDiagonal = std::sqrt(3.0) / 2;
 constexpr uint32_t kBlocks = 64;  // of a tile
-constexpr uint32_t kBlockBricks = kTileBrickCount / kBlocks;
 
 glm::ivec3 centre_of(const glm::ivec3& first_cell, int side) {
   return first_cell * kUnit + side * (kUnit / 2);
