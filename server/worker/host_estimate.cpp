@@ -46,8 +46,8 @@ int64_t tile_bytes_max(const TileSource& source, size_t index) {
   const int64_t cells = int64_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide;
   const auto known = static_cast<int64_t>(source.voxels(index));
   const int64_t voxels = known > 0 ? known : cells;
-  const int64_t bricks =
-      std::min(voxels, cells / (limits::kBrickSide * limits::kBrickSide * limits::kBrickSide));
+  const int64_t bricks = std::min(
+      voxels, cells / (int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide));
   const Grid& grid = source.grid();
   const auto values = static_cast<int64_t>(attribute_bytes(grid.channels));
   return bricks * static_cast<int64_t>(sizeof(BrickMask) + sizeof(uint32_t)) + voxels * values;
