@@ -18,7 +18,7 @@ TEST(Resolve, rounds_means_and_writes_after_the_first_voxel) {
   // weight, r, g, b, a, x, y, z: +x, half white.
   const std::vector<uint32_t> sums = {2, 65535, 0, 131070, 65535, 131070, 65536, 65536};
   SparseTile tile = tile_for(2);
-  resolve_voxels(sums, {}, {kAll, false, true, true}, 1, tile);
+  resolve_voxels(sums, {}, {kAll, false, {.color = true, .normal = true}}, 1, tile);
   EXPECT_EQ(tile.color, (std::vector<uint8_t>{0, 0, 0, 0, 188, 0, 255, 128}));
   EXPECT_EQ(tile.normal, (std::vector<int8_t>{0, 0, 0, 127, 0, 0}));
 }
@@ -29,7 +29,7 @@ TEST(Resolve, carries_are_the_upper_halves) {
   const std::vector<uint32_t> sums(8, 0u);
   const std::vector<uint32_t> carries = {2, high, high, high, high, high, 0x10000, 0x10000};
   SparseTile tile = tile_for(1);
-  resolve_voxels(sums, carries, {kAll, false, true, true}, 0, tile);
+  resolve_voxels(sums, carries, {kAll, false, {.color = true, .normal = true}}, 0, tile);
   EXPECT_EQ(tile.color, (std::vector<uint8_t>{255, 255, 255, 255}));
   EXPECT_EQ(tile.normal, (std::vector<int8_t>{127, 0, 0}));
 }
@@ -37,14 +37,14 @@ TEST(Resolve, carries_are_the_upper_halves) {
 TEST(Resolve, normals_that_cancel_are_zero) {
   const std::vector<uint32_t> sums = {2, 0, 0, 0, 0, 65535 + 1, 65536, 65536};
   SparseTile tile = tile_for(1);
-  resolve_voxels(sums, {}, {kAll, false, true, true}, 0, tile);
+  resolve_voxels(sums, {}, {kAll, false, {.color = true, .normal = true}}, 0, tile);
   EXPECT_EQ(tile.normal, (std::vector<int8_t>{0, 0, 0}));
 }
 
 TEST(Resolve, without_alpha_voxels_are_opaque) {
   const std::vector<uint32_t> sums = {4, 4 * 65535, 0, 0};
   SparseTile tile = tile_for(1);
-  resolve_voxels(sums, {}, {{true, false, false}, false, true, false}, 0, tile);
+  resolve_voxels(sums, {}, {{true, false, false}, false, {.color = true}}, 0, tile);
   EXPECT_EQ(tile.color, (std::vector<uint8_t>{255, 0, 0, 255}));
 }
 
@@ -52,7 +52,7 @@ TEST(Resolve, faces_away_from_the_light_keep_ambient_light_alone) {
   // White, -y: linear 0.2 is sRGB 124.
   const std::vector<uint32_t> sums = {1, 65535, 65535, 65535, 32768, 1, 32768};
   SparseTile tile = tile_for(1);
-  resolve_voxels(sums, {}, {{true, false, true}, true, true, false}, 0, tile);
+  resolve_voxels(sums, {}, {{true, false, true}, true, {.color = true}}, 0, tile);
   EXPECT_EQ(tile.color, (std::vector<uint8_t>{124, 124, 124, 255}));
 }
 

@@ -212,7 +212,7 @@ TEST(Ids, the_material_with_the_largest_area_wins_whatever_the_order_of_parts) {
                             {1.5, 1, 1.75, 2, 1.4, 1},
                             {3, 1, 4, 2, 1.5, -1}};
   for (int round = 0; round < 4; ++round) {
-    std::ranges::rotate(all, all.begin() + 1);
+    std::rotate(all.begin(), all.begin() + 1, all.end());
     const auto cells = measured(sheets(all, 2), ids_in_cells({5, 3, 3}));
     EXPECT_EQ(cells.at({1, 1, 1}).material, 2);
     EXPECT_EQ(cells.at({3, 1, 1}).material, 0) << "of no material";
