@@ -111,7 +111,7 @@ inline Word4 morton_words(Word4 slices) {
 
 // ORs the brick at cell (8 bx, 8 by, 8 bz) of a block of rows into 8 words of Morton order.
 inline void add_brick_of_rows(const uint64_t* block, int bx, int by, int bz, uint64_t* brick) {
-  const uint64_t* rows = block + ptrdiff_t{8 * 64} * bz + ptrdiff_t{8} * by;
+  const uint64_t* rows = block + ptrdiff_t{512} * bz + ptrdiff_t{8} * by;
   for (ptrdiff_t half = 0; half < 2; ++half) {
     Word4 slices;
     for (int z = 0; z < 4; ++z) slices[z] = brick_slice(rows + (4 * half + z) * 64, bx);
@@ -124,7 +124,7 @@ inline void add_brick_of_rows(const uint64_t* block, int bx, int by, int bz, uin
 // holds any cell.
 inline uint64_t any_in_bricks(const uint64_t* block, int by, int bz) {
   Word4 any{};
-  const uint64_t* rows = block + ptrdiff_t{8 * 64} * bz + ptrdiff_t{8} * by;
+  const uint64_t* rows = block + ptrdiff_t{512} * bz + ptrdiff_t{8} * by;
   for (int z = 0; z < 8; ++z, rows += 64) {
     any |= load4(rows) | load4(rows + 4);
   }
