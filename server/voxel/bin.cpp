@@ -7,44 +7,70 @@
 #include "proto/limits.h"
 #include "proto/sparse_tile.h"
 #include "server/voxel/parallel.h"
+#include "server/voxel/raw_vector.h"
 
 namespace voxeld {
 namespace {
 
 constexpr size_t kTriangleGrain = 1 << 15;
+constexpr int kTileShift = limits::kSubVoxelBits + std::countr_zero(unsigned{limits::kTileSide});
 
-// First and last tile of a triangle's box on each axis, 10 bits each, x first in the lowest.
-uint64_t tile_span(const SnappedMesh& mesh, const SnappedTriangle& triangle,
+// Tiles that a triangle's box reaches, both ends included.
+struct TileSpan {
+  glm::ivec3 first, last;
+};
+
+TileSpan tile_span(const SnappedMesh& mesh, const SnappedTriangle& triangle,
                    const glm::ivec3& tile_dims) {
-  constexpr int kTileShift = limits::kSubVoxelBits + std::countr_zero(unsigned{limits::kTileSide});
   const glm::ivec3 &a = mesh.vertices[triangle.vertices[0]],
                    &b = mesh.vertices[triangle.vertices[1]],
                    &c = mesh.vertices[triangle.vertices[2]];
-  uint64_t span = 0;
+  TileSpan span;
   for (int axis = 0; axis < 3; ++axis) {
-    const int low = std::min({a[axis], b[axis], c[axis]}) >> kTileShift;
-    const int high = std::max({a[axis], b[axis], c[axis]}) >> kTileShift;
-    span |= static_cast<uint64_t>(std::max(low, 0)) << (10 * axis);
-    span |= static_cast<uint64_t>(std::min(high, tile_dims[axis] - 1)) << (10 * axis + 30);
+    const int low = std::min(a[axis], std::min(b[axis], c[axis])) >> kTileShift;
+    const int high = std::max(a[axis], std::max(b[axis], c[axis])) >> kTileShift;
+    span.first[axis] = std::max(low, 0);
+    span.last[axis] = std::min(high, tile_dims[axis] - 1);
   }
   return span;
 }
 
+uint32_t tile_number(const glm::ivec3& tile, const glm::ivec3& tile_dims) {
+  return static_cast<uint32_t>((tile.z * tile_dims.y + tile.y) * tile_dims.x + tile.x);
+}
+
+// The tile that each vertex stands in, or the nearest one.
+RawVector<uint32_t> tiles_of_vertices(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
+  RawVector<uint32_t> tiles(mesh.vertices.size());
+  const glm::ivec3 last = tile_dims - 1;
+  parallel_chunks(tiles.size(), kTriangleGrain, [&](size_t, size_t begin, size_t end) {
+    for (size_t v = begin; v < end; ++v) {
+      const glm::ivec3& q = mesh.vertices[v];
+      tiles[v] = tile_number({std::clamp(q.x >> kTileShift, 0, last.x),
+                              std::clamp(q.y >> kTileShift, 0, last.y),
+                              std::clamp(q.z >> kTileShift, 0, last.z)},
+                             tile_dims);
+    }
+  });
+  return tiles;
+}
+
 template <typename Visit>
-void for_each_tile(uint64_t span, const glm::ivec3& tile_dims, const Visit& visit) {
-  const auto at = [&](int shift) { return static_cast<uint32_t>(span >> shift & 1023u); };
-  for (uint32_t z = at(20); z <= at(50); ++z) {
-    for (uint32_t y = at(10); y <= at(40); ++y) {
-      const uint32_t row =
-          (z * static_cast<uint32_t>(tile_dims.y) + y) * static_cast<uint32_t>(tile_dims.x);
-      for (uint32_t x = at(0); x <= at(30); ++x) visit(row + x);
+void for_each_tile(const TileSpan& span, const glm::ivec3& tile_dims, const Visit& visit) {
+  glm::ivec3 tile;
+  for (tile.z = span.first.z; tile.z <= span.last.z; ++tile.z) {
+    for (tile.y = span.first.y; tile.y <= span.last.y; ++tile.y) {
+      for (tile.x = span.first.x; tile.x <= span.last.x; ++tile.x) {
+        visit(tile_number(tile, tile_dims));
+      }
     }
   }
 }
 
 }  // namespace
 
-// A counting sort: counts per tile and chunk, offsets, then every chunk writes its own places.
+// A counting sort: counts per tile and chunk, offsets, then every chunk writes its own places. Most
+// triangles reach one tile, the one that all their vertices stand in.
 TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   const auto tile_count = static_cast<size_t>(tile_dims.x) * static_cast<size_t>(tile_dims.y) *
                           static_cast<size_t>(tile_dims.z);
@@ -57,12 +83,24 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   }
   std::vector<std::vector<size_t>> places(chunk_count(count, kTriangleGrain),
                                           std::vector<size_t>(tile_count));
-  std::vector<uint64_t> spans(count);
-  parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+  const RawVector<uint32_t> of_vertices = tiles_of_vertices(mesh, tile_dims);
+  // Calls visit(triangle, tile) for a chunk's triangles.
+  const auto for_each_pair = [&](size_t begin, size_t end, const auto& visit) {
+    const uint32_t* tiles = of_vertices.data();
     for (size_t t = begin; t < end; ++t) {
-      spans[t] = tile_span(mesh, mesh.triangles[t], tile_dims);
-      for_each_tile(spans[t], tile_dims, [&](uint32_t tile) { ++places[chunk][tile]; });
+      const SnappedTriangle& triangle = mesh.triangles[t];
+      const uint32_t tile = tiles[triangle.vertices[0]];
+      if (tile == tiles[triangle.vertices[1]] && tile == tiles[triangle.vertices[2]]) {
+        visit(t, tile);
+      } else {
+        for_each_tile(tile_span(mesh, triangle, tile_dims), tile_dims,
+                      [&](uint32_t one) { visit(t, one); });
+      }
     }
+  };
+  parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+    size_t* counts = places[chunk].data();
+    for_each_pair(begin, end, [&](size_t, uint32_t tile) { ++counts[tile]; });
   });
   std::vector<size_t> first(tile_count + 1);
   size_t total = 0;
@@ -77,11 +115,11 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   first[tile_count] = total;
   triangles_.resize(total);
   parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
-    for (size_t t = begin; t < end; ++t) {
-      for_each_tile(spans[t], tile_dims, [&](uint32_t tile) {
-        triangles_[places[chunk][tile]++] = static_cast<uint32_t>(t);
-      });
-    }
+    size_t* next = places[chunk].data();
+    uint32_t* triangles = triangles_.data();
+    for_each_pair(begin, end, [&](size_t t, uint32_t tile) {
+      triangles[next[tile]++] = static_cast<uint32_t>(t);
+    });
   });
   for (size_t tile = 0; tile < tile_count; ++tile) {
     if (first[tile] == first[tile + 1]) continue;

@@ -7,6 +7,7 @@
 
 #include <glm/vec3.hpp>
 
+#include "server/voxel/raw_vector.h"
 #include "server/voxel/snap.h"
 
 namespace voxeld {
@@ -27,7 +28,7 @@ class TileBins {
   const std::vector<TileBin>& bins() const { return bins_; }
 
  private:
-  std::vector<uint32_t> triangles_;
+  RawVector<uint32_t> triangles_;
   std::vector<TileBin> bins_;
 };
 

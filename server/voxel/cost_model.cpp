@@ -9,7 +9,7 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kTrianglesRead = 1 << 14;
+constexpr size_t kTrianglesRead = 1 << 12;
 constexpr size_t kTerms = 4;
 using Terms = std::array<double, kTerms>;
 
@@ -109,9 +109,8 @@ Workload estimate_workload(const SnappedMesh& mesh, std::span<const TileBin> bin
     const auto& v = mesh.triangles[t].vertices;
     const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]], &c = mesh.vertices[v[2]];
     const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
-    std::array<double, 3> sides = {cell * extent.x + 1, cell * extent.y + 1, cell * extent.z + 1};
-    std::sort(sides.begin(), sides.end());
-    work.columns += sides[2] * sides[1];
+    const glm::dvec3 sides = cell * glm::dvec3(extent) + 1.0;
+    work.columns += sides.x * sides.y * sides.z / std::min({sides.x, sides.y, sides.z});
   }
   if (read > 0) work.columns *= static_cast<double>(count) / static_cast<double>(read);
   return work;

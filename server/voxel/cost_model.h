@@ -17,7 +17,7 @@ struct Workload {
   double columns = 0;
 };
 
-// `bins`: of all triangles of the mesh. Reads some 10^4 triangles, evenly spread.
+// `bins`: of all triangles of the mesh. Reads some thousand triangles, evenly spread.
 Workload estimate_workload(const SnappedMesh& mesh, std::span<const TileBin> bins);
 
 // Milliseconds of a request: job_ms + tile_ms tiles + triangle_ns triangles + column_ns columns.

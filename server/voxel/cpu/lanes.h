@@ -103,6 +103,13 @@ inline bool any_negative(Int4 v) {
 inline IntLanes all_lanes(int32_t value) {
   return IntLanes{} + value;
 }
+inline int32_t largest(IntLanes v) {
+  int32_t lanes[kLanes];
+  __builtin_memcpy(lanes, &v, sizeof v);
+  int32_t most = lanes[0];
+  for (int l = 1; l < kLanes; ++l) most = lanes[l] > most ? lanes[l] : most;
+  return most;
+}
 // 0, 1, 2, ...
 inline IntLanes lane_numbers() {
   IntLanes v{};

@@ -25,64 +25,134 @@ class TileToucher {
  public:
   TileToucher(const TouchInput& input, uint64_t* words) : input_(input), words_(words) {}
 
+  // A group of triangles at a time, a lane for each; the last group has its last one several times,
+  // which does no harm.
   uint64_t run() {
-    const Int4 tile_q = {input_.tile_q[0], input_.tile_q[1], input_.tile_q[2], 0};
-    const Int4 cell_last = {input_.cell_last[0], input_.cell_last[1], input_.cell_last[2], 0};
-    for (size_t i = 0; i < input_.list_count; ++i) {
-      const uint32_t* triangle = input_.triangles + input_.list[i] * input_.triangle_stride;
-      const Int4 a = corner_of(input_, triangle[0]) - tile_q;
-      const Int4 b = corner_of(input_, triangle[1]) - tile_q;
-      const Int4 c = corner_of(input_, triangle[2]) - tile_q;
-      add(a, b, c, cell_last);
-    }
+    for (size_t i = 0; i < input_.list_count; i += kLanes) sort_group(i);
     flush();
     words_[kMortonBlocksAt] = morton_blocks_;
-    return blocks_ | morton_blocks_;
+    uint64_t blocks = morton_blocks_;
+    for (uint32_t block = 0; block < 64; ++block) {
+      blocks |= uint64_t{seen_blocks_[block]} << block;
+    }
+    return blocks;
   }
 
  private:
-  void add(Int4 a, Int4 b, Int4 c, Int4 cell_last) {
-    const Int4 low = lesser(a, lesser(b, c)), high = greater(a, greater(b, c));
-    const Int4 first = greater(low >> 8, Int4{}), last = lesser(high >> 8, cell_last);
-    if (any_negative(last - first)) return;
-    if (any_negative(kSmallExtent - (high - low))) {
-      Corners corners;
-      for (int axis = 0; axis < 3; ++axis) {
-        corners.q[0][axis] = a[axis];
-        corners.q[1][axis] = b[axis];
-        corners.q[2][axis] = c[axis];
-      }
-      morton_blocks_ |= LargeTriangle(corners, input_.cell_last).touch(words_);
-      return;
-    }
-    blocks_ |= blocks_of(first, last);  // some may stay empty
-    const Int4 cells = (high >> 8) - (low >> 8);
-    // A box that is a row of cells: every slice of it holds a part of the triangle.
-    if ((cells[0] == 0) + (cells[1] == 0) + (cells[2] == 0) >= 2) return fill_row(first, last);
-    const int rows_y = last[1] - first[1] + 1, rows_z = last[2] - first[2] + 1;
-    SmallBatch& batch = batches_[kSizeClass[rows_z]][kSizeClass[rows_y]];
-    const int lane = batch.count++;
-    batch.q[0][lane] = a;
-    batch.q[1][lane] = b;
-    batch.q[2][lane] = c;
-    batch.rows_y = greater(batch.rows_y, rows_y);
-    batch.rows_z = greater(batch.rows_z, rows_z);
-    if (batch.count == kLanes) run_batch(batch);
+  // What the lanes' boxes say. Masks are -1 or 0 in a lane.
+  struct Group {
+    Int4 q[3][kLanes];
+    IntLanes first[3], last[3];  // cells of the boxes inside the tile
+    IntLanes inside;             // some cell is
+    IntLanes large;
+    IntLanes row;  // boxes that are a row of cells: every slice of one holds a part of the triangle
+  };
+
+  void sort_group(size_t first) {
+    Group group;
+    load(first, group);
+    measure(group);
+    const IntLanes small = group.inside & ~group.large;
+    mark_blocks(group, small);
+    fill_rows(group, small & group.row);
+    touch_large(group, group.inside & group.large);
+    add_to_batches(group, small & ~group.row);
   }
 
-  void fill_row(Int4 first, Int4 last) {
-    for (int z = first[2]; z <= last[2]; ++z) {
-      for (int y = first[1]; y <= last[1]; ++y) {
-        set_row(words_ + kTouchRowsAt, static_cast<uint32_t>(row_word_y(y) + row_word_z(z)),
-                static_cast<uint32_t>(first[0]), static_cast<uint32_t>(last[0] + 1));
+  void load(size_t first, Group& group) const {
+    const Int4 tile_q = {input_.tile_q[0], input_.tile_q[1], input_.tile_q[2], 0};
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const size_t i = first + lane < input_.list_count ? first + lane : input_.list_count - 1;
+      const uint32_t* triangle = input_.triangles + input_.list[i] * input_.triangle_stride;
+      for (int v = 0; v < 3; ++v) group.q[v][lane] = corner_of(input_, triangle[v]) - tile_q;
+    }
+  }
+
+  void measure(Group& group) const {
+    IntLanes p[3][3], one_cell{}, outside{};
+    for (int v = 0; v < 3; ++v) transposed(group.q[v], p[v]);
+    group.large = IntLanes{};
+    for (int c = 0; c < 3; ++c) {
+      const IntLanes low = lesser(p[0][c], lesser(p[1][c], p[2][c]));
+      const IntLanes high = greater(p[0][c], greater(p[1][c], p[2][c]));
+      group.first[c] = greater(low >> 8, IntLanes{});
+      group.last[c] = lesser(high >> 8, all_lanes(input_.cell_last[c]));
+      outside |= group.last[c] - group.first[c];
+      group.large |= kSmallExtent - (high - low);
+      one_cell += (low >> 8) == (high >> 8);
+    }
+    group.inside = ~(outside >> 31);
+    group.large >>= 31;
+    group.row = one_cell <= -2;
+  }
+
+  // Of boxes of small triangles; some blocks may stay empty.
+  void mark_blocks(const Group& group, IntLanes small) {
+    const IntLanes first = block_number(group.first), last = block_number(group.last);
+    const IntLanes number = small ? first : all_lanes(kNoBlock);
+    for (int lane = 0; lane < kLanes; ++lane) seen_blocks_[number[lane]] = 1;
+    uint32_t several = negative_lanes(small & (first != last));
+    for (; several != 0; several &= several - 1) {
+      const int lane = __builtin_ctz(several);
+      mark_blocks_of_box(group, lane);
+    }
+  }
+
+  static IntLanes block_number(const IntLanes (&cell)[3]) {
+    return (row_word_x(cell[0]) | row_word_y(cell[1]) | row_word_z(cell[2])) >> 12;
+  }
+
+  void mark_blocks_of_box(const Group& group, int lane) {
+    uint64_t blocks = blocks_of(corner(group.first, lane), corner(group.last, lane));
+    for (; blocks != 0; blocks &= blocks - 1) seen_blocks_[__builtin_ctzll(blocks)] = 1;
+  }
+
+  static Int4 corner(const IntLanes (&cell)[3], int lane) {
+    return Int4{cell[0][lane], cell[1][lane], cell[2][lane], 0};
+  }
+
+  void fill_rows(const Group& group, IntLanes wanted) {
+    IntLanes y = group.first[1], z = group.first[2];
+    while (negative_lanes(wanted) != 0) {
+      set_rows(words_ + kTouchRowsAt, row_word_y(y) + row_word_z(z), group.first[0],
+               group.last[0] + 1, wanted);
+      // One of the two goes on, or none.
+      const IntLanes more_y = y < group.last[1], more_z = z < group.last[2];
+      y -= more_y;
+      z -= more_z;
+      wanted &= more_y | more_z;
+    }
+  }
+
+  void touch_large(const Group& group, IntLanes wanted) {
+    for (uint32_t lanes = negative_lanes(wanted); lanes != 0; lanes &= lanes - 1) {
+      const int lane = __builtin_ctz(lanes);
+      Corners corners;
+      for (int v = 0; v < 3; ++v) {
+        for (int axis = 0; axis < 3; ++axis) corners.q[v][axis] = group.q[v][lane][axis];
       }
+      morton_blocks_ |= LargeTriangle(corners, input_.cell_last).touch(words_);
+    }
+  }
+
+  void add_to_batches(const Group& group, IntLanes wanted) {
+    alignas(64) int32_t rows_y[kLanes], rows_z[kLanes];
+    const IntLanes all_y = group.last[1] - group.first[1] + 1,
+                   all_z = group.last[2] - group.first[2] + 1;
+    __builtin_memcpy(rows_y, &all_y, sizeof rows_y);
+    __builtin_memcpy(rows_z, &all_z, sizeof rows_z);
+    for (uint32_t lanes = negative_lanes(wanted); lanes != 0; lanes &= lanes - 1) {
+      const int lane = __builtin_ctz(lanes);
+      SmallBatch& batch = batches_[kSizeClass[rows_z[lane]]][kSizeClass[rows_y[lane]]];
+      const int place = batch.count++;
+      for (int v = 0; v < 3; ++v) batch.q[v][place] = group.q[v][lane];
+      if (batch.count == kLanes) run_batch(batch);
     }
   }
 
   void run_batch(SmallBatch& batch) {
-    SmallTriangles(batch, input_.cell_last)
-        .touch(batch.rows_y, batch.rows_z, words_ + kTouchRowsAt);
-    batch.count = batch.rows_y = batch.rows_z = 0;
+    SmallTriangles(batch, input_.cell_last).touch(words_ + kTouchRowsAt);
+    batch.count = 0;
   }
 
   // Runs what is left, neighbouring sizes together.
@@ -90,14 +160,9 @@ class TileToucher {
     SmallBatch rest;
     for (auto& row : batches_) {
       for (SmallBatch& batch : row) {
-        rest.rows_y = greater(rest.rows_y, batch.rows_y);
-        rest.rows_z = greater(rest.rows_z, batch.rows_z);
         for (int lane = 0; lane < batch.count; ++lane) {
           copy_lane(batch, lane, rest, rest.count++);
-          if (rest.count < kLanes) continue;
-          run_batch(rest);
-          rest.rows_y = batch.rows_y;
-          rest.rows_z = batch.rows_z;
+          if (rest.count == kLanes) run_batch(rest);
         }
       }
     }
@@ -113,7 +178,9 @@ class TileToucher {
 
   const TouchInput& input_;
   uint64_t* words_;
-  uint64_t blocks_ = 0, morton_blocks_ = 0;
+  static constexpr int32_t kNoBlock = 64;
+  uint64_t morton_blocks_ = 0;
+  uint8_t seen_blocks_[kNoBlock + 1] = {};  // 1 where a small triangle's box reaches the block
   SmallBatch batches_[kSizeClasses][kSizeClasses];  // by rows in z, in y
 };
 

@@ -24,7 +24,6 @@ constexpr int kSmallCells = kSmallExtent / 256 + 1;
 struct alignas(64) SmallBatch {
   Int4 q[3][kLanes];
   int count = 0;
-  int rows_y = 0, rows_z = 0;  // at least as many as the boxes of all have
 };
 
 // See WideBound. |a|, |b| <= 2^12, |j| <= 17, |c| < 2^18.1: slope * j + offset errs by less than
@@ -72,7 +71,8 @@ class SmallTriangles {
     set_up(p);
   }
 
-  void touch(int rows_y, int rows_z, uint64_t* rows) const {
+  void touch(uint64_t* rows) const {
+    const int rows_y = largest(count_[1]), rows_z = largest(count_[2]);
     FloatLanes begin_y[kSmallCells], end_y[kSmallCells];
     IntLanes row_y[kSmallCells];
     const FloatLanes count_x = to_float(count_[0]);
