@@ -52,7 +52,10 @@ bool in_full_node(const SparseTile& tile, uint32_t brick_code) {
 Voxel Grid::Impl::read(const SparseTile& tile, int x, int y, int z, size_t number) const {
   Voxel voxel{.x = x, .y = y, .z = z};
   voxel.has_attributes = header.channels.any() && number != kNoAttributes;
-  if (!voxel.has_attributes) return voxel;
+  if (!voxel.has_attributes) {
+    if (header.channels.coverage) voxel.coverage = 255;  // entirely inside
+    return voxel;
+  }
   const ChannelSet& has = header.channels;
   if (has.color) std::copy_n(&tile.color[4 * number], 4, voxel.color.begin());
   if (has.normal) std::copy_n(&tile.normal[3 * number], 3, voxel.normal.begin());

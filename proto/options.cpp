@@ -306,8 +306,11 @@ Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& gi
   if (given.contains("sign") && !measures && v.fill != Fill::kSolid && v.fill != Fill::kShell) {
     return invalid("sign", "fill solid or shell or channel distance with it", fill);
   }
-  if (v.channel_coverage && v.fill != Fill::kSurface) {
-    return invalid("channels", "fill surface with coverage", fill);
+  if (v.channel_coverage && v.fill != Fill::kSurface && v.fill != Fill::kSolid) {
+    return invalid("channels", "fill surface or solid with coverage", fill);
+  }
+  if (v.channel_coverage && v.fill == Fill::kSolid && v.sign == Sign::kFlood) {
+    return invalid("sign", "parity, nonzero, majority, winding or auto with coverage", "flood");
   }
   if (given.contains("thickness") && v.fill != Fill::kShell && v.fill != Fill::kBand) {
     return invalid("thickness", "fill shell or band with it", fill);

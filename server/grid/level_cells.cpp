@@ -62,11 +62,15 @@ void LevelSums::add(const LevelSums& other) {
 
 VoxelValues LevelSums::mean(int level) const {
   VoxelValues values;
+  if (cells > 0) {
+    // Those without attributes are entirely inside of a solid.
+    const uint64_t sum = coverage + 255 * (cells - valued);
+    values.coverage = static_cast<uint8_t>((sum + cells / 2) / cells);
+  }
   if (valued > 0) {
     const double count = static_cast<double>(valued);
     const double steps = std::ldexp(static_cast<double>(distance) / count, -level);
     values.distance = static_cast<int16_t>(std::floor(steps + 0.5));
-    values.coverage = static_cast<uint8_t>((coverage + valued / 2) / valued);
     values.material = materials.most_frequent();
     values.label = labels.most_frequent();
   }

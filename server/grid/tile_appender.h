@@ -9,20 +9,20 @@
 
 namespace voxeld {
 
-// The attributes of one voxel. All zero is "none", as in bricks of which some voxels are inside a
-// solid (server/voxel/solid/merge.h).
+// The attributes of one voxel. All zero and covered entirely is "none", what the voxels of full
+// nodes have.
 struct VoxelValues {
   std::array<uint8_t, 4> color{};  // sRGB R, G, B and linear A
   std::array<int8_t, 3> normal{};
   uint16_t material = 0, label = 0;
   int16_t distance = 0;
-  uint8_t coverage = 0;
+  uint8_t coverage = 255;
   bool none() const { return *this == VoxelValues{}; }
   bool operator==(const VoxelValues&) const = default;
 };
 
-// Voxel `index` of those of a tile that have attributes; zero for channels that the tile does not
-// have, and for kNoAttributes.
+// Voxel `index` of those of a tile that have attributes; as by default for channels that the
+// tile does not have, and for kNoAttributes.
 VoxelValues values_of(const SparseTile& tile, size_t index);
 
 class TileAppender {

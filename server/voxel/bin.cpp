@@ -46,10 +46,10 @@ RawVector<uint32_t> tiles_of_vertices(const SnappedMesh& mesh, const glm::ivec3&
   parallel_chunks(tiles.size(), kTriangleGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t v = begin; v < end; ++v) {
       const glm::ivec3& q = mesh.vertices[v];
-      tiles[v] = tile_number({std::clamp(q.x >> kTileShift, 0, last.x),
-                              std::clamp(q.y >> kTileShift, 0, last.y),
-                              std::clamp(q.z >> kTileShift, 0, last.z)},
-                             tile_dims);
+      tiles[v] = tile_number(
+          {std::clamp(q.x >> kTileShift, 0, last.x), std::clamp(q.y >> kTileShift, 0, last.y),
+           std::clamp(q.z >> kTileShift, 0, last.z)},
+          tile_dims);
     }
   });
   return tiles;

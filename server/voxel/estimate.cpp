@@ -21,7 +21,7 @@ constexpr int kBrickBits = limits::kSubVoxelBits + std::countr_zero(unsigned{lim
 int64_t touched_max(const glm::ivec3& extent_q, int bits) {
   const int64_t x = (extent_q.x >> bits) + 2, y = (extent_q.y >> bits) + 2,
                 z = (extent_q.z >> bits) + 2;
-  const int64_t least = std::min({x, y, z}), most = std::max({x, y, z});
+  const int64_t least = std::min(x, std::min(y, z)), most = std::max(x, std::max(y, z));
   return most * (x + y + z - least - most) * std::min<int64_t>(least, 4);
 }
 
@@ -56,6 +56,7 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
   wanted.grid.normal = options.channels_given && options.channel_normal;
   wanted.grid.material = options.channels_given && options.channel_material;
   wanted.grid.coverage = options.channels_given && options.channel_coverage;
+  wanted.volume = wanted.grid.coverage && options.fill == Fill::kSolid;
   wanted.grid.distance =
       options.channels_given ? options.channel_distance : options.fill == Fill::kBand;
   wanted.shaded = wanted.grid.color && options.color == ColorMode::kShaded;

@@ -23,10 +23,12 @@ struct WantedChannels {
   ChannelSet grid;
   bool shaded = false;
   AttributeChannels summed;
-  // Whether pipelines have attributes to make; distances are measured after them.
+  bool volume = false;  // coverage is of the voxel's volume, not its surface
+  // Whether pipelines have attributes to make; distances and volumes are measured after them.
   bool any() const {
     ChannelSet made = grid;
     made.distance = false;
+    made.coverage = made.coverage && !volume;
     return made.any();
   }
 };

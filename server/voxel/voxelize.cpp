@@ -7,6 +7,7 @@
 #include "server/base/stopwatch.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/estimate.h"
+#include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
 
 namespace voxeld {
@@ -108,8 +109,12 @@ int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
                                    const Placed& placed, const VoxelizeOptions& options,
                                    const WantedChannels& channels) const {
   const int64_t surface_bytes = result_bytes(mesh, placed.spec, channels);
-  const int64_t bytes = mesh_bytes(scene) + surface_bytes +
-                        fill_bytes(mesh, placed.spec, options, surface_bytes, cpu.threads());
+  int64_t bytes = mesh_bytes(scene) + surface_bytes +
+                  fill_bytes(mesh, placed.spec, options, surface_bytes, cpu.threads());
+  if (channels.volume) {
+    const int64_t bare_bytes = result_bytes(mesh, placed.spec, WantedChannels());
+    bytes += coverage_bytes(placed.spec, bare_bytes, cpu.threads());
+  }
   return bytes + distance_bytes(FillMesh::of(scene, placed.world_from_file, placed.spec, mesh),
                                 placed.spec, options, channels);
 }
@@ -139,6 +144,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   plan.world_from_file = placed.world_from_file;
   add_stage(stats.passes, "place", watch.lap());
   VOXELD_TRY(check_host_bytes(placed.spec, mesh_bytes(scene), host_bytes_max));
+  if (plan.channels.volume) VOXELD_TRY(check_coverage_dims(placed.spec.dims));
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
   VOXELD_ASSIGN(plan.mesh, snap_scene(scene, placed.world_from_file, placed.spec, bytes_left));
   // A close estimate takes its time, and matters only to grids that might not fit.
@@ -241,6 +247,7 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
   VOXELD_ASSIGN(const SnappedMesh mesh, snap_scene(scene, placed.world_from_file, placed.spec,
                                                    impl_->host_bytes_max - mesh_bytes(scene)));
   const WantedChannels channels = wanted_channels(scene, options);
+  if (channels.volume) VOXELD_TRY(check_coverage_dims(placed.spec.dims));
   const TileBins bins(mesh, placed.spec.tile_dims());
   VoxelizeEstimate estimate;
   estimate.spec = placed.spec;

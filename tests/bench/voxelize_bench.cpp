@@ -44,6 +44,7 @@ struct Arguments {
 struct Measured {
   double median_ms = 0, min_ms = 0, peak_mb = 0;
   uint64_t voxels = 0, bricks = 0;
+  int64_t cells = 0;  // of the grid, occupied or not
   std::string hash;
   StageTimes passes;  // medians
   VoxelizeStats stats;
@@ -177,6 +178,7 @@ Result<Measured> measure(const Arguments& arguments, const Scene& scene, Engine&
     totals.push_back(watch.ms());
     measured.voxels = grid.voxel_count();
     measured.bricks = brick_count(grid);
+    measured.cells = grid.spec.cell_count();
     for (const auto& [pass, ms] : measured.stats.passes) {
       if (passes[pass].empty()) order.push_back(pass);
       passes[pass].push_back(ms);
@@ -219,6 +221,7 @@ nlohmann::json row(const Arguments& arguments, const Scene& scene, const Engine&
           {"min_ms", measured.min_ms},
           {"voxels", measured.voxels},
           {"bricks", measured.bricks},
+          {"cells", measured.cells},
           {"tiles", measured.stats.tiles},
           {"work_items", measured.stats.work_items},
           {"device_mb", static_cast<double>(measured.stats.device_bytes_peak) / 1e6},

@@ -72,12 +72,26 @@ class Formats(DaemonTest):
         self.assertGreater(len(used), 1)
         self.assertLessEqual(used - {0}, set(names))
         self.assertGreater(np.mean(grid["coverage"]), 60)
-        refused = self.daemon.post("/v1/voxelize?size=9&fill=solid&channels=coverage"
+        refused = self.daemon.post("/v1/voxelize?size=9&fill=shell&channels=coverage"
                                    "&filename=sample.glb", self.fixture("sample.glb"))
         self.assertEqual(refused.status, 400, refused.body)
         small = self.voxelize(query + "&format=native&codec=small")
         self.assertEqual(small.body[104:111], bytes([1, 0, 0, 1, 0, 0, 1]))
         self.assertLess(len(small.body), len(native))
+
+    def test_coverage_of_a_solid_is_the_part_of_its_volume(self):
+        dense = self.npz("size=70&fill=solid&sign=majority&channels=coverage")
+        coverage, solid = dense["coverage"], dense["occupancy"] != 0
+        self.assertTrue((coverage[~solid] == 0).all())
+        self.assertGreater(len(np.unique(coverage)), 32)
+        # Cells are solid where their centres are, or where the surface is: the mean is between.
+        centres = self.npz("size=70&fill=solid&sign=majority&rule=none")["occupancy"]
+        self.assertLess(coverage.sum() / 255, solid.sum())
+        self.assertAlmostEqual(coverage.sum() / 255 / (centres != 0).sum(), 1, delta=0.03)
+        flood = self.daemon.post("/v1/voxelize?size=9&fill=solid&sign=flood&channels=coverage"
+                                 "&filename=sample.glb", self.fixture("sample.glb"))
+        self.assertEqual(flood.status, 400, flood.body)
+        self.assertIn(b"flood", flood.body)
 
     def test_codec_small_is_smaller_and_gives_the_same_grid(self):
         query = "size=200&channels=occupancy,color,normal&format=native"

@@ -96,7 +96,7 @@ using Normal = std::array<std::int8_t, 3>;  // unit normal times 127
 // One voxel of a grid, with what its channels say: 0 for channels that the grid does not have.
 struct Voxel {
   int x = 0, y = 0, z = 0;
-  bool has_attributes = false;  // false for the inside of a solid: all channels are 0
+  bool has_attributes = false;  // false for the inside of a solid: channels are 0, coverage 255
   Color color{};
   Normal normal{};
   std::uint16_t material = 0, label = 0;  // ids; meta_json() names them

@@ -1,7 +1,6 @@
 #include "server/voxel/solid/crossings.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 #include <type_traits>
 #include <utility>
@@ -41,7 +40,6 @@ class ColumnRaster {
     normal_w_ = normal(0, 1);
     half_cell_ = int64_t{1} << sub_voxel_bits;
     depth_unit_ = normal_w_ * static_cast<Int>(2 * half_cell_);
-    inverse_unit_ = 1.0 / static_cast<double>(depth_unit_);
     for (size_t i = 0; i < 3; ++i) {
       const auto& from = v[i];
       const auto& to = v[(i + 1) % 3];
@@ -84,11 +82,13 @@ class ColumnRaster {
         static_cast<Int>(up(origin_[2] - half_cell_) * static_cast<Unsigned>(normal_w_) -
                          static_cast<Unsigned>(normal_u_) * up(centre(u) - origin_[0]) -
                          static_cast<Unsigned>(normal_v_) * up(centre(v) - origin_[1]));
-    // The quotient is small, so the double is off by less than one: the remainder tells.
-    auto k = static_cast<int64_t>(std::ceil(static_cast<double>(numerator) * inverse_unit_));
-    const Int remainder = numerator - static_cast<Int>(k) * depth_unit_;
-    if (remainder > 0) ++k;
-    if (remainder <= -depth_unit_) --k;
+    // The quotient is small, so the double is off by less than one before it is truncated: the
+    // remainder tells what is missing to the integer above.
+    auto k = static_cast<int64_t>(static_cast<double>(numerator) /
+                                  static_cast<double>(depth_unit_));
+    Int remainder = numerator - static_cast<Int>(k) * depth_unit_;
+    for (; remainder > 0; remainder -= depth_unit_) ++k;
+    for (; remainder <= -depth_unit_; remainder += depth_unit_) --k;
     return k;
   }
 
@@ -96,7 +96,6 @@ class ColumnRaster {
   std::array<int64_t, 3> origin_{};
   Int normal_u_ = 0, normal_v_ = 0, normal_w_ = 0, depth_unit_ = 0;
   int64_t half_cell_ = 0;
-  double inverse_unit_ = 0;
   std::array<Int, 3> a_{}, b_{}, c_{};
 };
 

@@ -66,6 +66,17 @@ FillMesh FillMesh::of(const Scene& scene, const glm::dmat4& world_from_file, con
   return fill;
 }
 
+FillMesh FillMesh::scaled(int bits) const {
+  FillMesh fill;
+  fill.vertices_ = vertices_;
+  fill.first_index_ = first_index_;
+  fill.index_stride_ = index_stride_;
+  fill.triangle_count_ = triangle_count_;
+  fill.sub_voxel_bits_ = sub_voxel_bits_ - bits;
+  fill.mirrored_ = mirrored_;
+  return fill;
+}
+
 FillMesh FillMesh::of(std::vector<glm::ivec3> corners, int sub_voxel_bits) {
   FillMesh fill;
   fill.sub_voxel_bits_ = sub_voxel_bits;

@@ -36,6 +36,9 @@ class FillMesh {
   // is moved to there.
   static FillMesh of(const Scene& scene, const glm::dmat4& world_from_file, const GridSpec& spec,
                      const SnappedMesh& mesh);
+  // The same triangles where 2^bits cells lie on each axis where one lay, without snapping them
+  // again. Borrows this one, which must outlive it. bits: 0 to sub_voxel_bits().
+  FillMesh scaled(int bits) const;
   // Of corners that are there already, three for each triangle.
   static FillMesh of(std::vector<glm::ivec3> corners, int sub_voxel_bits);
 

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <iterator>
 #include <memory>
+#include <utility>
 
 #include "server/voxel/solid/column_maker.h"
 
@@ -47,7 +49,7 @@ class InsideRun {
   InsideRun(const InsideJob& job, WorkerPool& pool)
       : plan_(job, pool), pool_(pool), workers_(static_cast<size_t>(pool.threads())) {}
 
-  Status run(const ColumnProgress& progress) {
+  Status run(const ColumnProgress& progress, const TakeTiles& take) {
     const size_t columns = plan_.triangles.count();
     const bool alone = columns >= kColumnsPerThread * workers_.size();
     const size_t step = alone ? kColumnsPerThread * workers_.size() : 1;
@@ -57,14 +59,14 @@ class InsideRun {
       } else {
         run_shared(first);
       }
+      for (Worker& worker : workers_) take(std::exchange(worker.tiles, {}));
       if (progress) VOXELD_TRY(progress(std::min(first + step, columns)));
     }
     return {};
   }
 
-  void finish(std::vector<SparseTile>& tiles, AxisVotes& votes) {
-    for (Worker& worker : workers_) {
-      std::ranges::move(worker.tiles, std::back_inserter(tiles));
+  void add_votes(AxisVotes& votes) const {
+    for (const Worker& worker : workers_) {
       votes.inside += worker.votes.inside;
       votes.disagree += worker.votes.disagree;
     }
@@ -140,9 +142,17 @@ size_t tile_column_count(const glm::ivec3& dims) {
 
 Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
                    std::vector<SparseTile>& tiles, AxisVotes& votes) {
+  const auto append = [&](std::vector<SparseTile> made) {
+    std::ranges::move(made, std::back_inserter(tiles));
+  };
+  return find_inside(job, pool, progress, append, votes);
+}
+
+Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
+                   const TakeTiles& take, AxisVotes& votes) {
   InsideRun run(job, pool);
-  VOXELD_TRY(run.run(progress));
-  run.finish(tiles, votes);
+  VOXELD_TRY(run.run(progress, take));
+  run.add_votes(votes);
   return {};
 }
 

@@ -51,4 +51,9 @@ size_t tile_column_count(const glm::ivec3& dims);
 Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
                    std::vector<SparseTile>& tiles, AxisVotes& votes);
 
+// The same, whose tiles go to `take` on the calling thread as columns get done, some at a time.
+using TakeTiles = std::function<void(std::vector<SparseTile>)>;
+Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
+                   const TakeTiles& take, AxisVotes& votes);
+
 }  // namespace voxeld

@@ -109,6 +109,10 @@ Result<std::vector<SparseTile>> SolidFiller::find_signed(
   }
   // Passes of a device have names of their own; this is the rest.
   add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
+  if (!plan.channels.volume) return found;
+  VOXELD_ASSIGN(coverage_, CoverageCounts::of(mesh, plan.spec.dims, choice.sign, pool_, progress));
+  coverage_->spell_out(found);
+  add_stage(stats.passes, "coverage", watch.lap());
   return found;
 }
 
@@ -170,6 +174,7 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   if (kind != Fill::kSurface) {
     VOXELD_TRY(unite(plan, progress, std::move(found), tiles, stats));
   }
+  if (coverage_) coverage_->write(tiles);
   if (!measures) return {};
   watch.lap();
   VOXELD_TRY(distances->measure(progress, tiles));

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/device_inside.h"
 #include "server/voxel/solid/inside.h"
 #include "server/voxel/tile_pipeline.h"
@@ -25,8 +27,8 @@ class SolidFiller {
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
 
   // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
-  // fill asks for, in Morton order of coord, with distances where the plan wants
-  // them: also for Fill::kSurface, whose tiles must be in that order. `touch` is called where the
+  // fill asks for, in Morton order of coord, with distances and the coverage of volumes where the
+  // plan wants them: distances also for Fill::kSurface, whose tiles must be in that order. `touch` is called where the
   // fill needs the cells that rule=touch gives and `tiles` are others. Errors: those of `touch` and
   // `progress`, which is called with tile columns done of tile_column_count(); grid-too-large where
   // attributes of the inside need too much memory.
@@ -55,6 +57,7 @@ class SolidFiller {
                std::vector<SparseTile> found, std::vector<SparseTile>& tiles,
                VoxelizeStats& stats) const;
 
+  std::optional<CoverageCounts> coverage_;  // where the plan wants that of volumes
   WorkerPool& pool_;
   int64_t host_bytes_max_;
   DeviceInside* device_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 
 #include "server/voxel/parallel.h"
 
@@ -33,10 +34,18 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
       tiles_v_(tiles_of(dims[sweep_axes(axis).v])),
       first_(count() + 1) {
   const SweepAxes axes = sweep_axes(axis);
+  const size_t triangles = mesh.triangle_count();
+  if (count() == 1) {  // whatever reaches it
+    list_.resize(triangles);
+    std::iota(list_.begin(), list_.end(), 0u);
+    first_.back() = triangles;
+    return;
+  }
   const auto for_each_column = [&](size_t t, const auto& visit) {
     const auto q = mesh.corners(t);
     const auto range = [&](int along) {
-      const auto [low, high] = std::minmax({q[0][along], q[1][along], q[2][along]});
+      const int low = std::min(q[0][along], std::min(q[1][along], q[2][along]));
+      const int high = std::max(q[0][along], std::max(q[1][along], q[2][along]));
       return tile_range(low, high, mesh.sub_voxel_bits(), dims[along]);
     };
     const CentreRange u = range(axes.u);
@@ -49,7 +58,6 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
       }
     }
   };
-  const size_t triangles = mesh.triangle_count();
   std::vector<std::vector<size_t>> places(chunk_count(triangles, kTriangleGrain),
                                           std::vector<size_t>(count()));
   parallel_chunks(triangles, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {

@@ -20,7 +20,8 @@ class TriangleColumns {
   int tiles_u() const { return tiles_u_; }
   int tiles_v() const { return tiles_v_; }
   size_t count() const { return static_cast<size_t>(tiles_u_) * static_cast<size_t>(tiles_v_); }
-  // The triangles whose box reaches the centre of a column of cells there, ascending.
+  // The triangles whose box reaches the centre of a column of cells there, ascending; all of them
+  // where there is one column.
   std::span<const uint32_t> triangles(size_t column) const {
     return std::span(list_).subspan(first_[column], first_[column + 1] - first_[column]);
   }

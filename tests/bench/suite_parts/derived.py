@@ -34,11 +34,10 @@ def _floor(row, machine):
         return cells | {"skipped": row["skipped"]}
     if "skipped" in machine:
         return cells | {"skipped": machine["skipped"]}
-    size, triangles = row["size"], row["triangles"]
-    # The longest side alone is `size`; what other sides lack makes the floor lower than it is.
+    triangles = row["triangles"]
     read, clear = machine["read_gb_s"] * 1e6, machine["clear_gb_s"] * 1e6  # bytes per millisecond
-    dense = triangles * TRIANGLE_BYTES_SOUP / read + 2 * size**3 / 8 / clear
-    directory = (size / BRICK_SIDE) ** 3 / 8
+    dense = triangles * TRIANGLE_BYTES_SOUP / read + 2 * row["cells"] / 8 / clear
+    directory = row["cells"] / BRICK_SIDE**3 / 8
     sparse = (triangles * TRIANGLE_BYTES_INDEXED / read
               + (2 * row["bricks"] * BRICK_BYTES + directory) / clear)
     work = (triangles * TRIANGLE_OPERATIONS + row["voxels"]) / (machine["integer_gops"] * 1e6)

@@ -45,7 +45,7 @@ def voxelize(context, scene, sizes, pipeline, driver, options=()):
         "--repeat", context.runs, "--hash", *options, *sizes)
     rows = [{"scene": scene.key, "size": row["size"], "who": who, "driver": row["device"],
              **{name: row[name] for name in ("ms", "min_ms", "runs", "peak_mb", "device_mb", "voxels",
-                                             "bricks", "triangles", "vertices", "passes", "hash",
+                                             "bricks", "cells", "triangles", "vertices", "passes", "hash",
                                              "isa", "pipeline")}} for row in found]
     return fill_in(rows, scene, sizes, who, why or "no result")
 

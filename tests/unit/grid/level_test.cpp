@@ -98,6 +98,31 @@ TEST(Level, full_nodes_become_full_nodes) {
   EXPECT_EQ(tiles[0].full, (std::vector<FullNode>{{0, kTileLevels}}));
 }
 
+TEST(Level, voxels_of_full_nodes_count_as_covered) {
+  Grid grid;
+  grid.spec.dims = {16, 16, 16};
+  grid.channels.coverage = true;
+  SparseTile tile;
+  tile.full = {{0, 0}};
+  tile.brick_morton = {1};
+  BrickMask all;
+  all.words.fill(~uint64_t{0});
+  tile.masks = {all};
+  tile.coverage.assign(512, 51);
+  grid.tiles.push_back(tile);
+  const GridTiles source(grid);
+  const auto halves = testing::tiles_of(LevelTiles(source, 1, LevelRule::kAny));
+  ASSERT_EQ(halves.size(), 1u);
+  EXPECT_EQ(halves[0].coverage.size(), halves[0].attribute_count());
+  EXPECT_EQ(std::ranges::count(halves[0].coverage, 51), 64);
+  EXPECT_EQ(std::ranges::count(halves[0].coverage, 255),
+            static_cast<ptrdiff_t>(halves[0].attribute_count()) - 64);
+  EXPECT_EQ(halves[0].voxel_count(), 128u);
+  const auto one = testing::tiles_of(LevelTiles(source, 4, LevelRule::kAny));
+  ASSERT_EQ(one.size(), 1u);
+  EXPECT_EQ(one[0].coverage, std::vector<uint8_t>{(255 + 51) / 2});
+}
+
 TEST(Level, a_cube_that_is_half_full_is_occupied_by_majority) {
   Grid grid = testing::random_grid(1, {4, 4, 4}, 1, false, false);
   // Four of the eight cells of one cube, three of another.

@@ -293,8 +293,13 @@ TEST(Options, sign_and_thickness_need_a_fill_that_they_apply_to) {
               "sign: expected fill solid or shell or channel distance with it, got \"surface\"");
   }
   EXPECT_EQ(
-      refused({{"fill", "solid"}, {"channels", "coverage"}}, OptionScope::kVoxelize).message(),
-      "channels: expected fill surface with coverage, got \"solid\"");
+      refused({{"fill", "shell"}, {"channels", "coverage"}}, OptionScope::kVoxelize).message(),
+      "channels: expected fill surface or solid with coverage, got \"shell\"");
+  EXPECT_EQ(
+      refused({{"fill", "solid"}, {"sign", "flood"}, {"channels", "coverage"}},
+              OptionScope::kVoxelize)
+          .message(),
+      "sign: expected parity, nonzero, majority, winding or auto with coverage, got \"flood\"");
   for (const char* thickness : {"1", "256", "2.5"}) {
     EXPECT_TRUE(parse_options(OptionPairs{{"fill", "shell"}, {"thickness", thickness}},
                               OptionScope::kVoxelize));
