@@ -103,11 +103,14 @@ Result<AnimatedScene> load_animated_format(MeshFormat format, std::string_view n
   return animated;
 }
 
-// load(format, name, bytes, bundle, options) of the mesh of a zip.
-template <typename Load>
-auto load_zip(std::string_view filename, std::span<const uint8_t> bytes, const LoadOptions& options,
-              const Load& load)
-    -> decltype(load(MeshFormat(), "", bytes, std::declval<const Bundle&>(), options)) {
+template <typename Loaded>
+using FormatLoader = Result<Loaded> (*)(MeshFormat format, std::string_view name,
+                                        std::span<const uint8_t> bytes, const Bundle& bundle,
+                                        const LoadOptions& options);
+
+template <typename Loaded>
+Result<Loaded> load_zip(std::string_view filename, std::span<const uint8_t> bytes,
+                        const LoadOptions& options, FormatLoader<Loaded> load) {
   const size_t mark = filename.find('!');
   const std::string_view zip_name = filename.substr(0, mark);
   const std::string_view member =
@@ -120,12 +123,11 @@ auto load_zip(std::string_view filename, std::span<const uint8_t> bytes, const L
   return load(format, name, *mesh, *bundle, options);
 }
 
-template <typename Load>
-auto load_file(std::string_view filename, std::span<const uint8_t> bytes,
-               const LoadOptions& options, const Load& load)
-    -> decltype(load_zip(filename, bytes, options, load)) {
+template <typename Loaded>
+Result<Loaded> load_file(std::string_view filename, std::span<const uint8_t> bytes,
+                         const LoadOptions& options, FormatLoader<Loaded> load) {
   VOXELD_ASSIGN(const MeshFormat format, detect_format(filename, bytes));
-  if (format == MeshFormat::kZip) return load_zip(filename, bytes, options, load);
+  if (format == MeshFormat::kZip) return load_zip<Loaded>(filename, bytes, options, load);
   const std::unique_ptr<Bundle> bundle = single_file_bundle(std::string(filename), bytes);
   return load(format, filename, bytes, *bundle, options);
 }
@@ -134,12 +136,12 @@ auto load_file(std::string_view filename, std::span<const uint8_t> bytes,
 
 Result<Scene> load_scene(std::string_view filename, std::span<const uint8_t> bytes,
                          const LoadOptions& options) {
-  return load_file(filename, bytes, options, load_format);
+  return load_file<Scene>(filename, bytes, options, load_format);
 }
 
 Result<AnimatedScene> load_animated_scene(std::string_view filename, std::span<const uint8_t> bytes,
                                           const LoadOptions& options) {
-  return load_file(filename, bytes, options, load_animated_format);
+  return load_file<AnimatedScene>(filename, bytes, options, load_animated_format);
 }
 
 }  // namespace voxeld

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <map>
 #include <memory>
-#include <optional>
 
 #include "server/scene/bundle_names.h"
 #include "server/scene/md5.h"
@@ -14,7 +13,7 @@
 namespace voxeld {
 namespace {
 
-constexpr std::string_view kAnimExtension = ".md5anim";
+constexpr std::string_view kAnimExtension = ".md5anim", kMeshExtension = ".md5mesh";
 constexpr double kUnevenWeights = 1e-2;  // files print six digits of each bias
 
 // The joint's axes as columns, with +y up.
@@ -51,14 +50,30 @@ Status add_part(std::string_view name, const Md5Mesh& mesh, const Md5Part& part,
   return {};
 }
 
-// "walk" of "models/Walk.md5anim"; nullopt for other files, and for what macOS leaves behind.
-std::optional<std::string> animation_name(std::string_view entry) {
-  if (entry.size() <= kAnimExtension.size()) return std::nullopt;
-  const std::string_view stem = entry.substr(0, entry.size() - kAnimExtension.size());
-  if (!equals_ignoring_case(entry.substr(stem.size()), kAnimExtension)) return std::nullopt;
-  const std::string_view base = base_name(stem);
-  if (base.empty() || base.front() == '.' || entry.starts_with("__MACOSX/")) return std::nullopt;
-  return std::string(base);
+// Without what macOS leaves behind.
+bool has_extension(std::string_view entry, std::string_view extension) {
+  if (entry.size() <= extension.size() || entry.starts_with("__MACOSX/")) return false;
+  const size_t stem_bytes = entry.size() - extension.size();
+  const std::string_view stem = base_name(entry.substr(0, stem_bytes));
+  return !stem.empty() && stem.front() != '.' &&
+         equals_ignoring_case(entry.substr(stem_bytes), extension);
+}
+
+// What its animations are called, by file: "walk" for "models/walk.md5anim". Files of one name in
+// several folders have the folders in their names.
+std::map<std::string, std::string> animation_names(const Bundle& bundle) {
+  std::map<std::string, int> counts;
+  std::map<std::string, std::string> names;
+  for (const Bundle::Entry& entry : bundle.entries()) {
+    if (!has_extension(entry.name, kAnimExtension)) continue;
+    const std::string path = entry.name.substr(0, entry.name.size() - kAnimExtension.size());
+    ++counts[std::string(base_name(path))];
+    names.emplace(entry.name, path);
+  }
+  for (auto& [file, name] : names) {
+    if (std::string stem(base_name(name)); counts[stem] == 1) name = std::move(stem);
+  }
+  return names;
 }
 
 Status add_animation(std::string_view mesh_name, const std::string& file, const std::string& name,
@@ -77,22 +92,24 @@ Status add_animation(std::string_view mesh_name, const std::string& file, const 
   return {};
 }
 
+// Where a zip has several meshes, the animations of the others are left out.
 Status add_animations(std::string_view mesh_name, const Bundle& bundle, Md5Rig& rig,
                       AnimatedScene& animated) {
-  std::map<std::string, int> name_counts;
-  for (const Bundle::Entry& entry : bundle.entries()) {
-    if (const auto name = animation_name(entry.name)) ++name_counts[*name];
-  }
-  for (const Bundle::Entry& entry : bundle.entries()) {
-    auto name = animation_name(entry.name);
-    if (!name) continue;
-    // Files of one name in several folders have the folders in their names.
-    if (name_counts[*name] > 1) {
-      name = entry.name.substr(0, entry.name.size() - kAnimExtension.size());
-    }
+  const std::vector<Bundle::Entry>& entries = bundle.entries();
+  const auto mesh_count = std::count_if(entries.begin(), entries.end(), [](const auto& entry) {
+    return has_extension(entry.name, kMeshExtension);
+  });
+  const std::map<std::string, std::string> names = animation_names(bundle);
+  for (const Bundle::Entry& entry : entries) {
+    const auto name = names.find(entry.name);
+    if (name == names.end()) continue;
     VOXELD_ASSIGN(const auto bytes, bundle.find(entry.name, ""));
     if (!bytes) return Error{ErrorCode::kInternal, entry.name + ": lost in the bundle", "", ""};
-    VOXELD_TRY(add_animation(mesh_name, entry.name, *name, as_text(*bytes), rig, animated));
+    Status added =
+        add_animation(mesh_name, entry.name, name->second, as_text(*bytes), rig, animated);
+    if (added) continue;
+    if (mesh_count < 2) return added;
+    add_warning(animated.scene, "ignored-animation", added.error().message());
   }
   return {};
 }

@@ -101,6 +101,26 @@ TEST(Md5Animation, one_that_does_not_fit_names_the_joints) {
             "got \"4\"");
 }
 
+TEST(Md5Animation, of_several_meshes_in_a_zip_each_has_those_that_fit) {
+  std::string other_mesh = puppet_mesh(), other_anim = puppet_walk();
+  other_mesh.replace(other_mesh.find("\"hand\""), 6, "\"foot\"");
+  other_anim.replace(other_anim.find("\"hand\""), 6, "\"foot\"");
+  const std::string zip = test::ZipMaker()
+                              .add("a.md5mesh", puppet_mesh())
+                              .add("b.md5mesh", other_mesh)
+                              .add("b.md5anim", other_anim)
+                              .add("a.md5anim", puppet_walk())
+                              .bytes();
+  const AnimatedScene puppet = loaded("p.zip!a.md5mesh", zip);
+  ASSERT_EQ(puppet.animations.size(), 1u);
+  EXPECT_EQ(puppet.animations[0].name, "a");
+  ASSERT_FALSE(puppet.scene.warnings.empty());
+  EXPECT_EQ(puppet.scene.warnings.back().code, "ignored-animation");
+  EXPECT_EQ(puppet.scene.warnings.back().detail,
+            "b.md5anim does not fit a.md5mesh: joints that only the mesh has: expected the mesh's "
+            "joints, got \"hand\"");
+}
+
 TEST(Md5Animation, a_broken_one_is_named_with_its_line) {
   std::string anim = puppet_walk();
   anim.replace(anim.find("10.5"), 4, "nan");
