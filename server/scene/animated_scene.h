@@ -51,8 +51,9 @@ struct AnimatedScene {
 
 // The whole way, as load_scene(). A zip's md5anim files all belong to its md5mesh, in the order of
 // the zip; where it has several meshes, those that do not fit the chosen one are left out with a
-// warning ("ignored-animation"). Errors: those of load_scene(); malformed-mesh for an animation that is broken or does
-// not fit, naming its file and the joints, or its place in the glTF document.
+// warning ("ignored-animation"). Errors: those of load_scene(); malformed-mesh for an animation
+// that is broken or does not fit, naming its file and the joints, or its place in the glTF
+// document.
 Result<AnimatedScene> load_animated_scene(std::string_view filename, std::span<const uint8_t> bytes,
                                           const LoadOptions& options = {});
 
