@@ -1,10 +1,11 @@
-// load_gltf: the story of one glTF file. Not read, as a grid has no use for it: doubleSided,
-// alphaMode, metal and roughness, cameras, lights, and motion. Skins and morph targets stand in the
-// pose in which the file leaves them.
+// load_gltf, load_animated_gltf: the story of one glTF file. Not read, as a grid has no use for it:
+// doubleSided, alphaMode, metal and roughness, cameras, lights. In the scene, skins and morph
+// targets stand in the pose in which the file leaves them.
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
+#include "server/scene/animated_scene.h"
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_buffers.h"
 #include "server/scene/gltf_container.h"
@@ -13,6 +14,7 @@
 #include "server/scene/gltf_json.h"
 #include "server/scene/gltf_nodes.h"
 #include "server/scene/gltf_primitive.h"
+#include "server/scene/gltf_rig.h"
 #include "server/scene/gltf_textures.h"
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
@@ -20,7 +22,8 @@
 namespace voxeld {
 namespace {
 
-void warn_about_unread(std::string_view name, const nlohmann::json& json, Scene& scene) {
+void warn_about_unread(std::string_view name, const nlohmann::json& json, bool is_animated,
+                       Scene& scene) {
   const auto used = json.find("extensionsUsed");
   if (used != json.end()) {
     for (const nlohmann::json& extension : *used) {
@@ -31,21 +34,34 @@ void warn_about_unread(std::string_view name, const nlohmann::json& json, Scene&
     }
   }
   const auto animations = json.find("animations");
-  if (animations != json.end() && !animations->empty()) {
+  if (!is_animated && animations != json.end() && !animations->empty()) {
     add_warning(scene, "static-pose",
                 std::string(name) + ": animations are left out; the mesh has the file's own pose");
   }
 }
 
+// Out of the document, before it is reduced to what stands still.
+Result<nlohmann::json> take_animations(std::string_view name, nlohmann::json& json) {
+  VOXELD_TRY(check_gltf_animation_schema(name, json));
+  const auto animations = json.find("animations");
+  if (animations == json.end()) return nlohmann::json(nlohmann::json::array());
+  return std::move(*animations);
+}
+
+// What moves it as well where `animated` is not null.
 Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
-                   const LoadOptions& options) {
+                   const LoadOptions& options, AnimatedScene* animated) {
   VOXELD_ASSIGN(const GltfContainer container, open_gltf_container(name, bytes));
   VOXELD_ASSIGN(nlohmann::json json, parse_gltf_json(name, container.json));
   VOXELD_TRY(check_gltf_version(name, json));
   VOXELD_TRY(check_gltf_schema(name, json));
   Scene scene;
   scene.format = container.is_glb ? "glb" : "gltf";
-  warn_about_unread(name, json, scene);
+  warn_about_unread(name, json, animated != nullptr, scene);
+  nlohmann::json animations;
+  if (animated != nullptr) {
+    VOXELD_ASSIGN(animations, take_animations(name, json));
+  }
   VOXELD_ASSIGN(const std::vector<GltfBuffer> buffers,
                 load_gltf_buffers(name, json, container, bundle));
   std::vector<GltfImage> images = take_gltf_images(json);
@@ -54,7 +70,9 @@ Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const 
 
   GltfAccessors accessors(name, document, buffers);
   GltfTextures textures(name, document, std::move(images), accessors, bundle, options, scene);
-  GltfMeshes meshes(name, document, nodes, accessors, textures, scene);
+  GltfRigBuilder rig(name, document, nodes);
+  GltfMeshes meshes(name, document, nodes, accessors, textures, scene,
+                    animated == nullptr ? nullptr : &rig);
   for (const int node : nodes.shown) VOXELD_TRY(meshes.add_node(node));
   if (meshes.skipped_primitive_count() > 0) {
     add_warning(scene, "skipped-primitive",
@@ -66,19 +84,38 @@ Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const 
                                 ? "the scene has points or lines alone"
                                 : "no node of the scene has a mesh with triangles");
   }
+  if (animated != nullptr) {
+    animated->scene = std::move(scene);
+    VOXELD_TRY(rig.finish(accessors, animations, *animated));
+    return Scene();
+  }
   return scene;
+}
+
+// What is left of exceptions: nlohmann's, where a check of ours has a hole.
+template <typename Load>
+auto guarded(std::string_view name, const Load& load_file) -> decltype(load_file()) {
+  try {
+    return load_file();
+  } catch (const nlohmann::json::exception& e) {
+    return malformed_mesh(name, "", printable(e.what()));
+  }
 }
 
 }  // namespace
 
 Result<Scene> load_gltf(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                         const LoadOptions& options) {
-  // What is left of exceptions: nlohmann's, where a check of ours has a hole.
-  try {
-    return load(name, bytes, bundle, options);
-  } catch (const nlohmann::json::exception& e) {
-    return malformed_mesh(name, "", printable(e.what()));
-  }
+  return guarded(name, [&] { return load(name, bytes, bundle, options, nullptr); });
+}
+
+Result<AnimatedScene> load_animated_gltf(std::string_view name, std::span<const uint8_t> bytes,
+                                         const Bundle& bundle, const LoadOptions& options) {
+  return guarded(name, [&]() -> Result<AnimatedScene> {
+    AnimatedScene animated;
+    VOXELD_TRY(load(name, bytes, bundle, options, &animated));
+    return animated;
+  });
 }
 
 }  // namespace voxeld

@@ -179,32 +179,36 @@ GltfTexture texture_of(const tinygltf::Texture& from, const tinygltf::Model& mod
   return to;
 }
 
-Result<glm::dmat4> transform_of(std::string_view name, size_t index, const tinygltf::Node& from) {
+// Sets matrix and transform.
+Status set_transform(std::string_view name, size_t index, const tinygltf::Node& from,
+                     GltfNode& to) {
   const auto wrong = [&](const char* member, size_t expected, size_t got) -> Error {
     return malformed_mesh(name, "nodes[" + std::to_string(index) + "]." + member,
                           "wrong count of numbers", std::to_string(expected), std::to_string(got));
   };
   if (!from.matrix.empty()) {
     if (from.matrix.size() != 16) return wrong("matrix", 16, from.matrix.size());
-    return glm::make_mat4(from.matrix.data());
+    to.parent_from_node = glm::make_mat4(from.matrix.data());
+    to.has_matrix = true;
+    return {};
   }
-  glm::dmat4 matrix(1.0);
-  if (!from.translation.empty()) {
-    if (from.translation.size() != 3) return wrong("translation", 3, from.translation.size());
-    for (int i = 0; i < 3; ++i) matrix[3][i] = from.translation[i];
+  const std::vector<double>&t = from.translation, &r = from.rotation, &s = from.scale;
+  if (!t.empty()) {
+    if (t.size() != 3) return wrong("translation", 3, t.size());
+    to.transform.translation = {t[0], t[1], t[2]};
   }
-  if (!from.rotation.empty()) {
-    if (from.rotation.size() != 4) return wrong("rotation", 4, from.rotation.size());
-    const auto& r = from.rotation;
+  if (!r.empty()) {
+    if (r.size() != 4) return wrong("rotation", 4, r.size());
     const glm::dquat q(r[3], r[0], r[1], r[2]);
     const double length = glm::length(q);
-    if (length > 0.0 && std::isfinite(length)) matrix = matrix * glm::mat4_cast(q / length);
+    if (length > 0.0 && std::isfinite(length)) to.transform.rotation = q / length;
   }
-  if (!from.scale.empty()) {
-    if (from.scale.size() != 3) return wrong("scale", 3, from.scale.size());
-    for (int i = 0; i < 3; ++i) matrix[i] *= from.scale[i];
+  if (!s.empty()) {
+    if (s.size() != 3) return wrong("scale", 3, s.size());
+    to.transform.scale = {s[0], s[1], s[2]};
   }
-  return matrix;
+  to.parent_from_node = to.transform.matrix();
+  return {};
 }
 
 GltfMesh mesh_of(const tinygltf::Mesh& from) {
@@ -249,19 +253,26 @@ Result<GltfDocument> convert(std::string_view name, const tinygltf::Model& model
   }
   for (size_t i = 0; i < model.nodes.size(); ++i) {
     const tinygltf::Node& node = model.nodes[i];
-    VOXELD_ASSIGN(const glm::dmat4 matrix, transform_of(name, i, node));
-    to.nodes.push_back({.name = node.name,
-                        .mesh = node.mesh,
-                        .skin = node.skin,
-                        .children = node.children,
-                        .weights = node.weights,
-                        .parent_from_node = matrix});
+    GltfNode& out = to.nodes.emplace_back();
+    out.name = node.name;
+    out.mesh = node.mesh;
+    out.skin = node.skin;
+    out.children = node.children;
+    out.weights = node.weights;
+    VOXELD_TRY(set_transform(name, i, node, out));
   }
   to.scene_nodes = scene_nodes_of(model);
   return to;
 }
 
 }  // namespace
+
+glm::dmat4 GltfTransform::matrix() const {
+  glm::dmat4 out = glm::mat4_cast(rotation);
+  for (int i = 0; i < 3; ++i) out[i] *= scale[i];
+  out[3] = glm::dvec4(translation, 1.0);
+  return out;
+}
 
 Result<GltfDocument> read_gltf_document(std::string_view name, nlohmann::json document) {
   for (const char* key : kWithheld) document.erase(key);

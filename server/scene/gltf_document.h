@@ -10,8 +10,10 @@
 #include <string_view>
 #include <vector>
 
+#include <glm/gtc/quaternion.hpp>
 #include <glm/mat4x4.hpp>
 #include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
 #include <nlohmann/json_fwd.hpp>
 
@@ -82,12 +84,23 @@ struct GltfSkin {
   std::vector<int> joints;         // nodes
 };
 
+// First scaled, then turned, then moved.
+struct GltfTransform {
+  glm::dvec3 translation{0.0};
+  glm::dquat rotation{1.0, 0.0, 0.0, 0.0};  // of length 1
+  glm::dvec3 scale{1.0};
+  glm::dmat4 matrix() const;
+};
+
 struct GltfNode {
   std::string name;
   int mesh = -1, skin = -1;
   std::vector<int> children;
   std::vector<double> weights;  // empty: those of the mesh
   glm::dmat4 parent_from_node{1.0};
+  // What parent_from_node is made of, where the file gives no matrix.
+  bool has_matrix = false;
+  GltfTransform transform;
 };
 
 struct GltfDocument {

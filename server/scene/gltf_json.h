@@ -33,5 +33,7 @@ Status check_gltf_version(std::string_view name, const nlohmann::json& document)
 // Checks the type and range of every property that voxeld reads, and that every index names an
 // element that exists. Errors: malformed-mesh with the path, e.g. "accessors[3].bufferView".
 Status check_gltf_schema(std::string_view name, const nlohmann::json& document);
+// The same of "animations", which a static scene does without.
+Status check_gltf_animation_schema(std::string_view name, const nlohmann::json& document);
 
 }  // namespace voxeld

@@ -36,8 +36,9 @@ struct Visit {
 
 Result<GltfNodes> walk_gltf_nodes(std::string_view name, const GltfDocument& document) {
   const size_t count = document.nodes.size();
-  VOXELD_ASSIGN(const std::vector<int> parents, parents_of(name, document));
   GltfNodes out;
+  VOXELD_ASSIGN(out.parents, parents_of(name, document));
+  const std::vector<int>& parents = out.parents;
   out.world_from_node.assign(count, glm::dmat4(1.0));
   std::vector<bool> is_listed(count, !document.scene_nodes);
   if (document.scene_nodes) {
@@ -59,6 +60,7 @@ Result<GltfNodes> walk_gltf_nodes(std::string_view name, const GltfDocument& doc
     }
     const GltfNode& node = document.nodes[at];
     is_visited[at] = true;
+    out.order.push_back(visit.node);
     is_shown[at] = is_listed[at];
     out.world_from_node[at] = node.parent_from_node;
     if (parents[at] >= 0) {

@@ -14,6 +14,8 @@ namespace voxeld {
 struct GltfNodes {
   std::vector<glm::dmat4> world_from_node;  // of every node, for joints may stand outside the scene
   std::vector<int> shown;                   // nodes of the scene, parents before children
+  std::vector<int> parents;                 // of every node; -1 for roots
+  std::vector<int> order;                   // every node, parents before children
 };
 
 // Errors: malformed-mesh for a node with two parents, a cycle, or a tree deeper than

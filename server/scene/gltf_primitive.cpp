@@ -1,10 +1,10 @@
 #include "server/scene/gltf_primitive.h"
 
-#include <glm/geometric.hpp>
 #include <utility>
 
 #include "proto/limits.h"
 #include "server/scene/mesh_error.h"
+#include "server/scene/normals.h"
 #include "server/scene/vertex_table.h"
 
 namespace voxeld {
@@ -35,22 +35,6 @@ class Renumbering {
   std::vector<uint32_t> dense_;
   VertexTable table_;
 };
-
-// Replaces normals that have no direction by that of a triangle of theirs.
-void repair_normals(MeshPart& part, size_t first_corner) {
-  for (size_t i = first_corner; i + 2 < part.indices.size() && !part.normals.empty(); i += 3) {
-    const uint32_t* corner = &part.indices[i];
-    for (int c = 0; c < 3; ++c) {
-      if (part.normals[corner[c]] != glm::vec3(0.0f)) continue;
-      const glm::dvec3& a = part.positions[corner[0]];
-      const glm::dvec3 n = glm::cross(part.positions[corner[1]] - a, part.positions[corner[2]] - a);
-      const double length = glm::length(n);
-      part.normals[corner[c]] = length > 0.0 && length <= kCoordinateAbsMax * kCoordinateAbsMax
-                                    ? glm::vec3(n / length)
-                                    : glm::vec3(0.0f, 0.0f, 1.0f);
-    }
-  }
-}
 
 }  // namespace
 
@@ -100,6 +84,8 @@ Status GltfMeshes::add_primitive(int node, const GltfPrimitive& primitive,
     add_warning(scene_, "no-texture-coordinates",
                 std::string(name_) + " " + path + ": has no coordinates for its texture");
   }
+  SkinPart* skin =
+      rig_ == nullptr ? nullptr : &rig_->part(static_cast<size_t>(&part - scene_.parts.data()));
   const size_t first_corner = part.indices.size();
   Renumbering renumbering(source.position.count(), corners.size());
   part.indices.reserve(first_corner + corners.size());
@@ -111,12 +97,12 @@ Status GltfMeshes::add_primitive(int node, const GltfPrimitive& primitive,
     if (++vertex_count_ > limits::kVerticesMax) {
       return over_limit(name_, path, "vertices of the scene", limits::kVerticesMax, vertex_count_);
     }
-    VOXELD_TRY(vertices_.append(source, corner, part));
+    VOXELD_TRY(vertices_.append(source, corner, part, skin));
   }
   for (size_t i = first_corner; i + 2 < part.indices.size() && is_mirrored; i += 3) {
     std::swap(part.indices[i + 1], part.indices[i + 2]);
   }
-  repair_normals(part, first_corner);
+  repair_normals(part.positions, std::span(part.indices).subspan(first_corner), part.normals);
   return {};
 }
 

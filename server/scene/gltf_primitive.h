@@ -20,18 +20,20 @@
 
 namespace voxeld {
 
-// Adds the meshes of nodes to a scene. Vertices that no triangle uses are left out: files share one
-// vertex array among many primitives.
+// Adds the meshes of nodes to a scene, and what their vertices follow to a rig where there is one.
+// Vertices that no triangle uses are left out: files share one vertex array among many primitives.
 class GltfMeshes {
  public:
   GltfMeshes(std::string_view name, const GltfDocument& document, const GltfNodes& nodes,
-             GltfAccessors& accessors, GltfTextures& textures, Scene& scene)
+             GltfAccessors& accessors, GltfTextures& textures, Scene& scene,
+             GltfRigBuilder* rig = nullptr)
       : name_(name),
         document_(document),
         accessors_(accessors),
         textures_(textures),
-        vertices_(name, document, nodes, accessors),
-        scene_(scene) {}
+        vertices_(name, document, nodes, accessors, rig),
+        scene_(scene),
+        rig_(rig) {}
 
   // The mesh of a node, if it has one. Errors: malformed-mesh.
   Status add_node(int node);
@@ -52,6 +54,7 @@ class GltfMeshes {
   GltfTextures& textures_;
   GltfVertices vertices_;
   Scene& scene_;
+  GltfRigBuilder* rig_;
   int64_t skipped_primitive_count_ = 0;
   int64_t triangle_count_ = 0, vertex_count_ = 0;
   // Material and which attributes there are, to the last part with them.

@@ -124,6 +124,18 @@ constexpr Rule kRoot[] = {{"accessors", Kind::kObjects, nullptr, kAccessor},
                           {"skins", Kind::kObjects, nullptr, kSkin},
                           {"textures", Kind::kObjects, nullptr, kTexture}};
 
+constexpr Rule kChannelTarget[] = {{"node", Kind::kIndex, "nodes"},
+                                   {"path", Kind::kString, nullptr, {}, kRequired}};
+constexpr Rule kChannel[] = {{"sampler", Kind::kSize, nullptr, {}, kRequired},
+                             {"target", Kind::kObject, nullptr, kChannelTarget, kRequired}};
+constexpr Rule kKeySampler[] = {{"input", Kind::kIndex, "accessors", {}, kRequired},
+                                {"interpolation", Kind::kString},
+                                {"output", Kind::kIndex, "accessors", {}, kRequired}};
+constexpr Rule kAnimation[] = {{"channels", Kind::kObjects, nullptr, kChannel, kRequired},
+                               {"name", Kind::kString},
+                               {"samplers", Kind::kObjects, nullptr, kKeySampler, kRequired}};
+constexpr Rule kAnimatedRoot[] = {{"animations", Kind::kObjects, nullptr, kAnimation}};
+
 constexpr int64_t kSizeMax = int64_t{1} << 53;  // exact in every JSON writer
 
 // What stands there, for an error: short scalars as they are, else their type.
@@ -267,6 +279,10 @@ class Checker {
 
 Status check_gltf_schema(std::string_view name, const nlohmann::json& document) {
   return Checker(name, document).check_object(document, kRoot);
+}
+
+Status check_gltf_animation_schema(std::string_view name, const nlohmann::json& document) {
+  return Checker(name, document).check_object(document, kAnimatedRoot);
 }
 
 }  // namespace voxeld

@@ -1,34 +1,23 @@
 #include "server/scene/gltf_vertex.h"
 
-#include <cmath>
-#include <glm/geometric.hpp>
+#include <algorithm>
 #include <glm/matrix.hpp>
 
 #include "server/scene/color_space.h"
 #include "server/scene/gltf_textures.h"
 #include "server/scene/mesh_error.h"
+#include "server/scene/normals.h"
 
 namespace voxeld {
 namespace {
 
-// Sets of four joints; the specification asks for at least one, and real files have at most two.
-constexpr int kInfluenceSetsMax = 4;
-
-// Normals go by the inverse transpose. The cofactors are that, times the determinant; they exist
-// for flattening matrices too.
-glm::dvec3 world_normal(const glm::dmat4& world_from_mesh, const glm::dvec3& n) {
-  const glm::dmat3 m(world_from_mesh);
-  const glm::dmat3 cofactors(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]),
-                             glm::cross(m[0], m[1]));
-  const glm::dvec3 out = cofactors * n;
-  return glm::determinant(m) < 0.0 ? -out : out;
-}
-
-// Unit length; (0, 0, 0) for directions that are none, which GltfMeshes replaces.
-glm::vec3 direction_of(const glm::dvec3& v) {
-  const double length = glm::length(v);
-  if (!(length > 0.0) || !std::isfinite(length)) return glm::vec3(0.0f);
-  return glm::vec3(v / length);
+// Of all primitives of a mesh, which should have the same.
+size_t target_count(const GltfDocument& document, int mesh) {
+  size_t count = 0;
+  for (const GltfPrimitive& primitive : document.meshes[static_cast<size_t>(mesh)].primitives) {
+    count = std::max(count, primitive.targets.size());
+  }
+  return count;
 }
 
 bool is_point(const glm::dvec3& p) {
@@ -76,6 +65,7 @@ Result<GltfVertexSource> GltfVertices::open(int node_index, const GltfPrimitive&
   }
   const GltfNode& node = document_.nodes[static_cast<size_t>(node_index)];
   source.world_from_mesh = nodes_.world_from_node[static_cast<size_t>(node_index)];
+  if (rig_ != nullptr) source.node_matrix = rig_->matrix_of_node(node_index);
   VOXELD_TRY(open_targets(node_index, primitive, source));
   if (node.skin >= 0) VOXELD_TRY(open_skin(node.skin, primitive, source));
   return source;
@@ -87,9 +77,14 @@ Status GltfVertices::open_targets(int node_index, const GltfPrimitive& primitive
   const std::vector<double>& weights =
       node.weights.empty() ? document_.meshes[static_cast<size_t>(node.mesh)].weights
                            : node.weights;
-  for (size_t i = 0; i < primitive.targets.size() && i < weights.size(); ++i) {
-    if (weights[i] == 0.0) continue;
-    GltfVertexSource::Target target{.weight = weights[i], .position = {}, .normal = {}};
+  if (rig_ != nullptr && !primitive.targets.empty()) {
+    source.first_weight =
+        rig_->first_weight_of_node(node_index, weights, target_count(document_, node.mesh));
+  }
+  for (size_t i = 0; i < primitive.targets.size(); ++i) {
+    const double weight = i < weights.size() ? weights[i] : 0.0;
+    if (weight == 0.0 && rig_ == nullptr) continue;
+    GltfVertexSource::Target target{.number = i, .weight = weight, .position = {}, .normal = {}};
     VOXELD_ASSIGN(target.position, open_attribute(primitive.targets[i], "POSITION", 3, 3, source));
     VOXELD_ASSIGN(target.normal, open_attribute(primitive.targets[i], "NORMAL", 3, 3, source));
     source.targets.push_back(target);
@@ -100,7 +95,7 @@ Status GltfVertices::open_targets(int node_index, const GltfPrimitive& primitive
 // The place of a skinned mesh comes from its joints alone (glTF 2.0, 3.7.3.1), at the pose in which
 // the file leaves its nodes.
 Status GltfVertices::open_skin(int skin, const GltfPrimitive& primitive, GltfVertexSource& source) {
-  for (int set = 0; set < kInfluenceSetsMax; ++set) {
+  for (int set = 0; set < GltfVertexJoints::kSetsMax; ++set) {
     const std::string number = std::to_string(set);
     VOXELD_ASSIGN(const auto joints,
                   open_attribute(primitive.attributes, "JOINTS_" + number, 4, 4, source));
@@ -112,6 +107,9 @@ Status GltfVertices::open_skin(int skin, const GltfPrimitive& primitive, GltfVer
   if (source.influences.empty()) return {};  // nothing is bound to the joints
   if (!world_from_bound_.contains(skin)) VOXELD_TRY(bind_joints(skin));
   source.world_from_bound = &world_from_bound_.at(skin);
+  if (rig_ != nullptr) {
+    source.first_joint_matrix = rig_->first_matrix_of_skin(skin, inverse_bind_[skin]);
+  }
   return {};
 }
 
@@ -130,34 +128,47 @@ Status GltfVertices::bind_joints(int index) {
                             "elements", "at least " + std::to_string(matrices.size()),
                             std::to_string(inverse.count()));
     }
-    for (size_t i = 0; i < matrices.size(); ++i) matrices[i] = matrices[i] * inverse.matrix(i);
+    std::vector<glm::dmat4>& inverse_bind = inverse_bind_[index];
+    for (size_t i = 0; i < matrices.size(); ++i) {
+      inverse_bind.push_back(inverse.matrix(i));
+      matrices[i] = matrices[i] * inverse_bind.back();
+    }
   }
   world_from_bound_.emplace(index, std::move(matrices));
   return {};
 }
 
-Result<glm::dmat4> GltfVertices::world_from_vertex(const GltfVertexSource& source,
-                                                   uint32_t index) const {
-  if (!source.world_from_bound) return source.world_from_mesh;
-  const std::vector<glm::dmat4>& matrices = *source.world_from_bound;
-  glm::dmat4 sum(0.0);
-  double weight_sum = 0.0;
+Result<GltfVertexJoints> GltfVertices::joints_of(const GltfVertexSource& source,
+                                                 uint32_t index) const {
+  GltfVertexJoints out;
+  if (!source.world_from_bound) return out;
+  const size_t joint_count = source.world_from_bound->size();
   for (const auto& [joints, weights] : source.influences) {
     const glm::dvec4 joint = joints.vector(index);
     const glm::dvec4 weight = weights.unit_vector(index);
     for (int i = 0; i < 4; ++i) {
       if (!(weight[i] > 0.0) || !is_coordinate(weight[i])) continue;
-      if (!(joint[i] >= 0.0 && joint[i] < static_cast<double>(matrices.size()))) {
+      if (!(joint[i] >= 0.0 && joint[i] < static_cast<double>(joint_count))) {
         return malformed_mesh(name_, source.path + ".JOINTS", "joint out of range",
-                              "less than " + std::to_string(matrices.size()),
+                              "less than " + std::to_string(joint_count),
                               std::to_string(joint[i]) + " at vertex " + std::to_string(index));
       }
-      sum += weight[i] * matrices[static_cast<size_t>(joint[i])];
-      weight_sum += weight[i];
+      out.joints[out.count++] = {static_cast<uint32_t>(joint[i]), weight[i]};
+      out.weight_sum += weight[i];
     }
   }
-  if (weight_sum == 0.0) return source.world_from_mesh;  // bound to nothing
-  return sum / weight_sum;
+  return out;
+}
+
+Result<glm::dmat4> GltfVertices::world_from_vertex(const GltfVertexSource& source,
+                                                   uint32_t index) const {
+  VOXELD_ASSIGN(const GltfVertexJoints bound, joints_of(source, index));
+  if (bound.count == 0) return source.world_from_mesh;  // bound to nothing
+  glm::dmat4 sum(0.0);
+  for (size_t i = 0; i < bound.count; ++i) {
+    sum += bound.joints[i].second * (*source.world_from_bound)[bound.joints[i].first];
+  }
+  return sum / bound.weight_sum;
 }
 
 Result<bool> GltfVertices::is_mirrored(const GltfVertexSource& source, uint32_t index) const {
@@ -165,7 +176,29 @@ Result<bool> GltfVertices::is_mirrored(const GltfVertexSource& source, uint32_t 
   return glm::determinant(glm::dmat3(matrix)) < 0.0;
 }
 
-Status GltfVertices::append(const GltfVertexSource& source, uint32_t index, MeshPart& part) const {
+// Weights count by their share of the sum (glTF 2.0, 3.7.3.3, asks writers for a sum of 1).
+Status GltfVertices::append_to_rig(const GltfVertexSource& source, uint32_t index,
+                                   SkinPart& skin) const {
+  skin.points.emplace_back(source.position.vector(index));
+  skin.normals.emplace_back(source.normal ? source.normal->vector(index) : glm::dvec4(0.0));
+  VOXELD_ASSIGN(const GltfVertexJoints bound, joints_of(source, index));
+  for (size_t i = 0; i < bound.count; ++i) {
+    skin.influences.push_back({source.first_joint_matrix + bound.joints[i].first,
+                               bound.joints[i].second / bound.weight_sum});
+  }
+  if (bound.count == 0) skin.influences.push_back({source.node_matrix, 1.0});
+  for (const GltfVertexSource::Target& target : source.targets) {
+    MorphDelta delta{.weight = source.first_weight + static_cast<uint32_t>(target.number)};
+    if (target.position) delta.position = glm::vec3(target.position->vector(index));
+    if (target.normal) delta.normal = glm::vec3(target.normal->vector(index));
+    if (delta.position == glm::vec3(0.0f) && delta.normal == glm::vec3(0.0f)) continue;
+    skin.morphs.push_back(delta);
+  }
+  return rig_->end_vertex(skin);
+}
+
+Status GltfVertices::append(const GltfVertexSource& source, uint32_t index, MeshPart& part,
+                            SkinPart* skin) const {
   glm::dvec3 position(source.position.vector(index));
   glm::dvec3 normal(source.normal ? source.normal->vector(index) : glm::dvec4(0.0));
   for (const GltfVertexSource::Target& target : source.targets) {
@@ -179,6 +212,7 @@ Status GltfVertices::append(const GltfVertexSource& source, uint32_t index, Mesh
                           "vertex " + std::to_string(index) + " is at no finite place",
                           "coordinates of at most 1e30 in size", "");
   }
+  if (skin != nullptr) VOXELD_TRY(append_to_rig(source, index, *skin));
   part.positions.push_back(position);
   if (source.normal) {
     part.normals.push_back(direction_of(world_normal(world_from_mesh, normal)));

@@ -1,11 +1,13 @@
 // One vertex of a glTF primitive as it stands in the world: morphed, skinned, transformed.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <glm/mat3x3.hpp>
@@ -15,6 +17,7 @@
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_document.h"
 #include "server/scene/gltf_nodes.h"
+#include "server/scene/gltf_rig.h"
 #include "server/scene/scene.h"
 
 namespace voxeld {
@@ -22,6 +25,7 @@ namespace voxeld {
 // The open accessors of one primitive on one node.
 struct GltfVertexSource {
   struct Target {
+    size_t number;
     double weight;
     std::optional<GltfReader> position, normal;
   };
@@ -36,19 +40,32 @@ struct GltfVertexSource {
   glm::dmat4 world_from_mesh{1.0};  // of a mesh without skin
   std::vector<Influences> influences;
   const std::vector<glm::dmat4>* world_from_bound = nullptr;  // per joint; null: no skin
+  // Indices of a rig's matrices and weights: GltfRigBuilder.
+  uint32_t node_matrix = 0, first_joint_matrix = 0, first_weight = 0;
+};
+
+// What a vertex is bound to: its joints with a weight above 0.
+struct GltfVertexJoints {
+  static constexpr int kSetsMax = 4;  // of four; real files have at most two
+  std::array<std::pair<uint32_t, double>, size_t{4} * kSetsMax> joints;
+  size_t count = 0;
+  double weight_sum = 0.0;
 };
 
 class GltfVertices {
  public:
+  // `rig`: null where nobody asks what vertices follow.
   GltfVertices(std::string_view name, const GltfDocument& document, const GltfNodes& nodes,
-               GltfAccessors& accessors)
-      : name_(name), document_(document), nodes_(nodes), accessors_(accessors) {}
+               GltfAccessors& accessors, GltfRigBuilder* rig)
+      : name_(name), document_(document), nodes_(nodes), accessors_(accessors), rig_(rig) {}
 
   // Errors: malformed-mesh, for accessors of wrong types, ranges and counts.
   Result<GltfVertexSource> open(int node, const GltfPrimitive& primitive, const std::string& path);
-  // Appends vertex `index` < source.position.count() to every attribute of the part. Errors:
-  // malformed-mesh for coordinates that are not finite, and joints that do not exist.
-  Status append(const GltfVertexSource& source, uint32_t index, MeshPart& part) const;
+  // Appends vertex `index` < source.position.count() to every attribute of the part, and to `skin`,
+  // the part of the rig; null without a rig. Errors: malformed-mesh for coordinates that are not
+  // finite, and joints that do not exist.
+  Status append(const GltfVertexSource& source, uint32_t index, MeshPart& part,
+                SkinPart* skin) const;
   // Whether the transform mirrors, so that triangles turn the other way round.
   Result<bool> is_mirrored(const GltfVertexSource& source, uint32_t index) const;
 
@@ -60,13 +77,16 @@ class GltfVertices {
   Status open_targets(int node, const GltfPrimitive& primitive, GltfVertexSource& source);
   Status open_skin(int skin, const GltfPrimitive& primitive, GltfVertexSource& source);
   Status bind_joints(int skin);
+  Result<GltfVertexJoints> joints_of(const GltfVertexSource& source, uint32_t index) const;
   Result<glm::dmat4> world_from_vertex(const GltfVertexSource& source, uint32_t index) const;
+  Status append_to_rig(const GltfVertexSource& source, uint32_t index, SkinPart& skin) const;
 
   std::string_view name_;
   const GltfDocument& document_;
   const GltfNodes& nodes_;
   GltfAccessors& accessors_;
-  std::map<int, std::vector<glm::dmat4>> world_from_bound_;  // by skin
+  GltfRigBuilder* rig_;
+  std::map<int, std::vector<glm::dmat4>> world_from_bound_, inverse_bind_;  // by skin
 };
 
 }  // namespace voxeld

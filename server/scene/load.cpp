@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "server/scene/animated_scene.h"
 #include "server/scene/bundle_names.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/ply.h"
@@ -89,8 +90,27 @@ Result<std::string> choose_mesh(std::string_view zip_name, std::string_view memb
                listed(meshes)};
 }
 
-Result<Scene> load_zip(std::string_view filename, std::span<const uint8_t> bytes,
-                       const LoadOptions& options) {
+// The scene alone, or with what moves it.
+Result<AnimatedScene> load_animated_format(MeshFormat format, std::string_view name,
+                                           std::span<const uint8_t> bytes, const Bundle& bundle,
+                                           const LoadOptions& options) {
+  if (format == MeshFormat::kMd5) return load_animated_md5(name, bytes, bundle, options);
+  if (format == MeshFormat::kGltf || format == MeshFormat::kGlb) {
+    return load_animated_gltf(name, bytes, bundle, options);
+  }
+  AnimatedScene animated;
+  VOXELD_ASSIGN(animated.scene, load_format(format, name, bytes, bundle, options));
+  return animated;
+}
+
+template <typename Loaded>
+using FormatLoader = Result<Loaded> (*)(MeshFormat format, std::string_view name,
+                                        std::span<const uint8_t> bytes, const Bundle& bundle,
+                                        const LoadOptions& options);
+
+template <typename Loaded>
+Result<Loaded> load_zip(std::string_view filename, std::span<const uint8_t> bytes,
+                        const LoadOptions& options, FormatLoader<Loaded> load) {
   const size_t mark = filename.find('!');
   const std::string_view zip_name = filename.substr(0, mark);
   const std::string_view member =
@@ -100,17 +120,28 @@ Result<Scene> load_zip(std::string_view filename, std::span<const uint8_t> bytes
   VOXELD_ASSIGN(const std::optional<std::vector<uint8_t>> mesh, bundle->find(name, ""));
   if (!mesh) return Error{ErrorCode::kInternal, name + ": lost in the zip", "", ""};
   VOXELD_ASSIGN(const MeshFormat format, detect_format(name, *mesh));
-  return load_format(format, name, *mesh, *bundle, options);
+  return load(format, name, *mesh, *bundle, options);
+}
+
+template <typename Loaded>
+Result<Loaded> load_file(std::string_view filename, std::span<const uint8_t> bytes,
+                         const LoadOptions& options, FormatLoader<Loaded> load) {
+  VOXELD_ASSIGN(const MeshFormat format, detect_format(filename, bytes));
+  if (format == MeshFormat::kZip) return load_zip<Loaded>(filename, bytes, options, load);
+  const std::unique_ptr<Bundle> bundle = single_file_bundle(std::string(filename), bytes);
+  return load(format, filename, bytes, *bundle, options);
 }
 
 }  // namespace
 
 Result<Scene> load_scene(std::string_view filename, std::span<const uint8_t> bytes,
                          const LoadOptions& options) {
-  VOXELD_ASSIGN(const MeshFormat format, detect_format(filename, bytes));
-  if (format == MeshFormat::kZip) return load_zip(filename, bytes, options);
-  const std::unique_ptr<Bundle> bundle = single_file_bundle(std::string(filename), bytes);
-  return load_format(format, filename, bytes, *bundle, options);
+  return load_file<Scene>(filename, bytes, options, load_format);
+}
+
+Result<AnimatedScene> load_animated_scene(std::string_view filename, std::span<const uint8_t> bytes,
+                                          const LoadOptions& options) {
+  return load_file<AnimatedScene>(filename, bytes, options, load_animated_format);
 }
 
 }  // namespace voxeld

@@ -16,11 +16,6 @@
 namespace voxeld {
 namespace {
 
-template <typename Vec>
-Vec y_up(const Vec& z_up) {
-  return Vec(z_up.x, z_up.z, -z_up.y);
-}
-
 // Which material of the scene each part has.
 class Md5Textures {
  public:
@@ -82,8 +77,8 @@ MeshPart md5_mesh_part(const Md5Part& part, const std::vector<Md5Joint>& joints)
   MeshPart out;
   out.name = part.name.empty() ? part.shader : part.name;
   for (size_t v = 0; v < positions.size(); ++v) {
-    out.positions.push_back(y_up(positions[v]));
-    out.normals.push_back(glm::vec3(y_up(normals[v])));
+    out.positions.push_back(y_up_from_z_up(positions[v]));
+    out.normals.push_back(glm::vec3(y_up_from_z_up(normals[v])));
     out.uvs.push_back(part.vertices[v].uv);
   }
   out.indices.reserve(part.indices.size());
@@ -97,6 +92,11 @@ MeshPart md5_mesh_part(const Md5Part& part, const std::vector<Md5Joint>& joints)
 Result<Scene> load_md5(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                        const LoadOptions& options) {
   VOXELD_ASSIGN(Md5Mesh mesh, parse_md5_mesh(name, as_text(bytes)));
+  return md5_scene(name, mesh, bundle, options);
+}
+
+Result<Scene> md5_scene(std::string_view name, Md5Mesh& mesh, const Bundle& bundle,
+                        const LoadOptions& options) {
   Scene scene;
   scene.format = "md5mesh";
   scene.warnings = std::move(mesh.warnings);

@@ -2,3 +2,4 @@
 voxeld_fuzzer(gltf gltf_scene.cpp voxeld_scene)
 voxeld_fuzzer(gltf_values gltf_values.cpp voxeld_scene nlohmann_json::nlohmann_json)
 voxeld_fuzzer(image gltf_image.cpp voxeld_scene)
+voxeld_fuzzer(gltf_animation gltf_animation.cpp voxeld_scene nlohmann_json::nlohmann_json)

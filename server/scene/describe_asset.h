@@ -1,0 +1,36 @@
+// What a mesh file holds, for people who choose among it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "server/scene/animated_scene.h"
+
+namespace voxeld {
+
+struct AssetDescription {
+  struct Mesh {  // a part of the scene
+    std::string name;
+    int material = -1;  // index into materials; -1: none
+    int64_t vertex_count = 0, triangle_count = 0;
+    int64_t influences_max = 0;      // of one vertex; 0 in a format without joints
+    bool has_morph_targets = false;  // that move some vertex
+  };
+  struct Material {
+    std::string name;
+    std::string image;  // the texture, as the upload or the mesh names it; empty: none was found
+  };
+  std::string format;  // Scene::format
+  Box3d bounds;        // of the bind pose, world units
+  std::vector<Mesh> meshes;
+  std::vector<Material> materials;
+  std::vector<MissingFile> missing_files;  // textures and others that the upload lacks
+  std::vector<SceneJoint> joints;
+  std::vector<AnimationInfo> animations;
+  std::vector<Warning> warnings;
+};
+
+AssetDescription describe_asset(const AnimatedScene& animated);
+
+}  // namespace voxeld

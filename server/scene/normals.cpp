@@ -1,0 +1,23 @@
+#include "server/scene/normals.h"
+
+#include "server/scene/mesh_error.h"
+
+namespace voxeld {
+
+void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,
+                    std::span<glm::vec3> normals) {
+  for (size_t i = 0; i + 2 < indices.size() && !normals.empty(); i += 3) {
+    const uint32_t* corner = &indices[i];
+    for (int c = 0; c < 3; ++c) {
+      if (normals[corner[c]] != glm::vec3(0.0f)) continue;
+      const glm::dvec3& a = positions[corner[0]];
+      const glm::dvec3 n = glm::cross(positions[corner[1]] - a, positions[corner[2]] - a);
+      const double length = glm::length(n);
+      normals[corner[c]] = length > 0.0 && length <= kCoordinateAbsMax * kCoordinateAbsMax
+                               ? glm::vec3(n / length)
+                               : glm::vec3(0.0f, 0.0f, 1.0f);
+    }
+  }
+}
+
+}  // namespace voxeld

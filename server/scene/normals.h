@@ -1,0 +1,38 @@
+// Directions of surfaces under transforms.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <glm/mat3x3.hpp>
+#include <glm/mat4x4.hpp>
+#include <glm/matrix.hpp>
+#include <glm/vec3.hpp>
+#include <span>
+
+namespace voxeld {
+
+// Normals go by the inverse transpose. The cofactors are that, times the determinant; they exist
+// for flattening matrices too. Where a matrix mirrors, the normal stays on its side of the surface.
+inline glm::dvec3 world_normal(const glm::dmat4& world_from_mesh, const glm::dvec3& n) {
+  const glm::dmat3 m(world_from_mesh);
+  const glm::dmat3 cofactors(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]),
+                             glm::cross(m[0], m[1]));
+  const glm::dvec3 out = cofactors * n;
+  return glm::determinant(m) < 0.0 ? -out : out;
+}
+
+// Unit length; (0, 0, 0) for directions that are none, which repair_normals() replaces.
+inline glm::vec3 direction_of(const glm::dvec3& v) {
+  const double length = glm::length(v);
+  if (!(length > 0.0) || !std::isfinite(length)) return glm::vec3(0.0f);
+  return glm::vec3(v / length);
+}
+
+// Replaces normals of (0, 0, 0) by that of a triangle of theirs; (0, 0, 1) where that has none.
+// `indices`: 3 per triangle, counter-clockwise, each below positions.size(). `normals`: as many as
+// positions, or none.
+void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,
+                    std::span<glm::vec3> normals);
+
+}  // namespace voxeld
