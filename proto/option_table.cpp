@@ -33,8 +33,10 @@ constexpr OptionInfo kTable[] = {
      "area average in linear light, of the material with the largest part alone, Phong baked in, "
      "or red/green/blue by dominant axis",
      kYes},
-    {"channels", "occupancy,color,normal,material,distance,coverage",
+    {"channels", "occupancy,color,normal,material,label,distance,coverage",
      "what a grid holds (default: occupancy and color; of a band also distance)", kYes},
+    {"labels", "mesh | node | material | group",
+     "what channel label numbers: the largest in a voxel of these (default mesh)", kYes},
     {"pipeline", "auto | raster | compute | cpu", "how it is computed; the same bytes from each",
      kYes},
     {"format", "native | npy | npz | vox", "how the grid is written (default native)", false, kYes},

@@ -37,6 +37,10 @@ inline constexpr std::array<Word<ColorMode>, 5> kColor = {{{"average", ColorMode
                                                            {"shaded", ColorMode::kShaded},
                                                            {"axis", ColorMode::kAxis},
                                                            {"none", ColorMode::kNone}}};
+inline constexpr std::array<Word<LabelKind>, 4> kLabels = {{{"mesh", LabelKind::kMesh},
+                                                            {"node", LabelKind::kNode},
+                                                            {"material", LabelKind::kMaterial},
+                                                            {"group", LabelKind::kGroup}}};
 inline constexpr std::array<Word<PipelineChoice>, 4> kPipeline = {
     {{"auto", PipelineChoice::kAuto},
      {"raster", PipelineChoice::kRaster},

@@ -55,6 +55,7 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
                       (!options.channels_given || options.channel_color);
   wanted.grid.normal = options.channels_given && options.channel_normal;
   wanted.grid.material = options.channels_given && options.channel_material;
+  wanted.grid.label = options.channels_given && options.channel_label;
   wanted.grid.coverage = options.channels_given && options.channel_coverage;
   wanted.grid.distance =
       options.channels_given ? options.channel_distance : options.fill == Fill::kBand;
