@@ -29,9 +29,9 @@ constexpr OptionInfo kTable[] = {
     {"interior", "none | nearest",
      "attributes inside, for fill solid and shell: none (default), or of the nearest surface",
      kYes},
-    {"color", "average | dominant | shaded | axis | none",
-     "area average in linear light, of the material with the largest part alone, Phong baked in, "
-     "or red/green/blue by dominant axis",
+    {"color", "average | nearest | dominant | shaded | axis | none",
+     "area average in linear light, at the point nearest to the voxel's centre, of the material "
+     "with the largest part alone, Phong baked in, or red/green/blue by dominant axis",
      kYes},
     {"channels", "occupancy,color,normal,material,label,distance,coverage",
      "what a grid holds (default: occupancy and color; of a band also distance)", kYes},

@@ -32,7 +32,8 @@ inline constexpr std::array<Word<Sign>, 6> kSign = {{{"auto", Sign::kAuto},
 inline std::string_view sign_name(Sign sign) {
   return option_values::word_of<Sign>(sign, kSign);
 }
-inline constexpr std::array<Word<ColorMode>, 5> kColor = {{{"average", ColorMode::kAverage},
+inline constexpr std::array<Word<ColorMode>, 6> kColor = {{{"average", ColorMode::kAverage},
+                                                           {"nearest", ColorMode::kNearest},
                                                            {"dominant", ColorMode::kDominant},
                                                            {"shaded", ColorMode::kShaded},
                                                            {"axis", ColorMode::kAxis},

@@ -60,9 +60,11 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
   wanted.grid.distance =
       options.channels_given ? options.channel_distance : options.fill == Fill::kBand;
   wanted.shaded = wanted.grid.color && options.color == ColorMode::kShaded;
-  wanted.summed.color = wanted.grid.color;
-  wanted.summed.alpha =
+  wanted.nearest = wanted.grid.color && options.color == ColorMode::kNearest;
+  wanted.has_alpha =
       wanted.grid.color && options.color != ColorMode::kAxis && has_transparency(scene);
+  wanted.summed.color = wanted.grid.color && !wanted.nearest;
+  wanted.summed.alpha = wanted.has_alpha && wanted.summed.color;
   wanted.summed.normal = wanted.grid.normal || wanted.shaded;
   return wanted;
 }

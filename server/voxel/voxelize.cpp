@@ -166,7 +166,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   if (!plan.channels.any()) return {};
   VOXELD_ASSIGN(plan.ids, id_channels(scene, options, plan.channels.grid));
   plan.records.emplace(scene, plan.mesh, plan.spec, plan.world_from_file, options.color,
-                       plan.channels.summed, traits().texture_side_max);
+                       plan.channels.recorded(), traits().texture_side_max);
   add_stage(stats.passes, "levels", watch.lap());
   return {};
 }

@@ -111,6 +111,13 @@ class Formats(DaemonTest):
         self.assertLess(trees[:, 0].min(), house[:, 0].min())
         self.assertGreater(trees[:, 0].max(), house[:, 0].max())
 
+    def test_nearest_colours_are_the_same_by_each_pipeline_and_not_averages(self):
+        query = "size=40&format=native&color="
+        names = ("nearest", "nearest&pipeline=cpu", "nearest&pipeline=raster", "average")
+        hashes = [self.voxelize(query + name).headers["X-Voxeld-Content-Hash"] for name in names]
+        self.assertEqual(hashes[:2], [hashes[2]] * 2)
+        self.assertNotEqual(hashes[0], hashes[3])
+
     def test_more_groups_than_ids_are_refused_and_only_where_groups_are_asked_for(self):
         lines = [b"v 0 0 0", b"v 1 0 0", b"v 0 1 0"]
         for i in range(100_000):

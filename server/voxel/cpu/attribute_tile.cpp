@@ -7,6 +7,7 @@
 
 #include <glm/common.hpp>
 
+#include "server/grid/color_tables.h"
 #include "server/voxel/cpu/attribute_visitor.h"
 #include "server/voxel/resolve.h"
 #include "server/voxel/sum_fold.h"
@@ -191,6 +192,21 @@ void CpuAttributes::fold_ids(const TileBin& bin, const Octant& octant, const IdC
   resolve_voxels(colors.sums(), dominant_part(plan_->resolve_options()), octant.voxel_first, tile);
 }
 
+void CpuAttributes::find_nearest(const TileBin& bin, const Octant& octant, AttributeTarget target,
+                                 Worker& worker, SparseTile& tile) const {
+  worker.nearest.assign(octant.voxel_count, {});
+  target.nearest = worker.nearest.data();
+  target.channels = plan_->channels.recorded();
+  for (const uint32_t triangle : worker.triangles) add_triangle(bin, triangle, target);
+  const auto& srgb8 = srgb8_from_linear16();
+  uint8_t* out = &tile.color[4 * octant.voxel_first];
+  for (const NearestColor& point : worker.nearest) {
+    for (size_t c = 0; c < 3; ++c) *out++ = srgb8[point.linear16[c]];
+    *out++ = plan_->channels.has_alpha ? static_cast<uint8_t>((point.linear16[3] + 128u) / 257u)
+                                       : uint8_t{255};
+  }
+}
+
 void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Worker& worker,
                                SparseTile& tile) const {
   const AttributeChannels& channels = plan_->channels.summed;
@@ -210,6 +226,7 @@ void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Wor
     for (const uint32_t triangle : triangles) add_triangle(input.bin, triangle, target);
     resolve_voxels(worker.sums, plan_->resolve_options(), octant.voxel_first, tile);
   }
+  if (plan_->channels.nearest) find_nearest(input.bin, octant, target, worker, tile);
   for (const IdChannel& channel : plan_->ids) {
     if (input.is_started && !channel.is_wide) continue;
     fold_ids(input.bin, octant, channel, target, worker, tile);

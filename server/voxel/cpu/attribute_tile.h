@@ -53,6 +53,7 @@ class CpuAttributes {
   };
   struct Worker {
     std::vector<uint64_t> sums;
+    std::vector<NearestColor> nearest;
     std::vector<uint32_t> triangles;  // that may touch the octant
     IdFold fold;
   };
@@ -67,6 +68,9 @@ class CpuAttributes {
   // What has the largest weight in each voxel. `target`: of the octant. Sorts worker.triangles.
   void fold_ids(const TileBin& bin, const Octant& octant, const IdChannel& channel,
                 AttributeTarget target, Worker& worker, SparseTile& tile) const;
+  // color=nearest. `target`: of the octant.
+  void find_nearest(const TileBin& bin, const Octant& octant, AttributeTarget target,
+                    Worker& worker, SparseTile& tile) const;
   void run_octants(const TileInput& input, SparseTile& tile);
   void run_octant(const TileInput& input, const Octant& octant, Worker& worker,
                   SparseTile& tile) const;

@@ -129,6 +129,7 @@ TEST(CanonicalOptions, two_requests_that_differ_give_other_bytes) {
       {{"transform", kIdentity}},
       {{"color", "none"}},
       {{"color", "dominant"}},
+      {{"color", "nearest"}},
       {{"channels", "occupancy"}},
       {{"channels", "color"}},
       {{"channels", "normal"}},
