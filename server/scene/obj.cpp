@@ -1,5 +1,5 @@
 // OBJ to Scene: parts by object, group, material and kind of corner; shared vertices by (v, vt,
-// vn). An object ("o") is a mesh and a node; faces outside of one, or of a group ("g"), belong to one
+// vn). An object ("o") is a mesh and a node; faces out of one, or of a group ("g"), belong to one
 // without a name.
 //
 // Colours of vertices ("v x y z r g b") are taken as sRGB, and as 0..255 where any component of the

@@ -67,7 +67,7 @@ struct Scene {
   std::string format;  // "ply", "obj", "stl", "off", "gltf", "glb"
   std::vector<MeshPart> parts;
   std::vector<Material> materials;
-  // Names of what parts belong to, in the order in which the file's surfaces first do. A format that
+  // Names of what parts belong to, in the order in which the file's surfaces do. A format that
   // knows no such thing has one, without a name.
   std::vector<std::string> meshes{""}, nodes{""}, groups{""};
   // There were more than a scene has parts, so some parts hold surfaces of several of them.

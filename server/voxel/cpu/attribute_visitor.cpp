@@ -91,7 +91,7 @@ class Visitor {
     }
   }
 
-  // In the box; kNone where the cell is touched but not occupied, by another rule than touch. Axis z
+  // In the box; kNone where the cell is touched but not occupied, by another rule than touch. z
   // of the swizzled cell is the dominant one.
   size_t voxel_at(int i, int j, int k) const {
     const int axis = source_.axis;

@@ -59,7 +59,8 @@ TEST(GltfNodes, parts_know_their_mesh_their_node_and_their_primitive) {
   unnamed["primitives"] = Json::array({primitive});
   builder.json["meshes"].push_back(unnamed);
   builder.json["nodes"] = Json::parse(
-      R"([{"mesh": 1}, {"mesh": 0, "name": "left"}, {"mesh": 0, "name": "right"}, {"name": "left"}])");
+      R"([{"mesh": 1}, {"mesh": 0, "name": "left"}, {"mesh": 0, "name": "right"},
+          {"name": "left"}])");
   builder.json["scenes"][0]["nodes"] = {2, 1, 0};
   const auto scene = builder.load();
   ASSERT_EQ(outcome(scene), "ok");

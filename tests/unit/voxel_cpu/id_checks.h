@@ -16,8 +16,8 @@
 
 namespace voxeld::test {
 
-// Balls of about 20 units that reach into each other, each a mesh of six gores, which are groups. Two
-// nodes; materials change from gore to gore, and some have none.
+// Balls of about 20 units that reach into each other, each a mesh of six gores, which are groups.
+// Two nodes; materials change from gore to gore, and some have none.
 inline Scene gored_balls() {
   constexpr int kBalls = 6, kGores = 6, kAround = 4, kAlong = 24;
   Scene scene;
@@ -57,9 +57,10 @@ inline Scene gored_balls() {
   return scene;
 }
 
-// Expects that the id of each voxel is one whose surface in it is the largest, or smaller by at most
-// 0.4 of a cell's face: the lattice of 4 x 4 points measures each side of a border to about 0.2.
-// So it is the largest one wherever that leads by more. part_ids: the ids that parts should have.
+// Expects that the id of each voxel is one whose surface in it is the largest, or smaller by at
+// most 0.4 of a cell's face: the lattice of 4 x 4 points measures each side of a border to about
+// 0.2. So it is the largest one wherever that leads by more. part_ids: the ids that parts should
+// have.
 inline void expect_largest_ids(const Grid& grid, Channel channel, const Scene& scene,
                                const std::vector<int>& part_ids, const std::string& what) {
   constexpr double kTolerance = 0.4;
