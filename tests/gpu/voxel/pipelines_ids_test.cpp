@@ -37,7 +37,8 @@ TEST(Ids, of_each_kind_are_the_same_by_each_pipeline_and_the_largest_by_the_orac
 TEST(Ids, beside_all_other_channels_and_over_tiles_are_the_same_by_each_pipeline) {
   Scene scene = test::gored_balls();
   for (MeshPart& part : scene.parts) {
-    part.colors.assign(part.positions.size(), glm::vec4(part.group % 7 / 6.0f, 0.5f, 0.2f, 1.0f));
+    part.colors.assign(part.positions.size(),
+                       glm::vec4(float(part.group % 7) / 6.0f, 0.5f, 0.2f, 1.0f));
   }
   VoxelizeOptions options = labelled(LabelKind::kGroup, 280);
   options.channel_color = options.channel_normal = options.channel_material = true;
