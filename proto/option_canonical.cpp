@@ -54,10 +54,12 @@ void add_voxelize(Json& out, const VoxelizeOptions& v) {
     if (v.channel_color) channels += ",color";
     if (v.channel_normal) channels += ",normal";
     if (v.channel_material) channels += ",material";
+    if (v.channel_label) channels += ",label";
     if (v.channel_distance) channels += ",distance";
     if (v.channel_coverage) channels += ",coverage";
     out["channels"] = channels;
   }
+  if (v.channel_label) out["labels"] = word(v.labels, words::kLabels);
   out["pipeline"] = word(v.pipeline, words::kPipeline);
 }
 

@@ -29,12 +29,14 @@ constexpr OptionInfo kTable[] = {
     {"interior", "none | nearest",
      "attributes inside, for fill solid and shell: none (default), or of the nearest surface",
      kYes},
-    {"color", "average | dominant | shaded | axis | none",
-     "area average in linear light, of the material with the largest part alone, Phong baked in, "
-     "or red/green/blue by dominant axis",
+    {"color", "average | nearest | dominant | shaded | axis | none",
+     "area average in linear light, at the point nearest to the voxel's centre, of the material "
+     "with the largest part alone, Phong baked in, or red/green/blue by dominant axis",
      kYes},
-    {"channels", "occupancy,color,normal,material,distance,coverage",
+    {"channels", "occupancy,color,normal,material,label,distance,coverage",
      "what a grid holds (default: occupancy and color; of a band also distance)", kYes},
+    {"labels", "mesh | node | material | group",
+     "what channel label numbers: the largest in a voxel of these (default mesh)", kYes},
     {"pipeline", "auto | raster | compute | cpu", "how it is computed; the same bytes from each",
      kYes},
     {"format", "native | npy | npz | vox", "how the grid is written (default native)", false, kYes},

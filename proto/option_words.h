@@ -32,11 +32,16 @@ inline constexpr std::array<Word<Sign>, 6> kSign = {{{"auto", Sign::kAuto},
 inline std::string_view sign_name(Sign sign) {
   return option_values::word_of<Sign>(sign, kSign);
 }
-inline constexpr std::array<Word<ColorMode>, 5> kColor = {{{"average", ColorMode::kAverage},
+inline constexpr std::array<Word<ColorMode>, 6> kColor = {{{"average", ColorMode::kAverage},
+                                                           {"nearest", ColorMode::kNearest},
                                                            {"dominant", ColorMode::kDominant},
                                                            {"shaded", ColorMode::kShaded},
                                                            {"axis", ColorMode::kAxis},
                                                            {"none", ColorMode::kNone}}};
+inline constexpr std::array<Word<LabelKind>, 4> kLabels = {{{"mesh", LabelKind::kMesh},
+                                                            {"node", LabelKind::kNode},
+                                                            {"material", LabelKind::kMaterial},
+                                                            {"group", LabelKind::kGroup}}};
 inline constexpr std::array<Word<PipelineChoice>, 4> kPipeline = {
     {{"auto", PipelineChoice::kAuto},
      {"raster", PipelineChoice::kRaster},

@@ -88,13 +88,16 @@ Status set_channels(VoxelizeOptions& voxelize, std::string_view text) {
       voxelize.channel_normal = true;
     } else if (part == "material") {
       voxelize.channel_material = true;
+    } else if (part == "label") {
+      voxelize.channel_label = true;
     } else if (part == "distance") {
       voxelize.channel_distance = true;
     } else if (part == "coverage") {
       voxelize.channel_coverage = true;
     } else if (part != "occupancy") {
       return invalid("channels",
-                     "a list of occupancy, color, normal, material, distance and coverage", text);
+                     "a list of occupancy, color, normal, material, label, distance and coverage",
+                     text);
     }
   }
   return {};
@@ -179,6 +182,7 @@ Status set_voxelize(VoxelizeOptions& v, std::string_view name, std::string_view 
   if (name == "interior") return set_word(v.interior, name, text, words::kInterior);
   if (name == "color") return set_word(v.color, name, text, words::kColor);
   if (name == "channels") return set_channels(v, text);
+  if (name == "labels") return set_word(v.labels, name, text, words::kLabels);
   if (name == "pipeline") return set_word(v.pipeline, name, text, words::kPipeline);
   return set_placement(v.placement, name, text);
 }
@@ -382,6 +386,9 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
     VOXELD_TRY(set_option(options, *row, text));
   }
   VOXELD_TRY(check_fill(options.voxelize, seen));
+  if (seen.contains("labels") && !options.voxelize.channel_label) {
+    return invalid("labels", "channel label with it", "channels without it");
+  }
   if (options.voxelize.fill == Fill::kBand && !seen.contains("thickness")) {
     options.voxelize.thickness = kDefaultBandThickness;
   }

@@ -48,38 +48,57 @@ Status GltfMeshes::add_node(int node) {
       ++skipped_primitive_count_;
       continue;
     }
-    VOXELD_TRY(add_primitive(
-        node, from.primitives[i],
-        "meshes[" + std::to_string(mesh) + "].primitives[" + std::to_string(i) + "]"));
+    VOXELD_TRY(add_primitive(node, i));
   }
   return {};
 }
 
+// What has no name is called by its place in the file, as in errors.
+void GltfMeshes::set_origin(int node_index, size_t index, MeshPart& part) {
+  const GltfNode& node = document_.nodes[static_cast<size_t>(node_index)];
+  const auto mesh_name = [&] {
+    const std::string& own = document_.meshes[static_cast<size_t>(node.mesh)].name;
+    return own.empty() ? "meshes[" + std::to_string(node.mesh) + "]" : own;
+  };
+  part.mesh = meshes_.index_of(node.mesh, mesh_name);
+  part.node = nodes_.index_of(node_index, [&] {
+    return node.name.empty() ? "nodes[" + std::to_string(node_index) + "]" : node.name;
+  });
+  part.group = groups_.index_of({node.mesh, index},
+                                [&] { return mesh_name() + "/" + std::to_string(index); });
+}
+
 // A new part, or a full scene's last one with the same material and attributes.
-MeshPart& GltfMeshes::part_for(int node_index, int material, const GltfVertexSource& source) {
+MeshPart& GltfMeshes::part_for(int node_index, size_t index, int material,
+                               const GltfVertexSource& source) {
   const auto layout = std::make_tuple(material, source.normal.has_value(), source.uv.has_value(),
                                       source.color.has_value());
   const auto found = part_of_layout_.find(layout);
   if (scene_.parts.size() >= kScenePartsMax && found != part_of_layout_.end()) {
+    scene_.parts_merged = true;
     return scene_.parts[found->second];
   }
   const GltfNode& node = document_.nodes[static_cast<size_t>(node_index)];
   MeshPart part;
   part.name = node.name.empty() ? document_.meshes[static_cast<size_t>(node.mesh)].name : node.name;
   part.material = material;
+  set_origin(node_index, index, part);
   part_of_layout_[layout] = scene_.parts.size();
   return scene_.parts.emplace_back(std::move(part));
 }
 
-Status GltfMeshes::add_primitive(int node, const GltfPrimitive& primitive,
-                                 const std::string& path) {
+Status GltfMeshes::add_primitive(int node, size_t index) {
+  const int mesh = document_.nodes[static_cast<size_t>(node)].mesh;
+  const GltfPrimitive& primitive = document_.meshes[static_cast<size_t>(mesh)].primitives[index];
+  const std::string path =
+      "meshes[" + std::to_string(mesh) + "].primitives[" + std::to_string(index) + "]";
   VOXELD_ASSIGN(const GltfVertexSource source, vertices_.open(node, primitive, path));
   VOXELD_ASSIGN(std::vector<uint32_t> corners,
                 triangles_of(primitive, path, source.position.count()));
   if (corners.empty()) return {};
   VOXELD_ASSIGN(const bool is_mirrored, vertices_.is_mirrored(source, corners[0]));
   const int material = textures_.use_material(primitive.material);
-  MeshPart& part = part_for(node, material, source);
+  MeshPart& part = part_for(node, index, material, source);
   if (material >= 0 && scene_.materials[static_cast<size_t>(material)].image >= 0 && !source.uv) {
     add_warning(scene_, "no-texture-coordinates",
                 std::string(name_) + " " + path + ": has no coordinates for its texture");

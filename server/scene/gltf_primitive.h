@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include <glm/mat4x4.hpp>
@@ -16,6 +17,7 @@
 #include "server/scene/gltf_nodes.h"
 #include "server/scene/gltf_textures.h"
 #include "server/scene/gltf_vertex.h"
+#include "server/scene/name_list.h"
 #include "server/scene/scene.h"
 
 namespace voxeld {
@@ -33,7 +35,10 @@ class GltfMeshes {
         textures_(textures),
         vertices_(name, document, nodes, accessors, rig),
         scene_(scene),
-        rig_(rig) {}
+        rig_(rig),
+        meshes_(scene.meshes),
+        nodes_(scene.nodes),
+        groups_(scene.groups) {}
 
   // The mesh of a node, if it has one. Errors: malformed-mesh.
   Status add_node(int node);
@@ -41,12 +46,14 @@ class GltfMeshes {
   int64_t skipped_primitive_count() const { return skipped_primitive_count_; }
 
  private:
-  Status add_primitive(int node, const GltfPrimitive& primitive, const std::string& path);
+  // `index`: of the primitive in the node's mesh.
+  Status add_primitive(int node, size_t index);
   // Vertex numbers of the file, 3 per triangle.
   Result<std::vector<uint32_t>> triangles_of(const GltfPrimitive& primitive,
                                              const std::string& path, uint64_t vertex_count);
   Result<uint64_t> count_triangles(int mode, uint64_t corner_count, const std::string& path);
-  MeshPart& part_for(int node, int material, const GltfVertexSource& source);
+  MeshPart& part_for(int node, size_t index, int material, const GltfVertexSource& source);
+  void set_origin(int node, size_t index, MeshPart& part);
 
   std::string_view name_;
   const GltfDocument& document_;
@@ -55,6 +62,8 @@ class GltfMeshes {
   GltfVertices vertices_;
   Scene& scene_;
   GltfRigBuilder* rig_;
+  NameList<int> meshes_, nodes_;
+  NameList<std::pair<int, size_t>> groups_;  // mesh, primitive
   int64_t skipped_primitive_count_ = 0;
   int64_t triangle_count_ = 0, vertex_count_ = 0;
   // Material and which attributes there are, to the last part with them.

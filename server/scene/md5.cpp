@@ -102,9 +102,13 @@ Result<Scene> md5_scene(std::string_view name, Md5Mesh& mesh, const Bundle& bund
   scene.warnings = std::move(mesh.warnings);
   Md5Textures textures(scene, bundle, std::string(name), options);
   size_t triangles = 0;
+  scene.meshes.clear();
   for (const Md5Part& part : mesh.parts) {
     scene.parts.push_back(md5_mesh_part(part, mesh.joints));
     scene.parts.back().material = textures.material_index(part.shader);
+    // A mesh of the file is a node, too.
+    scene.parts.back().mesh = scene.parts.back().node = static_cast<uint32_t>(scene.meshes.size());
+    scene.meshes.push_back(scene.parts.back().name);
     triangles += part.indices.size() / 3;
     for (const glm::dvec3& position : scene.parts.back().positions) {
       if (is_coordinate(position.x) && is_coordinate(position.y) && is_coordinate(position.z)) {
@@ -116,6 +120,7 @@ Result<Scene> md5_scene(std::string_view name, Md5Mesh& mesh, const Bundle& bund
     }
   }
   if (triangles == 0) return empty_mesh(name, "no triangles");
+  scene.nodes = scene.meshes;
   return scene;
 }
 

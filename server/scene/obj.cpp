@@ -1,4 +1,6 @@
-// OBJ to Scene: parts by name, material and kind of corner; shared vertices by (v, vt, vn).
+// OBJ to Scene: parts by object, group, material and kind of corner; shared vertices by (v, vt,
+// vn). An object ("o") is a mesh and a node; faces out of one, or of a group ("g"), belong to one
+// without a name.
 //
 // Colours of vertices ("v x y z r g b") are taken as sRGB, and as 0..255 where any component of the
 // file is above kUnitColorMax. Texture coordinates are flipped: OBJ's origin is the bottom left.
@@ -14,6 +16,7 @@
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/mtl.h"
+#include "server/scene/name_list.h"
 #include "server/scene/obj_file.h"
 #include "server/scene/polygon_sink.h"
 #include "server/scene/text_cursor.h"
@@ -60,6 +63,8 @@ class ObjLoader {
       corner += face.corner_count;
     }
     assume_texture();
+    scene_.nodes = scene_.meshes;
+    scene_.parts_merged = file_.names_dropped;
     return std::move(scene_);
   }
 
@@ -151,6 +156,9 @@ class ObjLoader {
       MeshPart& part = scene_.parts.emplace_back();
       part.name = file_.names[state.name];
       part.material = material;
+      part.mesh = meshes_.index_of(state.object, [&] { return file_.names[state.object]; });
+      part.node = part.mesh;
+      part.group = groups_.index_of(state.group, [&] { return file_.names[state.group]; });
       const auto mtl = library_.find(file_.materials[state.material]);
       maps_.push_back(mtl == library_.end() ? nullptr : &mtl->second);
     }
@@ -241,6 +249,7 @@ class ObjLoader {
   Scene scene_;
   TextureSet textures_;
   PolygonSink sink_;
+  NameList<uint32_t> meshes_{scene_.meshes}, groups_{scene_.groups};
   std::map<std::string, MtlMaterial, std::less<>> library_;
   std::map<uint32_t, int> material_indices_;
   std::map<PartKey, uint32_t> part_indices_;

@@ -82,7 +82,8 @@ class ObjReader {
     if (keyword == "vt") return read_uv(line);
     if (keyword == "vn") return read_normal(line);
     if (keyword == "usemtl") return set_material(line.rest());
-    if (keyword == "o" || keyword == "g") return set_name(line.rest());
+    if (keyword == "o") return set_name(line.rest(), state_.object);
+    if (keyword == "g") return set_name(joined_words(line), state_.group);
     if (keyword == "mtllib") {
       if (file_.libraries.size() < kSceneWarningsMax) file_.libraries.emplace_back(line.rest());
       return {};
@@ -256,7 +257,10 @@ class ObjReader {
     state_changed_ = false;
     // Over the cap, names no longer tell parts apart; materials do.
     ObjState state = state_;
-    if (states_.size() >= kScenePartsMax && !states_.contains(state)) state.name = 0;
+    if (states_.size() >= kScenePartsMax && !states_.contains(state)) {
+      state = {.material = state_.material};
+      file_.names_dropped = true;
+    }
     const auto [found, is_new] =
         states_.try_emplace(state, static_cast<uint32_t>(file_.states.size()));
     if (is_new) file_.states.push_back(state);
@@ -267,10 +271,23 @@ class ObjReader {
   Status set_material(std::string_view material) {
     return set_from(material, material_numbers_, file_.materials, state_.material);
   }
-  Status set_name(std::string_view object) {
+  // A face of several groups ("g arm left") belongs to a group of all their names.
+  static std::string joined_words(LineCursor& line) {
+    std::string words;
+    for (std::string_view word = line.token(); !word.empty(); word = line.token()) {
+      words.append(words.empty() ? "" : " ").append(word);
+    }
+    return words;
+  }
+  Status set_name(std::string_view text, uint32_t& current) {
     // More names than parts may have are not kept.
-    if (file_.names.size() >= kNamesMax) return {};
-    return set_from(object, name_numbers_, file_.names, state_.name);
+    if (file_.names.size() >= kNamesMax && !text.empty() && !name_numbers_.contains(text)) {
+      file_.names_dropped = true;
+      text = {};
+    }
+    VOXELD_TRY(set_from(text, name_numbers_, file_.names, current));
+    state_.name = current;
+    return {};
   }
   Status set_from(std::string_view text, std::map<std::string, uint32_t, std::less<>>& numbers,
                   std::vector<std::string>& list, uint32_t& current) {

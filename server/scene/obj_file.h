@@ -1,10 +1,10 @@
 // The statements of a Wavefront OBJ file as plain arrays, before they become a Scene.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <string>
 #include <string_view>
-#include <tuple>
 #include <vector>
 
 #include <glm/vec2.hpp>
@@ -23,11 +23,10 @@ struct ObjCorner {
 
 // What "o", "g" and "usemtl" say where a face stands.
 struct ObjState {
-  uint32_t name = 0;      // index into ObjFile::names
-  uint32_t material = 0;  // index into ObjFile::materials
-  bool operator<(const ObjState& other) const {
-    return std::tie(name, material) < std::tie(other.name, other.material);
-  }
+  uint32_t name = 0;               // the last one's of both; index into ObjFile::names
+  uint32_t object = 0, group = 0;  // likewise
+  uint32_t material = 0;           // index into ObjFile::materials
+  auto operator<=>(const ObjState&) const = default;
 };
 
 struct ObjFace {
@@ -46,6 +45,7 @@ struct ObjFile {
   std::vector<ObjFace> faces;
   std::vector<ObjState> states;
   std::vector<std::string> names{""};      // of objects and groups; 0: none
+  bool names_dropped = false;              // some faces are told apart by their material alone
   std::vector<std::string> materials{""};  // of "usemtl"; 0: none
   std::vector<std::string> libraries;      // "mtllib" lines, names as written
   std::vector<std::string> ignored;        // keywords that were left out, each once

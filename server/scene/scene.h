@@ -34,10 +34,13 @@ struct Material {
   Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
 };
 
-// Triangles that share a material. Attribute arrays are empty or as long as positions.
+// Triangles that share a material, and what they belong to in the file. Attribute arrays are empty
+// or as long as positions.
 struct MeshPart {
   std::string name;
-  int material = -1;                  // index into Scene::materials; -1: none
+  int material = -1;  // index into Scene::materials; -1: none
+  // indices into Scene::meshes, Scene::nodes and Scene::groups
+  uint32_t mesh = 0, node = 0, group = 0;
   std::vector<glm::dvec3> positions;  // world units
   std::vector<glm::vec3> normals;     // unit length, world space
   // (0,0) is the top left texel corner; texture transforms applied
@@ -64,6 +67,11 @@ struct Scene {
   std::string format;  // "ply", "obj", "stl", "off", "gltf", "glb"
   std::vector<MeshPart> parts;
   std::vector<Material> materials;
+  // Names of what parts belong to, in the order in which the file's surfaces do. A format that
+  // knows no such thing has one, without a name.
+  std::vector<std::string> meshes{""}, nodes{""}, groups{""};
+  // There were more than a scene has parts, so some parts hold surfaces of several of them.
+  bool parts_merged = false;
   std::vector<Image> images;
   std::vector<Warning> warnings;
   std::vector<MissingFile> missing_files;

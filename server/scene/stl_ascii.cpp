@@ -22,12 +22,23 @@ class StlTextReader {
     }
     if (triangle_count_ == 0) return empty_mesh(name_, "no facets");
     if (scene_.parts.back().indices.empty()) scene_.parts.pop_back();
+    name_meshes();
     return std::move(scene_);
   }
 
  private:
   Error unexpected(std::string expected, std::string_view word) const {
     return malformed_line(name_, cursor_.line(), "wrong word", std::move(expected), shown(word));
+  }
+
+  // A solid is a mesh and a node.
+  void name_meshes() {
+    scene_.meshes.clear();
+    for (MeshPart& part : scene_.parts) {
+      part.mesh = part.node = static_cast<uint32_t>(scene_.meshes.size());
+      scene_.meshes.push_back(part.name);
+    }
+    scene_.nodes = scene_.meshes;
   }
 
   Status read_solid() {
@@ -40,7 +51,11 @@ class StlTextReader {
       table_ = VertexTable();
     }
     MeshPart& part = scene_.parts.back();
-    if (part.indices.empty()) part.name = solid_name;
+    if (part.indices.empty()) {
+      part.name = solid_name;
+    } else {
+      scene_.parts_merged = true;
+    }
     for (;;) {
       const std::string_view word = cursor_.token();
       if (equals_ignoring_case(word, "endsolid")) break;

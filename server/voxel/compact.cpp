@@ -1,5 +1,6 @@
 #include "server/voxel/compact.h"
 
+#include <algorithm>
 #include <bit>
 
 #include "server/voxel/tile_mask.h"
@@ -36,6 +37,17 @@ uint64_t compact_mask(std::span<const uint32_t> mask, uint64_t blocks, SparseTil
     }
   });
   return voxels;
+}
+
+void expand_mask(const SparseTile& tile, std::span<uint32_t> mask) {
+  std::ranges::fill(mask, 0u);
+  for (size_t b = 0; b < tile.masks.size(); ++b) {
+    uint32_t* words = &mask[size_t{tile.brick_morton[b]} * kBrickWords];
+    for (const uint64_t pair : tile.masks[b].words) {
+      *words++ = static_cast<uint32_t>(pair);
+      *words++ = static_cast<uint32_t>(pair >> 32);
+    }
+  }
 }
 
 uint64_t number_words(const SparseTile& tile, std::span<uint32_t> word_offsets, uint64_t& blocks) {

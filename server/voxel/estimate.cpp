@@ -55,14 +55,17 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
                       (!options.channels_given || options.channel_color);
   wanted.grid.normal = options.channels_given && options.channel_normal;
   wanted.grid.material = options.channels_given && options.channel_material;
+  wanted.grid.label = options.channels_given && options.channel_label;
   wanted.grid.coverage = options.channels_given && options.channel_coverage;
   wanted.volume = wanted.grid.coverage && options.fill == Fill::kSolid;
   wanted.grid.distance =
       options.channels_given ? options.channel_distance : options.fill == Fill::kBand;
   wanted.shaded = wanted.grid.color && options.color == ColorMode::kShaded;
-  wanted.summed.color = wanted.grid.color;
-  wanted.summed.alpha =
+  wanted.nearest = wanted.grid.color && options.color == ColorMode::kNearest;
+  wanted.has_alpha =
       wanted.grid.color && options.color != ColorMode::kAxis && has_transparency(scene);
+  wanted.summed.color = wanted.grid.color && !wanted.nearest;
+  wanted.summed.alpha = wanted.has_alpha && wanted.summed.color;
   wanted.summed.normal = wanted.grid.normal || wanted.shaded;
   return wanted;
 }

@@ -23,7 +23,16 @@ struct WantedChannels {
   ChannelSet grid;
   bool shaded = false;
   AttributeChannels summed;
-  bool volume = false;  // coverage is of the voxel's volume, not its surface
+  bool volume = false;     // coverage is of the voxel's volume, not its surface
+  bool nearest = false;    // colours are those of points, found by the CPU, and not of sums
+  bool has_alpha = false;  // some colour is not opaque
+  // What the records of triangles tell of.
+  AttributeChannels recorded() const {
+    AttributeChannels channels = summed;
+    channels.color = grid.color;
+    channels.alpha = has_alpha;
+    return channels;
+  }
   // Whether pipelines have attributes to make; distances and volumes are measured after them.
   bool any() const {
     ChannelSet made = grid;

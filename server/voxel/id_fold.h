@@ -18,6 +18,8 @@ namespace voxeld {
 struct IdChannel {
   Channel channel = Channel::kMaterial;
   std::vector<uint16_t> part_ids;
+  // There are more than a device should make a pass for each: the CPU finishes what it made.
+  bool is_wide = false;
 
   uint16_t id_of(const SnappedMesh& mesh, uint32_t triangle) const {
     return part_ids[mesh.triangles[triangle].part];

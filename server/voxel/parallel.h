@@ -14,7 +14,8 @@ inline constexpr size_t kVoxelThreadsMax = 8;
 // How many chunks parallel_chunks() makes of `count` elements: as many as there are threads, but
 // none smaller than `grain`; at least 1.
 inline size_t chunk_count(size_t count, size_t grain) {
-  const size_t threads =
+  // Asked once: the question can cost more than a small loop.
+  static const size_t threads =
       std::clamp<size_t>(std::thread::hardware_concurrency(), 1, kVoxelThreadsMax);
   return std::clamp<size_t>(count / std::max<size_t>(grain, 1), 1, threads);
 }

@@ -2,6 +2,7 @@
 // bytes from each.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -42,8 +43,17 @@ struct VoxelizePlan {
   std::vector<IdChannel> ids{};               // of the grid's channels that hold ids
   std::optional<AttributeRecords> records{};  // where channels.any()
 
+  // Whether anything comes of the sums over all triangles; ids have sums of their own.
+  bool needs_sums() const { return channels.summed.count() > 1 || channels.grid.coverage; }
+  // Whether run_tiles() of a device leaves something to CpuPipeline::finish_tiles().
+  bool finishes_on_cpu() const {
+    return channels.nearest || std::ranges::any_of(ids, &IdChannel::is_wide);
+  }
+
   ResolveOptions resolve_options() const {
-    return {channels.summed, channels.shaded, channels.grid};
+    ResolveOptions resolve{channels.summed, channels.shaded, channels.grid};
+    resolve.write.color = channels.summed.color;
+    return resolve;
   }
 };
 
@@ -72,7 +82,8 @@ class TilePipeline {
 
   // The plan and the statistics must outlive the job.
   virtual Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) = 0;
-  // Appends the tiles of `bins` that are not empty, in their order.
+  // Appends the tiles of `bins` that are not empty, in their order. Devices leave channels
+  // of wide ids and colours of nearest points 0 (VoxelizePlan::finishes_on_cpu()).
   virtual Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) = 0;
   // Frees what only the job needed; also after an error.
   virtual void end_job() = 0;

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <functional>
 #include <iterator>
+#include <utility>
 
 #include "server/base/stopwatch.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/estimate.h"
+#include "server/voxel/part_ids.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
 
@@ -34,32 +36,36 @@ class Steps {
   const size_t tiles_, total_;
 };
 
-// The material of each part, for a channel. Errors: invalid-option for more than 16 bits of them.
-Result<IdChannel> material_ids(const Scene& scene, Channel channel) {
-  if (scene.materials.size() > UINT16_MAX) {
-    return Error{ErrorCode::kInvalidOption,
-                 channel == Channel::kMaterial ? "channels: material: too many materials"
-                                               : "color: dominant: too many materials",
-                 "at most " + std::to_string(UINT16_MAX), std::to_string(scene.materials.size())};
+// What has to be folded, in the order of the channels.
+Result<std::vector<IdChannel>> id_channels(const Scene& scene, const VoxelizeOptions& options,
+                                           const ChannelSet& channels) {
+  std::vector<IdChannel> list;
+  const bool dominant = channels.color && options.color == ColorMode::kDominant;
+  for (const auto& [channel, is_wanted] :
+       {std::pair{Channel::kColor, dominant}, std::pair{Channel::kMaterial, channels.material},
+        std::pair{Channel::kLabel, channels.label}}) {
+    if (!is_wanted) continue;
+    VOXELD_ASSIGN(IdChannel ids, id_channel(scene, channel, options.labels));
+    list.push_back(std::move(ids));
   }
-  IdChannel ids{channel, {}};
-  for (const MeshPart& part : scene.parts) {
-    ids.part_ids.push_back(static_cast<uint16_t>(part.material + 1));
-  }
-  return ids;
+  return list;
 }
 
-// Tiles are handed over as they come, as the pipeline made them.
-Status run_tiles(TilePipeline& pipeline, const VoxelizePlan& plan, std::span<const TileBin> bins,
-                 const Steps& steps, VoxelizeStats& stats,
-                 const std::function<Status(std::vector<SparseTile>)>& take) {
+using TakeTiles = std::function<Status(std::vector<SparseTile>)>;
+
+// Tiles are handed over as they come, as the pipeline made them. `finisher`: of a device.
+Status run_tiles(TilePipeline& pipeline, CpuPipeline* finisher, const VoxelizePlan& plan,
+                 std::span<const TileBin> bins, const Steps& steps, VoxelizeStats& stats,
+                 const TakeTiles& take) {
   VOXELD_TRY(pipeline.begin_job(plan, stats));
+  if (finisher != nullptr) VOXELD_TRY(finisher->begin_job(plan, stats));
   for (size_t done = 0;;) {
     VOXELD_TRY(steps.surface_done(done));
     if (done == bins.size()) return {};
     const size_t count = std::min(pipeline.batch_tiles(), bins.size() - done);
     std::vector<SparseTile> tiles;
     VOXELD_TRY(pipeline.run_tiles(bins.subspan(done, count), tiles));
+    if (finisher != nullptr) finisher->finish_tiles(bins.subspan(done, count), tiles);
     VOXELD_TRY(take(std::move(tiles)));
     done += count;
   }
@@ -92,6 +98,10 @@ struct Voxelizer::Impl {
   Status check_asked(PipelineChoice asked) const;
   Status plan_job(const Scene& scene, const VoxelizeOptions& options, bool keeps_tiles,
                   VoxelizePlan& plan, VoxelizeStats& stats) const;
+  // One job of the pipeline. `take` gets the tiles as they come.
+  Status run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
+                     std::span<const TileBin> bins, const Steps& steps, VoxelizeStats& stats,
+                     const TakeTiles& take);
   Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
                    TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
   // What fills beside a surface by this pipeline; null: the CPU does, always where it was `auto` on
@@ -160,16 +170,21 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
     plan.part_images.push_back(sampled ? part_image(scene, part) : -1);
   }
   if (!plan.channels.any()) return {};
-  const bool dominant = plan.channels.grid.color && options.color == ColorMode::kDominant;
-  for (const Channel channel : {Channel::kColor, Channel::kMaterial}) {
-    if (channel == Channel::kColor ? !dominant : !plan.channels.grid.material) continue;
-    VOXELD_ASSIGN(IdChannel ids, material_ids(scene, channel));
-    plan.ids.push_back(std::move(ids));
-  }
+  VOXELD_ASSIGN(plan.ids, id_channels(scene, options, plan.channels.grid));
   plan.records.emplace(scene, plan.mesh, plan.spec, plan.world_from_file, options.color,
-                       plan.channels.summed, traits().texture_side_max);
+                       plan.channels.recorded(), traits().texture_side_max);
   add_stage(stats.passes, "levels", watch.lap());
   return {};
+}
+
+Status Voxelizer::Impl::run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
+                                    std::span<const TileBin> bins, const Steps& steps,
+                                    VoxelizeStats& stats, const TakeTiles& take) {
+  CpuPipeline* finisher = &pipeline != &cpu && plan.finishes_on_cpu() ? &cpu : nullptr;
+  Status done = run_tiles(pipeline, finisher, plan, bins, steps, stats, take);
+  pipeline.end_job();
+  if (finisher != nullptr) finisher->end_job();
+  return done;
 }
 
 // The surface's tiles, all of them; then what is inside.
@@ -180,13 +195,11 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
   const std::vector<TileBin>& surface = plan.options.rule == Rule::kNone ? no_bins : bins.bins();
   const Steps steps(progress, surface.size(), tile_column_count(plan.spec.dims));
   std::vector<SparseTile> tiles;
-  const Status done = run_tiles(surface_pipeline, plan, surface, steps, stats,
-                                [&](std::vector<SparseTile> made) -> Status {
-                                  std::ranges::move(made, std::back_inserter(tiles));
-                                  return {};
-                                });
-  surface_pipeline.end_job();
-  VOXELD_TRY(done);
+  VOXELD_TRY(run_surface(surface_pipeline, plan, surface, steps, stats,
+                         [&](std::vector<SparseTile> made) -> Status {
+                           std::ranges::move(made, std::back_inserter(tiles));
+                           return {};
+                         }));
   DeviceInside* inside = inside_of(stats.pipeline, plan.options.pipeline);
   VOXELD_TRY(SolidFiller(cpu.pool(), host_bytes_max, inside)
                  .fill(
@@ -231,13 +244,11 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
   stats->pipeline_reason = decision.reason;
   TilePipeline& pipeline = *impl_->pipeline(decision.pipeline);
   if (fills) return impl_->run_solid(pipeline, plan, bins, sink, progress, *stats);
-  Status done = run_tiles(pipeline, plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
-                          *stats, [&](std::vector<SparseTile> tiles) {
-                            for (SparseTile& tile : tiles) canonicalize(tile);
-                            return sink.add(std::move(tiles));
-                          });
-  pipeline.end_job();
-  return done;
+  return impl_->run_surface(pipeline, plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
+                            *stats, [&](std::vector<SparseTile> tiles) {
+                              for (SparseTile& tile : tiles) canonicalize(tile);
+                              return sink.add(std::move(tiles));
+                            });
 }
 
 Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,

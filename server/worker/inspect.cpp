@@ -15,6 +15,9 @@ using nlohmann::json;
 // (1 MiB) holds; the counts are of all.
 constexpr size_t kListedMax = 200;
 constexpr size_t kNameBytesMax = 200;
+// Of the names of ids, which are not left out.
+constexpr size_t kIdNameBytesMin = 32;
+constexpr size_t kIdListBytesMax = size_t{2} << 20;
 
 std::string short_name(const std::string& name) {
   return name.substr(0, kNameBytesMax);
@@ -27,7 +30,10 @@ json describe_parts(const Scene& scene) {
     json item = {{"name", short_name(part.name)},
                  {"triangles", part.indices.size() / 3},
                  {"vertices", part.positions.size()},
-                 {"material", nullptr}};
+                 {"material", nullptr},
+                 {"mesh", short_name(scene.meshes[part.mesh])},
+                 {"node", short_name(scene.nodes[part.node])},
+                 {"group", short_name(scene.groups[part.group])}};
     if (part.material >= 0) item["material"] = part.material;
     list.push_back(std::move(item));
   }
@@ -89,6 +95,16 @@ json ambiguous_fraction(const FillStats& fill, const std::optional<MeshTopology>
 
 }  // namespace
 
+json describe_ids(const std::vector<std::string>& names) {
+  const size_t bytes_max = std::clamp(kIdListBytesMax / std::max<size_t>(names.size(), 1),
+                                      kIdNameBytesMin, kNameBytesMax);
+  json list = json::array();
+  for (const std::string& name : names) {
+    list.push_back({{"id", list.size() + 1}, {"name", name.substr(0, bytes_max)}});
+  }
+  return list;
+}
+
 json describe_mesh(const std::optional<MeshTopology>& topology,
                    const std::optional<FillStats>& fill) {
   json description = describe_topology(topology);
@@ -114,6 +130,9 @@ json describe_scene(const Scene& scene) {
                       {"vertices", scene.vertex_count()},
                       {"part_count", scene.parts.size()},
                       {"material_count", scene.materials.size()},
+                      {"mesh_count", scene.meshes.size()},
+                      {"node_count", scene.nodes.size()},
+                      {"group_count", scene.groups.size()},
                       {"has_colors", scene.has_colors()},
                       {"bounds", nullptr},
                       {"parts", describe_parts(scene)},

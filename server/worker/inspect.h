@@ -2,6 +2,8 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
 
 #include "server/scene/scene.h"
 #include "server/voxel/fill_stats.h"
@@ -9,12 +11,16 @@
 
 namespace voxeld {
 
-// {format, triangles, vertices, bounds {min, max}, has_colors, parts [{name, triangles, vertices,
-// material}], materials [{name, base_color, texture, found}], missing_files [{name, needed_by}],
-// watertight, open_edges, non_manifold_edges, flipped_edges, degenerate_triangles, components,
-// enclosed_components, inner_walls}. What is counted is null for meshes above
-// kTopologyTrianglesMax.
+// {format, triangles, vertices, bounds {min, max}, has_colors, mesh_count, node_count, group_count,
+// parts [{name, triangles, vertices, material, mesh, node, group}], materials [{name, base_color,
+// texture, found}], missing_files [{name, needed_by}], watertight, open_edges, non_manifold_edges,
+// flipped_edges, degenerate_triangles, components, enclosed_components, inner_walls}. What is
+// counted is null for meshes above kTopologyTrianglesMax.
 nlohmann::json describe_scene(const Scene& scene);
+
+// What ids 1, 2, … of a channel mean: [{id, name}]. Names are cut to 200 bytes, and shorter, to 32,
+// where all together would be more than an answer should carry.
+nlohmann::json describe_ids(const std::vector<std::string>& names);
 
 // How the mesh closes, for the meta object of every grid: {watertight, closed, open_edges,
 // non_manifold_edges, flipped_edges, degenerate_triangles, components, enclosed_components,

@@ -13,6 +13,7 @@
 #include "server/grid/region.h"
 #include "server/scene/load.h"
 #include "server/voxel/estimate.h"
+#include "server/voxel/part_ids.h"
 #include "server/worker/grid_file.h"
 #include "server/worker/grid_input.h"
 #include "server/worker/host_estimate.h"
@@ -76,15 +77,6 @@ json device_facts(const Engine& engine) {
           {"driver", info.version}};
 }
 
-// What the ids of channel material mean.
-json material_names(const Scene& scene) {
-  json names = json::array();
-  for (const Material& material : scene.materials) {
-    names.push_back({{"id", names.size() + 1}, {"name", material.name}});
-  }
-  return names;
-}
-
 // The object that every output carries. It says nothing of pipeline, device or time.
 std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
                            const json& facts, const std::optional<FillStats>& fill,
@@ -97,9 +89,11 @@ std::string container_meta(const Task& task, const Scene& scene, const RequestOp
                {"algorithm_version", kAlgorithmVersion}};
   meta.update(facts);
   const json& channels = facts.at("channels");
-  if (std::find(channels.begin(), channels.end(), json("material")) != channels.end()) {
-    meta["materials"] = material_names(scene);
-  }
+  const auto has = [&](const char* channel) {
+    return std::find(channels.begin(), channels.end(), json(channel)) != channels.end();
+  };
+  if (has("material")) meta["materials"] = describe_ids(id_names(scene, LabelKind::kMaterial));
+  if (has("label")) meta["labels"] = describe_ids(id_names(scene, options.voxelize.labels));
   meta["mesh"] = describe_mesh(topology, fill);
   if (fill) meta["solid"] = describe_fill(*fill, topology);
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);

@@ -29,6 +29,9 @@ inline void check_part(const Scene& scene, const MeshPart& part) {
   VOXELD_CHECK(part.uvs.empty() || part.uvs.size() == count, "a uv per vertex");
   VOXELD_CHECK(part.colors.empty() || part.colors.size() == count, "a colour per vertex");
   VOXELD_CHECK(part.material < static_cast<int>(scene.materials.size()), "material in range");
+  VOXELD_CHECK(part.mesh < scene.meshes.size() && part.node < scene.nodes.size() &&
+                   part.group < scene.groups.size(),
+               "mesh, node and group in range");
 }
 
 inline int load(std::string_view filename, const uint8_t* data, size_t size) {

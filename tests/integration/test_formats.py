@@ -93,6 +93,60 @@ class Formats(DaemonTest):
         self.assertEqual(flood.status, 400, flood.body)
         self.assertIn(b"flood", flood.body)
 
+    def test_labels_are_the_same_in_npz_and_native_and_are_named(self):
+        import read_grid
+        names = {"mesh": ["house", "trees"], "node": ["house", "trees"], "group": [""],
+                 "material": ["brick wall", "wood", "roof tiles", "leaves"]}
+        for kind, expected in names.items():
+            query = f"size=90&channels=label,material&labels={kind}"
+            native = self.voxelize(query + "&format=native", "sample.obj.zip").body
+            grid = read_grid.read_grid(native)
+            meta = grid["meta"]
+            self.assertEqual(meta["labels"],
+                             [{"id": i + 1, "name": name} for i, name in enumerate(expected)])
+            self.assertEqual(meta["options"]["labels"], kind)
+            self.assertEqual(meta["channels"], ["occupancy", "material", "label"])
+            used = set(np.unique(grid["label"]).tolist())
+            self.assertEqual(used, set(range(1, len(expected) + 1)))
+            if kind == "material":
+                self.assertTrue((grid["label"] == grid["material"]).all())
+            response = self.voxelize(query + "&format=npz", "sample.obj.zip")
+            dense = np.load(io.BytesIO(response.body))
+            cells = np.asarray(grid["cells"])
+            self.assertEqual(dense["label"].dtype, np.uint16)
+            self.assertTrue((dense["label"][cells[:, 2], cells[:, 1], cells[:, 0]] ==
+                             grid["label"][:, 0]).all())
+            self.assertEqual(json.loads(bytes(dense["meta"]))["labels"], meta["labels"])
+        # Of the house, nothing is left of its left tree: x is the first axis of cells.
+        query = "size=90&channels=label&labels=mesh"
+        grid = read_grid.read_grid(self.voxelize(query, "sample.obj.zip").body)
+        cells, label = np.asarray(grid["cells"]), np.asarray(grid["label"])[:, 0]
+        house, trees = cells[label == 1], cells[label == 2]
+        self.assertLess(trees[:, 0].min(), house[:, 0].min())
+        self.assertGreater(trees[:, 0].max(), house[:, 0].max())
+
+    def test_nearest_colours_are_the_same_by_each_pipeline_and_not_averages(self):
+        query = "size=40&format=native&color="
+        names = ("nearest", "nearest&pipeline=cpu", "nearest&pipeline=raster", "average")
+        hashes = [self.voxelize(query + name).headers["X-Voxeld-Content-Hash"] for name in names]
+        self.assertEqual(hashes[:2], [hashes[2]] * 2)
+        self.assertNotEqual(hashes[0], hashes[3])
+
+    def test_more_groups_than_ids_are_refused_and_only_where_groups_are_asked_for(self):
+        lines = [b"v 0 0 0", b"v 1 0 0", b"v 0 1 0"]
+        for i in range(100_000):
+            lines += [b"g %d" % i, b"f 1 2 3"]
+        body = b"\n".join(lines) + b"\n"
+        path = "/v1/voxelize?size=9&filename=many.obj&channels=label&labels="
+        refused = self.daemon.post(path + "group", body)
+        self.assertEqual(refused.status, 400, refused.body)
+        problem = refused.json()
+        self.assertEqual(problem["code"], "invalid-option")
+        self.assertIn("too many groups", problem["detail"])
+        self.assertEqual(problem["expected"], "at most 65535")
+        self.assertIn("more than 65535", problem["got"])
+        self.assertEqual(self.daemon.post(path + "material", body).status, 200)
+
     def test_codec_small_is_smaller_and_gives_the_same_grid(self):
         query = "size=200&channels=occupancy,color,normal&format=native"
         fast = self.voxelize(query + "&codec=fast")

@@ -7,6 +7,7 @@
 
 #include <glm/common.hpp>
 
+#include "server/grid/color_tables.h"
 #include "server/voxel/cpu/attribute_visitor.h"
 #include "server/voxel/resolve.h"
 #include "server/voxel/sum_fold.h"
@@ -145,77 +146,116 @@ std::span<const uint32_t> CpuAttributes::octant_triangles(const Octant& octant,
   return worker.triangles;
 }
 
+size_t CpuAttributes::sum_id(const TileBin& bin, const IdChannel& channel, size_t first,
+                             const AttributeTarget& target, const Worker& worker) const {
+  const uint16_t id = channel.id_of(plan_->mesh, worker.triangles[first]);
+  size_t end = first;
+  for (; end < worker.triangles.size(); ++end) {
+    const uint32_t triangle = worker.triangles[end];
+    if (channel.id_of(plan_->mesh, triangle) != id) break;
+    add_triangle(bin, triangle, target);
+  }
+  return end;
+}
+
 void CpuAttributes::fold_ids(const TileBin& bin, const Octant& octant, const IdChannel& channel,
                              AttributeTarget target, Worker& worker, SparseTile& tile) const {
-  const auto ids = distinct_ids(channel, plan_->mesh, worker.triangles);
-  const auto sum_alone = [&](uint16_t id) {
+  const auto id_of = [&](uint32_t triangle) { return channel.id_of(plan_->mesh, triangle); };
+  std::vector<uint32_t>& triangles = worker.triangles;
+  std::ranges::sort(triangles, {}, id_of);
+  const bool is_one = id_of(triangles.front()) == id_of(triangles.back());
+  const bool is_color = channel.channel == Channel::kColor;
+  if (is_color && is_one) return;  // resolved from the sums of all
+  const auto samples = is_color ? std::span<uint16_t>()
+                                : std::span(id_samples(tile, channel.channel))
+                                      .subspan(octant.voxel_first, octant.voxel_count);
+  if (!is_color && is_one) {
+    std::ranges::fill(samples, id_of(triangles.front()));
+    return;
+  }
+  if (!is_color) target.channels = {};
+  SumFold colors(is_color ? octant.voxel_count : 0, target.channels);
+  worker.fold.begin(is_color ? 0 : octant.voxel_count);
+  const auto sum_at = [&](size_t at) { return worker.sums[at]; };
+  for (size_t first = 0; first < triangles.size();) {
+    const uint16_t id = id_of(triangles[first]);
     worker.sums.assign(octant.voxel_count * target.channels.count(), 0);
     target.sums = worker.sums.data();
-    for (const uint32_t triangle : worker.triangles) {
-      if (channel.id_of(plan_->mesh, triangle) == id) add_triangle(bin, triangle, target);
+    first = sum_id(bin, channel, first, target, worker);
+    if (is_color) {
+      colors.add(sum_at);
+    } else {
+      worker.fold.add(id, sum_at, samples);
     }
-  };
-  const auto sum_at = [&](size_t at) { return worker.sums[at]; };
-  if (channel.channel == Channel::kColor) {
-    if (ids.size() == 1) return;  // resolved from the sums of all
-    SumFold fold(octant.voxel_count, target.channels);
-    for (const uint16_t id : ids) {
-      sum_alone(id);
-      fold.add(sum_at);
-    }
-    resolve_voxels(fold.sums(), dominant_part(plan_->resolve_options()), octant.voxel_first, tile);
-    return;
   }
-  const auto samples =
-      std::span(id_samples(tile, channel.channel)).subspan(octant.voxel_first, octant.voxel_count);
-  if (ids.size() == 1) {
-    std::ranges::fill(samples, ids.front());
-    return;
-  }
-  target.channels = {};
-  worker.fold.begin(octant.voxel_count);
-  for (const uint16_t id : ids) {
-    sum_alone(id);
-    worker.fold.add(id, sum_at, samples);
+  if (!is_color) return;
+  resolve_voxels(colors.sums(), dominant_part(plan_->resolve_options()), octant.voxel_first, tile);
+}
+
+void CpuAttributes::find_nearest(const TileBin& bin, const Octant& octant, AttributeTarget target,
+                                 Worker& worker, SparseTile& tile) const {
+  worker.nearest.assign(octant.voxel_count, {});
+  target.nearest = worker.nearest.data();
+  target.channels = plan_->channels.recorded();
+  for (const uint32_t triangle : worker.triangles) add_triangle(bin, triangle, target);
+  const auto& srgb8 = srgb8_from_linear16();
+  uint8_t* out = &tile.color[4 * octant.voxel_first];
+  for (const NearestColor& point : worker.nearest) {
+    for (size_t c = 0; c < 3; ++c) *out++ = srgb8[point.linear16[c]];
+    *out++ = plan_->channels.has_alpha ? static_cast<uint8_t>((point.linear16[3] + 128u) / 257u)
+                                       : uint8_t{255};
   }
 }
 
-void CpuAttributes::run_octant(const TileBin& bin, const Octant& octant,
-                               std::span<const uint32_t> mask,
-                               std::span<const uint32_t> word_offsets, Worker& worker,
+void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Worker& worker,
                                SparseTile& tile) const {
   const AttributeChannels& channels = plan_->channels.summed;
-  worker.sums.assign(octant.voxel_count * channels.count(), 0);
   const auto place = morton_decode(octant.morton);
   AttributeTarget target;
-  target.mask = mask;
-  target.word_offsets = word_offsets;
+  target.mask = input.mask;
+  target.word_offsets = input.word_offsets;
   target.cell_first = glm::ivec3(place[0], place[1], place[2]) * kOctantSide;
   target.cell_last =
-      glm::min(target.cell_first + (kOctantSide - 1), tile_cell_max(plan_->spec, bin.coord));
+      glm::min(target.cell_first + (kOctantSide - 1), tile_cell_max(plan_->spec, input.bin.coord));
   target.voxel_first = octant.voxel_first;
-  target.sums = worker.sums.data();
   target.channels = channels;
   const std::span<const uint32_t> triangles = octant_triangles(octant, worker);
-  for (const uint32_t triangle : triangles) add_triangle(bin, triangle, target);
-  resolve_voxels(worker.sums, plan_->resolve_options(), octant.voxel_first, tile);
-  for (const IdChannel& channel : plan_->ids) fold_ids(bin, octant, channel, target, worker, tile);
+  if (!input.is_started && plan_->needs_sums()) {
+    worker.sums.assign(octant.voxel_count * channels.count(), 0);
+    target.sums = worker.sums.data();
+    for (const uint32_t triangle : triangles) add_triangle(input.bin, triangle, target);
+    resolve_voxels(worker.sums, plan_->resolve_options(), octant.voxel_first, tile);
+  }
+  if (plan_->channels.nearest) find_nearest(input.bin, octant, target, worker, tile);
+  for (const IdChannel& channel : plan_->ids) {
+    if (input.is_started && !channel.is_wide) continue;
+    fold_ids(input.bin, octant, channel, target, worker, tile);
+  }
 }
 
-void CpuAttributes::run(const TileBin& bin, std::span<const uint32_t> mask,
-                        std::span<const uint32_t> word_offsets, SparseTile& tile) {
+void CpuAttributes::run_octants(const TileInput& input, SparseTile& tile) {
   find_octants(tile);
   if (octants_.empty()) return;
-  sort_triangles(bin);
-  resize_channels(tile, plan_->channels.grid);
+  sort_triangles(input.bin);
   std::atomic<size_t> next = 0;
   const auto count =
       static_cast<int>(std::min<size_t>(octants_.size(), static_cast<size_t>(pool_->threads())));
   pool_->run(count, [&](int worker) {
     for (size_t o = next++; o < octants_.size(); o = next++) {
-      run_octant(bin, octants_[o], mask, word_offsets, workers_[static_cast<size_t>(worker)], tile);
+      run_octant(input, octants_[o], workers_[static_cast<size_t>(worker)], tile);
     }
   });
+}
+
+void CpuAttributes::run(const TileBin& bin, std::span<const uint32_t> mask,
+                        std::span<const uint32_t> word_offsets, SparseTile& tile) {
+  if (!tile.masks.empty()) resize_channels(tile, plan_->channels.grid);
+  run_octants({bin, mask, word_offsets, false}, tile);
+}
+
+void CpuAttributes::finish(const TileBin& bin, std::span<const uint32_t> mask,
+                           std::span<const uint32_t> word_offsets, SparseTile& tile) {
+  run_octants({bin, mask, word_offsets, true}, tile);
 }
 
 }  // namespace voxeld

@@ -36,14 +36,24 @@ class CpuAttributes {
   // compact_mask().
   void run(const TileBin& bin, std::span<const uint32_t> mask,
            std::span<const uint32_t> word_offsets, SparseTile& tile);
+  // The same of what a device leaves to the CPU alone; the tile's channels have their full size.
+  void finish(const TileBin& bin, std::span<const uint32_t> mask,
+              std::span<const uint32_t> word_offsets, SparseTile& tile);
 
  private:
   struct Octant {
     uint32_t morton = 0;  // in the tile
     size_t voxel_first = 0, voxel_count = 0;
   };
+  // A tile as run() and finish() get it.
+  struct TileInput {
+    const TileBin& bin;
+    std::span<const uint32_t> mask, word_offsets;
+    bool is_started;  // by a device
+  };
   struct Worker {
     std::vector<uint64_t> sums;
+    std::vector<NearestColor> nearest;
     std::vector<uint32_t> triangles;  // that may touch the octant
     IdFold fold;
   };
@@ -52,11 +62,18 @@ class CpuAttributes {
   void sort_triangles(const TileBin& bin);
   void add_triangle(const TileBin& bin, uint32_t triangle, const AttributeTarget& target) const;
   std::span<const uint32_t> octant_triangles(const Octant& octant, Worker& worker) const;
-  // What has the largest weight in each voxel. `target`: of the octant.
+  // Adds the triangles up to the first of another id than the first one's, which is returned.
+  size_t sum_id(const TileBin& bin, const IdChannel& channel, size_t first,
+                const AttributeTarget& target, const Worker& worker) const;
+  // What has the largest weight in each voxel. `target`: of the octant. Sorts worker.triangles.
   void fold_ids(const TileBin& bin, const Octant& octant, const IdChannel& channel,
                 AttributeTarget target, Worker& worker, SparseTile& tile) const;
-  void run_octant(const TileBin& bin, const Octant& octant, std::span<const uint32_t> mask,
-                  std::span<const uint32_t> word_offsets, Worker& worker, SparseTile& tile) const;
+  // color=nearest. `target`: of the octant.
+  void find_nearest(const TileBin& bin, const Octant& octant, AttributeTarget target,
+                    Worker& worker, SparseTile& tile) const;
+  void run_octants(const TileInput& input, SparseTile& tile);
+  void run_octant(const TileInput& input, const Octant& octant, Worker& worker,
+                  SparseTile& tile) const;
 
   WorkerPool* pool_;
   std::vector<Worker> workers_;

@@ -4,6 +4,7 @@
 
 #include "proto/sparse_tile.h"
 #include "server/grid/color_tables.h"
+#include "server/voxel/nearest_point.h"
 #include "shaders/glsl.h"
 
 namespace voxeld {
@@ -79,25 +80,57 @@ class Visitor {
     const int64_t plane = lattice_depth(lattice_, i, j);
     for (int k = depth.x; k <= depth.y; ++k) {
       if (!touch_sides(t, i, j, k)) continue;
-      uint64_t* sums = sums_of(i, j, k);
-      if (sums == nullptr) continue;
+      const size_t voxel = voxel_at(i, j, k);
+      if (voxel == kNone) continue;
+      if (target_.nearest != nullptr) {
+        compare(target_.nearest[voxel], i, j, k);
+        continue;
+      }
       const uint32_t points = inside == 0 ? 0 : inside & lattice_in_cell(lattice_, plane, k);
-      add(sums, i, j, points);
+      add(target_.sums + voxel * target_.channels.count(), i, j, points);
     }
   }
 
-  // Null where the cell is touched but not occupied, by another rule than touch. Axis z of the
-  // swizzled cell is the dominant one.
-  uint64_t* sums_of(int i, int j, int k) const {
+  // In the box; kNone where the cell is touched but not occupied, by another rule than touch. z
+  // of the swizzled cell is the dominant one.
+  size_t voxel_at(int i, int j, int k) const {
     const int axis = source_.axis;
     const uint32_t m = morton_spread(static_cast<uint32_t>(i)) << (axis + 1) % 3 |
                        morton_spread(static_cast<uint32_t>(j)) << (axis + 2) % 3 |
                        morton_spread(static_cast<uint32_t>(k)) << axis;
     const uint32_t word = target_.mask[m >> 5], bit = 1u << (m & 31u);
-    if ((word & bit) == 0) return nullptr;
+    if ((word & bit) == 0) return kNone;
     const uint32_t below = word & (bit - 1u);
     const size_t voxel = target_.word_offsets[m >> 5] + static_cast<uint32_t>(std::popcount(below));
-    return target_.sums + (voxel - target_.voxel_first) * target_.channels.count();
+    return voxel - target_.voxel_first;
+  }
+
+  // Keeps what is nearer to the cell's centre, and of what is as near the smaller colour.
+  void compare(NearestColor& best, int i, int j, int k) const {
+    ivec3 cell;
+    cell[(source_.axis + 1) % 3] = i;
+    cell[(source_.axis + 2) % 3] = j;
+    cell[source_.axis] = k;
+    std::array<glm::dvec3, 3> corners;
+    for (size_t c = 0; c < 3; ++c) {
+      corners[c] = glm::dvec3(2 * source_.corners[c] + 1 - (512 * cell + 256));
+    }
+    const NearestPoint point = nearest_point(corners);
+    if (point.squared > best.squared) return;
+    const uvec4 color = color_at(point.weights);
+    NearestColor found{point.squared, {}};
+    for (int c = 0; c < 4; ++c) {
+      found.linear16[static_cast<size_t>(c)] = static_cast<uint16_t>(color[c]);
+    }
+    if (point.squared < best.squared || found.linear16 < best.linear16) best = found;
+  }
+
+  uvec4 color_at(const ivec3& weights) const {
+    uvec4 color = blend(colors_, weights);
+    if (source_.levels.empty()) return color;
+    const uvec4 texel = sample_texture(weights);
+    for (int c = 0; c < 4; ++c) color[c] = product16(color[c], texel[c]);
+    return color;
   }
 
   void add(uint64_t* sums, int i, int j, uint32_t points) const {
@@ -106,11 +139,7 @@ class Visitor {
     const ivec3 weights = corner_weights(lattice_, sample_position(lattice_, i, j, points));
     *sums++ += weight;
     if (target_.channels.color) {
-      uvec4 color = blend(colors_, weights);
-      if (!source_.levels.empty()) {
-        const uvec4 texel = sample_texture(weights);
-        for (int c = 0; c < 4; ++c) color[c] = product16(color[c], texel[c]);
-      }
+      const uvec4 color = color_at(weights);
       const int channels = target_.channels.alpha ? 4 : 3;
       for (int c = 0; c < channels; ++c) *sums++ += uint64_t{weight} * color[c];
     }
@@ -152,6 +181,8 @@ class Visitor {
                       linear_texel(level, x1, y1) * (fx * fy);
     return sum >> 16u;
   }
+
+  static constexpr size_t kNone = SIZE_MAX;
 
   const AttributeSource& source_;
   const AttributeTarget& target_;

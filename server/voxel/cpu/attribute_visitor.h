@@ -13,6 +13,12 @@
 
 namespace voxeld {
 
+// What color=nearest knows of a voxel so far.
+struct NearestColor {
+  double squared = 1e300;              // distance of the surface to the centre, 1/512 voxel
+  std::array<uint16_t, 4> linear16{};  // its colour there
+};
+
 // A box of cells whose voxels are neighbours in storage, with their sums.
 struct AttributeTarget {
   std::span<const uint32_t> mask, word_offsets;  // of the tile, see compact_mask()
@@ -20,6 +26,7 @@ struct AttributeTarget {
   size_t voxel_first = 0;                        // of the box
   uint64_t* sums = nullptr;                      // channels.count() per voxel of the box
   AttributeChannels channels;
+  NearestColor* nearest = nullptr;  // one per voxel of the box, instead of sums
 };
 
 // A triangle as the records describe it. `levels`: of its image, empty without one.

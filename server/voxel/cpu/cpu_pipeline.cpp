@@ -55,6 +55,20 @@ Status CpuPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseT
   return {};
 }
 
+void CpuPipeline::finish_tiles(std::span<const TileBin> bins, std::span<SparseTile> tiles) {
+  Stopwatch watch;
+  auto bin = bins.begin();
+  for (SparseTile& tile : tiles) {
+    const glm::ivec3 coord(tile.coord[0], tile.coord[1], tile.coord[2]);
+    while (bin->coord != coord) ++bin;
+    expand_mask(tile, mask_);
+    uint64_t blocks = 0;
+    number_words(tile, word_offsets_, blocks);
+    attributes_.finish(*bin, mask_, word_offsets_, tile);
+  }
+  add_stage(stats_->passes, "finish", watch.lap());
+}
+
 std::vector<SparseTile> CpuPipeline::touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,
                                                  std::span<const TileBin> bins) {
   touch_.set_rule(Rule::kTouch);

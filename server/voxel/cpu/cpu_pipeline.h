@@ -23,6 +23,10 @@ class CpuPipeline final : public TilePipeline {
   DeviceTraits traits() const override { return {}; }
   size_t batch_tiles() const override;
 
+  // What a device leaves to the CPU (VoxelizePlan::finishes_on_cpu()) of `tiles`, which it made of
+  // `bins`. In a job of this pipeline that begins with the device's and ends with it.
+  void finish_tiles(std::span<const TileBin> bins, std::span<SparseTile> tiles);
+
   // The tiles of `bins` by rule=touch and without attributes, whatever the job in progress asks
   // for.
   std::vector<SparseTile> touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,

@@ -17,7 +17,7 @@ Status AttributePass::begin_job(const Scene& scene, const AttributeRecords& reco
   textures_.resize(scene.images.size());
   for (size_t i = 0; i < scene.images.size(); ++i) {
     const ImageLevels& used = records.image_levels()[i];
-    if (!used.used()) continue;
+    if (!used.used() || !channels.color) continue;
     const auto levels = build_mip_levels(scene.images[i], used.first, used.last);
     VOXELD_ASSIGN(textures_[i], gpu::Texture2D::create_rgba8ui(
                                     device_->context(), levels[0].width, levels[0].height,

@@ -213,23 +213,30 @@ Status GlPipeline::add_attributes(const TileBin& bin, size_t slot, SparseTile& t
 Status GlPipeline::sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
                                   SparseTile& tile) {
   resize_channels(tile, plan_->channels.grid);
-  const ResolveOptions resolve = plan_->resolve_options();
   const size_t step = attributes_.voxels_max();
   for (size_t first = 0; first < voxel_count; first += step) {
-    timer_->begin("attributes");
-    VOXELD_TRY(attributes_.begin_voxels(first, std::min(step, voxel_count - first)));
-    timer_->end();
-    VOXELD_TRY(sum_windows(bin, is_one_window));
-    Stopwatch watch;
-    attributes_.read(sums_, carries_);
-    note("read", watch.lap());
-    resolve_voxels(sums_, carries_, resolve, first, tile);
-    note("resolve", watch.lap());
+    const size_t count = std::min(step, voxel_count - first);
+    if (plan_->needs_sums()) VOXELD_TRY(resolve_sums(bin, first, count, is_one_window, tile));
     for (const IdChannel& channel : plan_->ids) {
-      VOXELD_TRY(fold_ids(bin, channel, first, std::min(step, voxel_count - first), tile));
+      if (channel.is_wide) continue;
+      VOXELD_TRY(fold_ids(bin, channel, first, count, tile));
       is_one_window = false;  // another one is uploaded now
     }
   }
+  return {};
+}
+
+Status GlPipeline::resolve_sums(const TileBin& bin, size_t first, size_t count, bool is_one_window,
+                                SparseTile& tile) {
+  timer_->begin("attributes");
+  VOXELD_TRY(attributes_.begin_voxels(first, count));
+  timer_->end();
+  VOXELD_TRY(sum_windows(bin, is_one_window));
+  Stopwatch watch;
+  attributes_.read(sums_, carries_);
+  note("read", watch.lap());
+  resolve_voxels(sums_, carries_, plan_->resolve_options(), first, tile);
+  note("resolve", watch.lap());
   return {};
 }
 

@@ -52,7 +52,10 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   Status touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one_window);
   Status sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
                         SparseTile& tile);
-  // What has the largest weight in each of the voxels [first, first + count).
+  // Of the voxels [first, first + count).
+  Status resolve_sums(const TileBin& bin, size_t first, size_t count, bool is_one_window,
+                      SparseTile& tile);
+  // What has the largest weight in each of these voxels.
   Status fold_ids(const TileBin& bin, const IdChannel& channel, size_t first, size_t count,
                   SparseTile& tile);
   Status sum_alone(const TileBin& bin, const IdChannel& channel, uint16_t id, size_t first,

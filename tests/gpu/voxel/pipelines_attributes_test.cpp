@@ -237,6 +237,39 @@ TEST(Attributes, a_thin_wire_takes_its_colour_from_along_its_length) {
   EXPECT_GT(cells.at({29, 0, 0}).color[2], 240);
 }
 
+// The CPU finds these colours; devices make the other channels.
+TEST(Attributes, colours_of_nearest_points_are_the_same_by_each_pipeline) {
+  Scene scene = soup(21, {.count = 600, .extent = 40, .colors = true});
+  VoxelizeOptions options = unit_cells({40, 40, 40});
+  options.color = ColorMode::kNearest;
+  const Grid alone = voxelize_all(scene, options, "colour alone");
+  EXPECT_TRUE(alone.channels.color);
+  options = with_normals(options);
+  options.channel_coverage = true;
+  const Grid nearest = voxelize_all(scene, options, "with normals");
+  EXPECT_EQ(nearest.tiles[0].color, alone.tiles[0].color);
+  options.color = ColorMode::kAverage;
+  const Grid average = voxelize(scene, options, PipelineChoice::kCpu);
+  EXPECT_EQ(average.tiles[0].normal, nearest.tiles[0].normal);
+  EXPECT_EQ(average.tiles[0].coverage, nearest.tiles[0].coverage);
+  EXPECT_NE(average.tiles[0].color, nearest.tiles[0].color);
+}
+
+TEST(Attributes, textures_at_nearest_points_are_the_same_by_each_pipeline) {
+  const auto color_at = [](int x, int y) { return Color{9 * x, 255 - 7 * y, 40, 255 - 3 * x}; };
+  Scene scene = textured_square(24, image_of(24, 24, color_at));
+  scene.materials[0].wrap_u = scene.materials[0].wrap_v = Wrap::kClamp;
+  VoxelizeOptions options = unit_cells({24, 24, 1});
+  options.color = ColorMode::kNearest;
+  const Cells cells = cells_of(voxelize_all(scene, options));
+  ASSERT_EQ(cells.size(), 576u);
+  for (const auto& [cell, voxel] : cells) {
+    // A texel's centre lies over the voxel's: snapping moves it by 1/512 at most.
+    const Color expected = color_at(cell[0], 23 - cell[1]);
+    for (size_t c = 0; c < 4; ++c) EXPECT_NEAR(voxel.color[c], expected[c], 4) << cell[0];
+  }
+}
+
 // Triangles of four materials, and of none, all over the same cells.
 TEST(Attributes, ids_and_coverage_are_the_same_by_each_pipeline) {
   std::mt19937 random(12);

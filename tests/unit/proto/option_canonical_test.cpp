@@ -129,11 +129,16 @@ TEST(CanonicalOptions, two_requests_that_differ_give_other_bytes) {
       {{"transform", kIdentity}},
       {{"color", "none"}},
       {{"color", "dominant"}},
+      {{"color", "nearest"}},
       {{"channels", "occupancy"}},
       {{"channels", "color"}},
       {{"channels", "normal"}},
       {{"channels", "material"}},
       {{"channels", "coverage"}},
+      {{"channels", "label"}},
+      {{"channels", "label"}, {"labels", "node"}},
+      {{"channels", "label"}, {"labels", "material"}},
+      {{"channels", "label"}, {"labels", "group"}},
       {{"pipeline", "raster"}},
       {{"format", "npy"}},
       {{"axes", "xyz"}},
@@ -153,6 +158,7 @@ TEST(CanonicalOptions, are_options_that_give_the_same_canonical_text) {
       {{"dims", "3,40,500"}, {"bounds", "0.1,-1e-7,1e20,0.2,3,2e20"}, {"padding", "1"}},
       {{"voxel_size", "0.1,0.30000000000000004,1e-9"}, {"units", "ft"}, {"color", "shaded"}},
       {{"transform", "0.1,0,0,7,0,1e-30,0,0,0,0,123456789.125,0,0,0,0,1"}, {"channels", "normal"}},
+      {{"channels", "label,color"}, {"labels", "group"}},
   };
   for (const OptionPairs& pairs : grids) {
     const std::string text = canonical(pairs, OptionScope::kVoxelize);

@@ -63,14 +63,15 @@ const std::map<std::string, OptionCase>& cases() {
       {"interior", {{}, {"all", ""}, "none | nearest"}},
       {"thickness", {{}, {"0.99", "256.1", "nan", ""}, "a number from 1 to 256"}},
       {"color",
-       {{"average", "dominant", "shaded", "axis", "none"},
+       {{"average", "nearest", "dominant", "shaded", "axis", "none"},
         {"red", ""},
-        "average | dominant | shaded | axis | none"}},
+        "average | nearest | dominant | shaded | axis | none"}},
       {"channels",
        {{"occupancy", "color", "normal", "color,normal,occupancy", "color,color",
-         "material,coverage"},
+         "material,label,coverage"},
         {"", "alpha", "color,", "color normal"},
-        "a list of occupancy, color, normal, material, distance and coverage"}},
+        "a list of occupancy, color, normal, material, label, distance and coverage"}},
+      {"labels", {{}, {"meshes", ""}, "mesh | node | material | group"}},
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
       {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, "native | npy | npz | vox"}},
@@ -183,6 +184,18 @@ TEST(Options, a_filename_takes_255_bytes_without_nul) {
                                  std::string(80, 'a') + "\"");
   EXPECT_EQ(refused({{"filename", std::string("a\0b", 3)}}, OptionScope::kVoxelize).code,
             ErrorCode::kInvalidOption);
+}
+
+TEST(Options, labels_say_something_only_of_channel_label) {
+  const auto options =
+      parsed({{"channels", "label"}, {"labels", "group"}}, OptionScope::kVoxelize).voxelize;
+  EXPECT_TRUE(options.channel_label);
+  EXPECT_FALSE(options.channel_material);
+  EXPECT_EQ(options.labels, LabelKind::kGroup);
+  EXPECT_EQ(parsed({{"channels", "label"}}, OptionScope::kVoxelize).voxelize.labels,
+            LabelKind::kMesh);
+  EXPECT_EQ(refused({{"labels", "node"}}, OptionScope::kVoxelize).message(),
+            "labels: expected channel label with it, got \"channels without it\"");
 }
 
 TEST(Options, values_reach_their_fields) {

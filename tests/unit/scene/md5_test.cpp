@@ -298,6 +298,7 @@ TEST(Md5Scene, stands_up_and_faces_outwards) {
   EXPECT_EQ(scene->format, "md5mesh");
   const MeshPart& part = scene->parts.at(0);
   EXPECT_EQ(part.name, "skin");
+  EXPECT_EQ(test::origins_of(*scene), std::vector<std::string>{"skin | skin | "});
   expect_near(part.positions[1], {0, 2, 1});
   EXPECT_EQ(part.indices, (std::vector<uint32_t>{0, 2, 1}));
   const glm::dvec3 face =

@@ -74,11 +74,36 @@ TEST(Obj, groups_and_objects_name_parts) {
                                             "o left hand\nf 1 2 3\ng arm\nf 1 3 4\no left hand\n"
                                             "f 2 3 4\ng\nf 1 2 4\n");
   ASSERT_TRUE(scene) << scene.error().message();
-  ASSERT_EQ(scene->parts.size(), 3u);
+  ASSERT_EQ(scene->parts.size(), 4u);
   EXPECT_EQ(scene->parts[0].name, "left hand");
-  EXPECT_EQ(scene->parts[0].indices.size(), 6u);
   EXPECT_EQ(scene->parts[1].name, "arm");
-  EXPECT_EQ(scene->parts[2].name, "");
+  EXPECT_EQ(scene->parts[2].name, "left hand") << "still in group arm";
+  EXPECT_EQ(scene->parts[3].name, "");
+}
+
+TEST(Obj, parts_know_their_object_and_their_group) {
+  const auto scene = load_text("a.obj", std::string(kSquare) +
+                                            "g late\ng first\nf 1 2 3\no body\nf 1 2 3\n"
+                                            "g  arm \t left \nf 1 3 4\no head\ng first\nf 2 3 4\n"
+                                            "o body\nf 1 2 4\ng arm left\nf 1 2 4\ng\nf 1 2 3\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  test::expect_consistent(*scene);
+  EXPECT_THAT(scene->meshes, testing::ElementsAre("", "body", "head")) << "as faces use them";
+  EXPECT_EQ(scene->nodes, scene->meshes);
+  EXPECT_THAT(scene->groups, testing::ElementsAre("first", "arm left", ""));
+  EXPECT_FALSE(scene->parts_merged);
+  EXPECT_THAT(test::origins_of(*scene),
+              testing::ElementsAre(" |  | first", "body | body | first", "body | body | arm left",
+                                   "head | head | first", "body | body | "));
+  EXPECT_EQ(scene->parts[1].indices.size(), 6u);
+}
+
+TEST(Obj, a_file_without_objects_and_groups_is_one_of_each) {
+  const auto scene =
+      load_text("a.obj", std::string(kSquare) + "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_THAT(test::origins_of(*scene), testing::ElementsAre(" |  | ", " |  | "));
+  EXPECT_EQ(scene->meshes.size() + scene->nodes.size() + scene->groups.size(), 3u);
 }
 
 TEST(Obj, more_groups_than_parts_may_be_go_together) {
@@ -88,6 +113,33 @@ TEST(Obj, more_groups_than_parts_may_be_go_together) {
   ASSERT_TRUE(scene) << scene.error().message();
   EXPECT_EQ(scene->triangle_count(), 70'000u);
   EXPECT_LE(scene->parts.size(), 65'537u);
+  EXPECT_TRUE(scene->parts_merged);
+  test::expect_consistent(*scene);
+}
+
+TEST(Obj, as_many_groups_as_parts_may_be_stay_apart) {
+  std::string text = kSquare;
+  for (int i = 0; i < 65'535; ++i) text += "g g" + std::to_string(i) + "\nf 1 2 3\n";
+  text += "g g7\nf 1 2 4\n";
+  const auto scene = load_text("a.obj", text);
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->parts.size(), 65'535u);
+  EXPECT_EQ(scene->groups.back(), "g65534");
+  EXPECT_FALSE(scene->parts_merged);
+}
+
+// Few names of both kinds, but more pairs of them than parts.
+TEST(Obj, more_pairs_of_object_and_group_than_parts_may_be_go_together) {
+  std::string text = kSquare;
+  for (int i = 0; i < 300; ++i) {
+    text += "o o" + std::to_string(i) + "\n";
+    for (int j = 0; j < 300; ++j) text += "g g" + std::to_string(j) + "\nf 1 2 3\n";
+  }
+  const auto scene = load_text("a.obj", text);
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->triangle_count(), 90'000u);
+  EXPECT_LE(scene->parts.size(), 65'537u);
+  EXPECT_TRUE(scene->parts_merged);
 }
 
 TEST(Obj, vertex_colours_are_srgb) {

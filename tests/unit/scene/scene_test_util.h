@@ -57,6 +57,16 @@ inline Result<Scene> load_text(std::string_view filename, std::string_view text)
   return load_scene(filename, bytes_of(text), {.decode_images = false});
 }
 
+// "mesh | node | group" of each part, by their names.
+inline std::vector<std::string> origins_of(const Scene& scene) {
+  std::vector<std::string> origins;
+  for (const MeshPart& part : scene.parts) {
+    origins.push_back(scene.meshes.at(part.mesh) + " | " + scene.nodes.at(part.node) + " | " +
+                      scene.groups.at(part.group));
+  }
+  return origins;
+}
+
 inline double area_of(const Scene& scene) {
   double area = 0.0;
   for (const MeshPart& part : scene.parts) {
@@ -90,6 +100,9 @@ inline void expect_consistent(const Scene& scene) {
       EXPECT_EQ(part.colors.size(), part.positions.size());
     }
     EXPECT_LT(part.material, static_cast<int>(scene.materials.size()));
+    EXPECT_LT(part.mesh, scene.meshes.size());
+    EXPECT_LT(part.node, scene.nodes.size());
+    EXPECT_LT(part.group, scene.groups.size());
   }
   for (const Material& material : scene.materials) {
     EXPECT_LT(material.image, static_cast<int>(scene.images.size()));

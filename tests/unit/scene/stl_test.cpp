@@ -91,6 +91,23 @@ TEST(Stl, text_makes_a_part_of_each_solid) {
   ASSERT_EQ(scene->parts.size(), 2u);
   EXPECT_EQ(scene->parts[0].name, "left part");
   EXPECT_EQ(scene->parts[1].name, "");
+  EXPECT_THAT(scene->meshes, testing::ElementsAre("left part", ""));
+  EXPECT_THAT(test::origins_of(*scene), testing::ElementsAre("left part | left part | ", " |  | "));
+}
+
+TEST(Stl, more_solids_than_parts_may_be_go_together) {
+  std::string text;
+  for (int i = 0; i < 65'540; ++i) {
+    text +=
+        "solid s\nfacet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop "
+        "endfacet endsolid\n";
+  }
+  const auto scene = load_text("a.stl", text);
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->parts.size(), 65'536u);
+  EXPECT_EQ(scene->meshes.size(), 65'536u) << "solids of one name are several";
+  EXPECT_EQ(scene->triangle_count(), 65'540u);
+  EXPECT_TRUE(scene->parts_merged);
 }
 
 TEST(Stl, text_and_binary_of_one_mesh_are_the_same_vertices) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/unit/scene_gltf/gltf_builder.h"
@@ -46,6 +47,36 @@ TEST(GltfNodes, a_mesh_of_two_nodes_stands_in_two_places) {
   ASSERT_EQ(outcome(scene), "ok");
   ASSERT_EQ(scene->parts.size(), 2u);
   EXPECT_EQ(scene->parts[1].positions[0], glm::dvec3(5, 0, 0));
+}
+
+TEST(GltfNodes, parts_know_their_mesh_their_node_and_their_primitive) {
+  GltfBuilder builder = triangle();
+  Json& primitives = builder.json["meshes"][0]["primitives"];
+  const Json primitive = primitives[0];
+  primitives.push_back(primitive);
+  builder.json["meshes"][0]["name"] = "wheel";
+  Json unnamed = Json::object();
+  unnamed["primitives"] = Json::array({primitive});
+  builder.json["meshes"].push_back(unnamed);
+  builder.json["nodes"] = Json::parse(
+      R"([{"mesh": 1}, {"mesh": 0, "name": "left"}, {"mesh": 0, "name": "right"},
+          {"name": "left"}])");
+  builder.json["scenes"][0]["nodes"] = {2, 1, 0};
+  const auto scene = builder.load();
+  ASSERT_EQ(outcome(scene), "ok");
+  std::vector<std::string> origins;
+  for (const MeshPart& part : scene->parts) {
+    origins.push_back(scene->meshes.at(part.mesh) + " | " + scene->nodes.at(part.node) + " | " +
+                      scene->groups.at(part.group));
+  }
+  std::ranges::sort(origins);
+  EXPECT_THAT(origins, ElementsAre("meshes[1] | nodes[0] | meshes[1]/0", "wheel | left | wheel/0",
+                                   "wheel | left | wheel/1", "wheel | right | wheel/0",
+                                   "wheel | right | wheel/1"));
+  EXPECT_EQ(scene->meshes.size(), 2u);
+  EXPECT_EQ(scene->nodes.size(), 3u);
+  EXPECT_EQ(scene->groups.size(), 3u);
+  EXPECT_EQ(scene->parts[0].node, 0u) << "as surfaces first use them";
 }
 
 TEST(GltfNodes, mirroring_turns_triangles_and_normals) {

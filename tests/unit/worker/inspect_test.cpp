@@ -35,6 +35,8 @@ TEST(Inspect, a_description_names_counts_bounds_parts_materials_and_missing_file
   EXPECT_EQ(description["bounds"]["max"], json({2.0, 3.0, 0.0}));
   EXPECT_EQ(description["parts"][0]["name"], "leaf");
   EXPECT_EQ(description["parts"][0]["material"], 0);
+  EXPECT_EQ(description["parts"][0]["group"], "");
+  EXPECT_EQ(description["group_count"], 1);
   EXPECT_EQ(description["materials"][0]["texture"], "bark.png");
   EXPECT_EQ(description["missing_files"][0]["name"], "moss.png");
   EXPECT_EQ(description["missing_files"][0]["needed_by"], "material moss");
@@ -52,6 +54,16 @@ TEST(Inspect, a_scene_with_too_many_parts_and_endless_names_stays_a_small_descri
   EXPECT_EQ(description["part_count"], 5000);
   EXPECT_LT(description["parts"].size(), 5000u);
   EXPECT_LT(description.dump().size(), 400'000u);  // a task message holds 1 MiB
+}
+
+TEST(Inspect, ids_are_named_in_their_order_and_long_lists_shortly) {
+  EXPECT_EQ(describe_ids({"a", ""}), json::parse(R"([{"id":1,"name":"a"},{"id":2,"name":""}])"));
+  EXPECT_EQ(describe_ids({std::string(500, 'n')})[0]["name"], std::string(200, 'n'));
+  const json many = describe_ids(std::vector<std::string>(65'535, std::string(500, 'n')));
+  EXPECT_EQ(many.size(), 65'535u);
+  EXPECT_EQ(many[65'534]["id"], 65'535);
+  EXPECT_EQ(many[0]["name"], std::string(32, 'n'));
+  EXPECT_LT(many.dump().size(), size_t{4} << 20);  // a task message holds 16 MiB
 }
 
 TEST(Inspect, what_is_not_known_of_a_mesh_is_null) {

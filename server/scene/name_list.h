@@ -1,0 +1,32 @@
+// Numbers the meshes, nodes and groups of a file in the order in which surfaces first use them.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace voxeld {
+
+// Fills one of Scene's lists of names. Key: what tells two of them apart in the file, as names need
+// not.
+template <typename Key>
+class NameList {
+ public:
+  // `names` loses what it has, and must outlive the last call.
+  explicit NameList(std::vector<std::string>& names) : names_(names) { names_.clear(); }
+
+  // The index of `key`, which is called name() where it is new.
+  template <typename Name>
+  uint32_t index_of(const Key& key, const Name& name) {
+    const auto [found, is_new] = indices_.try_emplace(key, static_cast<uint32_t>(names_.size()));
+    if (is_new) names_.push_back(name());
+    return found->second;
+  }
+
+ private:
+  std::vector<std::string>& names_;
+  std::map<Key, uint32_t> indices_;
+};
+
+}  // namespace voxeld
