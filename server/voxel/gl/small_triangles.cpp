@@ -1,12 +1,11 @@
 #include "server/voxel/gl/small_triangles.h"
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 #include <utility>
 
-#include <glm/common.hpp>
-
 #include "proto/limits.h"
-#include "proto/sparse_tile.h"
 #include "server/base/check.h"
 
 namespace voxeld {
@@ -15,52 +14,69 @@ namespace {
 // Fewer triangles are done before another thread is awake.
 constexpr size_t kTriangleGrain = 1024;
 
-// Words of the mask along x, y and z of a block of 64^3 cells, as shifts.
-constexpr glm::ivec3 kBlockOfWord = {4, 4, 5};
-constexpr glm::ivec3 kWordOfCell = {2, 2, 1};
+// x, y, z and nothing, in a vector that GCC and Clang have on every machine.
+using Int4 = int32_t __attribute__((vector_size(16)));
 
-uint32_t low_and_high(int low, int high) {
-  return static_cast<uint32_t>(low) | static_cast<uint32_t>(high) << 16;
+static_assert(sizeof(Int4) == sizeof(shared::uvec4));
+
+// Shifts from cells to words of the mask, and from these to blocks of 64^3 cells.
+constexpr Int4 kWordOfCell = {2, 2, 1, 0}, kBlockOfWord = {4, 4, 5, 0};
+
+Int4 lesser(Int4 a, Int4 b) {
+  return a < b ? a : b;
+}
+Int4 greater(Int4 a, Int4 b) {
+  return a > b ? a : b;
+}
+bool any_negative(Int4 v) {
+  return (v[0] | v[1] | v[2]) < 0;
+}
+bool is_same(Int4 a, Int4 b) {
+  const Int4 differs = a ^ b;
+  return (differs[0] | differs[1] | differs[2]) == 0;
+}
+Int4 to_int4(const glm::ivec3& v) {
+  return Int4{v.x, v.y, v.z, 0};
+}
+shared::uvec4 to_uvec4(Int4 v) {
+  shared::uvec4 words;
+  std::memcpy(static_cast<void*>(&words), &v, sizeof words);
+  return words;
 }
 
-uint32_t block_number(const glm::ivec3& block) {
-  return morton_encode(static_cast<uint32_t>(block.x), static_cast<uint32_t>(block.y),
-                       static_cast<uint32_t>(block.z));
+// Of a block of a tile, as a mask of one bit.
+uint64_t block_bit(int32_t x, int32_t y, int32_t z) {
+  constexpr std::array<uint8_t, 4> kSpread = {0, 1, 8, 9};
+  return uint64_t{1} << (kSpread[static_cast<size_t>(x)] | kSpread[static_cast<size_t>(y)] << 1 |
+                         kSpread[static_cast<size_t>(z)] << 2);
 }
 
 // Between words, both included.
-uint64_t blocks_between(const glm::ivec3& first_word, const glm::ivec3& last_word) {
-  const glm::ivec3 first = first_word >> kBlockOfWord, last = last_word >> kBlockOfWord;
-  if (first == last) return uint64_t{1} << block_number(first);
+uint64_t blocks_between(Int4 first_word, Int4 last_word) {
+  const Int4 first = first_word >> kBlockOfWord, last = last_word >> kBlockOfWord;
+  if (is_same(first, last)) return block_bit(first[0], first[1], first[2]);
   uint64_t blocks = 0;
-  glm::ivec3 block;
-  for (block.z = first.z; block.z <= last.z; ++block.z) {
-    for (block.y = first.y; block.y <= last.y; ++block.y) {
-      for (block.x = first.x; block.x <= last.x; ++block.x) {
-        blocks |= uint64_t{1} << block_number(block);
-      }
+  for (int32_t z = first[2]; z <= last[2]; ++z) {
+    for (int32_t y = first[1]; y <= last[1]; ++y) {
+      for (int32_t x = first[0]; x <= last[0]; ++x) blocks |= block_bit(x, y, z);
     }
   }
   return blocks;
 }
 
-// Corners in the tile's coordinates; box: its first cell; words: first and last one.
-shared::SmallTriangle pack(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c,
-                           const glm::ivec3& box, const glm::ivec3& first_word,
-                           const glm::ivec3& last_word) {
-  const glm::ivec3 origin = box * kSubVoxelsPerVoxel;
-  const glm::ivec3 p = a - origin, q = b - origin, r = c - origin, cell = box + VOXELIZE_SMALL_BIAS,
-                   more = last_word - first_word;
-  const int place =
-      cell.x | cell.y << VOXELIZE_SMALL_CELL_BITS | cell.z << (2 * VOXELIZE_SMALL_CELL_BITS);
-  const int words = first_word.x | first_word.y << VOXELIZE_SMALL_WORD_Y_SHIFT |
-                    first_word.z << VOXELIZE_SMALL_WORD_Z_SHIFT |
-                    more.x << VOXELIZE_SMALL_COUNT_X_SHIFT |
-                    more.y << VOXELIZE_SMALL_COUNT_Y_SHIFT | more.z << VOXELIZE_SMALL_COUNT_Z_SHIFT;
-  return {
-      {low_and_high(p.x, q.x), low_and_high(p.y, q.y), low_and_high(p.z, q.z),
-       low_and_high(r.x, r.y)},
-      {static_cast<uint32_t>(r.z), static_cast<uint32_t>(place), static_cast<uint32_t>(words), 0}};
+// Corners in the tile's coordinates; box: its first cell; then the first word and how many more.
+shared::SmallTriangle pack(Int4 a, Int4 b, Int4 c, Int4 box, Int4 first_word, Int4 more) {
+  const Int4 origin = box << limits::kSubVoxelBits, r = c - origin;
+  Int4 corners = (a - origin) | (b - origin) << 16;
+  corners[3] = r[0] | r[1] << 16;
+  constexpr int32_t kY = VOXELIZE_SMALL_CELL_BITS, kZ = 2 * VOXELIZE_SMALL_CELL_BITS;
+  const Int4 cell = (box + VOXELIZE_SMALL_BIAS) << Int4{0, kY, kZ, 0};
+  const Int4 words =
+      first_word << Int4{0, VOXELIZE_SMALL_WORD_Y_SHIFT, VOXELIZE_SMALL_WORD_Z_SHIFT, 0} |
+      more << Int4{VOXELIZE_SMALL_COUNT_X_SHIFT, VOXELIZE_SMALL_COUNT_Y_SHIFT,
+                   VOXELIZE_SMALL_COUNT_Z_SHIFT, 0};
+  const Int4 place = {r[2], cell[0] | cell[1] | cell[2], words[0] | words[1] | words[2], 0};
+  return {to_uvec4(corners), to_uvec4(place)};
 }
 
 }  // namespace
@@ -85,7 +101,7 @@ void SmallTriangles::begin(const SnappedMesh& mesh, const glm::ivec3& tile_coord
     blocks_ |= chunks_[i].blocks;
     large_.insert(large_.end(), chunks_[i].large.begin(), chunks_[i].large.end());
   }
-  for (size_t key = 0; key < kWordsMax; ++key) {
+  for (size_t key = 0; key < size_t{kWordsMax}; ++key) {
     for (size_t i = 0; i < chunk_count_; ++i) {
       count_ += std::exchange(chunks_[i].places[key], count_);
     }
@@ -100,26 +116,27 @@ void SmallTriangles::sort_chunk(const SnappedMesh& mesh, const glm::ivec3& tile_
   chunk.blocks = 0;
   std::ranges::fill(chunk.places, 0u);
   Packed* next = chunk.packed.data();
+  const Int4 origin = to_int4(tile_q), cell_last = to_int4(cell_max);
   for (const uint32_t number : triangles) {
     const auto& corners = mesh.triangles[number].vertices;
-    const glm::ivec3 a = mesh.vertices[corners[0]] - tile_q, b = mesh.vertices[corners[1]] - tile_q,
-                     c = mesh.vertices[corners[2]] - tile_q;
-    const glm::ivec3 low = glm::min(a, glm::min(b, c)), high = glm::max(a, glm::max(b, c));
-    const glm::ivec3 box = low >> limits::kSubVoxelBits, extent = high - low;
-    const glm::ivec3 first = glm::max(box, glm::ivec3(0)),
-                     last = glm::min(high >> limits::kSubVoxelBits, cell_max);
-    if (first.x > last.x || first.y > last.y || first.z > last.z) continue;
-    if (std::max(extent.x, std::max(extent.y, extent.z)) > VOXELIZE_SMALL_EXTENT) {
+    const Int4 a = to_int4(mesh.vertices[corners[0]]) - origin,
+               b = to_int4(mesh.vertices[corners[1]]) - origin,
+               c = to_int4(mesh.vertices[corners[2]]) - origin;
+    const Int4 low = lesser(a, lesser(b, c)), high = greater(a, greater(b, c));
+    const Int4 box = low >> limits::kSubVoxelBits;
+    const Int4 first = greater(box, Int4{}),
+               last = lesser(high >> limits::kSubVoxelBits, cell_last);
+    if (any_negative(last - first)) continue;
+    if (any_negative(VOXELIZE_SMALL_EXTENT - (high - low))) {
       chunk.large.push_back(number);
       continue;
     }
-    const glm::ivec3 first_word = first >> kWordOfCell, last_word = last >> kWordOfCell,
-                     words = last_word - first_word + 1;
+    const Int4 first_word = first >> kWordOfCell, last_word = last >> kWordOfCell,
+               more = last_word - first_word;
     chunk.blocks |= blocks_between(first_word, last_word);
-    next->triangle = pack(a, b, c, box, first_word, last_word);
-    next->key = std::min(static_cast<uint32_t>(words.x * words.y * words.z),
-                         static_cast<uint32_t>(kWordsMax)) -
-                1;
+    next->triangle = pack(a, b, c, box, first_word, more);
+    next->key = static_cast<uint32_t>(
+        std::min((more[0] + 1) * (more[1] + 1) * (more[2] + 1), kWordsMax) - 1);
     ++chunk.places[next->key];
     ++next;
   }

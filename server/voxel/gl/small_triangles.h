@@ -35,7 +35,7 @@ class SmallTriangles {
 
  private:
   // More words are as many, to the sort.
-  static constexpr size_t kWordsMax = 96;
+  static constexpr int kWordsMax = 96;
   struct Packed {
     shared::SmallTriangle triangle;
     uint32_t key = 0;  // words - 1
@@ -44,7 +44,7 @@ class SmallTriangles {
     RawVector<Packed> packed;
     std::vector<uint32_t> large;
     uint64_t blocks = 0;
-    size_t places[kWordsMax] = {};  // counts, then where the next one of a key goes
+    size_t places[size_t{kWordsMax}] = {};  // counts, then where the next one of a key goes
   };
   void sort_chunk(const SnappedMesh& mesh, const glm::ivec3& tile_q, const glm::ivec3& cell_max,
                   std::span<const uint32_t> triangles, Chunk& chunk);
