@@ -1,7 +1,7 @@
 // Pipeline compute on software drivers, triangles at most 16 voxels wide: an invocation has a
 // triangle, and goes through the words of the mask that its box reaches. Software drivers do memory
-// accesses lane by lane and arithmetic for all lanes at once, so a triangle is read by two loads, and
-// each word is written at most once.
+// accesses lane by lane and arithmetic for all lanes at once, so a triangle is read by two loads,
+// and each word is written at most once.
 #define TOUCH_INT int
 #define TOUCH_INT3 ivec3
 #include "shared/voxelize.h"
@@ -17,8 +17,8 @@ layout(std140, binding = VOXELIZE_PARAMS) uniform Params { VoxelizeParams params
 
 int field(uint word, int shift, int bits) { return int(word >> uint(shift)) & ((1 << bits) - 1); }
 
-// Digits of the number of a word of 4x4x2 cells in the mask that each of its coordinates has. Less the
-// mask of all of them is one more, modulo.
+// Digits of the number of a word of 4x4x2 cells in the mask that each of its coordinates has. Less
+// the mask of all of them is one more, modulo.
 #define WORD_X_DIGITS (TILE_MORTON_X >> 5u)
 #define WORD_Y_DIGITS (TILE_MORTON_X >> 4u)
 #define WORD_Z_DIGITS (TILE_MORTON_X >> 3u)
@@ -51,8 +51,8 @@ void main() {
   ivec3 word = first;
   uvec3 first_digits = words_digits(first);
   uvec3 digits = first_digits;
-  // Where the next word stands is known before it is made: LLVM would take what an atomic's lanes need
-  // alone apart, and do it lane by lane.
+  // Where the next word stands is known before it is made: LLVM does what only an atomic needs lane
+  // by lane, with the atomic.
   uint at = digits.x | digits.y | digits.z;
   for (int n = size.x * size.y * size.z; n > 0; --n) {
     uint bits = touch_word(t, word * ivec3(4, 4, 2) - box);

@@ -14,8 +14,8 @@
 
 namespace voxeld::gpu {
 
-// A buffer's memory, to read and write, until unmap() or the end of this object. The device must not
-// use the buffer meanwhile, nor may the buffer end.
+// A buffer's memory, to read and write, until unmap() or the end of this object. The device must
+// not use the buffer meanwhile, nor may the buffer end.
 class BufferMapping {
  public:
   BufferMapping(const Context& context, uint32_t buffer, std::span<uint8_t> bytes)

@@ -1,6 +1,6 @@
-// Which of the 4x4x2 cells of one word of the mask a small triangle touches: all 32 by sums and signs
-// alone, with neither loops over what it touches nor branches, in which the lanes of a SIMD group
-// would go different ways. lib/touch.glsl, whose TOUCH_INT is int here, says what is summed.
+// Which of the 4x4x2 cells of one word of the mask a small triangle touches: all 32 by sums and
+// signs alone, with neither loops over what it touches nor branches, in which the lanes of a SIMD
+// group would go different ways. lib/touch.glsl, whose TOUCH_INT is int here, says what is summed.
 //
 // Cell (x, y, z) of the word is bit x0 + 2 y0 + 4 z0 + 8 x1 + 16 y1 (lib/touch_mask.glsl), x0 the
 // lowest digit of x. Cells may lie up to 3 outside of the triangle's own 17 (1 along z), so heights
@@ -21,11 +21,11 @@ uint word_outside(int at, int first, int last, uint bits) {
 uint word_beyond_box(TouchTriangle t, ivec3 cell) {
   uint bits = 0u;
   for (int i = 0; i < 4; ++i) {
-    bits |= word_outside(cell.x + i, t.cell_min.x, t.cell_max.x, 0x00550055u << word_place(i, 0, 0));
-    bits |= word_outside(cell.y + i, t.cell_min.y, t.cell_max.y, 0x00003333u << word_place(0, i, 0));
+    bits |= word_outside(cell.x + i, t.cell_min.x, t.cell_max.x, 0x550055u << word_place(i, 0, 0));
+    bits |= word_outside(cell.y + i, t.cell_min.y, t.cell_max.y, 0x3333u << word_place(0, i, 0));
   }
   for (int k = 0; k < 2; ++k) {
-    bits |= word_outside(cell.z + k, t.cell_min.z, t.cell_max.z, 0x0f0f0f0fu << word_place(0, 0, k));
+    bits |= word_outside(cell.z + k, t.cell_min.z, t.cell_max.z, 0xf0f0f0fu << word_place(0, 0, k));
   }
   return bits;
 }

@@ -40,7 +40,8 @@
 //   place.y          the box's first cell in the tile, which may lie outside, on each axis plus
 //                    VOXELIZE_SMALL_BIAS: bits 0..9 x, 10..19 y, 20..29 z
 //   place.z          words of the mask that the box reaches inside the tile, the first one:
-//                    bits 0..5 x, 6..11 y, 12..18 z; and how many, less 1: 19..21 x, 22..24 y, 25..28 z
+//                    bits 0..5 x, 6..11 y, 12..18 z; and how many, less 1: 19..21 x, 22..24 y,
+//                    25..28 z
 #define VOXELIZE_SMALL_EXTENT 4096
 #define VOXELIZE_SMALL_BIAS 64
 #define VOXELIZE_SMALL_CELL_BITS 10

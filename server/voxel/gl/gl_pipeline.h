@@ -22,9 +22,9 @@
 
 namespace voxeld {
 
-// stats.pipeline of the job tells which of the two runs. Pipeline compute has three ways to the same
-// bytes: batches of tiles (GlTuning); else windows of one tile at a time, prepared on the CPU, and
-// for rule touch without attributes words of the mask (WordTouch).
+// stats.pipeline of the job tells which of the two runs. Pipeline compute has three ways to the
+// same bytes: batches of tiles (GlTuning); else windows of one tile at a time, prepared on the CPU,
+// and for rule touch without attributes words of the mask (WordTouch).
 class GlPipeline final : public TilePipeline, public DeviceInside {
  public:
   GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning = {});

@@ -1,6 +1,6 @@
-// Occupancy by pipeline compute on software drivers: rule touch, no attributes. Small triangles take
-// pass voxelize_words; the mask is memory of this machine, so that bricks are taken out of it where
-// it stands.
+// Occupancy by pipeline compute on software drivers: rule touch, no attributes. Small triangles
+// take pass voxelize_words; the mask is memory of this machine, so that bricks are taken out of it
+// where it stands.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Pipeline compute by words of the mask, as software drivers find occupancy by rule touch: the bytes
-// of pipeline cpu. tests/gpu/oracle compares its cells with the oracle.
+// Pipeline compute by words of the mask, as software drivers find occupancy by rule touch: the
+// bytes of pipeline cpu. tests/gpu/oracle compares its cells with the oracle.
 #include <gtest/gtest.h>
 
 #include <algorithm>

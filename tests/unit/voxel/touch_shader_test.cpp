@@ -84,7 +84,8 @@ Visited visited_narrow(const Triangle& v, const ivec3& cell_last, const Block& b
   narrow::visit_block(t, max(block.first, ivec2(t.cell_min)), min(block.last, ivec2(t.cell_max)));
   return cells;
 }
-// Word by word, as voxelize_words does: not swizzled, and in the coordinates of the box's first cell.
+// Word by word, as voxelize_words does: not swizzled, and in the coordinates of the box's first
+// cell.
 Visited visited_by_word(const Triangle& v, const ivec3& cell_last) {
   const ivec3 box = min(v[0], min(v[1], v[2])) >> 8, end = max(v[0], max(v[1], v[2])) >> 8;
   const ivec3 origin = box * 256, sides(4, 4, 2);
