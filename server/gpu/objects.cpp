@@ -23,7 +23,36 @@ Error over_limit(const Context& context, std::string_view label, std::string_vie
 
 }  // namespace
 
+BufferMapping::~BufferMapping() {
+  if (buffer_ != 0) context_->gl().UnmapNamedBuffer(buffer_);
+}
+BufferMapping::BufferMapping(BufferMapping&& other) noexcept
+    : context_(other.context_), buffer_(std::exchange(other.buffer_, 0)), bytes_(other.bytes_) {}
+BufferMapping& BufferMapping::operator=(BufferMapping&& other) noexcept {
+  std::swap(context_, other.context_);
+  std::swap(buffer_, other.buffer_);
+  std::swap(bytes_, other.bytes_);
+  return *this;
+}
+
+Status BufferMapping::unmap() {
+  bytes_ = {};
+  if (context_->gl().UnmapNamedBuffer(std::exchange(buffer_, 0)) == GL_TRUE) return {};
+  return Error{ErrorCode::kDeviceUnavailable, "the driver lost the contents of a mapped buffer", "",
+               ""};
+}
+
 Result<Buffer> Buffer::create(const Context& context, size_t bytes, std::string_view label) {
+  return create(context, bytes, label, GL_DYNAMIC_STORAGE_BIT);
+}
+
+Result<Buffer> Buffer::create_mappable(const Context& context, size_t bytes,
+                                       std::string_view label) {
+  return create(context, bytes, label, GL_DYNAMIC_STORAGE_BIT | GL_MAP_READ_BIT | GL_MAP_WRITE_BIT);
+}
+
+Result<Buffer> Buffer::create(const Context& context, size_t bytes, std::string_view label,
+                              uint32_t flags) {
   const int64_t limit = context.info().ssbo_bytes_max;
   if (bytes > static_cast<uint64_t>(limit)) {
     return over_limit(context, label, "a buffer", limit, static_cast<int64_t>(bytes), "bytes");
@@ -36,7 +65,7 @@ Result<Buffer> Buffer::create(const Context& context, size_t bytes, std::string_
   gl.CreateBuffers(1, &buffer.id_);
   // OpenGL has no empty storage and clears whole words only; nothing may read the padding.
   const auto storage_bytes = static_cast<GLsizeiptr>((std::max<size_t>(bytes, 1) + 15) / 16 * 16);
-  gl.NamedBufferStorage(buffer.id_, storage_bytes, nullptr, GL_DYNAMIC_STORAGE_BIT);
+  gl.NamedBufferStorage(buffer.id_, storage_bytes, nullptr, flags);
   label_object(context, GL_BUFFER, buffer.id_, label);
   VOXELD_TRY(context.check("creating buffer " + std::string(label) + " of " +
                            std::to_string(bytes) + " bytes"));
@@ -75,6 +104,18 @@ void Buffer::read(size_t offset_bytes, std::span<uint8_t> out) const {
                                        static_cast<GLsizeiptr>(out.size()), out.data());
 }
 
+Result<BufferMapping> Buffer::map(size_t offset_bytes, size_t bytes) {
+  VOXELD_CHECK(bytes > 0 && offset_bytes + bytes <= bytes_, "mapping past the end of a buffer");
+  void* memory = context_->gl().MapNamedBufferRange(id_, static_cast<GLintptr>(offset_bytes),
+                                                    static_cast<GLsizeiptr>(bytes),
+                                                    GL_MAP_READ_BIT | GL_MAP_WRITE_BIT);
+  VOXELD_TRY(context_->check("mapping a buffer"));
+  if (memory == nullptr) {
+    return Error{ErrorCode::kDeviceUnavailable, "the driver did not map a buffer", "", ""};
+  }
+  return BufferMapping(*context_, id_, {static_cast<uint8_t*>(memory), bytes});
+}
+
 void Buffer::clear(size_t offset_bytes, size_t bytes, uint32_t value) {
   VOXELD_CHECK(offset_bytes % 4 == 0 && bytes % 4 == 0 && offset_bytes + bytes <= bytes_,
                "clear takes whole 32-bit words inside the buffer");
@@ -108,6 +149,14 @@ Status ensure_size(Buffer& buffer, const Context& context, size_t bytes, std::st
   if (buffer.id() != 0 && buffer.size_bytes() >= bytes) return {};
   buffer = Buffer();  // the old one goes first: both need not fit at once
   VOXELD_ASSIGN(buffer, Buffer::create(context, bytes, label));
+  return {};
+}
+
+Status ensure_mappable(Buffer& buffer, const Context& context, size_t bytes,
+                       std::string_view label) {
+  if (buffer.id() != 0 && buffer.size_bytes() >= bytes) return {};
+  buffer = Buffer();
+  VOXELD_ASSIGN(buffer, Buffer::create_mappable(context, bytes, label));
   return {};
 }
 

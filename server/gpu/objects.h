@@ -14,6 +14,29 @@
 
 namespace voxeld::gpu {
 
+// A buffer's memory, to read and write, until unmap() or the end of this object. The device must
+// not use the buffer meanwhile, nor may the buffer end.
+class BufferMapping {
+ public:
+  BufferMapping(const Context& context, uint32_t buffer, std::span<uint8_t> bytes)
+      : context_(&context), buffer_(buffer), bytes_(bytes) {}
+  ~BufferMapping();
+  BufferMapping(BufferMapping&& other) noexcept;
+  BufferMapping& operator=(BufferMapping&& other) noexcept;
+
+  template <typename T>
+  std::span<T> as() const {
+    return {reinterpret_cast<T*>(bytes_.data()), bytes_.size() / sizeof(T)};
+  }
+  // Errors: device-unavailable when the driver lost the contents.
+  Status unmap();
+
+ private:
+  const Context* context_;
+  uint32_t buffer_;  // 0: not mapped any more
+  std::span<uint8_t> bytes_;
+};
+
 // Immutable storage in device memory, written by upload() and read by read().
 class Buffer {
  public:
@@ -21,6 +44,9 @@ class Buffer {
   // Zeroed. Errors: grid-too-large when over ssbo_bytes_max, device-unavailable when the driver is
   // out of memory.
   static Result<Buffer> create(const Context& context, size_t bytes, std::string_view label);
+  // The same with memory for map(): that of the machine, on software drivers where it always is.
+  static Result<Buffer> create_mappable(const Context& context, size_t bytes,
+                                        std::string_view label);
   ~Buffer();
   Buffer(Buffer&& other) noexcept;
   Buffer& operator=(Buffer&& other) noexcept;
@@ -39,6 +65,8 @@ class Buffer {
   void read(size_t offset_bytes, std::span<T> out) const {
     read(offset_bytes, std::span(reinterpret_cast<uint8_t*>(out.data()), out.size_bytes()));
   }
+  // Waits for the device. `bytes` > 0. Errors: as Context::check().
+  Result<BufferMapping> map(size_t offset_bytes, size_t bytes);
   // Fills [offset, offset+bytes) with a 32-bit pattern; both multiples of 4.
   void clear(size_t offset_bytes, size_t bytes, uint32_t value = 0);
   void bind_storage(uint32_t binding) const;
@@ -48,6 +76,8 @@ class Buffer {
   void bind_indirect() const;
 
  private:
+  static Result<Buffer> create(const Context& context, size_t bytes, std::string_view label,
+                               uint32_t flags);
   const Context* context_ = nullptr;
   uint32_t id_ = 0;
   size_t bytes_ = 0;
@@ -55,6 +85,9 @@ class Buffer {
 
 // Makes `buffer` at least `bytes` large, keeping it when it is; contents are lost when it grows.
 Status ensure_size(Buffer& buffer, const Context& context, size_t bytes, std::string_view label);
+// The same by create_mappable().
+Status ensure_mappable(Buffer& buffer, const Context& context, size_t bytes,
+                       std::string_view label);
 
 // RGBA8UI with all mips, sampled by texelFetch alone (filtering by hand is the same on all
 // drivers).

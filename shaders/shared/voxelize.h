@@ -12,6 +12,8 @@
 #define VOXELIZE_WORD_OFFSETS 4  // uint per mask word: number of the word's first voxel in the tile
 #define VOXELIZE_SUMS 5          // uint: sums of the attributes, attributes.h
 #define VOXELIZE_LINEAR 6        // 256 uints: 16-bit linear light of an sRGB byte
+// Of voxelize_words instead of VOXELIZE_TRIANGLES and VOXELIZE_ITEMS.
+#define VOXELIZE_SMALL 0  // SmallTriangle per triangle
 // Uniform buffer.
 #define VOXELIZE_PARAMS 0
 // Texture unit.
@@ -30,7 +32,31 @@
 #define VOXELIZE_ITEM_NJ_SHIFT 20
 #define VOXELIZE_ITEM_AXIS_SHIFT 24
 
+// SmallTriangle, for triangles at most VOXELIZE_SMALL_EXTENT wide on each axis. Corners are counted
+// from the box's first cell, in 1/256 voxel; a word of the mask is 4x4x2 cells.
+//   corners.x, y, z  bits 0..15: x, y, z of corner 0; bits 16..31: of corner 1
+//   corners.w        bits 0..15: x of corner 2; bits 16..31: y of corner 2
+//   place.x          z of corner 2
+//   place.y          the box's first cell in the tile, which may lie outside, on each axis plus
+//                    VOXELIZE_SMALL_BIAS: bits 0..9 x, 10..19 y, 20..29 z
+//   place.z          words of the mask that the box reaches inside the tile, the first one:
+//                    bits 0..5 x, 6..11 y, 12..18 z; and how many, less 1: 19..21 x, 22..24 y,
+//                    25..28 z
+#define VOXELIZE_SMALL_EXTENT 4096
+#define VOXELIZE_SMALL_BIAS 64
+#define VOXELIZE_SMALL_CELL_BITS 10
+#define VOXELIZE_SMALL_WORD_Y_SHIFT 6
+#define VOXELIZE_SMALL_WORD_Z_SHIFT 12
+#define VOXELIZE_SMALL_COUNT_X_SHIFT 19
+#define VOXELIZE_SMALL_COUNT_Y_SHIFT 22
+#define VOXELIZE_SMALL_COUNT_Z_SHIFT 25
+
 VOXELD_SHARED_BEGIN
+
+struct SmallTriangle {
+  uvec4 corners;
+  uvec4 place;  // w unused
+};
 
 // Vertices are integers q, in 1/256 voxel from the tile's min corner; the vertex stands at q + 1/2.
 struct VoxelizeParams {
@@ -49,4 +75,5 @@ VOXELD_SHARED_END
 static_assert(offsetof(voxeld::shared::VoxelizeParams, item_first) == 16);
 static_assert(offsetof(voxeld::shared::VoxelizeParams, voxel_count) == 32);
 static_assert(sizeof(voxeld::shared::VoxelizeParams) == 48);
+static_assert(sizeof(voxeld::shared::SmallTriangle) == 32);
 #endif

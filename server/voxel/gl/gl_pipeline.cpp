@@ -22,6 +22,7 @@ GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const
       tuning_(tuning),
       device_(context),
       touch_(device_, shaders, tuning.has_int64(context.info())),
+      word_touch_(context, shaders),
       attributes_(device_, shaders),
       batch_touch_(context, shaders, tuning),
       batch_bricks_(context, shaders),
@@ -46,6 +47,7 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
     VOXELD_TRY(batch_touch_.begin_job(plan.mesh, plan.spec.dims, plan.options.rule));
     note("upload", watch.lap());
   }
+  if (is_by_words()) VOXELD_TRY(word_touch_.begin_job());
   if (!plan.records) return {};
   VOXELD_TRY(attributes_.begin_job(plan.scene, *plan.records, plan.channels.summed));
   note("textures", watch.lap());
@@ -54,13 +56,20 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
 
 Status GlPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
   if (is_batched()) return run_batch(bins, tiles);
-  for (const TileBin& bin : bins) VOXELD_TRY(run_tile(bin, tiles));
+  for (const TileBin& bin : bins) {
+    VOXELD_TRY(is_by_words() ? run_words(bin, tiles) : run_tile(bin, tiles));
+  }
   return {};
 }
 
 bool GlPipeline::is_batched() const {
   return stats_->pipeline == Pipeline::kCompute && plan_->options.rule != Rule::kNone &&
          tuning_.wants_batches(context_->info());
+}
+
+bool GlPipeline::is_by_words() const {
+  return stats_->pipeline == Pipeline::kCompute && plan_->options.rule == Rule::kTouch &&
+         !plan_->channels.any() && !is_batched();
 }
 
 size_t GlPipeline::batch_tiles() const {
@@ -87,6 +96,8 @@ int64_t GlPipeline::device_bytes(const Scene& scene, const WantedChannels& chann
     bytes += batch_touch_.bytes_max(scene.vertex_count(), scene.triangle_count(),
                                     batch_touch_.batch_tiles()) +
              batch_bricks_.bytes_max(batch_touch_.batch_tiles());
+  } else {
+    bytes += WordTouch::bytes_max(static_cast<size_t>(triangles));
   }
   if (channels.any()) {
     bytes += static_cast<int64_t>(kTileMaskBytes) + triangles * ATTRIBUTE_WORDS * 4 +
@@ -135,9 +146,8 @@ Status GlPipeline::fill_and_upload(const TileBin& bin, size_t first, size_t& end
   return {};
 }
 
-Status GlPipeline::touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one_window) {
-  VOXELD_TRY(device_.begin_tile(tile_cell_max(plan_->spec, bin.coord)));
-  blocks = 0;
+// Adds to `blocks`. The tile is begun.
+Status GlPipeline::touch_windows(const TileBin& bin, uint64_t& blocks, bool& is_one_window) {
   for (size_t first = 0, end = 0; first < bin.triangles.size(); first = end) {
     VOXELD_TRY(fill_and_upload(bin, first, end));
     is_one_window = first == 0 && end == bin.triangles.size();
@@ -152,10 +162,43 @@ Status GlPipeline::touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one
   return {};
 }
 
+Status GlPipeline::run_words(const TileBin& bin, std::vector<SparseTile>& tiles) {
+  const glm::ivec3 cell_max = tile_cell_max(plan_->spec, bin.coord);
+  uint64_t blocks = 0;
+  Stopwatch watch;
+  for (size_t first = 0; first < bin.triangles.size(); first += kWindowTrianglesMax) {
+    const size_t count = std::min(bin.triangles.size() - first, kWindowTrianglesMax);
+    watch.lap();
+    VOXELD_TRY(
+        word_touch_.sort(plan_->mesh, bin.coord, cell_max, bin.triangles.subspan(first, count)));
+    note("items", watch.lap());
+    timer_->begin("occupancy");
+    VOXELD_TRY(word_touch_.touch());
+    timer_->end();
+    stats_->work_items += static_cast<int64_t>(word_touch_.small_count());
+    if (word_touch_.large().empty()) continue;
+    VOXELD_TRY(device_.begin_tile(cell_max));
+    device_.use_mask(word_touch_.mask(), 0);
+    bool is_one_window = false;
+    VOXELD_TRY(touch_windows({bin.coord, word_touch_.large()}, blocks, is_one_window));
+  }
+  SparseTile tile;
+  tile.coord = {bin.coord.x, bin.coord.y, bin.coord.z};
+  watch.lap();
+  VOXELD_TRY(word_touch_.take_bricks(blocks, tile));
+  note("compact", watch.lap());
+  ++stats_->tiles;
+  stats_->device_bytes_peak =
+      std::max(stats_->device_bytes_peak, device_.bytes() + word_touch_.bytes());
+  if (!tile.masks.empty()) tiles.push_back(std::move(tile));
+  return {};
+}
+
 Status GlPipeline::run_tile(const TileBin& bin, std::vector<SparseTile>& tiles) {
   uint64_t blocks = 0;
   bool is_one_window = false;
-  VOXELD_TRY(touch_tile(bin, blocks, is_one_window));
+  VOXELD_TRY(device_.begin_tile(tile_cell_max(plan_->spec, bin.coord)));
+  VOXELD_TRY(touch_windows(bin, blocks, is_one_window));
   if (blocks == 0) return {};
   ++stats_->tiles;
   Stopwatch watch;

@@ -16,13 +16,15 @@
 #include "server/voxel/gl/gl_tuning.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/gl/touch_pass.h"
+#include "server/voxel/gl/word_touch.h"
 #include "server/voxel/tile_pipeline.h"
 #include "server/voxel/tile_window.h"
 
 namespace voxeld {
 
-// stats.pipeline of the job tells which of the two runs. Pipeline compute has two ways to the same
-// bytes: windows of one tile at a time, prepared on the CPU, and batches of tiles (GlTuning).
+// stats.pipeline of the job tells which of the two runs. Pipeline compute has three ways to the
+// same bytes: batches of tiles (GlTuning); else windows of one tile at a time, prepared on the CPU,
+// and for rule touch without attributes words of the mask (WordTouch).
 class GlPipeline final : public TilePipeline, public DeviceInside {
  public:
   GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning = {});
@@ -45,11 +47,13 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
  private:
   // Of the job.
   bool is_batched() const;
+  bool is_by_words() const;
   Status run_batch(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
   Status add_attributes(const TileBin& bin, size_t slot, SparseTile& tile);
+  Status run_words(const TileBin& bin, std::vector<SparseTile>& tiles);
   Status run_tile(const TileBin& bin, std::vector<SparseTile>& tiles);
   Status fill_and_upload(const TileBin& bin, size_t first, size_t& end);
-  Status touch_tile(const TileBin& bin, uint64_t& blocks, bool& is_one_window);
+  Status touch_windows(const TileBin& bin, uint64_t& blocks, bool& is_one_window);
   Status sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
                         SparseTile& tile);
   // Of the voxels [first, first + count).
@@ -67,6 +71,7 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   GlTuning tuning_;
   TileDevice device_;
   TouchPass touch_;
+  WordTouch word_touch_;
   AttributePass attributes_;
   BatchTouch batch_touch_;
   BatchBricks batch_bricks_;

@@ -33,6 +33,7 @@ Status TileDevice::upload_window(const TileWindow& window, bool with_items) {
 }
 
 Status TileDevice::clear_mask(uint64_t blocks) {
+  if (other_mask_ != nullptr) return {};
   for_each_block_run(blocks & ~cleared_blocks_, [&](size_t first_word, size_t word_count) {
     mask_.clear(first_word * 4, word_count * 4);
   });

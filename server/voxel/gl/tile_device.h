@@ -23,7 +23,8 @@ class TileDevice {
   explicit TileDevice(const gpu::Context& context) : context_(&context) {}
 
   Status begin_tile(const glm::ivec3& cell_max);
-  // The tile's mask stands in `masks` at `offset_bytes`, until the next begin_tile().
+  // The tile's mask stands in `masks` at `offset_bytes`, until the next begin_tile(); who has it
+  // clears it.
   void use_mask(const gpu::Buffer& masks, size_t offset_bytes);
   // Vertices, and work items where `with_items`.
   Status upload_window(const TileWindow& window, bool with_items);

@@ -1,4 +1,4 @@
-// shaders/lib/touch.glsl and touch_columns.glsl, as C++, against the oracle.
+// shaders/lib/touch.glsl, touch_columns.glsl and touch_word.glsl, as C++, against the oracle.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -51,6 +51,7 @@ void visit_cell(int i, int j, int k) {
   g_visited->insert({i, j, k});
 }
 #include "shaders/lib/touch_columns.glsl"
+#include "shaders/lib/touch_word.glsl"
 }  // namespace narrow
 
 namespace {
@@ -81,6 +82,29 @@ Visited visited_narrow(const Triangle& v, const ivec3& cell_last, const Block& b
   g_visited = &cells;
   const auto t = narrow::touch_setup(v[0], v[1], v[2], cell_last);
   narrow::visit_block(t, max(block.first, ivec2(t.cell_min)), min(block.last, ivec2(t.cell_max)));
+  return cells;
+}
+// Word by word, as voxelize_words does: not swizzled, and in the coordinates of the box's first
+// cell.
+Visited visited_by_word(const Triangle& v, const ivec3& cell_last) {
+  const ivec3 box = min(v[0], min(v[1], v[2])) >> 8, end = max(v[0], max(v[1], v[2])) >> 8;
+  const ivec3 origin = box * 256, sides(4, 4, 2);
+  const auto t = narrow::touch_setup(v[0] - origin, v[1] - origin, v[2] - origin, cell_last - box);
+  const ivec3 first = max(box, ivec3(0)) / sides, last = min(end, cell_last) / sides;
+  Visited cells;
+  for (int z = first.z; z <= last.z; ++z) {
+    for (int y = first.y; y <= last.y; ++y) {
+      for (int x = first.x; x <= last.x; ++x) {
+        const ivec3 cell = ivec3(x, y, z) * sides;
+        const uint bits = narrow::touch_word(t, cell - box);
+        for (int b = 0; b < 32; ++b) {
+          if ((bits >> b & 1) == 0) continue;
+          cells.insert({cell.x + (b & 1) + 2 * (b >> 3 & 1), cell.y + (b >> 1 & 1) + 2 * (b >> 4),
+                        cell.z + (b >> 2 & 1)});
+        }
+      }
+    }
+  }
   return cells;
 }
 Visited visited_by_column(const Triangle& v, const ivec3& cell_last, const Block& block) {
@@ -162,7 +186,10 @@ TEST(TouchShader, small_triangles_are_exact_in_32_and_in_64_bits_and_in_two_word
     // Also across the tile's sides.
     for (int c = 0; c < 3; ++c) centre[c] = triangles.integer(-600, 256 * 256 + 600);
     const int size = triangles.integer(1, t % 3 == 0 ? TOUCH_SMALL_EXTENT : 1024);
-    const Triangle v = turned(triangles.make(t, centre, size));
+    const Triangle as_made = triangles.make(t, centre, size);
+    ASSERT_EQ(visited_by_word(as_made, cell_last), expected_cells(as_made, cell_last, kWholeTile))
+        << "triangle " << t;
+    const Triangle v = turned(as_made);
     const Visited expected = expected_cells(v, cell_last, kWholeTile);
     ASSERT_EQ(visited_narrow(v, cell_last, kWholeTile), expected) << "triangle " << t;
     ASSERT_EQ(visited_wide(v, cell_last, kWholeTile), expected) << "triangle " << t;
@@ -181,6 +208,7 @@ TEST(TouchShader, the_largest_small_triangles_do_not_overflow) {
         v[i][c] = 255 * 256 + 255 + ((mask >> (3 * i + c) & 1) * TOUCH_SMALL_EXTENT) -
                   TOUCH_SMALL_EXTENT / 2;
     }
+    ASSERT_EQ(visited_by_word(v, cell_last), expected_cells(v, cell_last, kWholeTile)) << mask;
     v = turned(v);
     ASSERT_EQ(visited_narrow(v, cell_last, kWholeTile), expected_cells(v, cell_last, kWholeTile))
         << mask;

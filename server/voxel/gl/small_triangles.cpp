@@ -1,0 +1,156 @@
+#include "server/voxel/gl/small_triangles.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <utility>
+
+#include "proto/limits.h"
+#include "server/base/check.h"
+
+namespace voxeld {
+namespace {
+
+// Fewer triangles are done before another thread is awake.
+constexpr size_t kTriangleGrain = 1024;
+
+// x, y, z and nothing, in a vector that GCC and Clang have on every machine.
+using Int4 = int32_t __attribute__((vector_size(16)));
+
+static_assert(sizeof(Int4) == sizeof(shared::uvec4));
+
+// Shifts from cells to words of the mask, and from these to blocks of 64^3 cells.
+constexpr Int4 kWordOfCell = {2, 2, 1, 0}, kBlockOfWord = {4, 4, 5, 0};
+
+Int4 lesser(Int4 a, Int4 b) {
+  return a < b ? a : b;
+}
+Int4 greater(Int4 a, Int4 b) {
+  return a > b ? a : b;
+}
+bool any_negative(Int4 v) {
+  return (v[0] | v[1] | v[2]) < 0;
+}
+bool is_same(Int4 a, Int4 b) {
+  const Int4 differs = a ^ b;
+  return (differs[0] | differs[1] | differs[2]) == 0;
+}
+Int4 to_int4(const glm::ivec3& v) {
+  return Int4{v.x, v.y, v.z, 0};
+}
+shared::uvec4 to_uvec4(Int4 v) {
+  shared::uvec4 words;
+  std::memcpy(static_cast<void*>(&words), &v, sizeof words);
+  return words;
+}
+
+// Of a block of a tile, as a mask of one bit.
+uint64_t block_bit(int32_t x, int32_t y, int32_t z) {
+  constexpr std::array<uint8_t, 4> kSpread = {0, 1, 8, 9};
+  return uint64_t{1} << (kSpread[static_cast<size_t>(x)] | kSpread[static_cast<size_t>(y)] << 1 |
+                         kSpread[static_cast<size_t>(z)] << 2);
+}
+
+// Between words, both included.
+uint64_t blocks_between(Int4 first_word, Int4 last_word) {
+  const Int4 first = first_word >> kBlockOfWord, last = last_word >> kBlockOfWord;
+  if (is_same(first, last)) return block_bit(first[0], first[1], first[2]);
+  uint64_t blocks = 0;
+  for (int32_t z = first[2]; z <= last[2]; ++z) {
+    for (int32_t y = first[1]; y <= last[1]; ++y) {
+      for (int32_t x = first[0]; x <= last[0]; ++x) blocks |= block_bit(x, y, z);
+    }
+  }
+  return blocks;
+}
+
+// Corners in the tile's coordinates; box: its first cell; then the first word and how many more.
+shared::SmallTriangle pack(Int4 a, Int4 b, Int4 c, Int4 box, Int4 first_word, Int4 more) {
+  const Int4 origin = box << limits::kSubVoxelBits, r = c - origin;
+  Int4 corners = (a - origin) | (b - origin) << 16;
+  corners[3] = r[0] | r[1] << 16;
+  constexpr int32_t kY = VOXELIZE_SMALL_CELL_BITS, kZ = 2 * VOXELIZE_SMALL_CELL_BITS;
+  const Int4 cell = (box + VOXELIZE_SMALL_BIAS) << Int4{0, kY, kZ, 0};
+  const Int4 words =
+      first_word << Int4{0, VOXELIZE_SMALL_WORD_Y_SHIFT, VOXELIZE_SMALL_WORD_Z_SHIFT, 0} |
+      more << Int4{VOXELIZE_SMALL_COUNT_X_SHIFT, VOXELIZE_SMALL_COUNT_Y_SHIFT,
+                   VOXELIZE_SMALL_COUNT_Z_SHIFT, 0};
+  const Int4 place = {r[2], cell[0] | cell[1] | cell[2], words[0] | words[1] | words[2], 0};
+  return {to_uvec4(corners), to_uvec4(place)};
+}
+
+}  // namespace
+
+void SmallTriangles::begin(const SnappedMesh& mesh, const glm::ivec3& tile_coord,
+                           const glm::ivec3& cell_max, std::span<const uint32_t> triangles,
+                           WorkerPool& pool) {
+  chunk_count_ =
+      std::clamp<size_t>(triangles.size() / kTriangleGrain, 1, static_cast<size_t>(pool.threads()));
+  chunks_.resize(std::max(chunks_.size(), chunk_count_));
+  const glm::ivec3 tile_q = tile_coord * (limits::kTileSide * kSubVoxelsPerVoxel);
+  pool.run(static_cast<int>(chunk_count_), [&](int part) {
+    const auto i = static_cast<size_t>(part);
+    const size_t first = triangles.size() * i / chunk_count_;
+    const size_t last = triangles.size() * (i + 1) / chunk_count_;
+    sort_chunk(mesh, tile_q, cell_max, triangles.subspan(first, last - first), chunks_[i]);
+  });
+  count_ = 0;
+  blocks_ = 0;
+  large_.clear();
+  for (size_t i = 0; i < chunk_count_; ++i) {
+    blocks_ |= chunks_[i].blocks;
+    large_.insert(large_.end(), chunks_[i].large.begin(), chunks_[i].large.end());
+  }
+  for (size_t key = 0; key < size_t{kWordsMax}; ++key) {
+    for (size_t i = 0; i < chunk_count_; ++i) {
+      count_ += std::exchange(chunks_[i].places[key], count_);
+    }
+  }
+}
+
+void SmallTriangles::sort_chunk(const SnappedMesh& mesh, const glm::ivec3& tile_q,
+                                const glm::ivec3& cell_max, std::span<const uint32_t> triangles,
+                                Chunk& chunk) {
+  chunk.packed.resize(triangles.size());
+  chunk.large.clear();
+  chunk.blocks = 0;
+  std::ranges::fill(chunk.places, 0u);
+  Packed* next = chunk.packed.data();
+  const Int4 origin = to_int4(tile_q), cell_last = to_int4(cell_max);
+  for (const uint32_t number : triangles) {
+    const auto& corners = mesh.triangles[number].vertices;
+    const Int4 a = to_int4(mesh.vertices[corners[0]]) - origin,
+               b = to_int4(mesh.vertices[corners[1]]) - origin,
+               c = to_int4(mesh.vertices[corners[2]]) - origin;
+    const Int4 low = lesser(a, lesser(b, c)), high = greater(a, greater(b, c));
+    const Int4 box = low >> limits::kSubVoxelBits;
+    const Int4 first = greater(box, Int4{}),
+               last = lesser(high >> limits::kSubVoxelBits, cell_last);
+    if (any_negative(last - first)) continue;
+    if (any_negative(VOXELIZE_SMALL_EXTENT - (high - low))) {
+      chunk.large.push_back(number);
+      continue;
+    }
+    const Int4 first_word = first >> kWordOfCell, last_word = last >> kWordOfCell,
+               more = last_word - first_word;
+    chunk.blocks |= blocks_between(first_word, last_word);
+    next->triangle = pack(a, b, c, box, first_word, more);
+    next->key = static_cast<uint32_t>(
+        std::min((more[0] + 1) * (more[1] + 1) * (more[2] + 1), kWordsMax) - 1);
+    ++chunk.places[next->key];
+    ++next;
+  }
+  chunk.packed.resize(static_cast<size_t>(next - chunk.packed.data()));
+}
+
+void SmallTriangles::write(std::span<shared::SmallTriangle> out, WorkerPool& pool) {
+  VOXELD_CHECK(out.size() == count_, "a place for each small triangle");
+  pool.run(static_cast<int>(chunk_count_), [&](int part) {
+    Chunk& chunk = chunks_[static_cast<size_t>(part)];
+    for (const Packed& packed : chunk.packed) {
+      out[chunk.places[packed.key]++] = packed.triangle;
+    }
+  });
+}
+
+}  // namespace voxeld
