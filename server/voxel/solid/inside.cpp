@@ -49,7 +49,7 @@ class InsideRun {
   InsideRun(const InsideJob& job, WorkerPool& pool)
       : plan_(job, pool), pool_(pool), workers_(static_cast<size_t>(pool.threads())) {}
 
-  Status run(const ColumnProgress& progress, const TakeTiles& take) {
+  Status run(const ColumnProgress& progress, const TakeInside& take) {
     const size_t columns = plan_.triangles.count();
     const bool alone = columns >= kColumnsPerThread * workers_.size();
     const size_t step = alone ? kColumnsPerThread * workers_.size() : 1;
@@ -149,7 +149,7 @@ Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress&
 }
 
 Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
-                   const TakeTiles& take, AxisVotes& votes) {
+                   const TakeInside& take, AxisVotes& votes) {
   InsideRun run(job, pool);
   VOXELD_TRY(run.run(progress, take));
   run.add_votes(votes);

@@ -52,8 +52,8 @@ Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress&
                    std::vector<SparseTile>& tiles, AxisVotes& votes);
 
 // The same, whose tiles go to `take` on the calling thread as columns get done, some at a time.
-using TakeTiles = std::function<void(std::vector<SparseTile>)>;
+using TakeInside = std::function<void(std::vector<SparseTile>)>;
 Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
-                   const TakeTiles& take, AxisVotes& votes);
+                   const TakeInside& take, AxisVotes& votes);
 
 }  // namespace voxeld
