@@ -133,6 +133,27 @@ class Formats(DaemonTest):
         self.assertIn("more than 65535", problem["got"])
         self.assertEqual(self.daemon.post(path + "material", body).status, 200)
 
+    def test_a_long_list_of_ids_is_whole_in_the_container_and_begun_in_the_answer(self):
+        import read_grid
+        lines = []
+        for i in range(40_000):
+            x, y = i % 200, i // 200
+            lines += [f"v {x} {y} 0", f"v {x + 1} {y} 0", f"v {x} {y + 1} 0", f"g part {i}",
+                      "f -3 -2 -1"]
+        made = self.daemon.post("/v1/voxelize?size=50&filename=many.obj&channels=label&labels=group"
+                                "&format=native", "\n".join(lines).encode())
+        self.assertEqual(made.status, 200, made.body)
+        grid = read_grid.read_grid(made.body)
+        labels = grid["meta"]["labels"]
+        self.assertEqual(len(labels), 40_000)
+        self.assertEqual(labels[-1], {"id": 40_000, "name": "part 39999"})
+        self.assertGreater(len(np.unique(grid["label"])), 2400)
+        job = self.daemon.get("/v1/jobs/" + made.headers["X-Voxeld-Job"]).json()
+        meta = job["result"]["meta"]
+        self.assertEqual(meta["labels_total"], 40_000)
+        self.assertEqual(meta["labels"], labels[:len(meta["labels"])])
+        self.assertGreater(len(meta["labels"]), 1000)
+
     def test_codec_small_is_smaller_and_gives_the_same_grid(self):
         query = "size=200&channels=occupancy,color,normal&format=native"
         fast = self.voxelize(query + "&codec=fast")
