@@ -13,7 +13,8 @@ void DrawingCost::add(const SparseTile& tile) {
   ++tiles_;
   bricks_ += tile.masks.size();
   full_ += tile.full.size();
-  values_ += std::max(tile.color.size() / 4, tile.normal.size() / 3);
+  values_ += std::max(
+      {tile.color.size() / 4, tile.normal.size() / 3, tile.label.size(), tile.material.size()});
   tile_bytes_ += tile_bytes(tile);
 }
 

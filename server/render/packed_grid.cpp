@@ -77,11 +77,12 @@ void mark_empty_cubes(std::span<uint32_t> table, const glm::ivec3& dims, uint32_
 
 class Packer {
  public:
-  Packer(const Grid& grid, PackedGrid& packed) : grid_(grid), packed_(packed) {}
+  Packer(const Grid& grid, PackedGrid& packed)
+      : grid_(grid), ids_(coloring_ids(grid)), packed_(packed) {}
 
   Status run() {
     packed_.spec = grid_.spec;
-    packed_.has_color = grid_.channels.color;
+    packed_.has_color = grid_.channels.color || ids_.has_value();
     packed_.has_normal = grid_.channels.normal;
     packed_.tile_dims = grid_.spec.tile_dims();
     packed_.occupied_min = glm::ivec3(std::numeric_limits<int>::max());
@@ -92,7 +93,8 @@ class Packer {
       add_tile(tile);
       if (packed_.nodes.size() >= kEntriesMax) return too_large("tables", packed_.nodes.size());
     }
-    if (has_full_ && !packed_.colors.empty()) packed_.full_color = mean_color(grid_);
+    if (has_full_ && grid_.channels.color && !packed_.colors.empty())
+      packed_.full_color = mean_color(grid_);
     mark_empty_cubes(std::span(packed_.nodes).first(tile_entries()), packed_.tile_dims,
                      RAYMARCH_TILE_SHIFT);
     if (packed_.occupied_min.x >= packed_.occupied_max.x) {
@@ -109,6 +111,14 @@ class Packer {
                  std::to_string(count)};
   }
 
+  size_t id_count(const SparseTile& tile) const {
+    return *ids_ == Channel::kLabel ? tile.label.size() : tile.material.size();
+  }
+
+  static uint32_t packed_color(const std::array<uint8_t, 3>& rgb) {
+    return rgb[0] | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
+  }
+
   size_t tile_entries() const {
     return linear_index({0, 0, packed_.tile_dims.z}, packed_.tile_dims);
   }
@@ -117,7 +127,7 @@ class Packer {
     size_t bricks = 0, colors = 0, normals = 0;
     for (const SparseTile& tile : grid_.tiles) {
       bricks += tile.masks.size();
-      colors += tile.color.size() / 4;
+      colors += ids_ ? id_count(tile) : tile.color.size() / 4;
       normals += tile.normal.size() / 3;
     }
     if (bricks >= kEntriesMax) return too_large("bricks", bricks);
@@ -125,7 +135,7 @@ class Packer {
       return too_large("voxels", std::max(colors, normals));
     }
     packed_.bricks.resize(bricks * RAYMARCH_BRICK_WORDS);
-    if (grid_.channels.color) packed_.colors.resize(colors);
+    if (packed_.has_color) packed_.colors.resize(colors);
     if (grid_.channels.normal) packed_.normals.resize(normals);
     return {};
   }
@@ -213,6 +223,12 @@ class Packer {
       VOXELD_CHECK(first + tile.color.size() / 4 <= packed_.colors.size(), "a colour per voxel");
       std::memcpy(packed_.colors.data() + first, tile.color.data(), tile.color.size());
     }
+    if (ids_) {
+      VOXELD_CHECK(first + id_count(tile) <= packed_.colors.size(), "an id per voxel");
+      for (size_t i = 0; i < id_count(tile); ++i) {
+        packed_.colors[first + i] = packed_color(id_color(voxel_id(tile, *ids_, i)));
+      }
+    }
     if (!grid_.channels.normal) return;
     VOXELD_CHECK(first + tile.normal.size() / 3 <= packed_.normals.size(), "a normal per voxel");
     for (size_t i = 0; i + 3 <= tile.normal.size(); i += 3) {
@@ -236,7 +252,7 @@ class Packer {
       if (mask.words[i] != 0) words[RAYMARCH_BRICK_NODES] |= 1u << i;
     }
     packed_.attribute_count += count;
-    if (grid_.channels.color) {
+    if (packed_.has_color) {
       words[RAYMARCH_BRICK_COLOR] = mean_color(std::span(packed_.colors).subspan(first, count));
     }
     if (grid_.channels.normal) {
@@ -255,7 +271,7 @@ class Packer {
   void finish_block(size_t table) {
     const auto entries = std::span(packed_.nodes).subspan(table, RAYMARCH_BLOCK_ENTRIES);
     mark_empty_cubes(entries, glm::ivec3(kBricksPerSide), RAYMARCH_BRICK_SHIFT);
-    if (!grid_.channels.color && !grid_.channels.normal) return;
+    if (!packed_.has_color && !packed_.has_normal) return;
     std::array<uint32_t, RAYMARCH_BLOCK_ENTRIES> colors{}, normals{};
     size_t count = 0;
     for (const uint32_t entry : entries) {
@@ -270,6 +286,7 @@ class Packer {
   }
 
   const Grid& grid_;
+  const std::optional<Channel> ids_;  // what is drawn as a colour for each id
   PackedGrid& packed_;
   glm::ivec3 tile_base_{0};  // first cell of the tile at hand
   size_t tile_table_ = 0;    // offset of its table
@@ -282,7 +299,7 @@ class Packer {
 Result<PackedGrid> pack_grid(const Grid& grid) {
   PackedGrid packed;
   VOXELD_TRY(Packer(grid, packed).run());
-  VOXELD_CHECK(!grid.channels.color || packed.colors.size() == packed.attribute_count,
+  VOXELD_CHECK(!packed.has_color || packed.colors.size() == packed.attribute_count,
                "a colour per voxel");
   VOXELD_CHECK(!grid.channels.normal || packed.normals.size() == packed.attribute_count,
                "a normal per voxel");

@@ -28,6 +28,7 @@ struct PackedGrid {
   uint64_t attribute_count = 0;  // voxels that have colours and normals, where the grid has them
 };
 
+// A grid with labels or materials and no colours is drawn in a colour for each id: id_color().
 // Memory grows with the occupied bricks, not with the grid's volume. Errors: grid-too-large when
 // 2^32 voxels or more have attributes, or tables of 2^30 entries or more were needed.
 Result<PackedGrid> pack_grid(const Grid& grid);

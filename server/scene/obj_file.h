@@ -1,10 +1,10 @@
 // The statements of a Wavefront OBJ file as plain arrays, before they become a Scene.
 #pragma once
 
-#include <compare>
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include <glm/vec2.hpp>
@@ -26,7 +26,10 @@ struct ObjState {
   uint32_t name = 0;               // the last one's of both; index into ObjFile::names
   uint32_t object = 0, group = 0;  // likewise
   uint32_t material = 0;           // index into ObjFile::materials
-  auto operator<=>(const ObjState&) const = default;
+  bool operator<(const ObjState& other) const {
+    return std::tie(name, object, group, material) <
+           std::tie(other.name, other.object, other.group, other.material);
+  }
 };
 
 struct ObjFace {

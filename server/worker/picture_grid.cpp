@@ -74,7 +74,8 @@ bool likely_fits(const TileSource& source, int level, const PictureLimits& limit
   }
   bricks /= static_cast<double>(int64_t{1} << (2 * level));
   const Grid& grid = source.grid();
-  const double values = (grid.channels.color ? 4 : 0) + (grid.channels.normal ? 4 : 0);
+  const double values =
+      (grid.channels.color || coloring_ids(grid) ? 4 : 0) + (grid.channels.normal ? 4 : 0);
   const double table = bricks * kDrawnBrickBytes;
   const double tile = bricks * sizeof(BrickMask);
   return table <= static_cast<double>(limits.table_bytes_max) &&

@@ -1,6 +1,7 @@
 #include "server/worker/task_run.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <filesystem>
 #include <utility>
 
@@ -99,9 +100,29 @@ std::string container_meta(const Task& task, const Scene& scene, const RequestOp
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
+// What of a container's meta an answer carries: of long lists of ids the first, and how many there
+// are; the container names all. Tasks and their completions are JSON of at most 1 MiB.
+json answer_meta(json meta) {
+  constexpr size_t kListBytesMax = size_t{100} << 10;
+  for (const char* name : {"materials", "labels"}) {
+    const auto list = meta.find(name);
+    if (list == meta.end() || !list->is_array()) continue;
+    size_t count = 0;
+    for (size_t bytes = 0; count < list->size(); ++count) {
+      bytes += (*list)[count].dump(-1, ' ', false, json::error_handler_t::replace).size();
+      if (bytes > kListBytesMax) break;
+    }
+    if (count == list->size()) continue;
+    const size_t total = list->size();
+    list->erase(list->begin() + static_cast<std::ptrdiff_t>(count), list->end());
+    meta[std::string(name) + "_total"] = total;
+  }
+  return meta;
+}
+
 // What is known of the making of a grid, besides what its container says.
 void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats) {
-  add_meta(run, json::parse(container_meta));
+  add_meta(run, answer_meta(json::parse(container_meta)));
   add_meta(run, device_facts(run.engine));
   add_meta(run, {{"triangles", stats.triangles},
                  {"tiles", stats.tiles},
@@ -165,7 +186,7 @@ std::string render_key(const Task& task, const RequestOptions& options) {
 
 void add_input_meta(TaskRun& run, const std::string& container_meta) {
   const json meta = json::parse(container_meta, nullptr, false);
-  if (meta.is_object()) add_meta(run, meta);
+  if (meta.is_object()) add_meta(run, answer_meta(meta));
   add_meta(run, device_facts(run.engine));
 }
 

@@ -125,6 +125,16 @@ class Formats(DaemonTest):
         self.assertLess(trees[:, 0].min(), house[:, 0].min())
         self.assertGreater(trees[:, 0].max(), house[:, 0].max())
 
+    def test_pictures_show_ids_where_there_is_no_colour(self):
+        pictures = set()
+        queries = ("occupancy", "label&labels=mesh", "label&labels=material", "material")
+        for query in queries:
+            response = self.daemon.post("/v1/render?size=40&width=64&height=64&filename=sample.obj.zip"
+                                        "&channels=" + query, self.fixture("sample.obj.zip"))
+            self.assertEqual(response.status, 200, response.body)
+            pictures.add(response.body)
+        self.assertEqual(len(pictures), len(queries) - 1)  # the last two are one
+
     def test_nearest_colours_are_the_same_by_each_pipeline_and_not_averages(self):
         query = "size=40&format=native&color="
         names = ("nearest", "nearest&pipeline=cpu", "nearest&pipeline=raster", "average")
@@ -146,6 +156,27 @@ class Formats(DaemonTest):
         self.assertEqual(problem["expected"], "at most 65535")
         self.assertIn("more than 65535", problem["got"])
         self.assertEqual(self.daemon.post(path + "material", body).status, 200)
+
+    def test_a_long_list_of_ids_is_whole_in_the_container_and_begun_in_the_answer(self):
+        import read_grid
+        lines = []
+        for i in range(40_000):
+            x, y = i % 200, i // 200
+            lines += [f"v {x} {y} 0", f"v {x + 1} {y} 0", f"v {x} {y + 1} 0", f"g part {i}",
+                      "f -3 -2 -1"]
+        made = self.daemon.post("/v1/voxelize?size=50&filename=many.obj&channels=label&labels=group"
+                                "&format=native", "\n".join(lines).encode())
+        self.assertEqual(made.status, 200, made.body)
+        grid = read_grid.read_grid(made.body)
+        labels = grid["meta"]["labels"]
+        self.assertEqual(len(labels), 40_000)
+        self.assertEqual(labels[-1], {"id": 40_000, "name": "part 39999"})
+        self.assertGreater(len(np.unique(grid["label"])), 2400)
+        job = self.daemon.get("/v1/jobs/" + made.headers["X-Voxeld-Job"]).json()
+        meta = job["result"]["meta"]
+        self.assertEqual(meta["labels_total"], 40_000)
+        self.assertEqual(meta["labels"], labels[:len(meta["labels"])])
+        self.assertGreater(len(meta["labels"]), 1000)
 
     def test_codec_small_is_smaller_and_gives_the_same_grid(self):
         query = "size=200&channels=occupancy,color,normal&format=native"

@@ -48,6 +48,29 @@ uint32_t entry_of(const PackedGrid& packed, const glm::ivec3& cell) {
   return at(entry & ~RAYMARCH_CHILD, brick, glm::ivec3(4));
 }
 
+TEST(PackGrid, ids_are_colours_where_there_are_no_others) {
+  Grid grid = three_voxels();
+  grid.channels.label = true;
+  grid.tiles[0].label = {1, 0};
+  grid.tiles[1].label = {7};
+  EXPECT_EQ(pack_grid(grid)->colors[0], 0x04030201u) << "colours of its own";
+  grid.channels.color = false;
+  for (SparseTile& tile : grid.tiles) tile.color.clear();
+  const auto packed = pack_grid(grid);
+  ASSERT_TRUE(packed.ok());
+  EXPECT_TRUE(packed->has_color);
+  const auto word = [](uint16_t id) {
+    const auto rgb = id_color(id);
+    return 0xff000000u | unsigned{rgb[2]} << 16 | unsigned{rgb[1]} << 8 | rgb[0];
+  };
+  EXPECT_THAT(packed->colors, ElementsAre(word(1), word(0), word(7)));
+  EXPECT_EQ(packed->bricks[RAYMARCH_BRICK_WORDS + RAYMARCH_BRICK_COLOR], word(7));
+  grid.channels.label = false;
+  grid.channels.material = true;
+  for (SparseTile& tile : grid.tiles) tile.material.swap(tile.label);
+  EXPECT_THAT(pack_grid(grid)->colors, ElementsAre(word(1), word(0), word(7)));
+}
+
 TEST(PackGrid, bricks_are_found_through_the_tables_of_tile_and_block) {
   const auto packed = pack_grid(three_voxels());
   ASSERT_TRUE(packed.ok());
