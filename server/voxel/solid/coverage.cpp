@@ -67,7 +67,7 @@ int64_t coverage_bytes(const GridSpec& spec, int64_t surface_bytes, int threads)
   constexpr int64_t kTileWork = int64_t{164} << 10;
   return 2 * bricks * static_cast<int64_t>(sizeof(BrickMask) * 8 + 8) +
          tile_count * static_cast<int64_t>(kBlockBricks * sizeof(uint64_t)) + in_step +
-         threads * kCoverageParts * tiles.z * kTileWork;
+         int64_t{threads} * kCoverageParts * tiles.z * kTileWork;
 }
 
 Result<CoverageCounts> CoverageCounts::of(const FillMesh& mesh, const glm::ivec3& dims, Sign sign,
@@ -78,7 +78,7 @@ Result<CoverageCounts> CoverageCounts::of(const FillMesh& mesh, const glm::ivec3
   std::vector<uint8_t> counts;
   AxisVotes votes;
   const auto go_on = [&](size_t) { return progress ? progress(0) : Status(); };
-  const auto take = [&](std::vector<SparseTile> tiles) {
+  const auto take = [&](const std::vector<SparseTile>& tiles) {
     for (const SparseTile& tile : tiles) result.add(tile, counts);
   };
   VOXELD_TRY(find_inside({finer, dims * kCoverageParts, sign, {}}, pool, go_on, take, votes));

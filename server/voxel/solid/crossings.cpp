@@ -84,8 +84,8 @@ class ColumnRaster {
                          static_cast<Unsigned>(normal_v_) * up(centre(v) - origin_[1]));
     // The quotient is small, so the double is off by less than one before it is truncated: the
     // remainder tells what is missing to the integer above.
-    auto k = static_cast<int64_t>(static_cast<double>(numerator) /
-                                  static_cast<double>(depth_unit_));
+    auto k =
+        static_cast<int64_t>(static_cast<double>(numerator) / static_cast<double>(depth_unit_));
     Int remainder = numerator - static_cast<Int>(k) * depth_unit_;
     for (; remainder > 0; remainder -= depth_unit_) ++k;
     for (; remainder <= -depth_unit_; remainder += depth_unit_) --k;

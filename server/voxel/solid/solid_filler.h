@@ -28,10 +28,10 @@ class SolidFiller {
 
   // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
   // fill asks for, in Morton order of coord, with distances and the coverage of volumes where the
-  // plan wants them: distances also for Fill::kSurface, whose tiles must be in that order. `touch` is called where the
-  // fill needs the cells that rule=touch gives and `tiles` are others. Errors: those of `touch` and
-  // `progress`, which is called with tile columns done of tile_column_count(); grid-too-large where
-  // attributes of the inside need too much memory.
+  // plan wants them: distances also for Fill::kSurface, whose tiles must be in that order. `touch`
+  // is called where the fill needs the cells that rule=touch gives and `tiles` are others. Errors:
+  // those of `touch` and `progress`, which is called with tile columns done of tile_column_count();
+  // grid-too-large where attributes of the inside need too much memory.
   Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
