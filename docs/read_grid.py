@@ -4,7 +4,7 @@
     grid = read_grid(open("bunny.voxg", "rb").read())
     grid["cells"]   int (n, 3): x, y, z of every voxel, by tile, in Morton order
     grid["color"]   uint8 (n, 4), and so on for CHANNELS: None where the grid has no such channel,
-                    0 where a voxel has no attributes (the inside of a solid)
+                    0 (coverage: 255) where a voxel has no attributes (the inside of a solid)
 """
 import json
 import struct
@@ -37,10 +37,10 @@ def compact(codes):  # every third bit
     return sum(((codes >> (3 * bit)) & 1) << bit for bit in range(8))
 
 
-def planes(raw, has_attributes, samples, dtype):
-    """Planes of differences, one for each byte -> (voxels, samples), 0 where there are none."""
+def planes(raw, has_attributes, name, samples, dtype):
+    """Planes of differences, one for each byte -> (voxels, samples), as above where are none."""
     count = samples * np.dtype(dtype).itemsize
-    out = np.zeros((len(has_attributes), count), np.uint8)
+    out = np.full((len(has_attributes), count), 255 * (name == "coverage"), np.uint8)
     out[has_attributes] = np.frombuffer(raw, np.uint8).reshape(count, -1).cumsum(1, np.uint8).T
     return out.view(dtype)
 
@@ -61,8 +61,8 @@ def read_grid(data):
         streams = [zstandard.decompress(data[a:b]) if a < b else b"" for a, b in zip(ends, ends[1:])]
         codes, has_attributes = read_octree(streams[0])
         cells.append(np.stack([compact(codes >> c) + t * side for c, t in enumerate((x, y, z))], 1))
-        for (name, count, dtype), stream in zip(channels, streams[1:]):
-            samples[name].append(planes(stream, has_attributes, count, dtype))
+        for channel, stream in zip(channels, streams[1:]):
+            samples[channel[0]].append(planes(stream, has_attributes, *channel))
     return {"dims": dims, "origin": origin, "voxel_size": voxel_size,
             "meta": json.loads(data[128:128 + meta_bytes] or b"{}"),
             "cells": np.concatenate(cells) if cells else np.zeros((0, 3), np.int64),

@@ -8,8 +8,11 @@
 namespace voxeld {
 namespace {
 
-// Level 3 of 22: measured within 6% of level 9's size on surfaces, at four times its speed.
-constexpr int kZstdLevel = 3;
+// Of 22 levels. Octrees of surfaces are 5% smaller by level 5 than by 3, in a quarter more time;
+// from there to level 9 it is 1% more.
+constexpr int level_of(StreamKind kind) {
+  return kind == StreamKind::kOctree ? 5 : 3;
+}
 
 struct FreeContext {
   void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
@@ -21,9 +24,9 @@ Error broken(std::string detail) {
 
 }  // namespace
 
-Result<std::vector<uint8_t>> compress_stream(std::span<const uint8_t> raw) {
+Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const uint8_t> raw) {
   const std::unique_ptr<ZSTD_CCtx, FreeContext> context(ZSTD_createCCtx());
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, kZstdLevel);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, level_of(kind));
   ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
   std::vector<uint8_t> stored(ZSTD_compressBound(raw.size()));
   const size_t size =

@@ -10,7 +10,10 @@
 
 namespace voxeld {
 
-Result<std::vector<uint8_t>> compress_stream(std::span<const uint8_t> raw);
+enum class StreamKind { kOctree, kPlanes };
+
+// `kind`: how much time its bytes are worth.
+Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const uint8_t> raw);
 // Errors: bad-request, when the frame is broken, says no size, says more than `raw_max` (before any
 // memory is taken), or is followed by more bytes.
 Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max);

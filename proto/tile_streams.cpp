@@ -11,14 +11,14 @@ namespace voxeld {
 
 Result<std::vector<uint8_t>> encode_octree_stream(const SparseTile& tile, Codec codec) {
   if (codec == Codec::kSmall) return encode_octree_small(tile);
-  return compress_stream(octree_from_tile(tile));
+  return compress_stream(StreamKind::kOctree, octree_from_tile(tile));
 }
 
 Result<std::vector<uint8_t>> encode_channel_stream(const SparseTile& tile, Channel channel,
                                                    Codec codec) {
   if (codec == Codec::kSmall) return encode_channel_small(tile, channel);
-  return compress_stream(
-      planes_from_samples(channel_bytes(tile, channel), channel_info(channel).bytes()));
+  return compress_stream(StreamKind::kPlanes, planes_from_samples(channel_bytes(tile, channel),
+                                                                  channel_info(channel).bytes()));
 }
 
 Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool has_attributes,

@@ -59,7 +59,7 @@ void stream(Bytes bytes) {
   if (const auto raw = voxeld::decompress_stream(bytes, kMax)) {
     VOXELD_CHECK(raw->size() <= kMax, "no stream is longer than asked for");
   }
-  const auto stored = voxeld::compress_stream(bytes);
+  const auto stored = voxeld::compress_stream(voxeld::StreamKind::kOctree, bytes);
   VOXELD_CHECK(stored.ok(), "any bytes can be compressed");
   const auto back = voxeld::decompress_stream(*stored, bytes.size());
   VOXELD_CHECK(back.ok() && std::equal(back->begin(), back->end(), bytes.begin(), bytes.end()),

@@ -16,7 +16,7 @@ std::vector<uint8_t> random_bytes(size_t size, uint32_t seed) {
 }
 
 std::vector<uint8_t> compressed(std::span<const uint8_t> raw) {
-  const auto stored = compress_stream(raw);
+  const auto stored = compress_stream(StreamKind::kPlanes, raw);
   EXPECT_TRUE(stored);
   return stored ? *stored : std::vector<uint8_t>();
 }

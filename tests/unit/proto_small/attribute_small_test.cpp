@@ -76,7 +76,7 @@ std::string color_refusal(std::span<const uint8_t> bytes, SparseTile tile) {
 }
 
 size_t fast_bytes(std::span<const uint8_t> samples, size_t channels) {
-  return compress_stream(planes_from_samples(samples, channels))->size();
+  return compress_stream(StreamKind::kPlanes, planes_from_samples(samples, channels))->size();
 }
 size_t fast_bytes(const SparseTile& tile, Channel channel) {
   return fast_bytes(channel_bytes(tile, channel), channel_info(channel).bytes());
