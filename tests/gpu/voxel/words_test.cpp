@@ -73,7 +73,7 @@ TEST(Words, boxes_around_the_largest_small_ones_give_the_same_hash) {
   MeshPart part;
   for (int t = 0; t < 1500; ++t) {
     glm::dvec3 low(0);
-    for (int c = 0; c < 3; ++c) low[c] = static_cast<double>(random() % (280 * 256)) / 256;
+    for (int c = 0; c < 3; ++c) low[c] = static_cast<double>(random() % (size_t{280} * 256)) / 256;
     std::array<glm::dvec3, 3> p{};
     for (glm::dvec3& corner : p) {
       for (int c = 0; c < 3; ++c) {
@@ -90,7 +90,7 @@ TEST(Words, boxes_around_the_largest_small_ones_give_the_same_hash) {
 TEST(Words, needles_and_points_across_tiles_give_the_same_hash) {
   std::mt19937_64 random(74);
   MeshPart part;
-  const auto anywhere = [&] { return static_cast<double>(random() % (512 * 1024)) / 1024; };
+  const auto anywhere = [&] { return static_cast<double>(random() % (size_t{512} * 1024)) / 1024; };
   for (int t = 0; t < 3000; ++t) {
     const glm::dvec3 a(anywhere(), anywhere(), anywhere());
     glm::dvec3 along(0);
