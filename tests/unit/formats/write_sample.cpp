@@ -49,6 +49,7 @@ bool write_solid(const std::string& directory) {
   for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
     test::TestVoxel& one = voxels.emplace_back();
     one.cell = {x, y, z};
+    one.coverage = 255;  // of voxels inside
     if (voxel == kNoAttributes) return;
     std::copy_n(&tile.color[4 * voxel], 4, one.color.begin());
     std::copy_n(&tile.normal[3 * voxel], 3, one.normal.begin());
