@@ -17,9 +17,9 @@
 namespace voxeld {
 
 enum class JobKind {
-  kVoxelize,  // asset -> grid, and the grid in the format asked for
-  kRender,    // asset or grid -> PNG
-  kExport,    // grid -> the grid in another format
+  kVoxelize,  // asset -> grid or sequence, and that in the format asked for
+  kRender,    // asset, grid or sequence -> PNG or animated picture
+  kExport,    // grid or sequence -> the same in another format
   kInspect,   // asset -> description (triangles, bounds, materials found and missing)
 };
 
@@ -28,11 +28,13 @@ enum class JobKind {
 enum class JobState { kQueued, kRunning, kDone, kFailed, kCancelled };
 
 // POST /v1/jobs: {"kind":"voxelize","asset":"sha256-…","options":{"size":256,"format":"npy"}}
-// kRender takes "asset" or "grid"; kExport takes "grid"; kInspect takes "asset".
+// kRender takes "asset", "grid" or "sequence"; kExport takes "grid" or "sequence"; kInspect takes
+// "asset".
 struct JobRequest {
   JobKind kind = JobKind::kVoxelize;
   std::string asset;     // id of an asset, or empty
   std::string grid;      // id of a grid, or empty
+  std::string sequence;  // id of a sequence, or empty
   std::string filename;  // of the asset, as uploaded or overridden; names its format
   RequestOptions options;
 };
@@ -53,6 +55,7 @@ struct JobResult {
   std::string media_type;
   std::string filename;   // suggested, e.g. "bunny.npy"
   std::string grid;       // id of the grid's container, for voxelize and render from an asset
+  std::string sequence;   // id of the sequence, where the request has several frames
   std::string meta_json;  // object: dims, origin, voxel_size, voxel_count, pipeline, device,
                           // driver, content_hash, source_hash, …
   std::vector<Warning> warnings;
@@ -62,13 +65,14 @@ struct JobStatus {
   std::string id;  // "j-" + 32 hex digits
   JobKind kind = JobKind::kVoxelize;
   JobState state = JobState::kQueued;
-  std::string asset, grid, filename;
-  std::string options_json;  // canonical
-  int64_t version = 0;       // grows with every change: ETag, long poll, event id
-  int attempt = 0;           // 1 while the first worker runs it
-  int64_t tiles_done = 0, tiles_total = 0;
-  std::string stage;                                     // "parse", "voxelize", …, while running
-  int64_t queue_position = 0;                            // 0 when it is running or ended
+  std::string asset, grid, sequence, filename;
+  std::string options_json;                   // canonical
+  int64_t version = 0;                        // grows with every change: ETag, long poll, event id
+  int attempt = 0;                            // 1 while the first worker runs it
+  int64_t tiles_done = 0, tiles_total = 0;    // of a sequence, those of the frame at work
+  int64_t frames_done = 0, frames_total = 0;  // 0, 0: not a sequence
+  std::string stage;                          // "parse", "voxelize", …, while running
+  int64_t queue_position = 0;                 // 0 when it is running or ended
   int64_t created_ms = 0, started_ms = 0, ended_ms = 0;  // Unix time
   StageTimes timings;
   std::optional<JobResult> result;  // kDone

@@ -33,11 +33,15 @@ inline constexpr int kBundleRatioMax = 200;  // inflated over stored, per entry 
 inline constexpr int64_t kImagePixelsMax = int64_t{16384} * 16384 / 4;  // 67 Mpx, 268 MB as RGBA8
 inline constexpr int kImageSideMax = 32'768;
 
+// Frames of one request: invalid-option.
+inline constexpr int kFramesMax = 4096;
+
 inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
 
 // Pictures: invalid-option.
 inline constexpr int kRenderSideMax = 4096;
 inline constexpr int kSamplesPerSideMax = 4;
+inline constexpr int kSheetSideMax = 16'384;  // pixels, of a contact sheet
 
 // Jobs.
 inline constexpr int kJobAttemptsMax = 3;         // then worker-crashed

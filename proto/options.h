@@ -37,6 +37,11 @@ enum class DType { kUint8, kBool, kFloat32 };
 enum class Projection { kPerspective, kOrthographic };
 enum class Light { kFlat, kPhong };
 enum class RendererChoice { kAuto, kGl, kCpu };
+// What a render request answers with: one picture; the pictures of all frames or views as an
+// animated GIF or PNG; or beside each other.
+enum class PictureKind { kPng, kGif, kApng, kSheet };
+// Whether a model that walks leaves the place where it began.
+enum class RootMotionChoice { kKeep, kStrip };
 
 // Where the grid lies. At most one of size, dims and voxel_size is set; none means size = 128.
 struct PlacementOptions {
@@ -73,6 +78,25 @@ struct VoxelizeOptions {
   PipelineChoice pipeline = PipelineChoice::kAuto;
 };
 
+// Which times of which animation. None: the pose in which the file leaves the mesh.
+struct AnimationOptions {
+  // Name or number of the animation; unset where another option is set: the first one.
+  std::optional<std::string> animation;
+  std::optional<double> time_s;  // one grid, placed by the mesh at that time
+  // Frame k is at time k / fps; fps unset: the animation's own rate, 24 where it has none. frames:
+  // first and last; unset: all up to the animation's end. times_s excludes both. Of requests on a
+  // sequence, `frames` selects among its frames and the rest is not taken.
+  std::optional<std::array<int, 2>> frames;
+  std::optional<double> fps;
+  std::vector<double> times_s;  // at most limits::kFramesMax, ascending
+  RootMotionChoice root_motion = RootMotionChoice::kKeep;
+
+  bool moves() const { return animation || time_s || frames || fps || !times_s.empty(); }
+  // Several grids in one placement, and not one.
+  bool is_sequence() const { return moves() && !time_s; }
+  bool operator==(const AnimationOptions&) const = default;
+};
+
 // How a grid is written down.
 struct OutputOptions {
   Format format = Format::kNative;
@@ -103,11 +127,20 @@ struct RenderOptions {
   RendererChoice renderer = RendererChoice::kAuto;
   // Plane a,b,c,d in world units: what has a*x+b*y+c*z+d > 0 is cut away.
   std::optional<std::array<double, 4>> section;
+  PictureKind picture = PictureKind::kPng;
+  // Of a sequence, the frame that a single picture shows: its number among the request's frames.
+  int frame = 0;
+  // Views all around of one grid, from `azimuth` on, instead of frames; 0: none.
+  int turntable = 0;
+  // Pictures per second of GIF and APNG; unset: the sequence's own times, 24 for a turntable.
+  std::optional<double> rate;
+  int columns = 0;  // of a sheet; 0: as many as rows
 };
 
 // One request of any kind, as validated from a query string or a job's JSON.
 struct RequestOptions {
   VoxelizeOptions voxelize;
+  AnimationOptions animation;
   OutputOptions output;
   RenderOptions render;
   bool use_cache = true;  // cache=yes|no

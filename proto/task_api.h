@@ -7,6 +7,7 @@
 //   hello {protocol, pid, device}    ->   {ok, scratch_dir}
 //   claim {}                         ->   {task: Task}            (blocks until there is one)
 //   progress {task, fence, …}        ->   {cancel: bool, fenced: bool}
+//   frame {task, fence, frame…}      ->   {cancel, fenced, grid, path}
 //   complete {task, fence, outputs…} ->   {ok} | {fenced}
 //   fail {task, fence, error}        ->   {ok} | {fenced}
 //
@@ -44,14 +45,20 @@ struct Task {
   int64_t fence = 0;  // grows with each claim of the job; late reports with an old one are void
   int attempt = 1;
   JobKind kind = JobKind::kVoxelize;
-  std::string input_path;  // the asset's or grid's blob, read-only
+  std::string input_path;  // the asset's, grid's or sequence's blob, read-only
   std::string input_hash;  // "sha256-…"
   bool input_is_grid = false;
+  bool input_is_sequence = false;
+  // Of a sequence, the containers of its frames in their order, read-only.
+  std::vector<std::string> frame_paths;
+  // The input is a bundle of files that were uploaded one by one (proto/bundle_manifest.h): where
+  // each of them is, in the order of the manifest.
+  std::vector<std::string> bundle_paths;
   std::string filename;
   std::string options_json;  // canonical JSON in the scope of the kind
 };
 
-// role: "result" (the answer's bytes), "grid" (the native container).
+// role: "result" (the answer's bytes), "grid" (the native container), "sequence" (its manifest).
 struct TaskOutput {
   std::string role;
   std::string path;  // in scratch_dir; the gateway hashes, syncs and moves it into the store
@@ -64,10 +71,29 @@ struct TaskProgress {
   int64_t fence = 0;
   std::string stage;
   int64_t tiles_done = 0, tiles_total = 0;
+  int64_t frames_done = 0, frames_total = 0;
 };
 struct TaskProgressReply {
   bool cancel = false;
   bool fenced = false;
+};
+
+// A frame that is done. The gateway takes its container into the store at once: it can be fetched
+// while the task runs, and stays when the task is cancelled.
+struct TaskFrame {
+  std::string task;
+  int64_t fence = 0;
+  int64_t index = 0;  // among the request's frames
+  double time_s = 0;
+  std::string path;  // in scratch_dir: a native container
+  uint64_t voxel_count = 0;
+  std::string content_hash;
+};
+struct TaskFrameReply {
+  bool cancel = false;
+  bool fenced = false;
+  std::string grid;  // id of the container
+  std::string path;  // where it is now, read-only
 };
 
 struct TaskCompletion {

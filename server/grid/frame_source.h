@@ -1,0 +1,28 @@
+// The frames of a sequence one by one: what formats and animated pictures are made from, so that
+// not all of them need to fit into memory.
+#pragma once
+
+#include <cstddef>
+
+#include "proto/result.h"
+#include "server/grid/grid.h"
+
+namespace voxeld {
+
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+
+  // Place, channels and meta of the sequence; no tiles.
+  virtual const Grid& common() const = 0;
+  virtual size_t frame_count() const = 0;
+  // Seconds; ascending.
+  virtual double time_s(size_t index) const = 0;
+  // Pictures per second where the frames are even; 0 where they are at times of their own.
+  virtual double fps() const = 0;
+  // The grid of a frame: spec and channels are those of common(). Errors: the container's;
+  // cancelled.
+  virtual Result<Grid> frame(size_t index) const = 0;
+};
+
+}  // namespace voxeld
