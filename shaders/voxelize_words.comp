@@ -1,5 +1,5 @@
-// Pipeline compute on software drivers, triangles at most 16 voxels wide: an invocation has a
-// triangle, and goes through the words of the mask that its box reaches. Software drivers do memory
+// Pipeline compute on software drivers, triangles of some tiles that are at most 16 voxels wide: an
+// invocation has a triangle, and goes through the words of its tile's mask that its box reaches. Software drivers do memory
 // accesses lane by lane and arithmetic for all lanes at once, so a triangle is read by two loads,
 // and each word is written at most once.
 #define TOUCH_INT int
@@ -22,6 +22,7 @@ int field(uint word, int shift, int bits) { return int(word >> uint(shift)) & ((
 #define WORD_X_DIGITS (TILE_MORTON_X >> 5u)
 #define WORD_Y_DIGITS (TILE_MORTON_X >> 4u)
 #define WORD_Z_DIGITS (TILE_MORTON_X >> 3u)
+#define WORDS_PER_TILE_SHIFT 19
 uvec3 words_digits(ivec3 word) {
   return uvec3(tile_spread(uint(4 * word.x)) >> 5u, tile_spread(uint(4 * word.y)) >> 4u,
                tile_spread(uint(2 * word.z)) >> 3u);
@@ -44,16 +45,22 @@ void main() {
   ivec3 last = first + ivec3(field(place.z, VOXELIZE_SMALL_COUNT_X_SHIFT, 3),
                              field(place.z, VOXELIZE_SMALL_COUNT_Y_SHIFT, 3),
                              field(place.z, VOXELIZE_SMALL_COUNT_Z_SHIFT, 4));
+  ivec3 last_cell =
+      ivec3(field(place.w, VOXELIZE_SMALL_SLOT_BITS, VOXELIZE_SMALL_LAST_BITS),
+            field(place.w, VOXELIZE_SMALL_SLOT_BITS + VOXELIZE_SMALL_LAST_BITS,
+                  VOXELIZE_SMALL_LAST_BITS),
+            field(place.w, VOXELIZE_SMALL_SLOT_BITS + 2 * VOXELIZE_SMALL_LAST_BITS,
+                  VOXELIZE_SMALL_LAST_BITS));
+  uint mask_first = uint(field(place.w, 0, VOXELIZE_SMALL_SLOT_BITS)) << WORDS_PER_TILE_SHIFT;
   TouchTriangle t = touch_setup(ivec3(corners.xyz & 0xffffu), ivec3(corners.xyz >> 16u),
-                                ivec3(corners.w & 0xffffu, corners.w >> 16u, place.x),
-                                params.cell_max.xyz - box);
+                                ivec3(corners.w & 0xffffu, corners.w >> 16u, place.x), last_cell);
   ivec3 size = last - first + 1;
   ivec3 word = first;
   uvec3 first_digits = words_digits(first);
   uvec3 digits = first_digits;
   // Where the next word stands is known before it is made: LLVM does what only an atomic needs lane
   // by lane, with the atomic.
-  uint at = digits.x | digits.y | digits.z;
+  uint at = mask_first | digits.x | digits.y | digits.z;
   for (int n = size.x * size.y * size.z; n > 0; --n) {
     uint bits = touch_word(t, word * ivec3(4, 4, 2) - box);
     if (bits != 0u) atomicOr(mask[at], bits);
@@ -69,6 +76,6 @@ void main() {
       word.z += 1;
       digits.z = (digits.z - WORD_Z_DIGITS) & WORD_Z_DIGITS;
     }
-    at = digits.x | digits.y | digits.z;
+    at = mask_first | digits.x | digits.y | digits.z;
   }
 }

@@ -1,6 +1,7 @@
 #include "server/voxel/gl/gl_pipeline.h"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 
 #include "server/base/stopwatch.h"
@@ -56,9 +57,8 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
 
 Status GlPipeline::run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
   if (is_batched()) return run_batch(bins, tiles);
-  for (const TileBin& bin : bins) {
-    VOXELD_TRY(is_by_words() ? run_words(bin, tiles) : run_tile(bin, tiles));
-  }
+  if (is_by_words()) return run_words(bins, tiles);
+  for (const TileBin& bin : bins) VOXELD_TRY(run_tile(bin, tiles));
   return {};
 }
 
@@ -73,7 +73,8 @@ bool GlPipeline::is_by_words() const {
 }
 
 size_t GlPipeline::batch_tiles() const {
-  return stats_ != nullptr && is_batched() ? batch_touch_.batch_tiles() : 1;
+  if (stats_ == nullptr) return 1;
+  return is_batched() ? batch_touch_.batch_tiles() : is_by_words() ? WordTouch::kBatchTiles : 1;
 }
 
 void GlPipeline::end_job() {
@@ -162,35 +163,57 @@ Status GlPipeline::touch_windows(const TileBin& bin, uint64_t& blocks, bool& is_
   return {};
 }
 
-Status GlPipeline::run_words(const TileBin& bin, std::vector<SparseTile>& tiles) {
-  const glm::ivec3 cell_max = tile_cell_max(plan_->spec, bin.coord);
-  uint64_t blocks = 0;
-  Stopwatch watch;
-  for (size_t first = 0; first < bin.triangles.size(); first += kWindowTrianglesMax) {
-    const size_t count = std::min(bin.triangles.size() - first, kWindowTrianglesMax);
-    watch.lap();
-    VOXELD_TRY(
-        word_touch_.sort(plan_->mesh, bin.coord, cell_max, bin.triangles.subspan(first, count)));
-    note("items", watch.lap());
-    timer_->begin("occupancy");
-    VOXELD_TRY(word_touch_.touch());
-    timer_->end();
-    stats_->work_items += static_cast<int64_t>(word_touch_.small_count());
-    if (word_touch_.large().empty()) continue;
-    VOXELD_TRY(device_.begin_tile(cell_max));
-    device_.use_mask(word_touch_.mask(), 0);
-    bool is_one_window = false;
-    VOXELD_TRY(touch_windows({bin.coord, word_touch_.large()}, blocks, is_one_window));
+Status GlPipeline::run_words(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
+  std::array<uint64_t, WordTouch::kBatchTiles> blocks{};
+  std::vector<TilePart> parts;
+  size_t triangles = 0;
+  for (size_t slot = 0; slot < bins.size(); ++slot) {
+    const TileBin& bin = bins[slot];
+    for (size_t first = 0; first < bin.triangles.size();) {
+      const size_t count = std::min(bin.triangles.size() - first, kWindowTrianglesMax - triangles);
+      parts.push_back({static_cast<uint32_t>(slot), bin.coord,
+                       tile_cell_max(plan_->spec, bin.coord), bin.triangles.subspan(first, count)});
+      first += count;
+      triangles += count;
+      if (triangles < kWindowTrianglesMax) continue;
+      VOXELD_TRY(touch_words(parts, blocks));
+      parts.clear();
+      triangles = 0;
+    }
   }
-  SparseTile tile;
-  tile.coord = {bin.coord.x, bin.coord.y, bin.coord.z};
-  watch.lap();
-  VOXELD_TRY(word_touch_.take_bricks(blocks, tile));
+  if (!parts.empty()) VOXELD_TRY(touch_words(parts, blocks));
+  std::vector<SparseTile> found(bins.size());
+  Stopwatch watch;
+  VOXELD_TRY(word_touch_.take_bricks(std::span(blocks).first(bins.size()), found));
   note("compact", watch.lap());
-  ++stats_->tiles;
+  stats_->tiles += static_cast<int64_t>(bins.size());
   stats_->device_bytes_peak =
       std::max(stats_->device_bytes_peak, device_.bytes() + word_touch_.bytes());
-  if (!tile.masks.empty()) tiles.push_back(std::move(tile));
+  for (size_t slot = 0; slot < bins.size(); ++slot) {
+    const glm::ivec3& coord = bins[slot].coord;
+    found[slot].coord = {coord.x, coord.y, coord.z};
+    if (!found[slot].masks.empty()) tiles.push_back(std::move(found[slot]));
+  }
+  return {};
+}
+
+// Adds to the slots' blocks what large triangles may touch.
+Status GlPipeline::touch_words(std::span<const TilePart> parts, std::span<uint64_t> blocks) {
+  Stopwatch watch;
+  VOXELD_TRY(word_touch_.sort(plan_->mesh, parts));
+  note("items", watch.lap());
+  timer_->begin("occupancy");
+  VOXELD_TRY(word_touch_.touch());
+  timer_->end();
+  stats_->work_items += static_cast<int64_t>(word_touch_.small_count());
+  for (const TilePart& part : parts) {
+    const auto large = word_touch_.large(part.slot);
+    if (large.empty()) continue;
+    VOXELD_TRY(device_.begin_tile(part.cell_max));
+    device_.use_mask(word_touch_.masks(), part.slot * kTileMaskBytes);
+    bool is_one_window = false;
+    VOXELD_TRY(touch_windows({part.coord, large}, blocks[part.slot], is_one_window));
+  }
   return {};
 }
 

@@ -50,7 +50,8 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   bool is_by_words() const;
   Status run_batch(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
   Status add_attributes(const TileBin& bin, size_t slot, SparseTile& tile);
-  Status run_words(const TileBin& bin, std::vector<SparseTile>& tiles);
+  Status run_words(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
+  Status touch_words(std::span<const TilePart> parts, std::span<uint64_t> blocks);
   Status run_tile(const TileBin& bin, std::vector<SparseTile>& tiles);
   Status fill_and_upload(const TileBin& bin, size_t first, size_t& end);
   Status touch_windows(const TileBin& bin, uint64_t& blocks, bool& is_one_window);

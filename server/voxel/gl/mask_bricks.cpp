@@ -24,48 +24,56 @@ bool is_empty(const BrickMask& brick) {
 
 }  // namespace
 
-void MaskBricks::take(std::span<BrickMask> mask, uint64_t blocks, WorkerPool& pool,
-                      SparseTile& tile) {
-  VOXELD_CHECK(mask.size() == kTileMaskBricks, "a mask of another size");
-  std::array<size_t, 64> numbers{};
-  size_t block_count = 0;
-  for (; blocks != 0; blocks &= blocks - 1) {
-    numbers[block_count++] = static_cast<size_t>(std::countr_zero(blocks));
+// Without a branch: which bricks are occupied cannot be foreseen.
+void MaskBricks::find(std::span<const BrickMask> masks, size_t index) {
+  Block& block = blocks_[index];
+  uint32_t* const begin = found_.data() + index * kBlockBricks;
+  uint32_t* next = begin;
+  for (size_t brick = block.first; brick < block.first + kBlockBricks; ++brick) {
+    *next = static_cast<uint32_t>(brick);
+    next += is_empty(masks[brick]) ? 0 : 1;
   }
-  const size_t parts =
-      std::clamp<size_t>(block_count / kBlockGrain, 1, static_cast<size_t>(pool.threads()));
-  const auto bound = [&](size_t part) { return block_count * part / parts; };
-  // Each part has the places of its blocks in found_, then in the tile.
-  std::vector<size_t> counts(parts);
-  pool.run(static_cast<int>(parts), [&](int worker) {
-    const auto part = static_cast<size_t>(worker);
-    uint32_t* const begin = found_.data() + bound(part) * kBlockBricks;
-    uint32_t* next = begin;
-    for (size_t i = bound(part); i < bound(part + 1); ++i) {
-      const size_t first = numbers[i] * kBlockBricks;
-      for (size_t brick = first; brick < first + kBlockBricks; ++brick) {
-        // Without a branch: which bricks are occupied cannot be foreseen.
-        *next = static_cast<uint32_t>(brick);
-        next += is_empty(mask[brick]) ? 0 : 1;
-      }
+  block.count = static_cast<size_t>(next - begin);
+}
+
+void MaskBricks::take(std::span<BrickMask> masks, std::span<const uint64_t> blocks,
+                      WorkerPool& pool, std::span<SparseTile> tiles) {
+  VOXELD_CHECK(masks.size() >= blocks.size() * kTileMaskBricks && tiles.size() == blocks.size(),
+               "a mask and a tile for each");
+  blocks_.clear();
+  for (size_t slot = 0; slot < blocks.size(); ++slot) {
+    for (uint64_t rest = blocks[slot]; rest != 0; rest &= rest - 1) {
+      const auto number = static_cast<size_t>(std::countr_zero(rest));
+      blocks_.push_back({slot, slot * kTileMaskBricks + number * kBlockBricks});
     }
-    counts[part] = static_cast<size_t>(next - begin);
-  });
-  std::vector<size_t> places(parts);
-  size_t total = tile.masks.size();
-  for (size_t part = 0; part < parts; ++part) {
-    places[part] = total;
-    total += counts[part];
   }
-  tile.brick_morton.resize(total);
-  tile.masks.resize(total);
-  pool.run(static_cast<int>(parts), [&](int worker) {
-    const auto part = static_cast<size_t>(worker);
-    const uint32_t* const begin = found_.data() + bound(part) * kBlockBricks;
-    for (size_t i = 0; i < counts[part]; ++i) {
-      tile.brick_morton[places[part] + i] = begin[i];
-      tile.masks[places[part] + i] = mask[begin[i]];
-      mask[begin[i]] = {};
+  found_.resize(blocks_.size() * kBlockBricks);
+  const size_t parts =
+      std::clamp<size_t>(blocks_.size() / kBlockGrain, 1, static_cast<size_t>(pool.threads()));
+  const auto bound = [&](int part) { return blocks_.size() * static_cast<size_t>(part) / parts; };
+  pool.run(static_cast<int>(parts), [&](int part) {
+    for (size_t i = bound(part); i < bound(part + 1); ++i) find(masks, i);
+  });
+  for (size_t i = 0; i < blocks_.size();) {
+    const size_t slot = blocks_[i].slot;
+    size_t place = tiles[slot].masks.size();
+    for (; i < blocks_.size() && blocks_[i].slot == slot; ++i) {
+      blocks_[i].place = place;
+      place += blocks_[i].count;
+    }
+    tiles[slot].brick_morton.resize(place);
+    tiles[slot].masks.resize(place);
+  }
+  pool.run(static_cast<int>(parts), [&](int part) {
+    for (size_t i = bound(part); i < bound(part + 1); ++i) {
+      const Block& block = blocks_[i];
+      SparseTile& tile = tiles[block.slot];
+      for (size_t n = 0; n < block.count; ++n) {
+        const uint32_t brick = found_[i * kBlockBricks + n];
+        tile.brick_morton[block.place + n] = brick % kTileMaskBricks;
+        tile.masks[block.place + n] = masks[brick];
+        masks[brick] = {};
+      }
     }
   });
 }

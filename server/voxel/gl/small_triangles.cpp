@@ -64,42 +64,77 @@ uint64_t blocks_between(Int4 first_word, Int4 last_word) {
   return blocks;
 }
 
-// Corners in the tile's coordinates; box: its first cell; then the first word and how many more.
-shared::SmallTriangle pack(Int4 a, Int4 b, Int4 c, Int4 box, Int4 first_word, Int4 more) {
+// Words of the mask that a box reaches, from the first one on.
+struct WordBox {
+  Int4 first, more;
+};
+
+// Corners in the tile's coordinates; box: its first cell.
+shared::SmallTriangle pack(Int4 a, Int4 b, Int4 c, Int4 box, const WordBox& words, Int4 cell_last,
+                           uint32_t slot) {
   const Int4 origin = box << limits::kSubVoxelBits, r = c - origin;
   Int4 corners = (a - origin) | (b - origin) << 16;
   corners[3] = r[0] | r[1] << 16;
   constexpr int32_t kY = VOXELIZE_SMALL_CELL_BITS, kZ = 2 * VOXELIZE_SMALL_CELL_BITS;
   const Int4 cell = (box + VOXELIZE_SMALL_BIAS) << Int4{0, kY, kZ, 0};
-  const Int4 words =
-      first_word << Int4{0, VOXELIZE_SMALL_WORD_Y_SHIFT, VOXELIZE_SMALL_WORD_Z_SHIFT, 0} |
-      more << Int4{VOXELIZE_SMALL_COUNT_X_SHIFT, VOXELIZE_SMALL_COUNT_Y_SHIFT,
-                   VOXELIZE_SMALL_COUNT_Z_SHIFT, 0};
-  const Int4 place = {r[2], cell[0] | cell[1] | cell[2], words[0] | words[1] | words[2], 0};
+  const Int4 reached =
+      words.first << Int4{0, VOXELIZE_SMALL_WORD_Y_SHIFT, VOXELIZE_SMALL_WORD_Z_SHIFT, 0} |
+      words.more << Int4{VOXELIZE_SMALL_COUNT_X_SHIFT, VOXELIZE_SMALL_COUNT_Y_SHIFT,
+                         VOXELIZE_SMALL_COUNT_Z_SHIFT, 0};
+  constexpr int32_t kLast = VOXELIZE_SMALL_LAST_BITS;
+  const Int4 last = lesser(cell_last - box, Int4{} + VOXELIZE_SMALL_LAST_MAX)
+                    << Int4{0, kLast, 2 * kLast, 0};
+  const Int4 place = {r[2], cell[0] | cell[1] | cell[2], reached[0] | reached[1] | reached[2],
+                      static_cast<int32_t>(slot) | (last[0] | last[1] | last[2])
+                                                       << VOXELIZE_SMALL_SLOT_BITS};
   return {to_uvec4(corners), to_uvec4(place)};
+}
+
+// Calls visit(part) for those of triangles [first, last) of all parts, one after the other.
+template <typename Visit>
+void for_each_part_between(std::span<const TilePart> parts, size_t first, size_t last,
+                           Visit&& visit) {
+  size_t begin = 0;
+  for (TilePart part : parts) {
+    const size_t end = begin + part.triangles.size();
+    const size_t from = std::max(first, begin), to = std::min(last, end);
+    if (from < to) {
+      part.triangles = part.triangles.subspan(from - begin, to - from);
+      visit(part);
+    }
+    begin = end;
+  }
 }
 
 }  // namespace
 
-void SmallTriangles::begin(const SnappedMesh& mesh, const glm::ivec3& tile_coord,
-                           const glm::ivec3& cell_max, std::span<const uint32_t> triangles,
+void SmallTriangles::begin(const SnappedMesh& mesh, std::span<const TilePart> parts,
                            WorkerPool& pool) {
-  chunk_count_ =
-      std::clamp<size_t>(triangles.size() / kTriangleGrain, 1, static_cast<size_t>(pool.threads()));
+  size_t total = 0;
+  for (const TilePart& part : parts) total += part.triangles.size();
+  chunk_count_ = std::clamp<size_t>(total / kTriangleGrain, 1, static_cast<size_t>(pool.threads()));
   chunks_.resize(std::max(chunks_.size(), chunk_count_));
-  const glm::ivec3 tile_q = tile_coord * (limits::kTileSide * kSubVoxelsPerVoxel);
-  pool.run(static_cast<int>(chunk_count_), [&](int part) {
-    const auto i = static_cast<size_t>(part);
-    const size_t first = triangles.size() * i / chunk_count_;
-    const size_t last = triangles.size() * (i + 1) / chunk_count_;
-    sort_chunk(mesh, tile_q, cell_max, triangles.subspan(first, last - first), chunks_[i]);
+  pool.run(static_cast<int>(chunk_count_), [&](int worker) {
+    const auto i = static_cast<size_t>(worker);
+    const size_t first = total * i / chunk_count_, last = total * (i + 1) / chunk_count_;
+    Chunk& chunk = chunks_[i];
+    chunk.packed.resize(last - first);
+    chunk.packed_count = 0;
+    for (std::vector<uint32_t>& large : chunk.large) large.clear();
+    chunk.blocks = {};
+    std::ranges::fill(chunk.places, 0u);
+    for_each_part_between(parts, first, last,
+                          [&](const TilePart& part) { sort_part(mesh, part, chunk); });
   });
   count_ = 0;
-  blocks_ = 0;
-  large_.clear();
-  for (size_t i = 0; i < chunk_count_; ++i) {
-    blocks_ |= chunks_[i].blocks;
-    large_.insert(large_.end(), chunks_[i].large.begin(), chunks_[i].large.end());
+  for (size_t slot = 0; slot < kSlotsMax; ++slot) {
+    blocks_[slot] = 0;
+    large_[slot].clear();
+    for (size_t i = 0; i < chunk_count_; ++i) {
+      const Chunk& chunk = chunks_[i];
+      blocks_[slot] |= chunk.blocks[slot];
+      large_[slot].insert(large_[slot].end(), chunk.large[slot].begin(), chunk.large[slot].end());
+    }
   }
   for (size_t key = 0; key < size_t{kWordsMax}; ++key) {
     for (size_t i = 0; i < chunk_count_; ++i) {
@@ -108,16 +143,12 @@ void SmallTriangles::begin(const SnappedMesh& mesh, const glm::ivec3& tile_coord
   }
 }
 
-void SmallTriangles::sort_chunk(const SnappedMesh& mesh, const glm::ivec3& tile_q,
-                                const glm::ivec3& cell_max, std::span<const uint32_t> triangles,
-                                Chunk& chunk) {
-  chunk.packed.resize(triangles.size());
-  chunk.large.clear();
-  chunk.blocks = 0;
-  std::ranges::fill(chunk.places, 0u);
-  Packed* next = chunk.packed.data();
-  const Int4 origin = to_int4(tile_q), cell_last = to_int4(cell_max);
-  for (const uint32_t number : triangles) {
+void SmallTriangles::sort_part(const SnappedMesh& mesh, const TilePart& part, Chunk& chunk) {
+  Packed* next = chunk.packed.data() + chunk.packed_count;
+  const Int4 origin = to_int4(part.coord * (limits::kTileSide * kSubVoxelsPerVoxel)),
+             cell_last = to_int4(part.cell_max);
+  uint64_t blocks = 0;
+  for (const uint32_t number : part.triangles) {
     const auto& corners = mesh.triangles[number].vertices;
     const Int4 a = to_int4(mesh.vertices[corners[0]]) - origin,
                b = to_int4(mesh.vertices[corners[1]]) - origin,
@@ -128,26 +159,27 @@ void SmallTriangles::sort_chunk(const SnappedMesh& mesh, const glm::ivec3& tile_
                last = lesser(high >> limits::kSubVoxelBits, cell_last);
     if (any_negative(last - first)) continue;
     if (any_negative(VOXELIZE_SMALL_EXTENT - (high - low))) {
-      chunk.large.push_back(number);
+      chunk.large[part.slot].push_back(number);
       continue;
     }
     const Int4 first_word = first >> kWordOfCell, last_word = last >> kWordOfCell,
                more = last_word - first_word;
-    chunk.blocks |= blocks_between(first_word, last_word);
-    next->triangle = pack(a, b, c, box, first_word, more);
+    blocks |= blocks_between(first_word, last_word);
+    next->triangle = pack(a, b, c, box, {first_word, more}, cell_last, part.slot);
     next->key = static_cast<uint32_t>(
         std::min((more[0] + 1) * (more[1] + 1) * (more[2] + 1), kWordsMax) - 1);
     ++chunk.places[next->key];
     ++next;
   }
-  chunk.packed.resize(static_cast<size_t>(next - chunk.packed.data()));
+  chunk.blocks[part.slot] |= blocks;
+  chunk.packed_count = static_cast<size_t>(next - chunk.packed.data());
 }
 
 void SmallTriangles::write(std::span<shared::SmallTriangle> out, WorkerPool& pool) {
   VOXELD_CHECK(out.size() == count_, "a place for each small triangle");
   pool.run(static_cast<int>(chunk_count_), [&](int part) {
     Chunk& chunk = chunks_[static_cast<size_t>(part)];
-    for (const Packed& packed : chunk.packed) {
+    for (const Packed& packed : std::span(chunk.packed).first(chunk.packed_count)) {
       out[chunk.places[packed.key]++] = packed.triangle;
     }
   });

@@ -3,6 +3,7 @@
 // where it stands.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -25,21 +26,23 @@ class WordTouch {
   // Before the tiles of a job.
   Status begin_job();
 
-  // A tile: sort() some of its triangles, touch() what was sorted, as often as it takes; then
-  // take_bricks() once. cell_max: tile_cell_max().
-  Status sort(const SnappedMesh& mesh, const glm::ivec3& tile_coord, const glm::ivec3& cell_max,
-              std::span<const uint32_t> triangles);
-  // Of the last sort(): what touch() does not take, for others to set in mask().
-  std::span<const uint32_t> large() const { return small_.large(); }
+  static constexpr size_t kBatchTiles = SmallTriangles::kSlotsMax;
+
+  // A batch of at most kBatchTiles tiles: sort() some of their triangles, touch() what was sorted,
+  // as often as it takes; then take_bricks() once. One tile after the other would be as many waits
+  // of all threads for each other.
+  Status sort(const SnappedMesh& mesh, std::span<const TilePart> parts);
+  // Of the last sort(): what touch() does not take of a slot, for others to set in its mask.
+  std::span<const uint32_t> large(size_t slot) const { return small_.large(slot); }
   size_t small_count() const { return small_.count(); }
   Status touch();
-  // VOXELIZE_MASK of the tile, for others to set bits in.
-  const gpu::Buffer& mask() {
+  // VOXELIZE_MASK of the slots, kTileMaskBytes each, for others to set bits in.
+  const gpu::Buffer& masks() {
     is_clear_ = false;
-    return mask_;
+    return masks_;
   }
-  // `more_blocks`: where others may have set bits, as TileWindow::blocks.
-  Status take_bricks(uint64_t more_blocks, SparseTile& tile);
+  // Of slot i into tiles[i]. `more_blocks`: where others may have set bits, as TileWindow::blocks.
+  Status take_bricks(std::span<const uint64_t> more_blocks, std::span<SparseTile> tiles);
 
   // Of all buffers now, and at most for so many triangles at a time.
   int64_t bytes() const;
@@ -51,10 +54,9 @@ class WordTouch {
   std::optional<WorkerPool> pool_;  // from the first job on
   SmallTriangles small_;
   MaskBricks bricks_;
-  gpu::Buffer triangles_, mask_, params_;
-  glm::ivec3 cell_max_{0};
-  uint64_t blocks_ = 0;    // of the tile so far
-  bool is_clear_ = false;  // all of the mask is 0; a job that fails may leave bits
+  gpu::Buffer triangles_, masks_, params_;
+  std::array<uint64_t, kBatchTiles> blocks_{};  // of the slots so far
+  bool is_clear_ = false;                       // all masks are 0; a job that fails may leave bits
 };
 
 }  // namespace voxeld

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <random>
 
@@ -113,10 +114,11 @@ TEST(Words, small_and_large_triangles_together_give_the_same_hash) {
 
 TEST(Words, more_triangles_than_a_window_holds_give_the_same_hash) {
   constexpr int kCount = 20'000;
-  const Scene one = soup(77, {.count = kCount, .extent = 64, .size_max = 20});
+  const Scene one = soup(77, {.count = kCount, .extent = 300, .size_max = 20});
   Scene many;
   for (size_t i = 0; i < kWindowTrianglesMax / kCount + 2; ++i) many.parts.push_back(one.parts[0]);
-  VoxelizeOptions options = unit_cells({64, 64, 64});
+  // Eight tiles, so that windows begin within them.
+  VoxelizeOptions options = unit_cells({300, 300, 300});
   options.color = ColorMode::kNone;
   VoxelizeStats stats;
   const Grid grid = voxelize_on(by_words(), many, options, PipelineChoice::kCompute, &stats);
@@ -136,28 +138,32 @@ TEST(Words, a_job_leaves_nothing_for_the_next_one_even_when_it_is_cancelled) {
   expect_same(soup(79, {.count = 10, .extent = 600, .size_max = 9}), options, "after a cancel");
 }
 
-TEST(MaskBricks, are_those_of_the_mask_and_leave_it_empty) {
+// Of three masks; nothing is in the second one.
+TEST(MaskBricks, are_those_of_the_masks_and_leave_them_empty) {
   std::mt19937_64 random(80);
-  std::vector<BrickMask> mask(kTileMaskBricks);
-  uint64_t blocks = 0;
+  std::vector<BrickMask> masks(3 * kTileMaskBricks);
+  std::array<uint64_t, 3> blocks{};
   for (int i = 0; i < 5000; ++i) {
     // In 17 of the blocks.
-    const size_t block = random() % 17 * 3;
+    const size_t slot = random() % 2 * 2, block = random() % 17 * 3;
     const size_t brick = block * (kTileMaskBricks / 64) + random() % (kTileMaskBricks / 64);
-    mask[brick].words[random() % 8] |= uint64_t{1} << random() % 64;
-    blocks |= uint64_t{1} << block;
+    masks[slot * kTileMaskBricks + brick].words[random() % 8] |= uint64_t{1} << random() % 64;
+    blocks[slot] |= uint64_t{1} << block;
   }
   std::vector<uint32_t> words(kTileMaskWords);
-  std::memcpy(words.data(), mask.data(), kTileMaskBytes);
-  SparseTile expected;
-  compact_mask(words, blocks, expected, {});
+  std::array<SparseTile, 3> expected;
+  for (size_t slot = 0; slot < masks.size() / kTileMaskBricks; ++slot) {
+    std::memcpy(words.data(), masks.data() + slot * kTileMaskBricks, kTileMaskBytes);
+    compact_mask(words, blocks[slot], expected[slot], {});
+  }
+  EXPECT_TRUE(expected[1].empty());
   MaskBricks bricks;
   for (const int threads : {1, 3}) {
     WorkerPool pool(threads);
-    std::vector<BrickMask> copy = mask;
-    SparseTile tile;
-    bricks.take(copy, blocks, pool, tile);
-    EXPECT_TRUE(tile == expected) << threads;
+    std::vector<BrickMask> copy = masks;
+    std::array<SparseTile, 3> tiles;
+    bricks.take(copy, blocks, pool, tiles);
+    EXPECT_TRUE(tiles == expected) << threads;
     EXPECT_TRUE(std::ranges::all_of(copy, [](const BrickMask& b) { return b == BrickMask(); }));
   }
 }
