@@ -75,4 +75,86 @@ inline constexpr uint32_t kStreamChainMax = 8;
 std::string_view sequence_media_type(Format format);  // "application/vnd.voxeld.sequence"
 std::string_view sequence_extension(Format format);   // ".voxs"
 
+// Contents of streams by their number: those of the frame that was read last.
+using RawStreams = std::map<uint32_t, std::shared_ptr<const std::vector<uint8_t>>>;
+
+// Reads a container. Every length is checked before memory is taken; hostile bytes give an Error
+// of code bad-request: "sequence container, byte N: ...".
+class SequenceReader {
+ public:
+  // `bytes` must outlive the reader.
+  static Result<SequenceReader> open(std::span<const uint8_t> bytes);
+
+  // Of every frame; with the sequence's meta.
+  const GridHeader& header() const { return header_; }
+  double fps() const { return fps_; }
+  size_t frame_count() const { return frames_.size(); }
+  double time_s(size_t frame) const { return frames_[frame].time_s; }
+  uint64_t voxel_count(size_t frame) const { return frames_[frame].voxel_count; }
+  size_t tile_count(size_t frame) const { return frames_[frame].tile_count; }
+  // Whether both have the same tiles, by the index alone.
+  bool same_tiles(size_t frame, size_t other) const;
+  // The tiles of one frame, canonical, decoded on all cores; of the other frames only the streams
+  // are read to which its own are differences. `kept`: streams that need not be read again, to
+  // begin with none; the frame's take their place. Reading frames in their order, each difference
+  // is then applied once.
+  Result<std::vector<SparseTile>> decode_frame(size_t frame, RawStreams* kept = nullptr) const;
+
+  // How the container was written, for those who measure.
+  size_t stream_count() const { return streams_.size(); }
+  // Streams that are read for this one, itself among them: 1..kStreamChainMax.
+  uint32_t chain_length(size_t stream) const { return streams_[stream].chain; }
+
+ private:
+  struct Frame {
+    double time_s = 0;
+    uint64_t voxel_count = 0;
+    uint32_t first_tile = 0, tile_count = 0;
+  };
+  struct Tile {
+    std::array<int32_t, 3> coord{};
+    uint32_t brick_count = 0;
+    uint64_t voxel_count = 0;
+    // By kind: 0 the octree, 1 + the number of a channel.
+    std::array<uint32_t, 1 + kChannelCount> streams{};
+  };
+  struct Stream {
+    uint64_t offset = 0;
+    uint32_t bytes = 0, base = 0;
+    uint32_t chain = 1;
+    size_t kind = 0;
+    size_t raw_max = 0;  // bytes of its contents
+  };
+  SequenceReader() = default;
+  Status read_header();
+  Status read_codecs();
+  Status read_meta(size_t meta_bytes);
+  Status read_index(uint64_t index);
+  Status read_frames(size_t at, size_t count);
+  Status read_frame(size_t at, uint32_t& next_tile);
+  Status read_tiles(size_t at, size_t count);
+  Result<Tile> read_tile(size_t at);
+  Status note_stream(size_t at, size_t kind, const Tile& tile);
+  Status check_frame(size_t at, size_t tiles_at) const;
+  Status read_streams(size_t at, size_t count, uint64_t end);
+  Status read_stream(size_t at, size_t number, uint64_t offset);
+
+  bool is_small(size_t kind) const;
+  std::span<const uint8_t> stored(const Stream& stream) const;
+  Result<std::shared_ptr<const std::vector<uint8_t>>> raw_stream(uint32_t number,
+                                                                 const RawStreams* kept) const;
+  Result<RawStreams> raw_streams(std::span<const Tile> tiles, const RawStreams* kept) const;
+  Result<SparseTile> decode_tile(const Tile& entry, const RawStreams& raw) const;
+  Status decode_octree(const Tile& entry, const RawStreams& raw, SparseTile& tile) const;
+  Status decode_channel(const Tile& entry, size_t kind, const RawStreams& raw,
+                        SparseTile& tile) const;
+
+  GridHeader header_;
+  double fps_ = 0;
+  std::span<const uint8_t> bytes_;
+  std::vector<Frame> frames_;
+  std::vector<Tile> tiles_;
+  std::vector<Stream> streams_;
+};
+
 }  // namespace voxeld
