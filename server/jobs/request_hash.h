@@ -7,7 +7,7 @@
 
 namespace voxeld {
 
-// SHA-256 of kind, input, what of the file name decides how the input is read (its extension and
+// SHA-256 of kind, input (asset, grid or sequence), what of the file name decides how the input is read (its extension and
 // the path inside a bundle), canonical options and kAlgorithmVersion. Results are cached by it.
 std::string request_hash(const JobRequest& request);
 
