@@ -35,8 +35,9 @@ class AssetStore {
   Result<std::vector<Asset>> list(int limit);
   // Errors: not-found, gone.
   Status mark_deleted(std::string_view id);
-  // Removes blobs of deleted assets that no live job, bundle of a live job, result or grid needs. Runs where nothing can
-  // start to need one meanwhile: inside the database's only writer. Returns how many went.
+  // Removes blobs of deleted assets that no live job, bundle of a live job, result or grid needs.
+  // Runs where nothing can start to need one meanwhile: inside the database's only writer. Returns
+  // how many went.
   Result<int64_t> remove_unneeded();
 
  private:

@@ -18,8 +18,8 @@ namespace {
 //
 // Step 2: frames that jobs have listed, in `results` the sequence that they are together (with the
 // job whose rows they are, and their number), and the files of assets that are bundles of others.
-// frames.time_s is a decimal text of seconds that reads back exactly. Rows of frames stay as long as
-// their job: their grids can be asked for by id.
+// frames.time_s is a decimal text of seconds that reads back exactly. Rows of frames stay as long
+// as their job: their grids can be asked for by id.
 constexpr std::array<std::string_view, 2> kSteps = {
     R"sql(
 CREATE TABLE assets (
