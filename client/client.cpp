@@ -2,6 +2,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
+#include "client/answers.h"
 #include "client/client_impl.h"
 
 namespace voxeld::client {
@@ -13,6 +14,22 @@ std::string full_message(const std::string& message, const std::string& expected
   if (!expected.empty()) text += ": expected " + expected;
   if (!got.empty()) text += (expected.empty() ? ": got " : ", got ") + got;
   return text;
+}
+
+// The native container.
+std::vector<std::byte> voxelize_native(ClientImpl& daemon, const Source& source,
+                                       const Options& options, const ProgressCallback& progress,
+                                       const std::stop_token& stop) {
+  Options native = options;
+  native.set("format", "native");
+  std::vector<std::byte> bytes;
+  daemon.run(
+      "voxelize", source, native,
+      [&](std::span<const std::byte> piece) {
+        bytes.insert(bytes.end(), piece.begin(), piece.end());
+      },
+      progress, stop);
+  return bytes;
 }
 
 }  // namespace
@@ -76,16 +93,12 @@ Client::~Client() = default;
 
 Grid Client::voxelize(const Source& source, const Options& options,
                       const ProgressCallback& progress, const std::stop_token& stop) {
-  Options native = options;
-  native.set("format", "native");
-  std::vector<std::byte> bytes;
-  impl_->run(
-      "voxelize", source, native,
-      [&](std::span<const std::byte> piece) {
-        bytes.insert(bytes.end(), piece.begin(), piece.end());
-      },
-      progress, stop);
-  return Grid::decode(bytes);
+  return Grid::decode(voxelize_native(*impl_, source, options, progress, stop));
+}
+
+Sequence Client::voxelize_sequence(const Source& source, const Options& options,
+                                   const ProgressCallback& progress, const std::stop_token& stop) {
+  return Sequence::decode(voxelize_native(*impl_, source, options, progress, stop));
 }
 
 JobInfo Client::voxelize_to(const Source& source, const Options& options, const Sink& sink,
@@ -101,6 +114,23 @@ JobInfo Client::render_to(const Source& source, const Options& options, const Si
 std::string Client::upload(const Source& source, const ProgressCallback& progress,
                            const std::stop_token& stop) {
   return impl_->upload(source, progress, stop);
+}
+
+std::string Client::bundle(std::span<const BundleFile> files) {
+  nlohmann::json list = nlohmann::json::array();
+  for (const BundleFile& file : files) list.push_back({{"name", file.name}, {"asset", file.asset}});
+  HttpRequest request;
+  request.method = "POST";
+  request.url = impl_->url("/v1/assets");
+  request.headers = {"Content-Type: application/vnd.voxeld.bundle+json"};
+  const std::string body = nlohmann::json{{"files", list}}.dump(
+      -1, ' ', false, nlohmann::json::error_handler_t::replace);
+  const nlohmann::json answer = parse_object(impl_->call(std::move(request), body).body);
+  if (!answer.contains("id") || !answer["id"].is_string()) {
+    throw Error("bad-answer", 0,
+                "the answer to the bundle names no asset: is there a voxeld at this URL?");
+  }
+  return answer["id"].get<std::string>();
 }
 
 std::string Client::asset_json(std::string_view asset) {
@@ -129,6 +159,20 @@ JobInfo Client::cancel(std::string_view id) {
   request.method = "DELETE";
   request.url = impl_->url("/v1/jobs/" + Transport::escape(id));
   return job_info(parse_object(impl_->call(std::move(request)).body));
+}
+
+JobFrames Client::frames(std::string_view job) {
+  HttpRequest request;
+  request.url = impl_->url("/v1/jobs/" + Transport::escape(job) + "/frames");
+  return job_frames(parse_object(impl_->call(std::move(request)).body));
+}
+
+Grid Client::frame(std::string_view job, std::int64_t index) {
+  HttpRequest request;
+  request.url =
+      impl_->url("/v1/jobs/" + Transport::escape(job) + "/frames/" + std::to_string(index));
+  const std::string body = impl_->call(std::move(request)).body;
+  return Grid::decode(std::as_bytes(std::span(body)));
 }
 
 std::vector<JobInfo> Client::jobs(int limit) {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "client/answers.h"
 #include "proto/job.h"
 
 namespace voxeld::client {
@@ -73,18 +74,15 @@ std::string header_of(const HttpAnswer& answer, const std::string& name) {
   return it == answer.headers.end() ? std::string() : it->second;
 }
 
-std::string text_of(const Json& object, const char* name) {
-  const auto it = object.find(name);
-  return it != object.end() && it->is_string() ? it->get<std::string>() : std::string();
-}
-
-int64_t number_of(const Json& object, const char* name) {
-  const auto it = object.find(name);
-  return it != object.end() && it->is_number_integer() ? it->get<int64_t>() : 0;
-}
-
 Error interrupted() {
   return Error("interrupted", 0, "stopped by the caller");
+}
+
+// Of a sequence its frames, of a grid its tiles.
+Progress progress_of(const JobInfo& info) {
+  const std::string stage = info.state == "queued" ? "queued" : info.stage;
+  if (info.frames_total > 0) return {stage, info.frames_done, info.frames_total, "frames"};
+  return {stage, info.tiles_done, info.tiles_total, "tiles"};
 }
 
 Error job_error(const JobInfo& info, const Json& status) {
@@ -108,43 +106,6 @@ void check_resumed(const HttpAnswer& head, long long done, const std::string& et
 }
 
 }  // namespace
-
-Json parse_object(const std::string& text) {
-  Json body = Json::parse(text, nullptr, false);
-  if (!body.is_object()) {
-    throw Error("bad-answer", 0, "the answer is no JSON object: is there a voxeld at this URL?");
-  }
-  return body;
-}
-
-JobInfo job_info(const Json& status) {
-  JobInfo info;
-  info.id = text_of(status, "id");
-  info.kind = text_of(status, "kind");
-  info.state = text_of(status, "state");
-  if (info.id.empty() || info.state.empty()) {
-    throw Error("bad-answer", 0, "the answer is no job: is there a voxeld at this URL?",
-                "an object with id and state");
-  }
-  info.stage = text_of(status, "stage");
-  info.tiles_done = number_of(status, "tiles_done");
-  info.tiles_total = number_of(status, "tiles_total");
-  info.queue_position = number_of(status, "queue_position");
-  info.grid = text_of(status, "grid");
-  info.json = status.dump();
-  if (const auto result = status.find("result"); result != status.end() && result->is_object()) {
-    info.bytes = number_of(*result, "bytes");
-    info.media_type = text_of(*result, "media_type");
-    if (const std::string grid = text_of(*result, "grid"); !grid.empty()) info.grid = grid;
-    if (result->contains("meta")) info.meta_json = (*result)["meta"].dump();
-    if (result->contains("warnings")) {
-      for (const Json& warning : (*result)["warnings"]) {
-        info.warnings.push_back(text_of(warning, "code") + ": " + text_of(warning, "detail"));
-      }
-    }
-  }
-  return info;
-}
 
 ClientImpl::ClientImpl(Settings settings)
     : settings_(std::move(settings)), transport_(settings_.connect_timeout, settings_.timeout) {
@@ -231,7 +192,7 @@ std::string ClientImpl::upload(const Source& source, const ProgressCallback& pro
     };
     request.keep_going = [&] {
       stopped = stopped || stop.stop_requested() ||
-                (progress && !progress({"upload", sent, reader.bytes.value_or(0)}));
+                (progress && !progress({"upload", sent, reader.bytes.value_or(0), "bytes"}));
       return !stopped;
     };
     const HttpAnswer answer = transport_.exchange(request);
@@ -254,6 +215,7 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   Json body = {{"kind", kind}, {"options", Json::object()}};
   if (!input.asset.empty()) body["asset"] = input.asset;
   if (!input.grid.empty()) body["grid"] = input.grid;
+  if (!input.sequence.empty()) body["sequence"] = input.sequence;
   for (const auto& [name, value] : options.pairs()) {
     if (name == "filename") {
       body["filename"] = value;
@@ -307,8 +269,7 @@ JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
       info = job_info(status);
     }
     // Also without a change, so that the callback can stop a job that stands still.
-    const std::string stage = info.state == "queued" ? "queued" : info.stage;
-    if (progress && !progress({stage, info.tiles_done, info.tiles_total})) throw interrupted();
+    if (progress && !progress(progress_of(info))) throw interrupted();
   } while (!info.ended());
   if (info.state != "done") throw job_error(info, status);
   return info;
@@ -336,8 +297,8 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
       total = std::strtoll(header_of(head, "content-length").c_str(), nullptr, 10);
     };
     request.keep_going = [&] {
-      stopped =
-          stopped || stop.stop_requested() || (progress && !progress({"download", done, total}));
+      stopped = stopped || stop.stop_requested() ||
+                (progress && !progress({"download", done, total, "bytes"}));
       return !stopped;
     };
     const HttpAnswer answer = transport_.exchange(request);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <functional>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 
@@ -40,10 +39,5 @@ class ClientImpl {
   Settings settings_;
   Transport transport_;
 };
-
-// Throws Error "bad-answer" for an object that is no job.
-JobInfo job_info(const nlohmann::json& status);
-// Throws Error "bad-answer" for text that is no JSON object.
-nlohmann::json parse_object(const std::string& text);
 
 }  // namespace voxeld::client

@@ -3,41 +3,16 @@
 #include <bit>
 #include <iterator>
 
-#include "client/include/voxeld/client.h"
-#include "proto/grid_format.h"
+#include "client/grid_impl.h"
 #include "proto/tile_runs.h"
 
 namespace voxeld::client {
-
-struct Grid::Impl {
-  GridHeader header;
-  std::vector<SparseTile> tiles;                     // in Morton order of coord
-  std::vector<std::vector<uint32_t>> brick_offsets;  // voxels before each brick of a tile
-  uint64_t voxels = 0;
-
-  // Tile and voxel number of an occupied cell; kNoAttributes in a full node.
-  struct Place {
-    const SparseTile* tile;
-    size_t voxel;
-  };
-  std::optional<Place> find(int x, int y, int z) const;
-  // The voxel of that number at a cell.
-  Voxel read(const SparseTile& tile, int x, int y, int z, size_t number) const;
-  std::optional<Place> find_in_brick(const SparseTile& tile, uint32_t brick_code,
-                                     uint32_t bit) const;
-};
 
 namespace {
 
 uint32_t tile_code(const SparseTile& tile) {
   return morton_encode(static_cast<uint32_t>(tile.coord[0]), static_cast<uint32_t>(tile.coord[1]),
                        static_cast<uint32_t>(tile.coord[2]));
-}
-
-template <typename T>
-T checked(Result<T> result) {
-  if (result.ok()) return std::move(result).value();
-  throw Error("bad-answer", 0, result.error().detail, result.error().expected, result.error().got);
 }
 
 bool in_full_node(const SparseTile& tile, uint32_t brick_code) {
@@ -99,6 +74,24 @@ std::optional<Grid::Impl::Place> Grid::Impl::find_in_brick(const SparseTile& til
   return Place{&tile, voxel};
 }
 
+std::unique_ptr<Grid::Impl> Grid::Impl::of(GridHeader header, std::vector<SparseTile> tiles,
+                                           uint64_t voxels) {
+  auto impl = std::make_unique<Impl>();
+  impl->header = std::move(header);
+  impl->tiles = std::move(tiles);
+  impl->voxels = voxels;
+  for (const SparseTile& tile : impl->tiles) {
+    std::vector<uint32_t> offsets;
+    uint32_t before = 0;
+    for (const BrickMask& mask : tile.masks) {
+      offsets.push_back(before);
+      for (const uint64_t word : mask.words) before += static_cast<uint32_t>(std::popcount(word));
+    }
+    impl->brick_offsets.push_back(std::move(offsets));
+  }
+  return impl;
+}
+
 Grid::Grid(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Grid::Grid(Grid&&) noexcept = default;
 Grid& Grid::operator=(Grid&&) noexcept = default;
@@ -107,20 +100,7 @@ Grid::~Grid() = default;
 Grid Grid::decode(std::span<const std::byte> container) {
   const auto reader = checked(GridReader::open(
       std::span(reinterpret_cast<const uint8_t*>(container.data()), container.size())));
-  auto impl = std::make_unique<Impl>();
-  impl->header = reader.header();
-  impl->voxels = reader.voxel_count();
-  impl->tiles = checked(reader.decode_tiles());
-  for (const SparseTile& tile : impl->tiles) {
-    std::vector<uint32_t> offsets;
-    uint32_t voxels = 0;
-    for (const BrickMask& mask : tile.masks) {
-      offsets.push_back(voxels);
-      for (const uint64_t word : mask.words) voxels += static_cast<uint32_t>(std::popcount(word));
-    }
-    impl->brick_offsets.push_back(std::move(offsets));
-  }
-  return Grid(std::move(impl));
+  return Grid(Impl::of(reader.header(), checked(reader.decode_tiles()), reader.voxel_count()));
 }
 
 std::array<int, 3> Grid::dims() const {

@@ -69,11 +69,14 @@ void EncodedTile::append_to(std::vector<uint8_t>& out) const {
   for (const auto& stream : channels) out.insert(out.end(), stream.begin(), stream.end());
 }
 
+Status check_tile(const SparseTile& tile, const GridHeader& header) {
+  if (follows_the_rules(tile, header)) return {};
+  return Error{ErrorCode::kInternal, "grid container: a tile breaks the rules of SparseTile", "",
+               ""};
+}
+
 Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header) {
-  if (!follows_the_rules(tile, header)) {
-    return Error{ErrorCode::kInternal, "grid container: a tile breaks the rules of SparseTile", "",
-                 ""};
-  }
+  VOXELD_TRY(check_tile(tile, header));
   SparseTile copy;
   const SparseTile& canonical = canonical_form(tile, copy);
   EncodedTile out;

@@ -26,6 +26,9 @@ struct EncodedTile {
   void append_to(std::vector<uint8_t>& out) const;
 };
 
+// Whether a tile can be written: internal, for one that breaks SparseTile's rules or the header's.
+Status check_tile(const SparseTile& tile, const GridHeader& header);
+
 // The canonical form of a tile that is not empty, as the header's channels and codecs say. Errors:
 // internal, for tiles that break SparseTile's rules or the header's.
 Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header);

@@ -27,6 +27,7 @@ Json result_json(const JobResult& result) {
           {"media_type", result.media_type},
           {"filename", result.filename},
           {"grid", result.grid},
+          {"sequence", result.sequence},
           {"meta", object_of(result.meta_json)},
           {"warnings", warnings_json(result.warnings)}};
 }
@@ -39,6 +40,7 @@ Result<JobResult> parse_result(const Json& body) {
   fields.read("media_type", result.media_type);
   fields.read("filename", result.filename);
   fields.read("grid", result.grid);
+  fields.read("sequence", result.sequence);
   if (const Json* meta = fields.member("meta")) result.meta_json = meta->dump();
   const Json* warnings = fields.member("warnings");
   VOXELD_TRY(fields.finish());
@@ -48,29 +50,53 @@ Result<JobResult> parse_result(const Json& body) {
   return result;
 }
 
+constexpr std::array<std::string_view, 6> kMembers = {"kind",     "asset",    "grid",
+                                                      "sequence", "filename", "options"};
+
 Status check_members(const Json& body) {
   for (const auto& [name, value] : body.items()) {
-    if (name != "kind" && name != "asset" && name != "grid" && name != "filename" &&
-        name != "options") {
+    if (std::ranges::find(kMembers, name) == kMembers.end()) {
       return Error{ErrorCode::kBadRequest, "job: no such member",
-                   "kind, asset, grid, filename, options", "\"" + name.substr(0, 40) + "\""};
+                   "kind, asset, grid, sequence, filename, options",
+                   "\"" + name.substr(0, 40) + "\""};
     }
   }
   return {};
 }
 
+// What of the three the kind takes, as an error says it.
+std::string_view inputs_of(JobKind kind) {
+  switch (kind) {
+    case JobKind::kRender:
+      return "one of asset, grid and sequence";
+    case JobKind::kExport:
+      return "either grid or sequence";
+    case JobKind::kVoxelize:
+    case JobKind::kInspect:
+      break;
+  }
+  return "asset";
+}
+
 Status check_input(const JobRequest& request) {
-  const bool asset = !request.asset.empty(), grid = !request.grid.empty();
   const bool takes_asset = request.kind != JobKind::kExport;
   const bool takes_grid = request.kind == JobKind::kRender || request.kind == JobKind::kExport;
-  if (asset != grid && (asset ? takes_asset : takes_grid)) return {};
-  const std::string_view expected = takes_asset && takes_grid ? "either asset or grid"
-                                    : takes_asset             ? "asset"
-                                                              : "grid";
-  const std::string_view got = asset && grid ? "both" : asset ? "asset" : grid ? "grid" : "neither";
+  std::string got;
+  bool is_taken = true;
+  int count = 0;
+  const auto see = [&](const std::string& id, std::string_view name, bool takes) {
+    if (id.empty()) return;
+    got += (got.empty() ? "" : " and ") + std::string(name);
+    is_taken = is_taken && takes;
+    ++count;
+  };
+  see(request.asset, "asset", takes_asset);
+  see(request.grid, "grid", takes_grid);
+  see(request.sequence, "sequence", takes_grid);
+  if (is_taken && count == 1) return {};
   return Error{ErrorCode::kBadRequest,
                "job: input of kind " + std::string(job_kind_name(request.kind)),
-               std::string(expected), std::string(got)};
+               std::string(inputs_of(request.kind)), got.empty() ? "none" : got};
 }
 
 }  // namespace
@@ -97,7 +123,8 @@ std::optional<JobState> job_state_from_name(std::string_view name) {
 OptionScope option_scope(const JobRequest& request) {
   switch (request.kind) {
     case JobKind::kRender:
-      return request.grid.empty() ? OptionScope::kRenderMesh : OptionScope::kRenderGrid;
+      return request.grid.empty() && request.sequence.empty() ? OptionScope::kRenderMesh
+                                                              : OptionScope::kRenderGrid;
     case JobKind::kExport:
       return OptionScope::kExport;
     case JobKind::kVoxelize:
@@ -116,6 +143,7 @@ Result<JobRequest> parse_job_request(const Json& body) {
   fields.read("kind", kind);
   fields.read("asset", request.asset);
   fields.read("grid", request.grid);
+  fields.read("sequence", request.sequence);
   fields.read("filename", request.filename);
   VOXELD_TRY(fields.finish());
   const auto known = job_kind_from_name(kind);
@@ -128,8 +156,26 @@ Result<JobRequest> parse_job_request(const Json& body) {
   const Json* options = fields.member("options");
   VOXELD_ASSIGN(request.options, parse_options(options != nullptr ? *options : Json::object(),
                                                option_scope(request)));
+  VOXELD_TRY(check_frame_options(request));
   if (request.filename.empty()) request.filename = request.options.filename;
   return request;
+}
+
+Status check_frame_options(const JobRequest& request) {
+  const auto invalid = [](const char* option, const char* expected, const char* got) {
+    return Error{ErrorCode::kInvalidOption, option, expected, got};
+  };
+  const RenderOptions& render = request.options.render;
+  if (!request.sequence.empty() && render.turntable > 0) {
+    return invalid("turntable", "a grid as input", "a sequence");
+  }
+  if (request.grid.empty()) return {};
+  if (request.options.animation.frames) return invalid("frames", "a sequence as input", "a grid");
+  if (render.frame > 0) return invalid("frame", "a sequence as input", "a grid");
+  if (render.picture != PictureKind::kPng && render.turntable == 0) {
+    return invalid("picture", "png, or turntable with a grid as input", "a grid without turntable");
+  }
+  return {};
 }
 
 Json job_status_json(const JobStatus& status) {
@@ -138,12 +184,15 @@ Json job_status_json(const JobStatus& status) {
               {"state", job_state_name(status.state)},
               {"asset", status.asset},
               {"grid", status.grid},
+              {"sequence", status.sequence},
               {"filename", status.filename},
               {"options", object_of(status.options_json)},
               {"version", status.version},
               {"attempt", status.attempt},
               {"tiles_done", status.tiles_done},
               {"tiles_total", status.tiles_total},
+              {"frames_done", status.frames_done},
+              {"frames_total", status.frames_total},
               {"stage", status.stage},
               {"queue_position", status.queue_position},
               {"created_ms", status.created_ms},
@@ -167,11 +216,14 @@ Result<JobStatus> parse_job_status(const Json& body) {
   fields.read("state", state);
   fields.read("asset", status.asset);
   fields.read("grid", status.grid);
+  fields.read("sequence", status.sequence);
   fields.read("filename", status.filename);
   fields.read("version", status.version);
   fields.read("attempt", status.attempt);
   fields.read("tiles_done", status.tiles_done);
   fields.read("tiles_total", status.tiles_total);
+  fields.read("frames_done", status.frames_done);
+  fields.read("frames_total", status.frames_total);
   fields.read("stage", status.stage);
   fields.read("queue_position", status.queue_position);
   fields.read("created_ms", status.created_ms);

@@ -11,6 +11,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "proto/limits.h"
 #include "proto/options.h"
 #include "proto/result.h"
 
@@ -90,8 +91,11 @@ std::optional<JobKind> job_kind_from_name(std::string_view name);
 std::optional<JobState> job_state_from_name(std::string_view name);
 OptionScope option_scope(const JobRequest& request);
 
-// Validates completely: unknown members, kinds, both or neither of asset and grid, options.
+// Validates completely: unknown members, kinds, more or less than one input, options.
 Result<JobRequest> parse_job_request(const nlohmann::json& body);
+// What of frames and views its input cannot give: frames of a grid, a turntable of a sequence.
+// Part of parse_job_request(). Errors: invalid-option.
+Status check_frame_options(const JobRequest& request);
 nlohmann::json job_status_json(const JobStatus& status);
 Result<JobStatus> parse_job_status(const nlohmann::json& body);
 
@@ -101,7 +105,8 @@ nlohmann::json problem_json(const Error& error, std::string_view instance);
 Error parse_problem(const nlohmann::json& body);
 
 // parse() with a cap on depth and size, without duplicate keys: nlohmann's own recursion in
-// copy and dump overflows the stack on deep input. Errors: bad-request.
-Result<nlohmann::json> parse_json_bounded(std::string_view text);
+// copy and dump overflows the stack on deep input. Errors: bad-request, payload-too-large.
+Result<nlohmann::json> parse_json_bounded(std::string_view text,
+                                          int64_t bytes_max = limits::kJsonBodyBytesMax);
 
 }  // namespace voxeld

@@ -60,11 +60,10 @@ class BoundedSax : public nlohmann::json_sax<Json> {
 
 }  // namespace
 
-Result<Json> parse_json_bounded(std::string_view text) {
-  if (text.size() > static_cast<size_t>(limits::kJsonBodyBytesMax)) {
+Result<Json> parse_json_bounded(std::string_view text, int64_t bytes_max) {
+  if (text.size() > static_cast<size_t>(bytes_max)) {
     return Error{ErrorCode::kPayloadTooLarge, "JSON body is too large",
-                 "at most " + std::to_string(limits::kJsonBodyBytesMax) + " bytes",
-                 std::to_string(text.size())};
+                 "at most " + std::to_string(bytes_max) + " bytes", std::to_string(text.size())};
   }
   BoundedSax sax;
   if (!Json::sax_parse(text.begin(), text.end(), &sax)) return sax.error();

@@ -10,6 +10,8 @@ inline constexpr int kGridSideMax = 16384;
 // Cells of a dense output (npy, npz): larger requests: grid-too-large, "use native or vox".
 // 2048^3 would be 8.6e9 bytes for occupancy alone; 2^31 cells is 2 GiB.
 inline constexpr int64_t kDenseCellsMax = int64_t{1} << 31;
+// Cells of a sequence's dense output, all frames: 512 frames of 256^3. Larger: grid-too-large.
+inline constexpr int64_t kSequenceDenseCellsMax = int64_t{1} << 33;
 inline constexpr int kPaddingMax = 512;  // voxels on each side: invalid-option
 
 // Bytes of one upload: payload-too-large. `--upload-bytes-max` lowers or raises it.

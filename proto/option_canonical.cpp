@@ -110,18 +110,47 @@ void add_render(Json& out, const RenderOptions& r) {
   add_numbers(out, "section", r.section);
 }
 
+// Of one picture of one grid, none is named: that is what requests had before there were others.
+void add_picture(Json& out, const RenderOptions& r) {
+  if (r.picture != PictureKind::kPng) out["picture"] = word(r.picture, words::kPicture);
+  if (r.frame > 0) out["frame"] = r.frame;
+  if (r.turntable > 0) out["turntable"] = r.turntable;
+  if (r.rate) out["rate"] = to_text(*r.rate);
+  if (r.columns > 0) out["columns"] = r.columns;
+}
+
+void add_frames(Json& out, const AnimationOptions& a) {
+  if (!a.frames) return;
+  out["frames"] = std::to_string((*a.frames)[0]) + ".." + std::to_string((*a.frames)[1]);
+}
+
+// Of a mesh that rests, none is named.
+void add_animation(Json& out, const AnimationOptions& a) {
+  if (!a.moves()) return;
+  if (a.animation) out["animation"] = *a.animation;
+  if (a.time_s) out["time"] = to_text(*a.time_s);
+  add_frames(out, a);
+  if (a.fps) out["fps"] = to_text(*a.fps);
+  if (!a.times_s.empty()) out["times"] = to_text(a.times_s);
+  out["root_motion"] = word(a.root_motion, words::kRootMotion);
+}
+
 }  // namespace
 
 std::string canonical_json(const RequestOptions& options, OptionScope scope) {
   Json out = Json::object();
   if (scope == OptionScope::kVoxelize || scope == OptionScope::kRenderMesh) {
     add_voxelize(out, options.voxelize);
+    add_animation(out, options.animation);
+  } else {
+    add_frames(out, options.animation);
   }
   if (scope == OptionScope::kVoxelize || scope == OptionScope::kExport) {
     add_output(out, options.output);
   }
   if (scope == OptionScope::kRenderMesh || scope == OptionScope::kRenderGrid) {
     add_render(out, options.render);
+    add_picture(out, options.render);
   }
   add_selection(out, options.output);
   return out.dump();

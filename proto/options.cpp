@@ -6,6 +6,7 @@
 #include <set>
 
 #include "proto/limits.h"
+#include "proto/option_frames.h"
 #include "proto/option_values.h"
 #include "proto/option_words.h"
 
@@ -295,12 +296,19 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
     options.filename = text;
     return {};
   }
+  if (option_frames::is_animation_option(option.name)) {
+    return option_frames::set_animation(options.animation, option.name, text);
+  }
+  if (option_frames::is_picture_option(option.name)) {
+    return option_frames::set_picture(options.render, option.name, text);
+  }
   if (option.for_voxelize) return set_voxelize(options.voxelize, option.name, text);
   if (option.for_output) return set_output(options.output, option.name, text);
   return set_render(options.render, option.name, text);
 }
 
 constexpr double kDefaultBandThickness = 3.0;  // voxels
+constexpr int kDefaultSheetSide = 160;         // pixels of one picture of a sheet
 
 // Options that would say nothing are more likely a mistake.
 Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& given) {
@@ -392,6 +400,12 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
   if (options.voxelize.fill == Fill::kBand && !seen.contains("thickness")) {
     options.voxelize.thickness = kDefaultBandThickness;
   }
+  if (options.render.picture == PictureKind::kSheet) {
+    if (!seen.contains("width")) options.render.width = kDefaultSheetSide;
+    if (!seen.contains("height")) options.render.height = kDefaultSheetSide;
+  }
+  VOXELD_TRY(option_frames::check_animation(options.animation, seen));
+  VOXELD_TRY(option_frames::check_picture(options, scope, seen));
   VOXELD_TRY(check_combinations(options));
   return options;
 }

@@ -2,6 +2,8 @@
 
 #include <zstd.h>
 
+#include <algorithm>
+#include <bit>
 #include <memory>
 #include <string>
 
@@ -16,7 +18,17 @@ constexpr int level_of(StreamKind kind) {
 
 struct FreeContext {
   void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
+  void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
 };
+
+// zstd finds what is farther back than its window nowhere: it has to span prefix and contents.
+void refer_to(ZSTD_CCtx* context, std::span<const uint8_t> prefix, size_t raw_bytes) {
+  constexpr int kWindowLog2Min = 10, kWindowLog2Max = 27;  // more is refused by readers
+  const auto log2 = static_cast<int>(std::bit_width(prefix.size() + raw_bytes));
+  ZSTD_CCtx_setParameter(context, ZSTD_c_windowLog,
+                         std::clamp(log2, kWindowLog2Min, kWindowLog2Max));
+  ZSTD_CCtx_refPrefix(context, prefix.data(), prefix.size());
+}
 
 Error broken(std::string detail) {
   return {ErrorCode::kBadRequest, "grid container, stream: " + std::move(detail), "", ""};
@@ -24,10 +36,12 @@ Error broken(std::string detail) {
 
 }  // namespace
 
-Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const uint8_t> raw) {
+Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const uint8_t> raw,
+                                             std::span<const uint8_t> prefix) {
   const std::unique_ptr<ZSTD_CCtx, FreeContext> context(ZSTD_createCCtx());
   ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, level_of(kind));
   ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
+  if (!prefix.empty()) refer_to(context.get(), prefix, raw.size());
   std::vector<uint8_t> stored(ZSTD_compressBound(raw.size()));
   const size_t size =
       ZSTD_compress2(context.get(), stored.data(), stored.size(), raw.data(), raw.size());
@@ -38,7 +52,8 @@ Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const ui
   return stored;
 }
 
-Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max) {
+Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max,
+                                               std::span<const uint8_t> prefix) {
   const size_t frame = ZSTD_findFrameCompressedSize(stored.data(), stored.size());
   if (ZSTD_isError(frame) != 0) return broken(ZSTD_getErrorName(frame));
   if (frame != stored.size()) return broken("bytes after the zstd frame");
@@ -51,7 +66,10 @@ Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, 
                   std::to_string(raw_size));
   }
   std::vector<uint8_t> raw(raw_size);
-  const size_t size = ZSTD_decompress(raw.data(), raw.size(), stored.data(), stored.size());
+  const std::unique_ptr<ZSTD_DCtx, FreeContext> context(ZSTD_createDCtx());
+  if (!prefix.empty()) ZSTD_DCtx_refPrefix(context.get(), prefix.data(), prefix.size());
+  const size_t size =
+      ZSTD_decompressDCtx(context.get(), raw.data(), raw.size(), stored.data(), stored.size());
   if (ZSTD_isError(size) != 0) return broken(ZSTD_getErrorName(size));
   if (size != raw.size()) return broken("the zstd frame is shorter than it says");
   return raw;

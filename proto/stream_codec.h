@@ -12,11 +12,14 @@ namespace voxeld {
 
 enum class StreamKind { kOctree, kPlanes };
 
-// `kind`: how much time its bytes are worth.
-Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const uint8_t> raw);
-// Errors: bad-request, when the frame is broken, says no size, says more than `raw_max` (before any
-// memory is taken), or is followed by more bytes.
-Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max);
+// `kind`: how much time its bytes are worth. `prefix`: what the reader knows of a stream like this
+// one, to which the frame tells the difference; none: the frame stands for itself.
+Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const uint8_t> raw,
+                                             std::span<const uint8_t> prefix = {});
+// `prefix`: as it was written with. Errors: bad-request, when the frame is broken, says no size, says
+// more than `raw_max` (before any memory is taken), or is followed by more bytes.
+Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max,
+                                               std::span<const uint8_t> prefix = {});
 
 // Interleaved samples (channels per voxel) to planes of differences, and back.
 std::vector<uint8_t> planes_from_samples(std::span<const uint8_t> samples, size_t channels);

@@ -1,9 +1,11 @@
 #include "proto/task_api.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "proto/job_json.h"
 #include "proto/json_fields.h"
+#include "proto/limits.h"
 
 namespace voxeld {
 namespace {
@@ -19,7 +21,22 @@ Status check_type(const Json& message, std::string_view expected) {
   return Error{ErrorCode::kBadRequest, "message.type", std::string(expected), type};
 }
 
+Status read_paths(const Json* list, std::string_view what, std::vector<std::string>& paths) {
+  if (list == nullptr) return {};
+  const bool are_texts =
+      list->is_array() && std::ranges::all_of(*list, [](const Json& v) { return v.is_string(); });
+  if (!are_texts) {
+    return Error{ErrorCode::kBadRequest, std::string(what), "a list of texts", list->type_name()};
+  }
+  paths = list->get<std::vector<std::string>>();
+  return {};
+}
+
 }  // namespace
+
+Result<Json> parse_task_message(std::string_view text) {
+  return parse_json_bounded(text, kTaskFrameBytesMax);
+}
 
 Json to_json_message(const WorkerHello& hello) {
   return {{"type", "hello"},
@@ -55,6 +72,9 @@ Json to_json_message(const Task& task) {
           {"input_path", task.input_path},
           {"input_hash", task.input_hash},
           {"input_is_grid", task.input_is_grid},
+          {"input_is_sequence", task.input_is_sequence},
+          {"frame_paths", task.frame_paths},
+          {"bundle_paths", task.bundle_paths},
           {"filename", task.filename},
           {"options_json", task.options_json}};
 }
@@ -72,11 +92,16 @@ Result<Task> parse_task(const Json& message) {
   fields.read("input_path", task.input_path);
   fields.read("input_hash", task.input_hash);
   fields.read("input_is_grid", task.input_is_grid);
+  fields.read("input_is_sequence", task.input_is_sequence);
+  const Json* frame_paths = fields.member("frame_paths");
+  const Json* bundle_paths = fields.member("bundle_paths");
   fields.read("filename", task.filename);
   fields.read("options_json", task.options_json);
   const auto known = job_kind_from_name(kind);
   if (!known) fields.fail("kind", "a kind of job", kind);
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(read_paths(frame_paths, "task.frame_paths", task.frame_paths));
+  VOXELD_TRY(read_paths(bundle_paths, "task.bundle_paths", task.bundle_paths));
   task.kind = *known;
   return task;
 }
@@ -87,7 +112,9 @@ Json to_json_message(const TaskProgress& progress) {
           {"fence", progress.fence},
           {"stage", progress.stage},
           {"tiles_done", progress.tiles_done},
-          {"tiles_total", progress.tiles_total}};
+          {"tiles_total", progress.tiles_total},
+          {"frames_done", progress.frames_done},
+          {"frames_total", progress.frames_total}};
 }
 
 Result<TaskProgress> parse_task_progress(const Json& message) {
@@ -100,8 +127,63 @@ Result<TaskProgress> parse_task_progress(const Json& message) {
   fields.read("stage", progress.stage);
   fields.read("tiles_done", progress.tiles_done);
   fields.read("tiles_total", progress.tiles_total);
+  fields.read("frames_done", progress.frames_done);
+  fields.read("frames_total", progress.frames_total);
   VOXELD_TRY(fields.finish());
   return progress;
+}
+
+Json to_json_message(const TaskFrame& frame) {
+  return {{"type", "frame"},
+          {"task", frame.task},
+          {"fence", frame.fence},
+          {"index", frame.index},
+          {"time_s", frame.time_s},
+          {"path", frame.path},
+          {"voxel_count", frame.voxel_count},
+          {"content_hash", frame.content_hash}};
+}
+
+Result<TaskFrame> parse_task_frame(const Json& message) {
+  VOXELD_TRY(check_type(message, "frame"));
+  TaskFrame frame;
+  int64_t voxel_count = 0;
+  JsonFields fields(message, "frame");
+  fields.require({"task", "fence", "index", "time_s", "path", "voxel_count", "content_hash"});
+  fields.read("task", frame.task);
+  fields.read("fence", frame.fence);
+  fields.read("index", frame.index);
+  fields.read("time_s", frame.time_s);
+  fields.read("path", frame.path);
+  fields.read("voxel_count", voxel_count);
+  fields.read("content_hash", frame.content_hash);
+  if (frame.index < 0 || frame.index >= limits::kFramesMax) {
+    fields.fail("index", "0 to " + std::to_string(limits::kFramesMax - 1),
+                std::to_string(frame.index));
+  }
+  if (voxel_count < 0) fields.fail("voxel_count", "0 or more", std::to_string(voxel_count));
+  VOXELD_TRY(fields.finish());
+  frame.voxel_count = static_cast<uint64_t>(voxel_count);
+  return frame;
+}
+
+Json to_json_message(const TaskFrameReply& reply) {
+  return {{"cancel", reply.cancel},
+          {"fenced", reply.fenced},
+          {"grid", reply.grid},
+          {"path", reply.path}};
+}
+
+Result<TaskFrameReply> parse_task_frame_reply(const Json& message) {
+  TaskFrameReply reply;
+  JsonFields fields(message, "reply");
+  fields.require({"cancel", "fenced"});
+  fields.read("cancel", reply.cancel);
+  fields.read("fenced", reply.fenced);
+  fields.read("grid", reply.grid);
+  fields.read("path", reply.path);
+  VOXELD_TRY(fields.finish());
+  return reply;
 }
 
 Json to_json_message(const TaskCompletion& completion) {

@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
@@ -110,14 +111,22 @@ struct TaskFailure {
   Error error;
 };
 
+// The JSON of a frame of the socket, of at most kTaskFrameBytesMax: the paths of a long sequence
+// are more than fits into the body of a request. Errors: as parse_json_bounded().
+Result<nlohmann::json> parse_task_message(std::string_view text);
+
 nlohmann::json to_json_message(const WorkerHello& hello);
 nlohmann::json to_json_message(const Task& task);
 nlohmann::json to_json_message(const TaskProgress& progress);
+nlohmann::json to_json_message(const TaskFrame& frame);
+nlohmann::json to_json_message(const TaskFrameReply& reply);
 nlohmann::json to_json_message(const TaskCompletion& completion);
 nlohmann::json to_json_message(const TaskFailure& failure);
 Result<WorkerHello> parse_worker_hello(const nlohmann::json& message);
 Result<Task> parse_task(const nlohmann::json& message);
 Result<TaskProgress> parse_task_progress(const nlohmann::json& message);
+Result<TaskFrame> parse_task_frame(const nlohmann::json& message);
+Result<TaskFrameReply> parse_task_frame_reply(const nlohmann::json& message);
 Result<TaskCompletion> parse_task_completion(const nlohmann::json& message);
 Result<TaskFailure> parse_task_failure(const nlohmann::json& message);
 

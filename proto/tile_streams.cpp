@@ -17,8 +17,7 @@ Result<std::vector<uint8_t>> encode_octree_stream(const SparseTile& tile, Codec 
 Result<std::vector<uint8_t>> encode_channel_stream(const SparseTile& tile, Channel channel,
                                                    Codec codec) {
   if (codec == Codec::kSmall) return encode_channel_small(tile, channel);
-  return compress_stream(StreamKind::kPlanes, planes_from_samples(channel_bytes(tile, channel),
-                                                                  channel_info(channel).bytes()));
+  return compress_stream(StreamKind::kPlanes, raw_channel_stream(tile, channel));
 }
 
 Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool has_attributes,
@@ -31,8 +30,17 @@ Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool ha
 Status decode_channel_stream(std::span<const uint8_t> bytes, Channel channel, Codec codec,
                              SparseTile& tile) {
   if (codec == Codec::kSmall) return decode_channel_small(bytes, channel, tile);
+  const size_t raw_max = channel_info(channel).bytes() * tile.attribute_count();
+  VOXELD_ASSIGN(const auto raw, decompress_stream(bytes, raw_max));
+  return set_raw_channel_stream(raw, channel, tile);
+}
+
+std::vector<uint8_t> raw_channel_stream(const SparseTile& tile, Channel channel) {
+  return planes_from_samples(channel_bytes(tile, channel), channel_info(channel).bytes());
+}
+
+Status set_raw_channel_stream(std::span<const uint8_t> raw, Channel channel, SparseTile& tile) {
   const size_t planes = channel_info(channel).bytes(), expected = planes * tile.attribute_count();
-  VOXELD_ASSIGN(const auto raw, decompress_stream(bytes, expected));
   if (raw.size() != expected) {
     return Error{ErrorCode::kBadRequest, "grid container, attributes: their bytes",
                  std::to_string(expected), std::to_string(raw.size())};

@@ -21,4 +21,9 @@ Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool ha
 Status decode_channel_stream(std::span<const uint8_t> bytes, Channel channel, Codec codec,
                              SparseTile& tile);
 
+// What codec fast compresses of a channel, planes of differences, and back: `raw` must have as many
+// bytes as the tile's masks need, else bad-request.
+std::vector<uint8_t> raw_channel_stream(const SparseTile& tile, Channel channel);
+Status set_raw_channel_stream(std::span<const uint8_t> raw, Channel channel, SparseTile& tile);
+
 }  // namespace voxeld

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "proto/options.h"
+#include "proto/sequence_format.h"
 #include "proto/version.h"
 
 namespace voxeld::cli {
@@ -57,26 +58,50 @@ void add_output_flag(CLI::App& app, Arguments& arguments) {
       ->type_name("FILE");
 }
 
+std::string extension_of(const std::string& output) {
+  return output.empty() || output == "-" ? "" : std::filesystem::path(output).extension().string();
+}
+
 // The format that the output's name says; an unknown extension is a mistake, not a guess.
 std::string format_by_extension(const std::string& output) {
+  const std::string extension = extension_of(output);
   if (output.empty() || output == "-") return "";
-  const std::string extension = std::filesystem::path(output).extension().string();
   for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
-    if (extension == format_extension(format)) return std::string(format_name(format));
+    if (extension == format_extension(format) || extension == sequence_extension(format)) {
+      return std::string(format_name(format));
+    }
   }
   throw CLI::ValidationError("--output",
-                             "expected a name that ends in .npy, .npz, .vox or .voxg (or "
+                             "expected a name that ends in .npy, .npz, .vox, .voxg or .voxs (or "
                              "--format), got \"" +
                                  output + "\"");
 }
 
+// A grid's container is not called as a sequence's is.
+void check_extension(const std::string& output, bool is_sequence) {
+  const std::string extension = extension_of(output);
+  const std::string_view grid = format_extension(Format::kNative),
+                         sequence = sequence_extension(Format::kNative);
+  if (extension != (is_sequence ? grid : sequence)) return;
+  throw CLI::ValidationError("--output", is_sequence
+                                             ? "an animation's frames go to a .voxs, not a .voxg"
+                                             : "a .voxs holds an animation's frames: name one with "
+                                               "--animation");
+}
+
+// The kind of picture that the output's name says; "" for one that a .png can be.
+std::string picture_by_extension(const std::string& output) {
+  const std::string extension = extension_of(output);
+  return extension == ".gif" || extension == ".apng" ? extension.substr(1) : "";
+}
+
 // Checks the options here, by the daemon's own table, before anything is sent.
-void take_options(const Given& given, OptionScope scope, Arguments& arguments) {
+RequestOptions take_options(const Given& given, OptionScope scope, Arguments& arguments) {
   OptionPairs pairs(given.begin(), given.end());
-  if (const auto parsed = parse_options(pairs, scope); !parsed) {
-    throw CLI::ValidationError(parsed.error().message());
-  }
+  auto parsed = parse_options(pairs, scope);
+  if (!parsed) throw CLI::ValidationError(parsed.error().message());
   for (const auto& [name, value] : pairs) arguments.options.set(name, value);
+  return *std::move(parsed);
 }
 
 void check_voxelize(Arguments& arguments, Given& given) {
@@ -85,14 +110,21 @@ void check_voxelize(Arguments& arguments, Given& given) {
     const std::string format = format_by_extension(arguments.output);
     if (!format.empty()) given["format"] = format;
   }
-  take_options(given, OptionScope::kVoxelize, arguments);
+  const RequestOptions options = take_options(given, OptionScope::kVoxelize, arguments);
+  if (options.output.format == Format::kNative) {
+    check_extension(arguments.output, options.animation.is_sequence());
+  }
 }
 
-void check_render(Arguments& arguments, const Given& given) {
-  if (arguments.input.empty() == arguments.grid.empty()) {
-    throw CLI::RequiredError("either a mesh file (- for stdin) or --grid");
+void check_render(Arguments& arguments, Given& given) {
+  const int inputs = (arguments.input.empty() ? 0 : 1) + (arguments.grid.empty() ? 0 : 1) +
+                     (arguments.sequence.empty() ? 0 : 1);
+  if (inputs != 1) {
+    throw CLI::RequiredError("one of a mesh file (- for stdin), --grid and --sequence");
   }
-  take_options(given, arguments.grid.empty() ? OptionScope::kRenderMesh : OptionScope::kRenderGrid,
+  const std::string picture = picture_by_extension(arguments.output);
+  if (!given.contains("picture") && !picture.empty()) given["picture"] = picture;
+  take_options(given, arguments.input.empty() ? OptionScope::kRenderGrid : OptionScope::kRenderMesh,
                arguments);
 }
 
@@ -118,15 +150,21 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   CLI::App app("voxel: voxel grids and pictures of meshes, from a voxeld daemon");
   app.footer(kFooter);
   app.set_version_flag("--version", "voxel " + std::string(version()));
-  app.add_option("input", arguments.input,
-                 "mesh file (obj ply stl off gltf glb md5mesh zip), - for stdin");
+  std::vector<std::string> inputs;
+  app.add_option("input", inputs,
+                 "mesh file (obj ply stl off gltf glb md5mesh zip), - for stdin; then files that "
+                 "are sent with it (md5anim, textures)")
+      ->type_name("FILE");
   add_output_flag(app, arguments);
   add_common_flags(app, arguments);
   add_option_flags(app, Flags::kVoxelize, voxelize_given);
 
-  CLI::App* render = app.add_subcommand("render", "a PNG of a mesh's voxels");
-  render->add_option("input", arguments.input, "mesh file, - for stdin");
+  CLI::App* render = app.add_subcommand("render", "a picture of a mesh's voxels");
+  render->add_option("input", inputs, "mesh file, - for stdin; then files that are sent with it")
+      ->type_name("FILE");
   render->add_option("--grid", arguments.grid, "a stored grid instead of a mesh")->type_name("ID");
+  render->add_option("--sequence", arguments.sequence, "a stored sequence instead of a mesh")
+      ->type_name("ID");
   add_output_flag(*render, arguments);
   add_common_flags(*render, arguments);
   add_option_flags(*render, Flags::kRender, render_given);
@@ -138,8 +176,10 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   add_output_flag(*jobs, arguments);
   add_common_flags(*jobs, arguments);
 
-  CLI::App* info = app.add_subcommand("info", "what a mesh or a .voxg file holds");
-  info->add_option("input", arguments.input, "mesh file or .voxg file, - for stdin")->required();
+  CLI::App* info = app.add_subcommand("info", "what a mesh, a .voxg or a .voxs file holds");
+  info->add_option("input", inputs, "mesh, .voxg or .voxs file, - for stdin; then files with it")
+      ->required()
+      ->type_name("FILE");
   add_common_flags(*info, arguments);
 
   CLI::App* formats = app.add_subcommand("formats", "what is read and written");
@@ -154,6 +194,10 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
                         : info->parsed()    ? kInfo
                         : formats->parsed() ? kFormats
                                             : kVoxelize;
+    if (!inputs.empty()) {
+      arguments.input = inputs.front();
+      arguments.beside.assign(inputs.begin() + 1, inputs.end());
+    }
     if (arguments.command == kVoxelize) check_voxelize(arguments, voxelize_given);
     if (arguments.command == kRender) check_render(arguments, render_given);
     check_outputs(arguments);

@@ -4,6 +4,7 @@
 
 #include <string>
 #include <variant>
+#include <vector>
 
 #include "client/cli/exit_status.h"
 #include "client/include/voxeld/client.h"
@@ -17,9 +18,11 @@ struct Arguments {
   bool quiet = false;  // neither progress nor warnings on stderr
   int timeout_s = 0;   // of one exchange with the daemon; 0: none
 
-  std::string input;   // path, or "-" for stdin
-  std::string output;  // path, or "-" for stdout; empty: stdout if that is no terminal
-  std::string grid;    // render: the id of a stored grid instead of a mesh
+  std::string input;                // path, or "-" for stdin
+  std::vector<std::string> beside;  // paths of files that are sent with it
+  std::string output;               // path, or "-" for stdout; empty: stdout if that is no terminal
+  std::string grid;                 // render: the id of a stored grid instead of a mesh
+  std::string sequence;             // render: the id of a stored sequence instead
   client::Options options;
 
   std::string job;      // jobs: one of them

@@ -11,6 +11,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <span>
 
 namespace voxeld::cli {
 namespace {
@@ -163,7 +164,37 @@ std::string stem_of(std::string name) {
   return lower(fs::path(name).stem().string());
 }
 
-// The material files of the folder, and its images whose name a shader of the mesh or a material
+// Names of joints: what is quoted first in each line of the block `name`.
+std::set<std::string> md5_joints(const fs::path& path, std::string_view block) {
+  std::set<std::string> joints;
+  std::ifstream file(path);
+  bool inside = false;
+  for (std::string line; std::getline(file, line);) {
+    const size_t begin = line.find_first_not_of(" \t\r");
+    if (begin == std::string::npos) continue;
+    if (!inside) {
+      inside = std::string_view(line).substr(begin).starts_with(block);
+      continue;
+    }
+    if (line[begin] == '}') break;
+    const size_t quote = line.find('"'), end = line.find('"', quote + 1);
+    if (quote == std::string::npos || end == std::string::npos) continue;
+    joints.insert(line.substr(quote + 1, end - quote - 1));
+  }
+  return joints;
+}
+
+// The animations among `files` whose joints are those of the mesh.
+void add_animations(const fs::path& mesh, const std::vector<fs::path>& files, Names& names) {
+  std::set<std::string> joints;
+  for (const fs::path& file : files) {
+    if (lower(file.extension().string()) != ".md5anim") continue;
+    if (joints.empty()) joints = md5_joints(mesh, "joints");
+    if (md5_joints(file, "hierarchy") == joints) names.add(file.filename().string());
+  }
+}
+
+// The animations and material files of the folder, and its images whose name a shader of the mesh or a material
 // has; which of them counts is the daemon's decision.
 std::vector<std::string> files_of_md5(const fs::path& mesh) {
   std::set<std::string> wanted;
@@ -192,6 +223,7 @@ std::vector<std::string> files_of_md5(const fs::path& mesh) {
       names.add(file.filename().string());
     }
   }
+  add_animations(mesh, files, names);
   return names.take();
 }
 
@@ -208,20 +240,25 @@ fs::path temporary_path() {
   return path;
 }
 
-void write_zip(const fs::path& archive, const fs::path& folder,
-               const std::vector<std::string>& names) {
+// A file and its name in the archive.
+struct Entry {
+  fs::path path;
+  std::string name;
+};
+
+void write_zip(const fs::path& archive, const std::vector<Entry>& entries) {
   int code = 0;
   zip_t* zip = zip_open(archive.c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
   if (zip == nullptr) fail_zip(archive, "error " + std::to_string(code));
-  for (const std::string& name : names) {
-    zip_source_t* file = zip_source_file(zip, (folder / name).c_str(), 0, -1);
+  for (const Entry& entry : entries) {
+    zip_source_t* file = zip_source_file(zip, entry.path.c_str(), 0, -1);
     const zip_int64_t index =
-        file == nullptr ? -1 : zip_file_add(zip, name.c_str(), file, ZIP_FL_ENC_UTF_8);
+        file == nullptr ? -1 : zip_file_add(zip, entry.name.c_str(), file, ZIP_FL_ENC_UTF_8);
     if (index < 0) {
       const std::string why = zip_strerror(zip);
       if (file != nullptr) zip_source_free(file);
       zip_discard(zip);
-      fail_zip(name, why);
+      fail_zip(entry.path, why);
     }
     // The way to the daemon is short: storing is faster than deflating.
     zip_set_file_compression(zip, static_cast<zip_uint64_t>(index), ZIP_CM_STORE, 0);
@@ -231,6 +268,29 @@ void write_zip(const fs::path& archive, const fs::path& folder,
     zip_discard(zip);
     fail_zip(archive, why);
   }
+}
+
+// The mesh first, what it names, and the files beside it, which are called by their own names.
+std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string> beside) {
+  std::vector<Entry> entries = {{mesh, mesh.filename().string()}};
+  std::set<std::string> beside_names;
+  for (const std::string& path : beside) {
+    const std::string name = fs::path(path).filename().string();
+    if (name == entries[0].name || !beside_names.insert(name).second) {
+      throw client::Error("file", 0, path + ": another file of the command line has this name");
+    }
+  }
+  for (const std::string& name : referenced_files(mesh)) {
+    if (!beside_names.contains(name)) entries.push_back({mesh.parent_path() / name, name});
+  }
+  for (const std::string& path : beside) {
+    std::error_code error;
+    if (!fs::is_regular_file(path, error)) {
+      throw client::Error("file", 0, path + ": is no file that can be read");
+    }
+    entries.push_back({path, fs::path(path).filename().string()});
+  }
+  return entries;
 }
 
 client::Source stdin_source() {
@@ -254,21 +314,23 @@ std::vector<std::string> referenced_files(const fs::path& mesh) {
   return {};
 }
 
-MeshSource MeshSource::open(const std::string& input) {
-  if (input == "-") return MeshSource(stdin_source());
+MeshSource MeshSource::open(const std::string& input, std::span<const std::string> beside) {
+  if (input == "-") {
+    if (beside.empty()) return MeshSource(stdin_source());
+    throw client::Error("file", 0, "stdin cannot be sent together with other files");
+  }
   const fs::path mesh(input);
   std::error_code error;
   if (fs::is_directory(mesh, error))
     throw client::Error("file", 0, input + ": is a folder, expected a mesh file");
-  std::vector<std::string> names = referenced_files(mesh);
-  if (names.empty()) return MeshSource(client::Source::file(mesh));
-  names.insert(names.begin(), mesh.filename().string());
+  const std::vector<Entry> entries = entries_of(mesh, beside);
+  if (entries.size() == 1) return MeshSource(client::Source::file(mesh));
   const fs::path archive = temporary_path();
   std::shared_ptr<void> remove(nullptr, [archive](void*) {
     std::error_code ignored;
     fs::remove(archive, ignored);
   });
-  write_zip(archive, mesh.parent_path(), names);
+  write_zip(archive, entries);
   MeshSource result(client::Source::file(archive, mesh.stem().string() + ".zip"));
   result.temporary_ = std::move(remove);
   return result;

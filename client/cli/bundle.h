@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -14,11 +15,12 @@ namespace voxeld::cli {
 class MeshSource {
  public:
   // `input`: a path, or "-" for stdin. An .obj, .gltf or .md5mesh that names other files
-  // (materials, textures, buffers) becomes a zip of all that are there, in a temporary file; names
+  // (materials, textures, buffers, animations) becomes a zip of all that are there, in a temporary file; names
   // that lead out of the mesh's folder and files that are missing are left out (the daemon's answer
   // names them).
+  // `beside`: paths of files that are sent with it under their own names, animations for one.
   // Throws client::Error "file".
-  static MeshSource open(const std::string& input);
+  static MeshSource open(const std::string& input, std::span<const std::string> beside = {});
 
   const client::Source& source() const { return source_; }
 
@@ -31,7 +33,7 @@ class MeshSource {
 
 // Relative paths that the file names, in order and once each; only those that stay in its folder.
 // Understands .obj (with the .mtl it names), .gltf and .md5mesh (with .mtr files and images of its
-// folder); empty for other files.
+// folder, and the .md5anim whose joints have the same names); empty for other files.
 std::vector<std::string> referenced_files(const std::filesystem::path& mesh);
 
 }  // namespace voxeld::cli

@@ -11,6 +11,7 @@
 #include "client/cli/output_file.h"
 #include "client/cli/progress_bar.h"
 #include "proto/options.h"
+#include "proto/sequence_format.h"
 
 namespace voxeld::cli {
 namespace {
@@ -56,8 +57,15 @@ void tell_warnings(const Arguments& arguments, const JobInfo& job) {
 }
 
 // One line for a person, on stderr where it cannot mix with data.
-void tell_grid(const Json& meta, const std::string& output, std::uint64_t bytes) {
-  if (isatty(STDERR_FILENO) != 1 || !meta.contains("dims") || !meta.contains("voxel_count")) return;
+void tell_grid(const JobInfo& job, const Json& meta, const std::string& output,
+               std::uint64_t bytes) {
+  if (isatty(STDERR_FILENO) != 1) return;
+  if (job.frames_total > 0) {
+    std::fprintf(stderr, "%s: %lld frames, %llu bytes\n", output.c_str(),
+                 static_cast<long long>(job.frames_total), static_cast<unsigned long long>(bytes));
+    return;
+  }
+  if (!meta.contains("dims") || !meta.contains("voxel_count")) return;
   std::fprintf(stderr, "%s: %d x %d x %d cells, %lld voxels, %llu bytes\n", output.c_str(),
                meta["dims"][0].get<int>(), meta["dims"][1].get<int>(), meta["dims"][2].get<int>(),
                meta["voxel_count"].get<long long>(), static_cast<unsigned long long>(bytes));
@@ -81,7 +89,7 @@ void write_result(const Arguments& arguments, Make&& make) {
   if (arguments.json) {
     print_json({{"meta", meta}, {"job", parsed(job.json)}, {"bytes", output.bytes()}});
   } else if (!arguments.quiet) {
-    tell_grid(meta, path, output.bytes());
+    tell_grid(job, meta, path, output.bytes());
   }
 }
 
@@ -102,7 +110,7 @@ JobInfo wait_or_cancel(Client& daemon, const std::string& job,
 
 void run_voxelize(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
-  const MeshSource mesh = MeshSource::open(arguments.input);
+  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside);
   write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
     return daemon.voxelize_to(mesh.source(), arguments.options, sink, progress, stop);
   });
@@ -110,18 +118,18 @@ void run_voxelize(const Arguments& arguments, const std::stop_token& stop) {
 
 void run_render(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
-  if (!arguments.grid.empty()) {
-    write_result(
-        arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
-          JobInfo job =
-              daemon.submit("render", client::Input::of_grid(arguments.grid), arguments.options);
-          job = wait_or_cancel(daemon, job.id, progress, stop);
-          daemon.download(job.id, sink, progress, stop);
-          return job;
-        });
+  if (arguments.input.empty()) {
+    const client::Input input = {"", arguments.grid, arguments.sequence};
+    write_result(arguments,
+                 [&](const client::Sink& sink, const client::ProgressCallback& progress) {
+                   JobInfo job = daemon.submit("render", input, arguments.options);
+                   job = wait_or_cancel(daemon, job.id, progress, stop);
+                   daemon.download(job.id, sink, progress, stop);
+                   return job;
+                 });
     return;
   }
-  const MeshSource mesh = MeshSource::open(arguments.input);
+  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside);
   write_result(arguments, [&](const client::Sink& sink, const client::ProgressCallback& progress) {
     return daemon.render_to(mesh.source(), arguments.options, sink, progress, stop);
   });
@@ -132,7 +140,9 @@ void print_job(const JobInfo& job) {
   if (job.state == "queued") note = "position " + std::to_string(job.queue_position);
   if (job.state == "done") note = std::to_string(job.bytes) + " bytes";
   if (job.state == "failed") note = parsed(job.json).value("/error/code"_json_pointer, "");
-  if (job.tiles_total > 0 && job.state == "running") {
+  if (job.frames_total > 0 && job.state == "running") {
+    note += " frame " + std::to_string(job.frames_done) + "/" + std::to_string(job.frames_total);
+  } else if (job.tiles_total > 0 && job.state == "running") {
     note += " " + std::to_string(job.tiles_done) + "/" + std::to_string(job.tiles_total);
   }
   std::printf("%-34s %-10s %-10s %s\n", job.id.c_str(), job.kind.c_str(), job.state.c_str(),
@@ -189,6 +199,21 @@ std::vector<std::byte> read_whole(const std::string& path) {
   return bytes;
 }
 
+// Of a grid or a sequence.
+template <typename Voxels>
+void print_place(const Voxels& voxels) {
+  std::string holds = "occupancy";
+  for (const std::string_view channel : voxels.channels()) holds += ", " + std::string(channel);
+  const auto dims = voxels.dims();
+  const auto origin = voxels.origin();
+  const auto edge = voxels.voxel_size();
+  std::printf(
+      "cells       %d x %d x %d\norigin      %.9g %.9g %.9g\n"
+      "voxel size  %.9g %.9g %.9g\nholds       %s\n",
+      dims[0], dims[1], dims[2], origin[0], origin[1], origin[2], edge[0], edge[1], edge[2],
+      holds.c_str());
+}
+
 void info_of_grid(const Arguments& arguments) {
   const std::vector<std::byte> bytes = read_whole(arguments.input);
   const client::Grid grid = client::Grid::decode(bytes);
@@ -205,21 +230,38 @@ void info_of_grid(const Arguments& arguments) {
     print_json(object);
     return;
   }
-  std::string holds = "occupancy";
-  for (const std::string_view channel : grid.channels()) holds += ", " + std::string(channel);
-  const auto dims = grid.dims();
-  const auto origin = grid.origin();
-  const auto edge = grid.voxel_size();
-  std::printf(
-      "cells       %d x %d x %d\nvoxels      %llu\norigin      %.9g %.9g %.9g\n"
-      "voxel size  %.9g %.9g %.9g\nholds       %s\nbytes       %zu\n",
-      dims[0], dims[1], dims[2], static_cast<unsigned long long>(grid.voxel_count()), origin[0],
-      origin[1], origin[2], edge[0], edge[1], edge[2], holds.c_str(), bytes.size());
+  print_place(grid);
+  std::printf("voxels      %llu\nbytes       %zu\n",
+              static_cast<unsigned long long>(grid.voxel_count()), bytes.size());
+}
+
+void info_of_sequence(const Arguments& arguments) {
+  std::vector<std::byte> container = read_whole(arguments.input);
+  const size_t bytes = container.size();
+  const auto sequence = client::Sequence::decode(std::move(container));
+  Json frames = Json::array();
+  for (size_t i = 0; i < sequence.frame_count(); ++i) {
+    frames.push_back({{"time_s", sequence.time_s(i)}, {"voxel_count", sequence.voxel_count(i)}});
+  }
+  if (arguments.json) {
+    print_json({{"dims", sequence.dims()},
+                {"origin", sequence.origin()},
+                {"voxel_size", sequence.voxel_size()},
+                {"channels", sequence.channels()},
+                {"fps", sequence.fps()},
+                {"frames", frames},
+                {"bytes", bytes},
+                {"meta", parsed(sequence.meta_json())}});
+    return;
+  }
+  print_place(sequence);
+  std::printf("frames      %zu, %.9g s to %.9g s\nbytes       %zu\n", sequence.frame_count(),
+              sequence.time_s(0), sequence.time_s(sequence.frame_count() - 1), bytes);
 }
 
 void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
   Client daemon(settings_of(arguments));
-  const MeshSource mesh = MeshSource::open(arguments.input);
+  const MeshSource mesh = MeshSource::open(arguments.input, arguments.beside);
   ProgressBar bar(arguments.quiet);
   const std::string asset = daemon.upload(
       mesh.source(),
@@ -249,8 +291,11 @@ void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
 }
 
 void run_info(const Arguments& arguments, const std::stop_token& stop) {
-  if (std::filesystem::path(arguments.input).extension() == format_extension(Format::kNative)) {
+  const auto extension = std::filesystem::path(arguments.input).extension();
+  if (extension == format_extension(Format::kNative)) {
     info_of_grid(arguments);
+  } else if (extension == sequence_extension(Format::kNative)) {
+    info_of_sequence(arguments);
   } else {
     info_of_mesh(arguments, stop);
   }
@@ -258,19 +303,21 @@ void run_info(const Arguments& arguments, const std::stop_token& stop) {
 
 void run_formats(const Arguments& arguments) {
   const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "md5mesh", "zip"}},
-                       {"write", {".npy", ".npz", ".vox", ".voxg"}},
-                       {"picture", {".png"}}};
+                       {"write", {".npy", ".npz", ".vox", ".voxg", ".voxs"}},
+                       {"picture", {".png", ".gif", ".apng"}}};
   if (arguments.json) {
     print_json(object);
     return;
   }
   std::printf(
-      "reads   .obj with .mtl and textures, .ply, .stl, .off, .gltf, .glb, .md5mesh, .zip of one\n"
-      "writes  .npy  dense array\n"
-      "        .npz  dense arrays with origin and voxel size\n"
-      "        .vox  MagicaVoxel\n"
+      "reads   .obj with .mtl and textures, .ply, .stl, .off, .gltf, .glb, .md5mesh, .zip of one;\n"
+      "        animations of .gltf, .glb and, with .md5anim, .md5mesh\n"
+      "writes  .npy  dense array; of an animation with a frame axis\n"
+      "        .npz  dense arrays with origin and voxel size; likewise\n"
+      "        .vox  MagicaVoxel; of an animation animated\n"
       "        .voxg voxeld's sparse container\n"
-      "        .png  picture (voxel render)\n");
+      "        .voxs the same of an animation's frames\n"
+      "        .png  picture (voxel render); .gif, .apng of an animation or a turntable\n");
 }
 
 }  // namespace

@@ -35,6 +35,11 @@ void ProgressBar::show(const client::Progress& progress) {
   const int filled = static_cast<int>(part * kBarColumns);
   const std::string bar = std::string(static_cast<size_t>(filled), '#') +
                           std::string(static_cast<size_t>(kBarColumns - filled), '.');
+  if (progress.unit == "frames") {
+    std::fprintf(stderr, "\r\033[K%-10s [%s] frame %lld of %lld", stage_.c_str(), bar.c_str(),
+                 static_cast<long long>(progress.done), static_cast<long long>(progress.total));
+    return;
+  }
   std::fprintf(stderr, "\r\033[K%-10s [%s] %3.0f %%", stage_.c_str(), bar.c_str(), 100.0 * part);
 }
 

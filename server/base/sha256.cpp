@@ -2,15 +2,13 @@
 
 #include <openssl/evp.h>
 
-#include <algorithm>
-
+#include "proto/blob_id.h"
 #include "server/base/check.h"
 
 namespace voxeld {
 
 namespace {
 constexpr std::string_view kPrefix = "sha256-";
-constexpr size_t kHexDigits = 64;
 }  // namespace
 
 struct Sha256::Impl {
@@ -58,9 +56,7 @@ std::string sha256_id(std::string_view text) {
 }
 
 bool is_sha256_id(std::string_view id) {
-  if (id.size() != kPrefix.size() + kHexDigits || !id.starts_with(kPrefix)) return false;
-  return std::all_of(id.begin() + kPrefix.size(), id.end(),
-                     [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); });
+  return is_blob_id(id);
 }
 
 }  // namespace voxeld

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <optional>
 
 #include <nlohmann/json.hpp>
 
@@ -49,15 +50,25 @@ struct Array {
   }
 };
 
-Array make_array(const Grid& grid, const OutputOptions& options, std::string_view descr,
-                 size_t sample_bytes, size_t channels) {
+// Sides of a grid's array, in the order of its shape.
+std::vector<int64_t> shape_of(const GridSpec& spec, const OutputOptions& options,
+                              const NpyType& type) {
+  const glm::ivec3 dims = spec.dims;
+  std::vector<int64_t> shape = options.axes == AxisOrder::kXyz
+                                   ? std::vector<int64_t>{dims.x, dims.y, dims.z}
+                                   : std::vector<int64_t>{dims.z, dims.y, dims.x};
+  if (type.components > 1) shape.push_back(static_cast<int64_t>(type.components));
+  return shape;
+}
+
+Array make_array(const Grid& grid, const OutputOptions& options, std::optional<Channel> channel) {
   const glm::ivec3 dims = grid.spec.dims;
   const bool fortran = options.axes == AxisOrder::kXyz;
-  std::vector<int64_t> shape = fortran ? std::vector<int64_t>{dims.x, dims.y, dims.z}
-                                       : std::vector<int64_t>{dims.z, dims.y, dims.x};
-  if (channels > 1) shape.push_back(static_cast<int64_t>(channels));
+  const NpyType type = npy_type(channel, options);
+  const size_t channels = type.components, sample_bytes = type.sample_bytes;
   Array array;
-  const std::vector<uint8_t> header = npy_header(descr, fortran, shape);
+  const std::vector<uint8_t> header =
+      npy_header(type.descr, fortran, shape_of(grid.spec, options, type));
   const auto cells = static_cast<size_t>(grid.spec.cell_count());
   array.bytes.resize(header.size() + cells * channels * sample_bytes);
   std::memcpy(array.bytes.data(), header.data(), header.size());
@@ -95,6 +106,49 @@ void fill_occupancy(const Grid& grid, Array& array) {
 
 }  // namespace
 
+NpyType npy_type(std::optional<Channel> channel, const OutputOptions& options) {
+  const size_t components = channel ? channel_info(*channel).components : 1;
+  const NpyType floats = {"<f4", 4, components};
+  if (channel == Channel::kMaterial || channel == Channel::kLabel) return {"<u2", 2, components};
+  if (channel == Channel::kDistance || options.dtype == DType::kFloat32) return floats;
+  if (channel == Channel::kNormal) return {"|i1", 1, components};
+  const bool is_bool = !channel && options.dtype == DType::kBool;
+  return {is_bool ? "|b1" : "|u1", 1, components};
+}
+
+std::vector<uint8_t> npy_channel(const Grid& grid, std::optional<Channel> channel,
+                                 const OutputOptions& options) {
+  if (!channel) return npy_occupancy(grid, options);
+  switch (*channel) {
+    case Channel::kColor:
+      return npy_color(grid, options);
+    case Channel::kNormal:
+      return npy_normal(grid, options);
+    case Channel::kMaterial:
+    case Channel::kLabel:
+      return npy_ids(grid, *channel, options);
+    case Channel::kDistance:
+      return npy_distance(grid, options);
+    case Channel::kCoverage:
+      return npy_coverage(grid, options);
+  }
+  return {};
+}
+
+std::vector<uint8_t> npy_frames_header(const GridSpec& spec, size_t frames,
+                                       std::optional<Channel> channel,
+                                       const OutputOptions& options) {
+  const NpyType type = npy_type(channel, options);
+  const bool fortran = options.axes == AxisOrder::kXyz;
+  std::vector<int64_t> shape = shape_of(spec, options, type);
+  shape.insert(fortran ? shape.end() : shape.begin(), static_cast<int64_t>(frames));
+  return npy_header(type.descr, fortran, shape);
+}
+
+size_t npy_data_begin(std::span<const uint8_t> npy) {
+  return size_t{10} + npy[8] + (size_t{npy[9]} << 8);
+}
+
 std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
                                 std::span<const int64_t> shape) {
   constexpr size_t kPrefix = 10, kAlignment = 64;
@@ -115,15 +169,14 @@ std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
 
 std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options) {
   const bool is_float = options.dtype == DType::kFloat32;
-  const std::string_view descr = is_float ? "<f4" : options.dtype == DType::kBool ? "|b1" : "|u1";
-  Array array = make_array(grid, options, descr, is_float ? 4 : 1, 1);
+  Array array = make_array(grid, options, std::nullopt);
   is_float ? fill_occupancy<float>(grid, array) : fill_occupancy<uint8_t>(grid, array);
   return std::move(array.bytes);
 }
 
 std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options) {
   const bool is_float = options.dtype == DType::kFloat32;
-  Array array = make_array(grid, options, is_float ? "<f4" : "|u1", is_float ? 4 : 1, 4);
+  Array array = make_array(grid, options, Channel::kColor);
   for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
     for (size_t c = 0; c < 4; ++c) {
       const uint8_t sample = tile.color[4 * voxel + c];
@@ -140,7 +193,7 @@ std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options) {
 
 std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options) {
   const bool is_float = options.dtype == DType::kFloat32;
-  Array array = make_array(grid, options, is_float ? "<f4" : "|i1", is_float ? 4 : 1, 3);
+  Array array = make_array(grid, options, Channel::kNormal);
   for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
     for (size_t c = 0; c < 3; ++c) {
       const int8_t sample = tile.normal[3 * voxel + c];
@@ -152,7 +205,7 @@ std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options) 
 }
 
 std::vector<uint8_t> npy_ids(const Grid& grid, Channel channel, const OutputOptions& options) {
-  Array array = make_array(grid, options, "<u2", 2, 1);
+  Array array = make_array(grid, options, channel);
   for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
     const auto& ids = channel == Channel::kMaterial ? tile.material : tile.label;
     array.set(array.layout.at(x, y, z, 0), ids[voxel]);
@@ -162,7 +215,7 @@ std::vector<uint8_t> npy_ids(const Grid& grid, Channel channel, const OutputOpti
 
 std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options) {
   const bool is_float = options.dtype == DType::kFloat32;
-  Array array = make_array(grid, options, is_float ? "<f4" : "|u1", is_float ? 4 : 1, 1);
+  Array array = make_array(grid, options, Channel::kCoverage);
   for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
     const uint8_t sample = tile.coverage[voxel];
     const size_t at = array.layout.at(x, y, z, 0);
@@ -205,7 +258,7 @@ DistanceBackground distance_background(const Grid& grid) {
 }  // namespace
 
 std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options) {
-  Array array = make_array(grid, options, "<f4", 4, 1);
+  Array array = make_array(grid, options, Channel::kDistance);
   const DistanceBackground background = distance_background(grid);
   // The header is a multiple of 64 bytes long.
   const std::span<float> cells(reinterpret_cast<float*>(array.bytes.data() + array.data),

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -16,6 +17,25 @@ namespace voxeld {
 // text ("|u1", "<f8").
 std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
                                 std::span<const int64_t> shape);
+
+// What the samples of a channel are (nullopt: occupancy).
+struct NpyType {
+  std::string_view descr;
+  size_t sample_bytes;
+  size_t components;  // samples of a voxel
+};
+NpyType npy_type(std::optional<Channel> channel, const OutputOptions& options);
+
+// A whole .npy file of a channel (nullopt: occupancy), by the functions below.
+std::vector<uint8_t> npy_channel(const Grid& grid, std::optional<Channel> channel,
+                                 const OutputOptions& options);
+// Where its samples begin.
+size_t npy_data_begin(std::span<const uint8_t> npy);
+// Header of the array whose samples are those of the frames' arrays, one after the other: frames
+// are the first axis in C order and the last one in Fortran order.
+std::vector<uint8_t> npy_frames_header(const GridSpec& spec, size_t frames,
+                                       std::optional<Channel> channel,
+                                       const OutputOptions& options);
 
 // Whole .npy files. The memory is the same for both axis orders, x fastest: C order (z, y, x) or
 // Fortran order (x, y, z); channels of a sample are last and fastest in C order.

@@ -1,1 +1,2 @@
 voxeld_fuzzer(grid_container formats_grid_container.cpp voxeld_formats)
+voxeld_fuzzer(sequence_container formats_sequence_container.cpp voxeld_formats)

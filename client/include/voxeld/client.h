@@ -139,14 +139,47 @@ class VOXELD_CLIENT_API Grid {
   std::vector<std::uint8_t> dense() const;
 
  private:
+  friend class Sequence;
   struct Impl;
   explicit Grid(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 
+// The grids of an animation's frames, all in one place of the world. Frames are decoded when they
+// are asked for; in their order it is fastest, as each is told by what changed. One thread at a
+// time.
+class VOXELD_CLIENT_API Sequence {
+ public:
+  // Takes a native container (.voxs) over. Throws Error "bad-answer".
+  static Sequence decode(std::vector<std::byte> container);
+  Sequence(Sequence&&) noexcept;
+  Sequence& operator=(Sequence&&) noexcept;
+  ~Sequence();
+
+  std::array<int, 3> dims() const;
+  std::array<double, 3> origin() const;
+  std::array<double, 3> voxel_size() const;
+  std::vector<std::string_view> channels() const;  // as Grid's
+  const std::string& meta_json() const;
+  double fps() const;  // 0 where frames are at times of their own
+  std::size_t frame_count() const;
+  // Of frame `index`. Throw Error "not-found" where there is no such frame, frame() also
+  // "bad-answer".
+  double time_s(std::size_t index) const;
+  std::uint64_t voxel_count(std::size_t index) const;
+  Grid frame(std::size_t index);
+
+ private:
+  struct Impl;
+  explicit Sequence(std::unique_ptr<Impl> impl);
+  void check_frame(std::size_t index) const;
+  std::unique_ptr<Impl> impl_;
+};
+
 struct Progress {
   std::string stage;                 // "upload", "queued", "parse", "voxelize", "download", …
-  std::int64_t done = 0, total = 0;  // bytes or tiles; total 0: unknown
+  std::int64_t done = 0, total = 0;  // total 0: unknown
+  std::string unit = "bytes";        // what is counted: "bytes", "tiles" or "frames"
 };
 // Return false to stop: the job is cancelled and Error "interrupted" thrown.
 using ProgressCallback = std::function<bool(const Progress&)>;
@@ -155,19 +188,43 @@ struct JobInfo {
   std::string id, kind, state;  // state: queued, running, done, failed, cancelled
   std::string stage;
   std::int64_t tiles_done = 0, tiles_total = 0, queue_position = 0, bytes = 0;
-  std::string grid, media_type;
+  std::int64_t frames_done = 0, frames_total = 0;  // 0, 0: one grid, no sequence
+  std::string grid, sequence, media_type;
   std::vector<std::string> warnings;  // "missing-texture: skin.png"
   std::string meta_json;              // of the result
   std::string json;                   // the whole status
   bool ended() const { return state == "done" || state == "failed" || state == "cancelled"; }
 };
 
-// What a job works on: one of the two is set.
+// A frame that a job has finished.
+struct FrameInfo {
+  std::int64_t index = 0;
+  double time_s = 0;
+  std::string grid;  // its id; equal frames have the same
+  std::uint64_t voxel_count = 0;
+  std::string content_hash;
+};
+
+// What there is of a job's sequence by now.
+struct JobFrames {
+  std::string sequence;  // its id; empty until all frames are done
+  std::int64_t total = 0;
+  std::vector<FrameInfo> frames;
+};
+
+// What a job works on: one of the three is set.
 struct Input {
-  std::string asset;  // what upload() returned
-  std::string grid;   // JobInfo::grid
-  static Input of_asset(std::string id) { return {std::move(id), ""}; }
-  static Input of_grid(std::string id) { return {"", std::move(id)}; }
+  std::string asset;     // what upload() or bundle() returned
+  std::string grid;      // JobInfo::grid
+  std::string sequence;  // JobInfo::sequence
+  static Input of_asset(std::string id) { return {std::move(id), "", ""}; }
+  static Input of_grid(std::string id) { return {"", std::move(id), ""}; }
+  static Input of_sequence(std::string id) { return {"", "", std::move(id)}; }
+};
+
+// A file of a bundle, by the name that the others refer to it with, and the id of its upload.
+struct BundleFile {
+  std::string name, asset;
 };
 
 // Gets pieces of a result in order.
@@ -187,10 +244,14 @@ class VOXELD_CLIENT_API Client {
   // --- the whole way in one call. `stop` and the callback cancel the job.
   Grid voxelize(const Source& source, const Options& options, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
+  // The same for an animation: options name it ("animation", "fps", "frames", …).
+  Sequence voxelize_sequence(const Source& source, const Options& options,
+                             const ProgressCallback& progress = {},
+                             const std::stop_token& stop = {});
   // Any format: what options name with "format".
   JobInfo voxelize_to(const Source& source, const Options& options, const Sink& sink,
                       const ProgressCallback& progress = {}, const std::stop_token& stop = {});
-  // A PNG.
+  // A picture: what options name with "picture", else a PNG.
   JobInfo render_to(const Source& source, const Options& options, const Sink& sink,
                     const ProgressCallback& progress = {}, const std::stop_token& stop = {});
 
@@ -198,14 +259,21 @@ class VOXELD_CLIENT_API Client {
   // The asset's id.
   std::string upload(const Source& source, const ProgressCallback& progress = {},
                      const std::stop_token& stop = {});
+  // Ties uploads together as one asset, whose id is returned: a new animation for an old mesh costs
+  // only itself.
+  std::string bundle(std::span<const BundleFile> files);
   std::string asset_json(std::string_view asset);
-  // kind: voxelize, inspect (of an asset), render (of either), export (of a grid).
+  // kind: voxelize, inspect (of an asset), render (of any), export (of a grid or sequence).
   JobInfo submit(std::string_view kind, const Input& input, const Options& options);
   JobInfo job(std::string_view id);
   // Until the job has ended. Throws the job's own error when it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},
                const std::stop_token& stop = {});
   JobInfo cancel(std::string_view id);
+  // The frames that are done, also while the job runs, and after it was cancelled.
+  JobFrames frames(std::string_view job);
+  // One of them. Throws Error "not-found" where it is not done yet.
+  Grid frame(std::string_view job, std::int64_t index);
   std::vector<JobInfo> jobs(int limit = 100);
   // Resumes by itself when the connection breaks. Throws "bad-answer" when the result is then
   // another one; the sink has the beginning of the old one.

@@ -195,6 +195,19 @@ TEST_F(Bundle, a_mesh_that_names_nothing_is_sent_as_it_is) {
   EXPECT_EQ(MeshSource::open("-").source().filename(), "");
 }
 
+constexpr const char* kMd5Mesh =
+    "MD5Version 10\njoints {\n\t\"hip\" -1 ( 0 0 0 ) ( 0 0 0 )\t// root\n  \"leg\" 0\n}\n";
+
+TEST_F(Bundle, an_md5mesh_gives_the_animations_of_its_joints) {
+  put("walk.md5anim", "hierarchy {\n  \"leg\" 1 0 0\n  \"hip\" -1 0 0\n}\n");
+  put("run.MD5ANIM", "numFrames 2\nhierarchy {\n\"hip\" -1\n\"leg\" 0\n}\nbounds {\n}\n");
+  put("other.md5anim", "hierarchy {\n\"hip\" -1\n\"arm\" 0\n}\n");
+  put("more.md5anim", "hierarchy {\n\"hip\" -1\n\"leg\" 0\n\"arm\" 0\n}\n");
+  put("broken.md5anim", "hierarchy {\n\"hip\n");
+  EXPECT_THAT(referenced_files(put("a.md5mesh", kMd5Mesh)),
+              ElementsAre("run.MD5ANIM", "walk.md5anim"));
+}
+
 TEST_F(Bundle, a_folder_is_no_mesh) {
   const client::Error error = error_of([&] { MeshSource::open(folder()); });
   EXPECT_EQ(error.code(), "file");
@@ -236,6 +249,35 @@ TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) 
   EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=the%20a.zip");
   EXPECT_THAT(names_in(server.asked()[0].body),
               ElementsAre("the a.obj", "my a.mtl", "tex/bäume.png"));
+}
+
+TEST_F(Bundle, files_beside_the_mesh_are_sent_under_their_own_names) {
+  const std::string mesh = put("a.md5mesh", kMd5Mesh);
+  const std::string dance = put("moves/dance.md5anim", "hierarchy {\n}\n");
+  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{dance}).source());
+  EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=a.zip");
+  EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "dance.md5anim"));
+}
+
+TEST_F(Bundle, a_file_that_is_named_twice_is_sent_as_the_command_line_says) {
+  put("walk.md5anim", "hierarchy {\n\"hip\" -1\n\"leg\" 0\n}\n");
+  const std::string mesh = put("a.md5mesh", kMd5Mesh);
+  const std::string other = put("b/walk.md5anim", "other");
+  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{other}).source());
+  EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "walk.md5anim"));
+  EXPECT_THAT(server.asked()[0].body, HasSubstr("other"));
+}
+
+TEST_F(Bundle, files_beside_the_mesh_must_be_there_and_have_names_of_their_own) {
+  const std::string mesh = put("a.ply"), same = put("b/a.ply");
+  const std::vector<std::string> missing = {(fs::path(folder()) / "no.md5anim").string()};
+  EXPECT_THAT(error_of([&] { MeshSource::open(mesh, missing); }).what(),
+              HasSubstr("no.md5anim: is no file that can be read"));
+  EXPECT_THAT(error_of([&] { MeshSource::open(mesh, std::vector{same}); }).what(),
+              HasSubstr("another file of the command line has this name"));
+  EXPECT_EQ(error_of([&] { MeshSource::open("-", std::vector{mesh}); }).code(), "file");
 }
 
 }  // namespace

@@ -108,6 +108,29 @@ TEST_F(Commands, an_interrupt_cancels_the_picture_of_a_grid) {
   expect_nothing_written();
 }
 
+TEST_F(Commands, a_stored_sequence_is_drawn) {
+  ScriptedServer server({job_answer("queued"), job_answer("done"), Answer{.body = "GIF89a"}});
+  Arguments render = arguments(Arguments::Command::kRender, server);
+  render.sequence = "sha256-s";
+  render.options.set("picture", "gif");
+  run_command(render, {});
+  EXPECT_EQ(written(), "GIF89a");
+  EXPECT_EQ(server.asked()[0].body,
+            R"({"kind":"render","options":{"picture":"gif"},"sequence":"sha256-s"})");
+}
+
+TEST_F(Commands, files_beside_the_mesh_go_with_it) {
+  std::ofstream(folder_ / "b.md5anim") << "MD5Version 10\n";
+  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
+                         job_answer("done"), Answer{.body = "RESULT"}});
+  Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
+  voxelize.input = mesh();
+  voxelize.beside = {folder_ / "b.md5anim"};
+  run_command(voxelize, {});
+  EXPECT_EQ(server.lines()[0], "POST /v1/assets?filename=a.zip");
+  EXPECT_THAT(server.asked()[0].body, testing::HasSubstr("b.md5anim"));
+}
+
 TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
   ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
                          Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});

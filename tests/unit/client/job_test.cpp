@@ -44,6 +44,73 @@ TEST(Submit, kind_input_options_and_filename_are_sent) {
             R"({"grid":"sha256-g","kind":"export","options":{"format":"vox"}})");
 }
 
+TEST(Submit, a_sequence_may_be_the_input) {
+  ScriptedServer server({job_answer("queued")});
+  Client(server.url())
+      .submit("export", Input::of_sequence("sha256-s"), Options().set("frames", "3..5"));
+  EXPECT_EQ(server.asked()[0].body,
+            R"({"kind":"export","options":{"frames":"3..5"},"sequence":"sha256-s"})");
+}
+
+TEST(Submit, a_bundle_names_its_files_and_their_uploads) {
+  ScriptedServer server({json_answer(R"({"id":"sha256-b"})"), json_answer("{}")});
+  Client client(server.url());
+  const std::vector<BundleFile> files = {{"bob.md5mesh", "sha256-a"}, {"walk.md5anim", "sha256-c"}};
+  EXPECT_EQ(client.bundle(files), "sha256-b");
+  EXPECT_EQ(server.asked()[0].line(), "POST /v1/assets");
+  EXPECT_EQ(server.asked()[0].header("content-type"), "application/vnd.voxeld.bundle+json");
+  EXPECT_EQ(server.asked()[0].body, R"({"files":[{"asset":"sha256-a","name":"bob.md5mesh"},)"
+                                    R"({"asset":"sha256-c","name":"walk.md5anim"}]})");
+  EXPECT_EQ(error_of([&] { client.bundle(files); }).code(), "bad-answer");
+}
+
+TEST(Frames, those_that_are_done_are_listed) {
+  ScriptedServer server(
+      {json_answer(
+           R"({"job":"j-1","sequence":null,"frames_total":3,"frames":[{"index":0,"time_s":0,)"
+           R"("grid":"sha256-g","voxel_count":17,"content_hash":"sha256-h"},{"index":2,)"
+           R"("time_s":0.25,"grid":"sha256-i","voxel_count":5,"content_hash":"sha256-j"}]})"),
+       json_answer(R"({"sequence":"sha256-s","frames_total":0,"frames":[]})"),
+       json_answer(R"({"frames_total":0})")});
+  Client client(server.url());
+  const JobFrames frames = client.frames("j-1");
+  EXPECT_EQ(frames.sequence, "");
+  EXPECT_EQ(frames.total, 3);
+  ASSERT_THAT(frames.frames, SizeIs(2));
+  EXPECT_EQ(frames.frames[0].grid, "sha256-g");
+  EXPECT_EQ(frames.frames[0].content_hash, "sha256-h");
+  EXPECT_EQ(frames.frames[0].voxel_count, 17u);
+  EXPECT_EQ(frames.frames[1].index, 2);
+  EXPECT_EQ(frames.frames[1].time_s, 0.25);
+  EXPECT_EQ(client.frames("j-1").sequence, "sha256-s");
+  EXPECT_EQ(error_of([&] { client.frames("j-1"); }).code(), "bad-answer");
+  EXPECT_EQ(server.lines()[0], "GET /v1/jobs/j-1/frames");
+}
+
+TEST(Frames, one_that_is_not_done_yet_is_not_found) {
+  ScriptedServer server({problem_answer(404, "not-found", "frame 7: 3 of 140 frames are done")});
+  Client client(server.url());
+  EXPECT_EQ(error_of([&] { client.frame("j-1", 7); }).code(), "not-found");
+  EXPECT_EQ(server.lines()[0], "GET /v1/jobs/j-1/frames/7");
+}
+
+TEST(Frames, progress_of_a_sequence_counts_frames) {
+  ScriptedServer server({job_answer("running",
+                                    R"("stage":"voxelize","tiles_total":4,"tiles_done":1,)"
+                                    R"("frames_total":140,"frames_done":12)",
+                                    {"ETag: \"1\""}),
+                         job_answer("done", R"("frames_total":140,"frames_done":140,)"
+                                            R"("result":{"sequence":"sha256-s"})")});
+  std::vector<std::string> told;
+  const JobInfo job = Client(server.url()).wait("j-1", [&](const Progress& now) {
+    told.push_back(std::to_string(now.done) + "/" + std::to_string(now.total) + " " + now.unit);
+    return true;
+  });
+  EXPECT_THAT(told, ElementsAre("12/140 frames", "140/140 frames"));
+  EXPECT_EQ(job.sequence, "sha256-s");
+  EXPECT_EQ(job.frames_total, 140);
+}
+
 TEST(Submit, a_name_that_is_no_utf8_is_sent_as_text_that_is) {
   ScriptedServer server({job_answer("queued")});
   Client(server.url())

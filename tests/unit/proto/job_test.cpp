@@ -30,6 +30,9 @@ JobStatus finished() {
   status.attempt = 2;
   status.tiles_done = 3;
   status.tiles_total = 4;
+  status.frames_done = 6;
+  status.frames_total = 7;
+  status.sequence = "sha256-4";
   status.stage = "encode";
   status.queue_position = 5;
   status.created_ms = 1'700'000'000'000;
@@ -37,13 +40,9 @@ JobStatus finished() {
   status.ended_ms = 1'700'000'000'002;
   status.timings = {{"parse", 1.5}, {"render", 20}};
   status.cached = true;
-  status.result = JobResult{"sha256-2",
-                            77,
-                            "image/png",
-                            "b.png",
-                            "sha256-3",
-                            R"({"dims":[1,2,3]})",
-                            {{"missing-texture", "a.png"}}};
+  status.result =
+      JobResult{"sha256-2", 77,         "image/png",           "b.png",
+                "sha256-3", "sha256-5", R"({"dims":[1,2,3]})", {{"missing-texture", "a.png"}}};
   return status;
 }
 
@@ -77,6 +76,12 @@ TEST(JobRequest, each_kind_takes_its_input_and_the_options_of_its_scope) {
              OptionScope::kRenderGrid},
         Case{R"({"kind":"export","grid":"g","options":{"format":"vox"}})", JobKind::kExport,
              OptionScope::kExport},
+        Case{R"({"kind":"export","sequence":"s","options":{"format":"vox","frames":"2..4"}})",
+             JobKind::kExport, OptionScope::kExport},
+        Case{R"({"kind":"render","sequence":"s","options":{"picture":"gif","frames":"2..4"}})",
+             JobKind::kRender, OptionScope::kRenderGrid},
+        Case{R"({"kind":"render","grid":"g","options":{"picture":"gif","turntable":9}})",
+             JobKind::kRender, OptionScope::kRenderGrid},
         Case{R"({"kind":"inspect","asset":"a"})", JobKind::kInspect, OptionScope::kVoxelize}}) {
     const auto request = parse_job_request(Json::parse(text));
     ASSERT_TRUE(request) << text << request.error().message();
@@ -87,21 +92,55 @@ TEST(JobRequest, each_kind_takes_its_input_and_the_options_of_its_scope) {
 
 TEST(JobRequest, exactly_one_input_of_the_right_sort_is_needed) {
   EXPECT_EQ(refused(R"({"kind":"voxelize"})").message(),
-            "job: input of kind voxelize: expected asset, got neither");
+            "job: input of kind voxelize: expected asset, got none");
   EXPECT_EQ(refused(R"({"kind":"voxelize","grid":"g"})").message(),
             "job: input of kind voxelize: expected asset, got grid");
-  EXPECT_EQ(refused(R"({"kind":"render","asset":"a","grid":"g"})").message(),
-            "job: input of kind render: expected either asset or grid, got both");
+  EXPECT_EQ(
+      refused(R"({"kind":"render","asset":"a","grid":"g"})").message(),
+      "job: input of kind render: expected one of asset, grid and sequence, got asset and grid");
   EXPECT_EQ(refused(R"({"kind":"export","asset":"a"})").message(),
-            "job: input of kind export: expected grid, got asset");
+            "job: input of kind export: expected either grid or sequence, got asset");
   EXPECT_EQ(refused(R"({"kind":"inspect","grid":"g"})").message(),
             "job: input of kind inspect: expected asset, got grid");
 }
 
+TEST(JobRequest, options_of_a_mesh_that_is_still_to_come_are_those_of_an_asset) {
+  JobRequest request;
+  request.kind = JobKind::kRender;
+  EXPECT_EQ(option_scope(request), OptionScope::kRenderMesh);
+}
+
+TEST(JobRequest, a_sequence_is_an_input_as_a_grid_is) {
+  EXPECT_EQ(refused(R"({"kind":"voxelize","sequence":"s"})").message(),
+            "job: input of kind voxelize: expected asset, got sequence");
+  EXPECT_EQ(refused(R"({"kind":"export","grid":"g","sequence":"s"})").message(),
+            "job: input of kind export: expected either grid or sequence, got grid and sequence");
+  EXPECT_EQ(refused(R"({"kind":"render","asset":"a","grid":"g","sequence":"s"})").got,
+            "asset and grid and sequence");
+}
+
+TEST(JobRequest, frames_are_asked_of_what_has_frames) {
+  EXPECT_EQ(refused(R"({"kind":"export","grid":"g","options":{"frames":"0..3"}})").message(),
+            "frames: expected a sequence as input, got a grid");
+  EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"frame":1}})").message(),
+            "frame: expected a sequence as input, got a grid");
+  for (const char* picture : {"gif", "apng", "sheet"}) {
+    EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"picture":")" +
+                      std::string(picture) + R"("}})")
+                  .message(),
+              "picture: expected png, or turntable with a grid as input, got a grid without "
+              "turntable");
+  }
+  EXPECT_EQ(refused(R"({"kind":"render","sequence":"s","options":{"picture":"gif","turntable":9}})")
+                .message(),
+            "turntable: expected a grid as input, got a sequence");
+}
+
 TEST(JobRequest, members_are_checked_by_name_and_type) {
   EXPECT_EQ(refused("[]").message(), "job: expected an object, got array");
-  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","size":5})").message(),
-            "job: no such member: expected kind, asset, grid, filename, options, got \"size\"");
+  EXPECT_EQ(
+      refused(R"({"kind":"voxelize","asset":"a","size":5})").message(),
+      "job: no such member: expected kind, asset, grid, sequence, filename, options, got \"size\"");
   EXPECT_EQ(refused(R"({"kind":7})").message(), "job.kind: expected a text, got number");
   EXPECT_EQ(refused(R"({"kind":"voxelize","asset":null})").message(),
             "job.asset: expected a text, got null");
@@ -133,12 +172,17 @@ TEST(JobStatus, of_a_finished_job_comes_back) {
   EXPECT_EQ(back->state, status.state);
   EXPECT_EQ(back->version, 9);
   EXPECT_EQ(back->attempt, 2);
+  EXPECT_EQ(back->frames_done, 6);
+  EXPECT_EQ(back->frames_total, 7);
+  EXPECT_EQ(back->sequence, "sha256-4");
   EXPECT_EQ(back->created_ms, status.created_ms);
   EXPECT_EQ(back->timings, status.timings);
   EXPECT_TRUE(back->cached);
   ASSERT_TRUE(back->result);
   EXPECT_EQ(back->result->blob, "sha256-2");
   EXPECT_EQ(back->result->bytes, 77);
+  EXPECT_EQ(back->result->grid, "sha256-3");
+  EXPECT_EQ(back->result->sequence, "sha256-5");
   EXPECT_EQ(back->result->meta_json, status.result->meta_json);
   ASSERT_EQ(back->result->warnings.size(), 1u);
   EXPECT_EQ(back->result->warnings[0].code, "missing-texture");

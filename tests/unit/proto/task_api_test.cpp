@@ -17,10 +17,26 @@ WorkerHello hello() {
   return {3, 4711, "egl:0", "Example GPU", "4.6.0", R"({"limit":5})"};
 }
 Task task() {
-  return {"j-1", 7, 2, JobKind::kRender, "/data/blob", "sha256-1", true, "b.ply", R"({"width":5})"};
+  Task task;
+  task.id = "j-1";
+  task.fence = 7;
+  task.attempt = 2;
+  task.kind = JobKind::kRender;
+  task.input_path = "/data/blob";
+  task.input_hash = "sha256-1";
+  task.input_is_grid = true;
+  task.input_is_sequence = true;
+  task.frame_paths = {"/data/f0", "/data/f1"};
+  task.bundle_paths = {"/data/b0"};
+  task.filename = "b.ply";
+  task.options_json = R"({"width":5})";
+  return task;
 }
 TaskProgress progress() {
-  return {"j-1", 7, "voxelize", 3, 8};
+  return {"j-1", 7, "voxelize", 3, 8, 2, 9};
+}
+TaskFrame frame() {
+  return {"j-1", 7, 4095, 1.25, "/scratch/f", 12'345'678'901, "sha256-5"};
 }
 TaskCompletion completion() {
   return {"j-1",
@@ -51,6 +67,7 @@ std::vector<Message> messages() {
   return {{"hello", to_json_message(hello()), with(parse_worker_hello)},
           {"task", to_json_message(task()), with(parse_task)},
           {"progress", to_json_message(progress()), with(parse_task_progress)},
+          {"frame", to_json_message(frame()), with(parse_task_frame)},
           {"complete", to_json_message(completion()), with(parse_task_completion)},
           {"fail", to_json_message(failure()), with(parse_task_failure)}};
 }
@@ -76,6 +93,9 @@ TEST(TaskApi, a_task_comes_back) {
   EXPECT_EQ(back->input_path, "/data/blob");
   EXPECT_EQ(back->input_hash, "sha256-1");
   EXPECT_TRUE(back->input_is_grid);
+  EXPECT_TRUE(back->input_is_sequence);
+  EXPECT_EQ(back->frame_paths, task().frame_paths);
+  EXPECT_EQ(back->bundle_paths, task().bundle_paths);
   EXPECT_EQ(back->filename, "b.ply");
   EXPECT_EQ(back->options_json, R"({"width":5})");
 }
@@ -88,6 +108,62 @@ TEST(TaskApi, progress_comes_back) {
   EXPECT_EQ(back->stage, "voxelize");
   EXPECT_EQ(back->tiles_done, 3);
   EXPECT_EQ(back->tiles_total, 8);
+  EXPECT_EQ(back->frames_done, 2);
+  EXPECT_EQ(back->frames_total, 9);
+}
+
+TEST(TaskApi, a_frame_and_its_reply_come_back) {
+  const auto back = parse_task_frame(to_json_message(frame()));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->task, "j-1");
+  EXPECT_EQ(back->fence, 7);
+  EXPECT_EQ(back->index, 4095);
+  EXPECT_EQ(back->time_s, 1.25);
+  EXPECT_EQ(back->path, "/scratch/f");
+  EXPECT_EQ(back->voxel_count, 12'345'678'901u);
+  EXPECT_EQ(back->content_hash, "sha256-5");
+  const auto reply =
+      parse_task_frame_reply(to_json_message(TaskFrameReply{true, true, "sha256-6", "/data/6"}));
+  ASSERT_TRUE(reply) << reply.error().message();
+  EXPECT_TRUE(reply->cancel && reply->fenced);
+  EXPECT_EQ(reply->grid, "sha256-6");
+  EXPECT_EQ(reply->path, "/data/6");
+  EXPECT_FALSE(parse_task_frame_reply(to_json_message(TaskFrameReply{}))->cancel);
+  EXPECT_EQ(parse_task_frame_reply(Json::object()).error().message(),
+            "reply.cancel: expected it to be there, got nothing");
+}
+
+TEST(TaskApi, frames_that_cannot_be_are_refused) {
+  for (const int64_t index : {int64_t{-1}, int64_t{4096}, INT64_MAX}) {
+    Json message = to_json_message(frame());
+    message["index"] = index;
+    EXPECT_EQ(parse_task_frame(message).error().message(),
+              "frame.index: expected 0 to 4095, got " + std::to_string(index));
+  }
+  Json message = to_json_message(frame());
+  message["voxel_count"] = -5;
+  EXPECT_EQ(parse_task_frame(message).error().message(),
+            "frame.voxel_count: expected 0 or more, got -5");
+}
+
+TEST(TaskApi, the_paths_of_the_longest_sequence_fit_into_a_message) {
+  Task longest = task();
+  longest.frame_paths.assign(4096, "/data/" + std::string(900, 'p'));
+  const std::string text = to_json_message(longest).dump();
+  EXPECT_FALSE(parse_json_bounded(text));
+  const auto message = parse_task_message(text);
+  ASSERT_TRUE(message) << message.error().message();
+  EXPECT_EQ(parse_task(*message)->frame_paths.size(), 4096u);
+  EXPECT_FALSE(parse_task_message(std::string(kTaskFrameBytesMax + 1, ' ')));
+}
+
+TEST(TaskApi, paths_are_lists_of_texts) {
+  for (const char* name : {"frame_paths", "bundle_paths"}) {
+    Json message = to_json_message(task());
+    message[name] = {"/a", 5};
+    EXPECT_EQ(parse_task(message).error().message(),
+              "task." + std::string(name) + ": expected a list of texts, got array");
+  }
 }
 
 TEST(TaskApi, a_completion_comes_back_with_its_stages_in_order) {
@@ -160,6 +236,7 @@ TEST(TaskApi, what_makes_no_sense_without_it_must_be_there) {
       {"hello", {"protocol", "pid", "device"}},
       {"task", {"id", "fence", "kind", "input_path", "options_json"}},
       {"progress", {"task", "fence"}},
+      {"frame", {"task", "fence", "index", "time_s", "path", "voxel_count", "content_hash"}},
       {"complete", {"task", "fence", "outputs", "timings", "warnings"}},
       {"fail", {"task", "fence", "error"}}};
   for (const Message& message : messages()) {

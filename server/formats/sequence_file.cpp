@@ -1,0 +1,34 @@
+#include "server/formats/sequence_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+
+namespace voxeld {
+
+Result<SequenceFile> SequenceFile::create(const std::filesystem::path& path) {
+  UniqueFd file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (!file.valid()) return errno_error("create", path);
+  return SequenceFile(std::move(file), path);
+}
+
+Status SequenceFile::append(std::span<const uint8_t> bytes) {
+  VOXELD_TRY(write_all(file_.get(), bytes));
+  size_ += bytes.size();
+  return {};
+}
+
+Status SequenceFile::replace(uint64_t offset, std::span<const uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t count =
+        ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) return errno_error("write", path_);
+    bytes = bytes.subspan(static_cast<size_t>(count));
+    offset += static_cast<uint64_t>(count);
+  }
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,103 @@
+// Writes the sequence container (proto/sequence_format.h) frame by frame: index and streams of one
+// frame are in memory, and what the next one's streams may be differences to.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <span>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "proto/grid_format.h"
+#include "proto/result.h"
+#include "proto/sequence_format.h"
+#include "proto/sequence_layout.h"
+
+namespace voxeld {
+
+// How a container is written; read, all are the same.
+struct SequenceWriterOptions {
+  // Streams that a reader needs for one, 1..kStreamChainMax; 1: no differences.
+  uint32_t chain_max = kStreamChainMax;
+  // Contents of the last frame that are remembered; tiles beyond are written whole.
+  size_t kept_bytes_max = size_t{1} << 30;
+};
+
+class SequenceWriter {
+ public:
+  // `header`: as of every frame's grid, with the sequence's meta; fps as in the container. Errors:
+  // internal, for a header that no container can have.
+  static Result<SequenceWriter> open(GridHeader header, double fps,
+                                     const SequenceWriterOptions& options = {});
+
+  // What the file begins with; the first kSequenceHeaderBytes of it are replaced at the end.
+  std::vector<uint8_t> front() const;
+  // Encodes the next frame, on all cores, and returns what follows in the file. Tiles ascend in
+  // Morton order of coord. Errors: internal, for tiles that no grid container can have, times that
+  // go back, and more than limits::kFramesMax frames.
+  Result<std::vector<uint8_t>> add(double time_s, std::span<const SparseTile> tiles);
+  struct End {
+    std::vector<uint8_t> header;  // at the beginning of the file
+    std::vector<uint8_t> index;   // the last that follows
+  };
+  // Errors: internal, when there is no frame.
+  Result<End> finish() const;
+
+ private:
+  using Contents = std::shared_ptr<const std::vector<uint8_t>>;
+  struct Frame {
+    double time_s;
+    uint64_t voxel_count;
+    uint32_t first_tile, tile_count;
+  };
+  struct Tile {
+    std::array<int32_t, 3> coord{};
+    uint32_t brick_count = 0;
+    uint64_t voxel_count = 0;
+    std::array<uint32_t, sequence_layout::kStreamKinds> streams{};
+  };
+  struct Stream {
+    uint64_t offset;
+    uint32_t bytes, base, chain, root;  // root: where the chain begins
+  };
+  // What a place (tile and kind) had in the last frame.
+  struct Kept {
+    uint32_t number = sequence_layout::kNoStream;
+    Contents contents;
+    Contents root;  // of the stream's chain; null where it is not known any more
+  };
+  using Place = std::pair<uint32_t, size_t>;  // tile_order() and kind
+  struct Source;                              // one stream of the frame at work
+
+  SequenceWriter(GridHeader header, double fps, const SequenceWriterOptions& options);
+  Codec codec(size_t kind) const;
+  Status check_next(double time_s, std::span<const SparseTile> tiles) const;
+  Status prepare(const SparseTile& tile, Source* sources) const;
+  void find_known(std::vector<Source>& sources);
+  void find_base(Source& source) const;
+  Status encode(Source& source, bool as_difference) const;
+  Status encode_all(std::vector<Source>& sources) const;
+  void store(Source& source, std::vector<uint8_t>& out);
+  void keep(std::vector<Source>& sources);
+  void add_tiles(double time_s, std::span<const SparseTile> tiles,
+                 const std::vector<Source>& sources);
+  std::vector<uint8_t> header(uint64_t index, uint64_t bytes) const;
+  void put_tile(std::vector<uint8_t>& out, size_t at, const Tile& tile) const;
+
+  GridHeader header_;
+  double fps_;
+  SequenceWriterOptions options_;
+  std::vector<Frame> frames_;
+  std::vector<Tile> tiles_;
+  std::vector<Stream> streams_;
+  std::unordered_map<std::string, uint32_t> number_of_;  // kind and hash of contents -> stream
+  std::unordered_map<std::string, Frame> frame_of_;      // hash of its tiles' entries -> frame
+  std::map<Place, Kept> kept_;
+  uint64_t offset_;  // of what comes next
+};
+
+}  // namespace voxeld

@@ -1,0 +1,101 @@
+// What a .vox of one grid and one of a sequence have in common: chunks, models, palette, nodes.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/result.h"
+#include "server/formats/palette.h"
+#include "server/grid/grid.h"
+
+namespace voxeld::vox {
+
+inline constexpr int kModelSide = 256;
+inline constexpr size_t kChunkBytesMax = 0x7fffffff;  // readers take lengths as signed
+
+class Bytes {
+ public:
+  void u32(uint32_t value) {
+    for (int i = 0; i < 4; ++i) bytes_.push_back(static_cast<uint8_t>(value >> (8 * i)));
+  }
+  void i32(int32_t value) { u32(static_cast<uint32_t>(value)); }
+  void u8(uint8_t value) { bytes_.push_back(value); }
+  void text(std::string_view value) {
+    u32(static_cast<uint32_t>(value.size()));
+    bytes_.insert(bytes_.end(), value.begin(), value.end());
+  }
+  void dict(const std::map<std::string, std::string>& entries) {
+    u32(static_cast<uint32_t>(entries.size()));
+    for (const auto& [key, value] : entries) {
+      text(key);
+      text(value);
+    }
+  }
+  void raw(std::span<const uint8_t> bytes) {
+    bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
+  }
+  void chunk(std::string_view id, const Bytes& content) {
+    bytes_.insert(bytes_.end(), id.begin(), id.end());
+    u32(static_cast<uint32_t>(content.bytes_.size()));
+    u32(0);
+    raw(content.bytes_);
+  }
+  std::vector<uint8_t>& bytes() { return bytes_; }
+  size_t size() const { return bytes_.size(); }
+
+ private:
+  std::vector<uint8_t> bytes_;
+};
+
+using Dict = std::map<std::string, std::string>;
+
+struct Voxel {
+  uint8_t x, y, z, color;
+};
+// A model's place in the scene of models, z up.
+using Place = std::array<int, 3>;
+using Models = std::map<Place, std::vector<Voxel>>;
+
+// Gives voxels their colours, as keys of the palette.
+class Colors {
+ public:
+  explicit Colors(const Grid& grid);
+
+  // `voxel`: its number in the tile, or kNoAttributes.
+  uint32_t of(const SparseTile& tile, size_t voxel) const;
+  uint32_t other() const { return other_; }
+
+ private:
+  bool has_color_;
+  std::optional<Channel> ids_;
+  uint32_t other_;  // of voxels without
+};
+
+// Adds the colours of the grid's voxels.
+void count_colors(const Grid& grid, const Colors& colors, ColorCounts& counts);
+Palette palette_of(ColorCounts counts, const Colors& colors, int colors_max);
+
+// Size of the scene with z up.
+std::array<int, 3> scene_size(const GridSpec& spec);
+// Cells of each model that has some.
+Models models_of(const Grid& grid, const Colors& colors, const Palette& palette);
+
+void add_file_header(Bytes& out, uint32_t version, uint32_t children_bytes);
+// Chunks SIZE and XYZI.
+void add_model(Bytes& out, const Place& place, const std::vector<Voxel>& voxels,
+               const std::array<int, 3>& scene);
+// Node 0 with the grid's place in its attributes, and node 1, the group of nodes 2, 4, ...
+void add_root(Bytes& out, const Grid& grid, size_t models);
+// The transform that puts the shape `node` + 1 where its models belong.
+void add_transform(Bytes& out, int node, const Place& place, const std::array<int, 3>& scene);
+void add_palette(Bytes& out, const Palette& palette);
+// grid-too-large for more bytes than a .vox can say.
+Status check_length(uint64_t bytes);
+
+}  // namespace voxeld::vox

@@ -1,0 +1,135 @@
+// MagicaVoxel's animated .vox, version 200 (see vox.cpp for what it shares with a grid's).
+//
+//   VOX 200 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA  META }
+//
+// A shape has one model for each frame in which its cells change: {"_f": frame}; it stays until the
+// next one. Models that are equal, in whatever frames, are written once. All frames share one
+// palette, for which they are read twice. Voxels without colour or id have the mean colour of the
+// first frame's.
+#include <map>
+#include <set>
+#include <string>
+#include <unordered_map>
+#include <utility>
+
+#include "server/base/sha256.h"
+#include "server/formats/sequence_file.h"
+#include "server/formats/sequence_formats.h"
+#include "server/formats/vox_parts.h"
+
+namespace voxeld {
+namespace {
+
+constexpr uint32_t kVersion = 200;
+constexpr size_t kFileHeaderBytes = 20;
+
+// One nSHP: which model from which frame on.
+using Shape = std::vector<std::pair<size_t, uint32_t>>;
+
+class VoxSequence {
+ public:
+  VoxSequence(const FrameSource& source, SequenceFile file)
+      : source_(source), file_(std::move(file)), scene_(vox::scene_size(source.common().spec)) {}
+
+  Status write(int colors_max) {
+    VOXELD_TRY(choose_palette(colors_max));
+    vox::Bytes header;
+    vox::add_file_header(header, kVersion, 0);
+    VOXELD_TRY(file_.append(header.bytes()));
+    for (size_t i = 0; i < source_.frame_count(); ++i) VOXELD_TRY(add_frame(i));
+    VOXELD_TRY(append(scene_graph()));
+    vox::Bytes end;
+    end.u32(static_cast<uint32_t>(file_.size() - kFileHeaderBytes));
+    return file_.replace(kFileHeaderBytes - end.size(), end.bytes());
+  }
+
+ private:
+  // From all frames.
+  Status choose_palette(int colors_max) {
+    VOXELD_ASSIGN(const Grid first, source_.frame(0));
+    colors_.emplace(first);
+    ColorCounts counts;
+    for (size_t i = 0; i < source_.frame_count(); ++i) {
+      VOXELD_ASSIGN(const Grid frame, source_.frame(i));
+      VOXELD_TRY(vox::check_length(sizeof(vox::Voxel) * frame.voxel_count()));
+      vox::count_colors(frame, *colors_, counts);
+    }
+    palette_ = vox::palette_of(std::move(counts), *colors_, colors_max);
+    return {};
+  }
+
+  Status add_frame(size_t index) {
+    VOXELD_ASSIGN(const Grid frame, source_.frame(index));
+    vox::Models models = vox::models_of(frame, *colors_, palette_);
+    if (models.empty() && shapes_.empty()) models[{0, 0, 0}] = {};
+    // A place that had cells before and has none now shows a model without any.
+    for (const auto& [place, shape] : shapes_) models.try_emplace(place);
+    for (const auto& [place, voxels] : models) {
+      VOXELD_ASSIGN(const uint32_t model, model_of(place, voxels));
+      Shape& shape = shapes_[place];
+      if (shape.empty() && index > 0) {
+        VOXELD_ASSIGN(const uint32_t nothing, model_of(place, {}));
+        shape.emplace_back(0, nothing);
+      }
+      if (shape.empty() || shape.back().second != model) shape.emplace_back(index, model);
+    }
+    return {};
+  }
+
+  // Writes the model unless an equal one was written.
+  Result<uint32_t> model_of(const vox::Place& place, const std::vector<vox::Voxel>& voxels) {
+    vox::Bytes model;
+    vox::add_model(model, place, voxels, scene_);
+    const auto next = static_cast<uint32_t>(model_numbers_.size());
+    const auto [known, is_new] = model_numbers_.try_emplace(sha256_id(model.bytes()), next);
+    if (is_new) VOXELD_TRY(append(model));
+    return known->second;
+  }
+
+  vox::Bytes scene_graph() const {
+    vox::Bytes out;
+    vox::add_root(out, source_.common(), shapes_.size());
+    int node = 2;
+    for (const auto& [place, shape] : shapes_) {
+      vox::add_transform(out, node, place, scene_);
+      vox::Bytes content;
+      content.i32(node + 1);
+      content.dict({{"_loop", "1"}});
+      content.u32(static_cast<uint32_t>(shape.size()));
+      for (const auto& [frame, model] : shape) {
+        content.u32(model);
+        content.dict({{"_f", std::to_string(frame)}});
+      }
+      out.chunk("nSHP", content);
+      node += 2;
+    }
+    vox::add_palette(out, palette_);
+    vox::Bytes meta;
+    meta.dict({{"_anim_range", "0 " + std::to_string(source_.frame_count() - 1)}});
+    out.chunk("META", meta);
+    return out;
+  }
+
+  Status append(vox::Bytes bytes) {
+    VOXELD_TRY(vox::check_length(file_.size() + bytes.size()));
+    return file_.append(bytes.bytes());
+  }
+
+  const FrameSource& source_;
+  SequenceFile file_;
+  std::array<int, 3> scene_;
+  std::optional<vox::Colors> colors_;
+  Palette palette_;
+  std::map<vox::Place, Shape> shapes_;
+  std::unordered_map<std::string, uint32_t> model_numbers_;  // by the hash of their chunks
+};
+
+}  // namespace
+
+Status write_vox_sequence(const FrameSource& source, const OutputOptions& options,
+                          const std::filesystem::path& path) {
+  VOXELD_ASSIGN(SequenceFile file, SequenceFile::create(path));
+  return VoxSequence(source, std::move(file)).write(options.palette_max);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,92 @@
+#include "proto/bundle_manifest.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "proto/limits.h"
+
+namespace voxeld {
+namespace {
+
+const std::string kId = "sha256-" + std::string(64, 'a');
+
+std::string file(const std::string& name, const std::string& asset = kId) {
+  return R"({"name":")" + name + R"(","asset":")" + asset + R"("})";
+}
+std::string bundle(const std::string& files) {
+  return R"({"files":[)" + files + "]}";
+}
+std::string refused(const std::string& text) {
+  const auto files = parse_bundle_manifest(text);
+  EXPECT_FALSE(files) << text.substr(0, 200);
+  if (files) return "";
+  EXPECT_EQ(files.error().code, ErrorCode::kMalformedBundle) << text.substr(0, 200);
+  return files.error().message();
+}
+
+TEST(BundleManifest, names_its_files_in_their_order) {
+  const auto files =
+      parse_bundle_manifest(bundle(file("b/bob.md5mesh") + "," + file("a walk.md5anim")));
+  ASSERT_TRUE(files) << files.error().message();
+  ASSERT_EQ(files->size(), 2u);
+  EXPECT_EQ((*files)[0].name, "b/bob.md5mesh");
+  EXPECT_EQ((*files)[0].asset, kId);
+  EXPECT_EQ((*files)[1].name, "a walk.md5anim");
+}
+
+TEST(BundleManifest, members_are_checked_by_name_and_type) {
+  EXPECT_EQ(refused("[]"), "bundle: expected an object, got array");
+  EXPECT_EQ(refused("{}"), "bundle.files: expected it to be there, got nothing");
+  EXPECT_EQ(refused(R"({"files":{}})"), "bundle.files: expected a list, got object");
+  EXPECT_EQ(refused(R"({"files":[],"size":5})"),
+            "bundle: expected files and nothing else, got a member \"size\"");
+  EXPECT_EQ(refused(bundle("5")), "bundle.files[0]: expected an object, got number");
+  EXPECT_EQ(refused(bundle(R"({"asset":"x"})")),
+            "bundle.files[0].name: expected it to be there, got nothing");
+  EXPECT_EQ(refused(bundle(R"({"name":"a"})")),
+            "bundle.files[0].asset: expected it to be there, got nothing");
+  EXPECT_EQ(refused(bundle(file("a") + R"(,{"name":5,"asset":"x"})")),
+            "bundle.files[1].name: expected a text, got number");
+  EXPECT_EQ(refused(bundle(R"({"name":"a","asset":"x","bytes":5})")),
+            "bundle.files[0]: expected name and asset, got a member \"bytes\"");
+  EXPECT_EQ(refused(bundle(file("a", "sha256-5"))),
+            "bundle.files[0].asset: expected the id of an uploaded asset, got \"sha256-5\"");
+  EXPECT_EQ(refused("{").substr(0, 26), "JSON: syntax error at byte");
+}
+
+TEST(BundleManifest, names_that_leave_the_bundle_are_refused) {
+  for (const std::string name : {"", "/a", "../a", "a/../b", "a/..", "./a", "a//b", "a/", "c:/a",
+                                 "a\\\\b", "a\\nb", "a\\u0000b"}) {
+    EXPECT_EQ(refused(bundle(file(name))).substr(0, 44),
+              "bundle.files[0].name: expected a relative pa")
+        << name;
+  }
+  EXPECT_TRUE(parse_bundle_manifest(bundle(file(std::string(255, 'n')))));
+  refused(bundle(file(std::string(256, 'n'))));
+  EXPECT_TRUE(parse_bundle_manifest(bundle(file("...a/b..c/.hidden"))));
+}
+
+TEST(BundleManifest, two_of_one_name_are_refused) {
+  EXPECT_EQ(refused(bundle(file("a/B.tga") + "," + file("A/b.TGA"))),
+            "bundle.files[1].name: expected distinct names, also without regard to case, got "
+            "\"A/b.TGA\" again");
+}
+
+TEST(BundleManifest, the_number_of_files_has_a_limit) {
+  EXPECT_EQ(refused(bundle("")), "bundle.files: expected 1 to 1000 files, got 0");
+  std::string files = file("0");
+  for (int i = 1; i < limits::kBundleEntriesMax; ++i) files += "," + file(std::to_string(i));
+  EXPECT_EQ(parse_bundle_manifest(bundle(files))->size(), 1000u);
+  EXPECT_EQ(refused(bundle(files + "," + file("last"))),
+            "bundle.files: expected 1 to 1000 files, got 1001");
+}
+
+TEST(BundleManifest, a_text_over_the_limit_of_json_bodies_is_too_large) {
+  const auto files = parse_bundle_manifest(std::string(limits::kJsonBodyBytesMax + 1, ' '));
+  ASSERT_FALSE(files);
+  EXPECT_EQ(files.error().code, ErrorCode::kPayloadTooLarge);
+}
+
+}  // namespace
+}  // namespace voxeld
