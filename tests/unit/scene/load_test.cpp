@@ -92,7 +92,7 @@ TEST(FilesBundle, files_of_several_uploads_load_as_a_zip_of_them_does) {
       {{"models/a.obj", test::bytes_of(mesh)}, {"a.mtl", test::bytes_of("newmtl x\nKd 1 0 0\n")}});
   ASSERT_EQ(bundle->entries().size(), 2u);
   EXPECT_EQ(bundle->entries()[0].name, "models/a.obj");
-  EXPECT_EQ(bundle->entries()[1].bytes, 17);
+  EXPECT_EQ(bundle->entries()[1].bytes, 18);
   const auto scene = load_scene("things", *bundle);
   ASSERT_TRUE(scene) << scene.error().message();
   EXPECT_EQ(scene->triangle_count(), 1u);

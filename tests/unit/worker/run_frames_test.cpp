@@ -224,9 +224,14 @@ TEST_F(FramesTest, up_and_transform_hold_for_the_place_of_all_frames) {
   options["up"] = "z";
   options["transform"] = "2,0,0,0,0,1,0,0,0,0,1,5,0,0,0,1";
   (void)done(task(JobKind::kVoxelize, "worm.md5.zip", options));
+  ASSERT_EQ(frames_.size(), 4u);
   for (size_t k = 0; k < frames_.size(); ++k) {
     const Grid grid = frame_grid(k);
-    EXPECT_GT(grid.spec.origin_world.z + grid.spec.voxel_size.z * grid.spec.dims.z, 5.0);
+    // It lies along -z, six units long, from z = 5 on; and is twice as wide.
+    const glm::dvec3 end = grid.spec.world_from_grid(glm::dvec3(grid.spec.dims));
+    EXPECT_NEAR(end.z, 5.0, grid.spec.voxel_size.z);
+    EXPECT_NEAR(grid.spec.origin_world.z, -1.0, 3 * grid.spec.voxel_size.z);
+    EXPECT_NEAR(end.x - grid.spec.origin_world.x, 4.8, 2 * grid.spec.voxel_size.x);
     EXPECT_GT(grid.voxel_count(), 100u);
   }
 }
