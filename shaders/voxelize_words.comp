@@ -1,7 +1,7 @@
 // Pipeline compute on software drivers, triangles of some tiles that are at most 16 voxels wide: an
-// invocation has a triangle, and goes through the words of its tile's mask that its box reaches. Software drivers do memory
-// accesses lane by lane and arithmetic for all lanes at once, so a triangle is read by two loads,
-// and each word is written at most once.
+// invocation has a triangle, and goes through the words of its tile's mask that its box reaches.
+// Software drivers do memory accesses lane by lane and arithmetic for all lanes at once, so a
+// triangle is read by two loads, and each word is written at most once.
 #define TOUCH_INT int
 #define TOUCH_INT3 ivec3
 #include "shared/voxelize.h"

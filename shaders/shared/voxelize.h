@@ -42,9 +42,9 @@
 //   place.z          words of the mask that the box reaches inside the tile, the first one:
 //                    bits 0..5 x, 6..11 y, 12..18 z; and how many, less 1: 19..21 x, 22..24 y,
 //                    25..28 z
-//   place.w          bits 0..7: the tile's slot among the masks; then cells from the box's first one
-//                    to the last one that is inside the grid, or VOXELIZE_SMALL_LAST_MAX where they
-//                    are more: 8..12 x, 13..17 y, 18..22 z
+//   place.w          bits 0..7: the tile's slot among the masks; then cells from the box's first
+//                    one to the last one that is inside the grid, or VOXELIZE_SMALL_LAST_MAX where
+//                    they are more: 8..12 x, 13..17 y, 18..22 z
 #define VOXELIZE_SMALL_EXTENT 4096
 #define VOXELIZE_SMALL_BIAS 64
 #define VOXELIZE_SMALL_CELL_BITS 10

@@ -1,6 +1,6 @@
-// The triangles of some tiles as pass voxelize_words takes them: those at most 16 voxels wide packed
-// into two vectors each, in the order of how many words of the mask their boxes reach, so that the
-// lanes of a SIMD group do alike.
+// The triangles of some tiles as pass voxelize_words takes them: those at most 16 voxels wide
+// packed into two vectors each, in the order of how many words of the mask their boxes reach, so
+// that the lanes of a SIMD group do alike.
 #pragma once
 
 #include <array>
