@@ -27,11 +27,13 @@ void check(const nlohmann::json& json,
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  const auto json = voxeld::parse_json_bounded({reinterpret_cast<const char*>(data), size});
+  const auto json = voxeld::parse_task_message({reinterpret_cast<const char*>(data), size});
   if (!json) return 0;
   check(*json, voxeld::parse_worker_hello);
   check(*json, voxeld::parse_task);
   check(*json, voxeld::parse_task_progress);
+  check(*json, voxeld::parse_task_frame);
+  check(*json, voxeld::parse_task_frame_reply);
   check(*json, voxeld::parse_task_completion);
   check(*json, voxeld::parse_task_failure);
   return 0;
