@@ -123,7 +123,8 @@ std::optional<JobState> job_state_from_name(std::string_view name) {
 OptionScope option_scope(const JobRequest& request) {
   switch (request.kind) {
     case JobKind::kRender:
-      return request.asset.empty() ? OptionScope::kRenderGrid : OptionScope::kRenderMesh;
+      return request.grid.empty() && request.sequence.empty() ? OptionScope::kRenderMesh
+                                                              : OptionScope::kRenderGrid;
     case JobKind::kExport:
       return OptionScope::kExport;
     case JobKind::kVoxelize:

@@ -111,8 +111,8 @@ struct TaskFailure {
   Error error;
 };
 
-// The JSON of a frame of the socket, of at most kTaskFrameBytesMax: the paths of a long sequence are
-// more than fits into the body of a request. Errors: as parse_json_bounded().
+// The JSON of a frame of the socket, of at most kTaskFrameBytesMax: the paths of a long sequence
+// are more than fits into the body of a request. Errors: as parse_json_bounded().
 Result<nlohmann::json> parse_task_message(std::string_view text);
 
 nlohmann::json to_json_message(const WorkerHello& hello);

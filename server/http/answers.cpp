@@ -21,9 +21,9 @@ std::string text_member(const Json& object, const char* name) {
 // The part of meta that fits a header: where the grid lies, and what is known of its inside.
 std::string meta_header(const Json& meta) {
   Json brief = Json::object();
-  for (const char* name :
-       {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units", "mesh", "solid",
-        "level", "level_rule", "region", "of", "drawn", "host_bytes_peak", "host_bytes_estimate"}) {
+  for (const char* name : {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units",
+                           "frames", "fps", "animation", "mesh", "solid", "level", "level_rule",
+                           "region", "of", "drawn", "host_bytes_peak", "host_bytes_estimate"}) {
     if (meta.contains(name)) brief[name] = meta[name];
   }
   std::string text = brief.dump(-1, ' ', true);
@@ -36,6 +36,7 @@ void add_result_headers(Response& response, const JobStatus& status) {
   auto& headers = response.headers;
   headers["X-Voxeld-Job"] = status.id;
   if (!result.grid.empty()) headers["X-Voxeld-Grid"] = result.grid;
+  if (!result.sequence.empty()) headers["X-Voxeld-Sequence"] = result.sequence;
   if (meta.is_object()) {
     headers["X-Voxeld-Content-Hash"] = text_member(meta, "content_hash");
     headers["X-Voxeld-Pipeline"] = text_member(meta, "pipeline");
@@ -96,7 +97,15 @@ Response status_response(int http_status, const JobStatus& status) {
   return response;
 }
 
-Result<std::optional<Format>> requested_format(const Request& request) {
+Response run_transient(Request& request, Api& api, const JobRequest& job) {
+  SubmitOptions submit;
+  submit.transient = true;
+  auto status = api.jobs.submit(job, submit);
+  if (!status) return problem(request, status.error());
+  return await_result(request, api, *status, /*transient=*/true);
+}
+
+Result<std::optional<Format>> requested_format(const Request& request, MediaTypeOf media_type) {
   std::string known;
   for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
     known += (known.empty() ? "" : ", ") + std::string(format_name(format));
@@ -113,14 +122,13 @@ Result<std::optional<Format>> requested_format(const Request& request) {
     return std::optional<Format>();
   }
   for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
-    if (accept.find(format_media_type(format)) != std::string_view::npos) {
+    if (accept.find(media_type(format)) != std::string_view::npos) {
       return std::optional(format);
     }
-    known += (format == Format::kNpy ? "; types " : ", ") + std::string(format_media_type(format));
+    known += (format == Format::kNpy ? "; types " : ", ") + std::string(media_type(format));
   }
-  if (accept.find("image/png") != std::string_view::npos ||
-      accept.find("image/*") != std::string_view::npos) {
-    return std::optional<Format>();
+  for (const std::string_view picture : {"image/png", "image/gif", "image/apng", "image/*"}) {
+    if (accept.find(picture) != std::string_view::npos) return std::optional<Format>();
   }
   return Error{ErrorCode::kNotAcceptable, "Accept names no format of this result", known,
                "\"" + header_safe(accept.substr(0, 120)) + "\""};

@@ -33,20 +33,29 @@ void add_job_routes(Router& router, Api& api);
 void add_event_routes(Router& router, Api& api);
 void add_result_routes(Router& router, Api& api);
 void add_grid_routes(Router& router, Api& api);
+void add_sequence_routes(Router& router, Api& api);
 void add_index_routes(Router& router, Api& api);
 
 // The problem of `error` for this request.
 Response problem(const Request& request, const Error& error);
 
+// --- grids.cpp
+// What /v1/grids/{grid} and its render.png answer.
+Response grid_response(Request& request, Api& api, const std::string& grid);
+Response grid_picture(Request& request, Api& api, const std::string& grid);
+
 // --- upload.cpp
 struct Upload {
   BlobInfo blob;
+  std::vector<BundleFile> bundle_files;  // when the body is a bundle manifest
   std::string filename, content_type;
   double ms = 0;
 };
 // Streams the body into the blob store. Errors: unsupported-media-type by Content-Type, bad-request
-// for an empty body, and those of the body and the store.
+// for an empty body, those of the body and the store, and of bundle manifests malformed-bundle,
+// not-found and gone for files that are not there.
 Result<Upload> receive_upload(Request& request, Api& api);
+Result<Asset> register_upload(Api& api, const Upload& upload);
 // The file name that the request gives: `filename=`, else Content-Disposition, else empty.
 std::string requested_filename(const Request& request);
 
@@ -56,6 +65,8 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
 // Waits for a job and answers with its bytes or with its problem; cancels it when the client leaves
 // and `transient` is set.
 Response await_result(Request& request, Api& api, const JobStatus& submitted, bool transient);
+// Submits a job that is cancelled when the client leaves, and answers as await_result().
+Response run_transient(Request& request, Api& api, const JobRequest& job);
 // "queue;dur=1.2, parse;dur=3.4"
 std::string server_timing(const JobStatus& status);
 // Seconds of "Prefer: wait=N", clamped to kPreferWaitSecondsMax; 0 where it is absent.
@@ -63,7 +74,9 @@ int preferred_wait_seconds(const Request& request);
 // Writes a status as JSON with its ETag.
 Response status_response(int http_status, const JobStatus& status);
 // The format that `format=` or Accept asks for; nullopt: any. Errors: invalid-option,
-// not-acceptable with the list of formats.
-Result<std::optional<Format>> requested_format(const Request& request);
+// not-acceptable with the list of formats. Grids and sequences have types of their own.
+using MediaTypeOf = std::string_view (*)(Format);
+Result<std::optional<Format>> requested_format(const Request& request,
+                                               MediaTypeOf media_type = format_media_type);
 
 }  // namespace voxeld::http

@@ -29,7 +29,7 @@ Response post_asset(Request& request, Api& api) {
   }
   auto upload = receive_upload(request, api);
   if (!upload) return problem(request, upload.error());
-  auto asset = api.jobs.put_asset(upload->blob, upload->filename, upload->content_type);
+  auto asset = register_upload(api, *upload);
   if (!asset) return problem(request, asset.error());
   Response response = Response::json(upload->blob.existed ? 200 : 201, text_of(asset_json(*asset)));
   response.headers["Location"] = "/v1/assets/" + asset->id;

@@ -12,20 +12,18 @@ namespace {
 
 using Json = nlohmann::json;
 
-Result<JobStatus> submit_on_grid(Request& request, Api& api, JobKind kind, OptionScope scope) {
+Result<JobRequest> request_on_grid(const Request& request, const std::string& grid, JobKind kind) {
   JobRequest job;
   job.kind = kind;
-  job.grid = request.path_parameters[0];
-  VOXELD_ASSIGN(job.options, parse_options(request.head.query, scope));
-  SubmitOptions submit;
-  submit.transient = true;
-  return api.jobs.submit(job, submit);
+  job.grid = grid;
+  VOXELD_ASSIGN(job.options, parse_options(request.head.query, option_scope(job)));
+  return job;
 }
 
-Response run_on_grid(Request& request, Api& api, JobKind kind, OptionScope scope) {
-  const auto status = submit_on_grid(request, api, kind, scope);
-  if (!status) return problem(request, status.error());
-  return await_result(request, api, *status, /*transient=*/true);
+Response run_on_grid(Request& request, Api& api, const std::string& grid, JobKind kind) {
+  const auto job = request_on_grid(request, grid, kind);
+  if (!job) return problem(request, job.error());
+  return run_transient(request, api, *job);
 }
 
 // The grid that the path names, or the level or region of it that the query asks for: a grid of its
@@ -37,8 +35,11 @@ Result<BlobInfo> wanted_grid(Request& request, Api& api) {
     return Error{ErrorCode::kUnknownOption, "tiles are of native grids",
                  "level, level_rule and region", "\"" + name.substr(0, 40) + "\""};
   }
-  VOXELD_ASSIGN(const JobStatus submitted,
-                submit_on_grid(request, api, JobKind::kExport, OptionScope::kExport));
+  VOXELD_ASSIGN(const JobRequest job,
+                request_on_grid(request, request.path_parameters[0], JobKind::kExport));
+  SubmitOptions submit;
+  submit.transient = true;
+  VOXELD_ASSIGN(const JobStatus submitted, api.jobs.submit(job, submit));
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
   VOXELD_ASSIGN(const JobStatus status,
                 api.jobs.wait_end(submitted.id, deadline, request.client_gone));
@@ -53,27 +54,6 @@ Result<BlobInfo> wanted_grid(Request& request, Api& api) {
   }
   // All cells at level 0 are the grid itself, under whatever name its bytes have.
   return api.jobs.blobs().stat(status.result->blob);
-}
-
-Response get_grid(Request& request, Api& api) {
-  auto blob = api.jobs.get_grid(request.path_parameters[0]);
-  if (!blob) return problem(request, blob.error());
-  auto format = requested_format(request);
-  if (!format) return problem(request, format.error());
-  if (!request.head.query.empty() || (*format && **format != Format::kNative)) {
-    if (*format && !request.query("format")) {
-      request.head.query.emplace_back("format", format_name(**format));
-    }
-    return run_on_grid(request, api, JobKind::kExport, OptionScope::kExport);
-  }
-  auto response = file_response(request.head, {api.jobs.blobs().path_of(blob->id), 0, blob->bytes},
-                                "\"" + blob->id + "\"");
-  if (!response) return problem(request, response.error());
-  if (response->status < 300) {
-    response->headers["Content-Type"] = std::string(format_media_type(Format::kNative));
-    response->headers["Content-Disposition"] = "inline; filename=\"grid.voxg\"";
-  }
-  return std::move(response).value();
 }
 
 // Calls `use(reader)` on the mapped container.
@@ -134,13 +114,47 @@ Response get_tile(Request& request, Api& api) {
 
 }  // namespace
 
+Response grid_response(Request& request, Api& api, const std::string& grid) {
+  auto blob = api.jobs.get_grid(grid);
+  if (!blob) return problem(request, blob.error());
+  auto format = requested_format(request);
+  if (!format) return problem(request, format.error());
+  if (!request.head.query.empty() || (*format && **format != Format::kNative)) {
+    if (*format && !request.query("format")) {
+      request.head.query.emplace_back("format", format_name(**format));
+    }
+    return run_on_grid(request, api, grid, JobKind::kExport);
+  }
+  auto response = file_response(request.head, {api.jobs.blobs().path_of(blob->id), 0, blob->bytes},
+                                "\"" + blob->id + "\"");
+  if (!response) return problem(request, response.error());
+  if (response->status < 300) {
+    response->headers["Content-Type"] = std::string(format_media_type(Format::kNative));
+    response->headers["Content-Disposition"] = "inline; filename=\"grid.voxg\"";
+  }
+  return std::move(response).value();
+}
+
+Response grid_picture(Request& request, Api& api, const std::string& grid) {
+  const std::string picture = request.query("picture").value_or("png");
+  if (picture != "png") {
+    return problem(request, {ErrorCode::kInvalidOption, "picture",
+                             "png here; others from /v1/grids/{id}/render",
+                             "\"" + picture.substr(0, 40) + "\""});
+  }
+  return run_on_grid(request, api, grid, JobKind::kRender);
+}
+
 void add_grid_routes(Router& router, Api& api) {
-  router.add("GET", "/v1/grids/{id}", [&api](Request& r) { return get_grid(r, api); });
+  router.add("GET", "/v1/grids/{id}",
+             [&api](Request& r) { return grid_response(r, api, r.path_parameters[0]); });
   router.add("GET", "/v1/grids/{id}/tiles", [&api](Request& r) { return get_tiles(r, api); });
   router.add("GET", "/v1/grids/{id}/tiles/{index}",
              [&api](Request& r) { return get_tile(r, api); });
-  router.add("GET", "/v1/grids/{id}/render.png", [&api](Request& r) {
-    return run_on_grid(r, api, JobKind::kRender, OptionScope::kRenderGrid);
+  router.add("GET", "/v1/grids/{id}/render.png",
+             [&api](Request& r) { return grid_picture(r, api, r.path_parameters[0]); });
+  router.add("GET", "/v1/grids/{id}/render", [&api](Request& r) {
+    return run_on_grid(r, api, r.path_parameters[0], JobKind::kRender);
   });
 }
 

@@ -28,6 +28,7 @@ Response dry_run(const JobRequest& job, Api& api) {
   return Response::json(200, Json{{"kind", job_kind_name(job.kind)},
                                   {"asset", job.asset},
                                   {"grid", job.grid},
+                                  {"sequence", job.sequence},
                                   {"options", options},
                                   {"queue_position", api.jobs.queued_jobs() + 1}}
                                  .dump());
@@ -40,6 +41,9 @@ Status check_input(const JobRequest& job, Api& api) {
   }
   if (!job.grid.empty()) {
     if (auto grid = api.jobs.get_grid(job.grid); !grid) return grid.error();
+  }
+  if (!job.sequence.empty()) {
+    if (auto known = api.jobs.get_sequence(job.sequence); !known) return known.error();
   }
   return {};
 }

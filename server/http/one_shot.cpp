@@ -10,7 +10,9 @@ namespace {
 OptionPairs option_pairs(const Request& request) {
   OptionPairs pairs;
   for (const auto& pair : request.head.query) {
-    if (pair.first != "asset" && pair.first != "grid") pairs.push_back(pair);
+    const bool names_input =
+        pair.first == "asset" || pair.first == "grid" || pair.first == "sequence";
+    if (!names_input) pairs.push_back(pair);
   }
   return pairs;
 }
@@ -20,11 +22,16 @@ Result<JobRequest> parse_request(const Request& request, JobKind kind) {
   job.kind = kind;
   job.asset = request.query("asset").value_or("");
   job.grid = request.query("grid").value_or("");
-  if (!job.grid.empty() && (kind == JobKind::kVoxelize || !job.asset.empty())) {
-    return Error{
-        ErrorCode::kInvalidOption, "grid",
-        kind == JobKind::kVoxelize ? "asset, or a mesh as the body" : "either asset or grid",
-        "grid"};
+  job.sequence = request.query("sequence").value_or("");
+  const int inputs = int{!job.asset.empty()} + int{!job.grid.empty()} + int{!job.sequence.empty()};
+  const char* other = job.sequence.empty() ? "grid" : "sequence";
+  const bool has_other = !job.grid.empty() || !job.sequence.empty();
+  if (kind == JobKind::kVoxelize && has_other) {
+    return Error{ErrorCode::kInvalidOption, other, "asset, or a mesh as the body", other};
+  }
+  if (inputs > 1) {
+    return Error{ErrorCode::kInvalidOption, other, "one of asset, grid and sequence",
+                 std::to_string(inputs) + " of them"};
   }
   VOXELD_ASSIGN(job.options, parse_options(option_pairs(request), option_scope(job)));
   job.filename = job.options.filename;
@@ -36,12 +43,12 @@ Response run(Request& request, Api& api, JobKind kind) {
   if (!job) return problem(request, job.error());
   SubmitOptions submit;
   submit.transient = true;
-  if (job->asset.empty() && job->grid.empty()) {
+  if (job->asset.empty() && job->grid.empty() && job->sequence.empty()) {
     auto upload = receive_upload(request, api);
     if (!upload) return problem(request, upload.error());
     submit.upload_ms = upload->ms;
     job->filename = upload->filename;
-    auto asset = api.jobs.put_asset(upload->blob, upload->filename, upload->content_type);
+    auto asset = register_upload(api, *upload);
     if (!asset) return problem(request, asset.error());
     job->asset = asset->id;
   }

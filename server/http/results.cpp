@@ -1,13 +1,27 @@
-// /v1/jobs/{id}/result: a job's bytes, or its grid in another format.
+// /v1/jobs/{id}/result: a job's bytes, or its grid or sequence in another format.
+#include "proto/sequence_format.h"
 #include "server/http/api.h"
 
 namespace voxeld::http {
 namespace {
 
-Response export_grid(Request& request, Api& api, const std::string& grid, Format format) {
+// What an export of the job's result starts from: its own grid or sequence, or the one that it drew
+// or wrote. Both empty: it has none.
+JobRequest export_of(const JobStatus& status) {
+  const JobResult& result = *status.result;
   JobRequest job;
   job.kind = JobKind::kExport;
-  job.grid = grid;
+  job.sequence = result.sequence;
+  job.grid = result.grid;
+  if (job.sequence.empty() && job.grid.empty()) {
+    job.sequence = status.sequence;
+    job.grid = status.grid;
+  }
+  if (!job.sequence.empty()) job.grid.clear();
+  return job;
+}
+
+Response export_as(Request& request, Api& api, JobRequest job, Format format) {
   OptionPairs pairs;
   for (const auto& pair : request.head.query) {
     if (pair.first != "format") pairs.push_back(pair);
@@ -16,11 +30,7 @@ Response export_grid(Request& request, Api& api, const std::string& grid, Format
   if (!options) return problem(request, options.error());
   job.options = *options;
   job.options.output.format = format;
-  SubmitOptions submit;
-  submit.transient = true;
-  auto status = api.jobs.submit(job, submit);
-  if (!status) return problem(request, status.error());
-  return await_result(request, api, *status, /*transient=*/true);
+  return run_transient(request, api, job);
 }
 
 Response get_result(Request& request, Api& api) {
@@ -29,20 +39,21 @@ Response get_result(Request& request, Api& api) {
   if (status->state != JobState::kDone || !status->result) {
     return job_result_response(request, api, *status);
   }
-  auto format = requested_format(request);
+  const JobRequest job = export_of(*status);
+  const MediaTypeOf media_type = job.sequence.empty() ? format_media_type : sequence_media_type;
+  auto format = requested_format(request, media_type);
   if (!format) return problem(request, format.error());
   const JobResult& result = *status->result;
-  const bool other = *format && format_media_type(**format) != result.media_type;
+  const bool other = *format && media_type(**format) != result.media_type;
   if (!other && request.head.query.empty()) return job_result_response(request, api, *status);
   if (!*format || (!other && request.head.query.size() == 1)) {
     return job_result_response(request, api, *status);
   }
-  const std::string& grid = result.grid.empty() ? status->grid : result.grid;
-  if (grid.empty()) {
+  if (job.grid.empty() && job.sequence.empty()) {
     return problem(request, {ErrorCode::kNotAcceptable, "this job's result has one form alone",
-                             result.media_type, std::string(format_media_type(**format))});
+                             result.media_type, std::string(media_type(**format))});
   }
-  return export_grid(request, api, grid, **format);
+  return export_as(request, api, job, **format);
 }
 
 }  // namespace

@@ -28,6 +28,7 @@ class HttpServer final : public Server {
     add_event_routes(router_, api_);
     add_result_routes(router_, api_);
     add_grid_routes(router_, api_);
+    add_sequence_routes(router_, api_);
     add_index_routes(router_, api_);
     add_admin_routes(admin_router_, jobs, registry, [this] {
       if (front_) metrics_.set_state(front_->state(), api_.subscribers);

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <array>
 
+#include "proto/bundle_manifest.h"
+#include "proto/limits.h"
 #include "server/base/stopwatch.h"
 #include "server/http/api.h"
 #include "server/http/body_reader.h"
@@ -17,12 +19,17 @@ constexpr std::array<std::string_view, 9> kMediaTypes = {
     "application/x-ply",         "application/x-zip-compressed",
     "application/vnd.ms-pki.stl"};
 
-Status check_media_type(std::string_view content_type) {
+// Without parameters, in small letters.
+std::string media_type(std::string_view content_type) {
   std::string type(content_type.substr(0, content_type.find(';')));
   std::ranges::transform(type, type.begin(), [](char c) {
     return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
   });
   while (type.ends_with(' ')) type.pop_back();
+  return type;
+}
+
+Status check_media_type(std::string_view type) {
   if (type.empty() || type.starts_with("model/") || std::ranges::count(kMediaTypes, type) != 0) {
     return {};
   }
@@ -31,6 +38,56 @@ Status check_media_type(std::string_view content_type) {
                form ? "the file itself as the body: curl --data-binary @mesh.ply"
                     : "model/*, application/octet-stream, application/zip or none",
                "\"" + header_safe(type.substr(0, 80)) + "\""};
+}
+
+// A file of a bundle that is not there shall cost nothing: this is looked at before the manifest is
+// stored, and once more when it is registered.
+Status check_files(Api& api, const std::vector<BundleFile>& files) {
+  for (const BundleFile& file : files) {
+    auto asset = api.jobs.get_asset(file.asset);
+    if (asset) continue;
+    Error error = std::move(asset).error();
+    error.detail = "bundle file \"" + file.name + "\": " + error.detail;
+    return error;
+  }
+  return {};
+}
+
+// What a manifest is called: it ends with kBundleExtension; unnamed ones are called after the first
+// of their files.
+std::string bundle_filename(std::string name, const std::vector<BundleFile>& files) {
+  if (name.empty()) {
+    const std::string& first = files.front().name;
+    name = first.substr(first.find_last_of('/') + 1);
+    name = name.substr(0, name.find_last_of('.'));
+  }
+  if (!name.ends_with(kBundleExtension)) name += kBundleExtension;
+  return name;
+}
+
+// A manifest is small: it is read whole and stored once it is known to be right.
+Status receive_bundle(Request& request, Api& api, Upload& upload) {
+  const int64_t bytes_max = std::min(api.config.upload_bytes_max, limits::kJsonBodyBytesMax);
+  VOXELD_ASSIGN(const std::string text, request.body->read_text(bytes_max));
+  VOXELD_ASSIGN(upload.bundle_files, parse_bundle_manifest(text));
+  VOXELD_TRY(check_files(api, upload.bundle_files));
+  upload.filename = bundle_filename(std::move(upload.filename), upload.bundle_files);
+  VOXELD_ASSIGN(BlobWriter writer, api.jobs.blobs().begin(bytes_max));
+  VOXELD_TRY(writer.append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
+  VOXELD_ASSIGN(upload.blob, writer.finish());
+  return {};
+}
+
+Status receive_file(Request& request, Api& api, Upload& upload) {
+  const int64_t bytes_max = api.config.upload_bytes_max;
+  VOXELD_ASSIGN(BlobWriter writer, api.jobs.blobs().begin(bytes_max));
+  VOXELD_TRY(request.body->read(
+      bytes_max, [&](std::span<const uint8_t> piece) { return writer.append(piece); }));
+  if (writer.bytes() == 0) {
+    return Error{ErrorCode::kBadRequest, "the body is empty", "a mesh file", "0 bytes"};
+  }
+  VOXELD_ASSIGN(upload.blob, writer.finish());
+  return {};
 }
 
 // filename="…" of a Content-Disposition, without folders.
@@ -58,17 +115,22 @@ Result<Upload> receive_upload(Request& request, Api& api) {
   Upload upload;
   upload.content_type = request.head.header("Content-Type");
   upload.filename = requested_filename(request);
-  VOXELD_TRY(check_media_type(upload.content_type));
-  const int64_t bytes_max = api.config.upload_bytes_max;
-  VOXELD_ASSIGN(BlobWriter writer, api.jobs.blobs().begin(bytes_max));
-  VOXELD_TRY(request.body->read(
-      bytes_max, [&](std::span<const uint8_t> piece) { return writer.append(piece); }));
-  if (writer.bytes() == 0) {
-    return Error{ErrorCode::kBadRequest, "the body is empty", "a mesh file", "0 bytes"};
+  const std::string type = media_type(upload.content_type);
+  if (type == kBundleMediaType) {
+    VOXELD_TRY(receive_bundle(request, api, upload));
+  } else {
+    VOXELD_TRY(check_media_type(type));
+    VOXELD_TRY(receive_file(request, api, upload));
   }
-  VOXELD_ASSIGN(upload.blob, writer.finish());
   upload.ms = watch.ms();
   return upload;
+}
+
+Result<Asset> register_upload(Api& api, const Upload& upload) {
+  if (upload.bundle_files.empty()) {
+    return api.jobs.put_asset(upload.blob, upload.filename, upload.content_type);
+  }
+  return api.jobs.put_bundle(upload.blob, upload.filename, upload.bundle_files);
 }
 
 }  // namespace voxeld::http

@@ -39,6 +39,13 @@ Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
                                  " AND NOT EXISTS (SELECT 1 FROM jobs WHERE asset = a.id"
                                  "                 AND state IN ('queued', 'running'))"
                                  " AND NOT EXISTS (SELECT 1 FROM results WHERE blob = a.id)"
+                                 " AND NOT EXISTS (SELECT 1 FROM bundle_files b"
+                                 "                 JOIN jobs j ON j.asset = b.bundle"
+                                 "                 WHERE b.asset = a.id"
+                                 "                 AND j.state IN ('queued', 'running'))"
+                                 " AND NOT EXISTS (SELECT 1 FROM frames WHERE grid = a.id)"
+                                 " AND NOT EXISTS (SELECT 1 FROM results WHERE sequence = a.id"
+                                 "                 AND sequence <> '')"
                                  " AND NOT EXISTS (SELECT 1 FROM results WHERE grid = a.id"
                                  "                 AND grid <> '')"));
   std::vector<std::string> ids;
@@ -49,30 +56,97 @@ Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
   }
 }
 
+Status put_row(SqlConnection& connection, const BlobStore& blobs, const BlobInfo& blob,
+               std::string_view filename, std::string_view content_type) {
+  if (!blobs.stat(blob.id)) {
+    return Error{ErrorCode::kConflict, "the asset was deleted while it was uploaded; send it again",
+                 "", ""};
+  }
+  return connection.run(
+      "INSERT INTO assets (id, filename, content_type, bytes, created_ms)"
+      " VALUES ($1, $2, $3, $4, $5) ON CONFLICT (id) DO UPDATE SET"
+      " filename = CASE WHEN excluded.filename <> '' THEN excluded.filename"
+      "            ELSE assets.filename END,"
+      " content_type = CASE WHEN excluded.content_type <> '' THEN excluded.content_type"
+      "                ELSE assets.content_type END,"
+      " bytes = excluded.bytes, deleted_ms = 0",
+      blob.id, filename, content_type, blob.bytes, unix_time_ms());
+}
+
+Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement rows,
+                connection.query("SELECT name, asset FROM bundle_files WHERE bundle = $1"
+                                 " ORDER BY position",
+                                 id));
+  std::vector<BundleFile> files;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return files;
+    files.push_back({rows.text(0), rows.text(1)});
+  }
+}
+
+Status check_bundle_file(SqlConnection& connection, const BundleFile& file) {
+  const std::string what = "bundle file \"" + file.name + "\": ";
+  if (auto asset = load_asset(connection, file.asset); !asset) {
+    Error error = std::move(asset).error();
+    error.detail = what + error.detail;
+    return error;
+  }
+  VOXELD_ASSIGN(const auto inner, load_bundle(connection, file.asset));
+  if (inner.empty()) return {};
+  return Error{ErrorCode::kMalformedBundle, what + "it is a bundle itself", "a file", file.asset};
+}
+
+// A manifest's rows; those of the same bytes are the same.
+Status put_files(SqlConnection& connection, std::string_view bundle,
+                 const std::vector<BundleFile>& files) {
+  VOXELD_TRY(connection.run("DELETE FROM bundle_files WHERE bundle = $1", bundle));
+  for (size_t i = 0; i < files.size(); ++i) {
+    VOXELD_TRY(check_bundle_file(connection, files[i]));
+    VOXELD_TRY(connection.run(
+        "INSERT INTO bundle_files (bundle, position, name, asset) VALUES ($1, $2, $3, $4)", bundle,
+        static_cast<int64_t>(i), files[i].name, files[i].asset));
+  }
+  return {};
+}
+
 }  // namespace
+
+Status check_bundle(SqlConnection& connection, std::string_view id) {
+  VOXELD_ASSIGN(const auto files, load_bundle(connection, id));
+  for (const BundleFile& file : files) VOXELD_TRY(check_bundle_file(connection, file));
+  return {};
+}
 
 Result<Asset> AssetStore::put(const BlobInfo& blob, const std::string& filename,
                               const std::string& content_type) {
   std::optional<Asset> asset;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    if (!blobs_.stat(blob.id)) {
-      return Error{ErrorCode::kConflict,
-                   "the asset was deleted while it was uploaded; send it again", "", ""};
-    }
-    VOXELD_TRY(connection.run(
-        "INSERT INTO assets (id, filename, content_type, bytes, created_ms)"
-        " VALUES ($1, $2, $3, $4, $5) ON CONFLICT (id) DO UPDATE SET"
-        " filename = CASE WHEN excluded.filename <> '' THEN excluded.filename"
-        "            ELSE assets.filename END,"
-        " content_type = CASE WHEN excluded.content_type <> '' THEN excluded.content_type"
-        "                ELSE assets.content_type END,"
-        " bytes = excluded.bytes, deleted_ms = 0",
-        blob.id, filename, content_type, blob.bytes, unix_time_ms()));
+    VOXELD_TRY(put_row(connection, blobs_, blob, filename, content_type));
     VOXELD_ASSIGN(asset, load_asset(connection, blob.id));
     return {};
   });
   VOXELD_TRY(committed);
   return *std::move(asset);
+}
+
+Result<Asset> AssetStore::put_bundle(const BlobInfo& blob, const std::string& filename,
+                                     const std::vector<BundleFile>& files) {
+  std::optional<Asset> asset;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(put_files(connection, blob.id, files));
+    VOXELD_TRY(put_row(connection, blobs_, blob, filename, kBundleMediaType));
+    VOXELD_ASSIGN(asset, load_asset(connection, blob.id));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return *std::move(asset);
+}
+
+Result<std::vector<BundleFile>> AssetStore::bundle_files(std::string_view id) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return load_bundle(*reader, id);
 }
 
 Result<Asset> AssetStore::get(std::string_view id) {

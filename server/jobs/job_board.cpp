@@ -13,24 +13,46 @@ void JobBoard::start(const std::string& id, int64_t version) {
   entry->version = std::max(entry->version, version);
   entry->stage.clear();
   entry->tiles_done = entry->tiles_total = 0;
+  entry->frames_done = entry->frames_total = 0;
+  entry->is_untold = false;
   entry->changed_at = {};
   entry->cancel = false;
   entry->changed.notify_all();
 }
 
 void JobBoard::progress(const std::string& id, std::string_view stage, int64_t tiles_done,
-                        int64_t tiles_total) {
+                        int64_t tiles_total, int64_t frames_done, int64_t frames_total) {
   MutexLock lock(mutex_);
   const auto found = entries_.find(id);
   if (found == entries_.end() || !found->second->running) return;
   Entry& entry = *found->second;
   const bool same_stage = entry.stage == stage;
-  if (same_stage && entry.tiles_done == tiles_done && entry.tiles_total == tiles_total) return;
+  const bool same = same_stage && entry.tiles_done == tiles_done &&
+                    entry.tiles_total == tiles_total && entry.frames_done >= frames_done &&
+                    entry.frames_total == frames_total;
+  if (same && !entry.is_untold) return;
   const auto now = Clock::now();
   if (same_stage && now - entry.changed_at < kThrottle) return;
   entry.stage = stage;
   entry.tiles_done = tiles_done;
   entry.tiles_total = tiles_total;
+  entry.frames_done = std::max(entry.frames_done, frames_done);
+  entry.frames_total = frames_total;
+  entry.is_untold = false;
+  entry.changed_at = now;
+  ++entry.version;
+  entry.changed.notify_all();
+}
+
+void JobBoard::frames_listed(const std::string& id, int64_t count) {
+  MutexLock lock(mutex_);
+  const auto found = entries_.find(id);
+  if (found == entries_.end() || !found->second->running) return;
+  Entry& entry = *found->second;
+  entry.frames_done = std::max(entry.frames_done, count);
+  const auto now = Clock::now();
+  entry.is_untold = now - entry.changed_at < kThrottle;
+  if (entry.is_untold) return;
   entry.changed_at = now;
   ++entry.version;
   entry.changed.notify_all();
@@ -64,6 +86,8 @@ void JobBoard::overlay(JobStatus& status) const {
   status.stage = entry.stage;
   status.tiles_done = entry.tiles_done;
   status.tiles_total = entry.tiles_total;
+  status.frames_done = std::max(status.frames_done, entry.frames_done);
+  status.frames_total = std::max(status.frames_total, entry.frames_total);
 }
 
 void JobBoard::request_cancel(const std::string& id) {

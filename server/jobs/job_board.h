@@ -24,7 +24,9 @@ class JobBoard {
   // Takes a report. Changes nothing when it says what is known already, or within kThrottle of the
   // last change of the same stage.
   void progress(const std::string& id, std::string_view stage, int64_t tiles_done,
-                int64_t tiles_total);
+                int64_t tiles_total, int64_t frames_done = 0, int64_t frames_total = 0);
+  // So many frames of the job are listed. Within kThrottle it is told with the next report.
+  void frames_listed(const std::string& id, int64_t count);
   // The highest version that anybody may have seen of a running job; 0 when it is not running.
   int64_t live_version(const std::string& id) const;
   // The job's stored state has changed; `running` is false when it ended or was put back.
@@ -62,6 +64,8 @@ class JobBoard {
     int64_t version = 0;
     std::string stage;
     int64_t tiles_done = 0, tiles_total = 0;
+    int64_t frames_done = 0, frames_total = 0;
+    bool is_untold = false;  // something changed within kThrottle
     Clock::time_point changed_at{};
     Clock::time_point cancel_at{};
     bool cancel = false;

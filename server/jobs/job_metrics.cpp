@@ -53,6 +53,11 @@ struct JobMetrics::Impl {
                           .Name("voxeld_job_stage_seconds")
                           .Help("Time of each stage of finished jobs.")
                           .Register(*registry)),
+        frames_done(BuildCounter()
+                        .Name("voxeld_frames_done_total")
+                        .Help("Frames of sequences that workers have made.")
+                        .Register(*registry)
+                        .Add({})),
         restarts(BuildCounter()
                      .Name("voxeld_worker_restarts_total")
                      .Help("Worker processes that ended and were started again, by device.")
@@ -69,6 +74,7 @@ struct JobMetrics::Impl {
   Family<Counter>& requeued;
   Family<Histogram>& queue_seconds;
   Family<Histogram>& stage_seconds;
+  Counter& frames_done;
   Family<Counter>& restarts;
   Family<Gauge>& worker_up;
 };
@@ -101,6 +107,10 @@ void JobMetrics::ended(const JobStatus& status) {
     if (stage == "queue") continue;
     impl_->stage_seconds.Add({{"stage", stage}}, seconds_buckets()).Observe(ms / 1000.0);
   }
+}
+
+void JobMetrics::frame_done() {
+  if (impl_) impl_->frames_done.Increment();
 }
 
 void JobMetrics::set_jobs(int64_t queued, int64_t running) {

@@ -26,6 +26,8 @@ class JobMetrics {
   void requeued(const JobStatus& status);
   // Counts by kind and outcome, and observes each stage.
   void ended(const JobStatus& status);
+  // A frame was listed.
+  void frame_done();
   void set_jobs(int64_t queued, int64_t running);
   void worker_restarted(const std::string& device);
   void set_worker_up(const std::string& device, bool up);

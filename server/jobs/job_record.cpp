@@ -14,9 +14,12 @@ constexpr std::string_view kSelect =
     "SELECT j.seq, j.id, j.kind, j.state, j.asset, j.grid, j.filename, j.options_json,"
     " j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
     " j.attempt, j.fence, j.worker, j.lost_workers, j.upload_us, j.created_ms, j.started_ms,"
-    " j.ended_ms, j.timings_json, j.error_code, j.error_detail, j.error_expected, j.error_got,"
+    " j.ended_ms, j.sequence, j.frames_total,"
+    " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id),"
+    " j.timings_json, j.error_code, j.error_detail, j.error_expected, j.error_got,"
     " j.result_seq, r.blob, r.bytes, r.media_type, r.filename, r.grid, r.meta_json,"
-    " r.warnings_json FROM jobs j LEFT JOIN results r ON r.seq = j.result_seq";
+    " r.warnings_json, r.sequence, r.frames FROM jobs j LEFT JOIN results r ON r.seq = "
+    "j.result_seq";
 
 // Reads columns from left to right.
 class ColumnReader {
@@ -92,6 +95,9 @@ JobRecord read_record(const SqlStatement& statement) {
   status.created_ms = column.int64();
   status.started_ms = column.int64();
   status.ended_ms = column.int64();
+  status.sequence = column.text();
+  status.frames_total = column.int64();
+  status.frames_done = column.int64();
   status.timings = parse_timings(column.text());
   Error error;
   const std::string error_name = column.text();
@@ -111,6 +117,9 @@ JobRecord read_record(const SqlStatement& statement) {
   result.grid = column.text();
   result.meta_json = column.text();
   result.warnings = parse_warnings(column.text());
+  result.sequence = column.text();
+  const int64_t frames = column.int64();
+  if (frames > 0) status.frames_done = status.frames_total = frames;
   if (status.cached) result.filename = name_of_cached(status.filename, result.filename);
   status.result = std::move(result);
   return record;

@@ -10,6 +10,7 @@
 #include "server/base/log.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/database.h"
+#include "server/jobs/frame_store.h"
 #include "server/jobs/job_board.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_store.h"
@@ -51,6 +52,7 @@ class Service final : public JobService {
         database_(std::move(database)),
         jobs_(*database_, [this](std::string_view id) { return blobs_.stat(id).ok(); }),
         assets_(*database_, blobs_),
+        frames_(*database_, blobs_),
         metrics_(std::move(registry)) {}
   ~Service() override;
 
@@ -60,6 +62,10 @@ class Service final : public JobService {
   Result<Asset> put_asset(const BlobInfo& blob, std::string filename,
                           std::string content_type) override {
     return assets_.put(blob, filename, content_type);
+  }
+  Result<Asset> put_bundle(const BlobInfo& blob, std::string filename,
+                           const std::vector<BundleFile>& files) override {
+    return assets_.put_bundle(blob, filename, files);
   }
   Result<Asset> get_asset(std::string_view id) override { return assets_.get(id); }
   Result<std::vector<Asset>> list_assets(int limit) override { return assets_.list(limit); }
@@ -77,6 +83,8 @@ class Service final : public JobService {
   Result<JobStatus> cancel(std::string_view id) override;
 
   Result<BlobInfo> get_grid(std::string_view id) override;
+  Result<JobFrames> frames(std::string_view job) override;
+  Result<SequenceManifest> get_sequence(std::string_view id) override { return frames_.read(id); }
   std::vector<WorkerState> workers() override;
   int64_t queued_jobs() override;
   Status ready() override;
@@ -94,6 +102,7 @@ class Service final : public JobService {
   std::unique_ptr<Database> database_;
   JobStore jobs_;
   AssetStore assets_;
+  FrameStore frames_;
   JobBoard board_;
   JobMetrics metrics_;
   std::atomic<bool> draining_{false};
@@ -124,7 +133,7 @@ Status Service::start() {
   };
   VOXELD_ASSIGN(tasks_,
                 TaskServer::start(std::move(server),
-                                  {jobs_, assets_, blobs_, board_, metrics_,
+                                  {jobs_, assets_, frames_, blobs_, board_, metrics_,
                                    [this](const JobRecord& record) { job_changed(record); }}));
   if (config_.start_workers) start_supervisor();
   return {};
@@ -298,6 +307,20 @@ Result<BlobInfo> Service::get_grid(std::string_view id) {
                  std::string(id.substr(0, 80))};
   }
   return blobs_.stat(id);
+}
+
+Result<JobFrames> Service::frames(std::string_view job) {
+  VOXELD_ASSIGN(const JobStatus status, get(job));
+  JobFrames frames{
+      status.id, status.result ? status.result->sequence : "", status.frames_total, {}};
+  VOXELD_ASSIGN(frames.frames, frames_.of_job(job));
+  if (!frames.frames.empty() || frames.sequence.empty()) return frames;
+  // Answered from another job's result.
+  VOXELD_ASSIGN(SequenceManifest manifest, frames_.read(frames.sequence));
+  for (SequenceFrame& frame : manifest.frames) {
+    frames.frames.push_back({static_cast<int64_t>(frames.frames.size()), std::move(frame)});
+  }
+  return frames;
 }
 
 std::vector<WorkerState> Service::workers() {

@@ -12,9 +12,11 @@
 #include <string_view>
 #include <vector>
 
+#include "proto/bundle_manifest.h"
 #include "proto/job.h"
 #include "proto/limits.h"
 #include "proto/result.h"
+#include "proto/sequence.h"
 #include "proto/task_api.h"
 #include "server/store/blob_store.h"
 
@@ -45,6 +47,19 @@ struct JobEvent {
   std::string data_json;  // JobStatus as JSON
 };
 
+struct ListedFrame {
+  int64_t index = 0;  // among the request's frames
+  SequenceFrame frame;
+};
+
+// What a job of several frames has so far.
+struct JobFrames {
+  std::string job;
+  std::string sequence;             // once it is done, when it made one
+  int64_t frames_total = 0;         // 0: not known, or no sequence
+  std::vector<ListedFrame> frames;  // by ascending index
+};
+
 struct WorkerState {
   std::string device, renderer, driver;
   int64_t pid = 0;
@@ -65,15 +80,21 @@ class JobService {
   // Registers an upload that was written to blobs().
   virtual Result<Asset> put_asset(const BlobInfo& blob, std::string filename,
                                   std::string content_type) = 0;
+  // The same for a manifest with these files. Errors: not-found and gone, naming the file whose
+  // asset is not there; malformed-bundle for a bundle in a bundle.
+  virtual Result<Asset> put_bundle(const BlobInfo& blob, std::string filename,
+                                   const std::vector<BundleFile>& files) = 0;
   virtual Result<Asset> get_asset(std::string_view id) = 0;
   virtual Result<std::vector<Asset>> list_assets(int limit) = 0;
-  // Results and grids stay; live jobs that need the asset keep its blob until they end.
+  // Results and grids stay; live jobs that need the asset, or a bundle with it, keep its blob until
+  // they end.
   virtual Status delete_asset(std::string_view id) = 0;
 
   // --- jobs
   // Durable when it returns. Equal work that is done already (same input, canonical options and
   // algorithm version) comes back at once with `cached` set, unless use_cache is off. Errors:
-  // not-found (asset, grid), gone, queue-full, idempotency-mismatch, shutting-down.
+  // not-found (asset, file of a bundle, grid, sequence), gone, invalid-option, queue-full,
+  // idempotency-mismatch, shutting-down.
   virtual Result<JobStatus> submit(const JobRequest& request, const SubmitOptions& options) = 0;
   virtual Result<JobStatus> get(std::string_view id) = 0;
   virtual Result<std::vector<JobStatus>> list(int limit, std::optional<JobState> state) = 0;
@@ -91,6 +112,12 @@ class JobService {
 
   // --- grids: native containers, by content id
   virtual Result<BlobInfo> get_grid(std::string_view id) = 0;
+
+  // --- frames
+  // While the job runs, too; those of a job that failed or was cancelled stay. Errors: not-found.
+  virtual Result<JobFrames> frames(std::string_view job) = 0;
+  // Errors: not-found.
+  virtual Result<SequenceManifest> get_sequence(std::string_view id) = 0;
 
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;

@@ -7,6 +7,7 @@
 
 #include "proto/limits.h"
 #include "server/base/check.h"
+#include "server/jobs/asset_store.h"
 #include "server/jobs/request_hash.h"
 #include "server/jobs/scheduler.h"
 
@@ -58,7 +59,7 @@ Status check_asset(SqlConnection& connection, JobRequest& request) {
     return Error{ErrorCode::kGone, "asset " + request.asset + " was deleted", "", ""};
   }
   if (request.filename.empty()) request.filename = asset.text(0);
-  return {};
+  return check_bundle(connection, request.asset);
 }
 
 Result<bool> has_row(SqlConnection& connection, std::string_view sql, std::string_view argument) {
@@ -68,7 +69,40 @@ Result<bool> has_row(SqlConnection& connection, std::string_view sql, std::strin
 
 Result<bool> grid_exists(SqlConnection& connection, std::string_view id) {
   if (id.empty()) return false;
-  return has_row(connection, "SELECT 1 FROM results WHERE grid = $1 AND grid <> '' LIMIT 1", id);
+  VOXELD_ASSIGN(
+      const bool is_result,
+      has_row(connection, "SELECT 1 FROM results WHERE grid = $1 AND grid <> '' LIMIT 1", id));
+  if (is_result) return true;
+  return has_row(connection, "SELECT 1 FROM frames WHERE grid = $1 LIMIT 1", id);
+}
+
+using IsStored = std::function<bool(std::string_view)>;
+
+Status check_grid(SqlConnection& connection, std::string_view id, const IsStored& is_stored) {
+  VOXELD_ASSIGN(const bool known, grid_exists(connection, id));
+  if (known && is_stored(id)) return {};
+  return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
+               std::string(id.substr(0, 80))};
+}
+
+Status check_sequence(SqlConnection& connection, std::string_view id, const IsStored& is_stored) {
+  VOXELD_ASSIGN(
+      const bool known,
+      has_row(connection, "SELECT 1 FROM results WHERE sequence = $1 AND sequence <> '' LIMIT 1",
+              id));
+  if (known && is_stored(id)) return {};
+  return Error{ErrorCode::kNotFound, "no such sequence", "the id of a sequence",
+               std::string(id.substr(0, 80))};
+}
+
+// The input is there.
+Status check_input(SqlConnection& connection, JobRequest& request, const IsStored& is_stored) {
+  if (!request.asset.empty()) VOXELD_TRY(check_asset(connection, request));
+  if (!request.grid.empty()) VOXELD_TRY(check_grid(connection, request.grid, is_stored));
+  if (!request.sequence.empty()) {
+    VOXELD_TRY(check_sequence(connection, request.sequence, is_stored));
+  }
+  return {};
 }
 
 Status check_queue(SqlConnection& connection, int queued_jobs_max) {
@@ -106,19 +140,33 @@ Status remember_key(SqlConnection& connection, std::string_view key, std::string
       key, hash, id, now_ms);
 }
 
+// Whether the container of every frame that the job listed is there.
+Result<bool> frames_stored(SqlConnection& connection, std::string_view job,
+                           const IsStored& is_stored) {
+  VOXELD_ASSIGN(SqlStatement rows,
+                connection.query("SELECT DISTINCT grid FROM frames WHERE job_id = $1", job));
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return true;
+    if (!is_stored(rows.text(0))) return false;
+  }
+}
+
 // The newest result of equal work whose bytes are all there; 0 when there is none.
 Result<int64_t> cached_result(SqlConnection& connection, std::string_view hash,
-                              const std::function<bool(std::string_view)>& is_stored) {
+                              const IsStored& is_stored) {
   VOXELD_ASSIGN(SqlStatement found,
-                connection.query("SELECT seq, blob, grid FROM results WHERE request_hash = $1"
-                                 " ORDER BY seq DESC LIMIT 1",
+                connection.query("SELECT seq, blob, grid, sequence, job_id FROM results"
+                                 " WHERE request_hash = $1 ORDER BY seq DESC LIMIT 1",
                                  hash));
   VOXELD_ASSIGN(const bool row, found.step());
   if (!row) return int64_t{0};
-  for (const std::string& blob : {found.text(1), found.text(2)}) {
+  for (const std::string& blob : {found.text(1), found.text(2), found.text(3)}) {
     if (!blob.empty() && !is_stored(blob)) return int64_t{0};
   }
-  return found.int64(0);
+  if (found.text(3).empty()) return found.int64(0);
+  VOXELD_ASSIGN(const bool stored, frames_stored(connection, found.text(4), is_stored));
+  return stored ? found.int64(0) : int64_t{0};
 }
 
 Status end_with_cached(SqlConnection& connection, std::string_view id, int64_t result_seq,
@@ -134,11 +182,12 @@ Status insert_job(SqlConnection& connection, const JobRequest& request,
   const auto flag = [](bool value) { return int64_t{value ? 1 : 0}; };
   return connection.run(
       "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
-      " use_cache, transient, upload_us, created_ms)"
-      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11)",
+      " use_cache, transient, upload_us, created_ms, sequence)"
+      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)",
       id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
       canonical_json(request.options, option_scope(request)), hash, flag(request.options.use_cache),
-      flag(options.transient), static_cast<int64_t>(options.upload_ms * 1000.0), now_ms);
+      flag(options.transient), static_cast<int64_t>(options.upload_ms * 1000.0), now_ms,
+      request.sequence);
 }
 
 // queue, upload, then what the worker measured.
@@ -174,14 +223,18 @@ Status end_with_error(SqlConnection& connection, std::string_view id, const Erro
 }
 
 Result<int64_t> insert_result(SqlConnection& connection, std::string_view hash,
-                              const JobResult& result) {
-  VOXELD_ASSIGN(SqlStatement inserted,
-                connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
-                                 " filename, grid, meta_json, warnings_json, created_ms)"
-                                 " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9) RETURNING seq",
-                                 hash, result.blob, result.bytes, result.media_type,
-                                 result.filename, result.grid, result.meta_json,
-                                 warnings_text(result.warnings), unix_time_ms()));
+                              const FinishedTask& task) {
+  const JobResult& result = task.result;
+  VOXELD_ASSIGN(
+      SqlStatement inserted,
+      connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
+                       " filename, grid, meta_json, warnings_json, created_ms,"
+                       " sequence, frames, job_id)"
+                       " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)"
+                       " RETURNING seq",
+                       hash, result.blob, result.bytes, result.media_type, result.filename,
+                       result.grid, result.meta_json, warnings_text(result.warnings),
+                       unix_time_ms(), result.sequence, task.frames, task.task));
   VOXELD_TRY(inserted.step());
   return inserted.int64(0);
 }
@@ -190,6 +243,7 @@ Result<int64_t> insert_result(SqlConnection& connection, std::string_view hash,
 
 Result<JobStore::Submitted> JobStore::submit(JobRequest request, const SubmitOptions& options,
                                              int queued_jobs_max) {
+  VOXELD_TRY(check_frame_options(request));
   const std::string id = new_job_id();
   std::optional<Submitted> submitted;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
@@ -204,14 +258,7 @@ Result<JobStore::Submitted> JobStore::submit(JobRequest request, const SubmitOpt
         return {};
       }
     }
-    if (!request.asset.empty()) VOXELD_TRY(check_asset(connection, request));
-    if (!request.grid.empty()) {
-      VOXELD_ASSIGN(const bool known, grid_exists(connection, request.grid));
-      if (!known || !is_stored_(request.grid)) {
-        return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
-                     request.grid.substr(0, 80)};
-      }
-    }
+    VOXELD_TRY(check_input(connection, request, is_stored_));
     const std::string hash = request_hash(request);
     int64_t cached = 0;
     if (request.options.use_cache) {
@@ -284,8 +331,7 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task,
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
     if (!running) return {};
-    VOXELD_ASSIGN(const int64_t result_seq,
-                  insert_result(connection, running->request_hash, task.result));
+    VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, running->request_hash, task));
     const int64_t now = unix_time_ms();
     VOXELD_TRY(connection.run(
         "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"

@@ -31,6 +31,7 @@ struct FinishedTask {
   int64_t fence = 0;
   JobResult result;
   StageTimes timings;  // of the worker
+  int64_t frames = 0;  // of result.sequence
 };
 
 // Thread-safe; holds no state of its own.
@@ -45,8 +46,8 @@ class JobStore {
     bool existed = false;  // the idempotency key had been used for this request
   };
   // Inserts a job: queued, or done at once when an equal one has a result and use_cache is on. An
-  // empty filename becomes the asset's. Errors: not-found (asset, grid), gone, queue-full,
-  // idempotency-mismatch.
+  // empty filename becomes the asset's. Errors: not-found (asset, file of a
+  // bundle, grid, sequence), gone, invalid-option, queue-full, idempotency-mismatch.
   Result<Submitted> submit(JobRequest request, const SubmitOptions& options, int queued_jobs_max);
 
   Result<JobRecord> get(std::string_view id);
@@ -75,7 +76,7 @@ class JobStore {
   // jobs it touched.
   Result<int64_t> recover();
 
-  // True when a finished voxelization left this container.
+  // True when a finished voxelization left this container, or one of its frames is in it.
   Result<bool> is_grid(std::string_view id);
   Result<int64_t> count(JobState state);
 

@@ -36,6 +36,8 @@ std::string request_hash(const JobRequest& request) {
   add_part(hash, request.grid);
   add_part(hash, format_part(request.filename));
   add_part(hash, canonical_json(request.options, option_scope(request)));
+  // Only where there is one, so that the names of all other results are what they were before.
+  if (!request.sequence.empty()) add_part(hash, request.sequence);
   return hash.finish_id();
 }
 

@@ -7,8 +7,9 @@
 
 namespace voxeld {
 
-// SHA-256 of kind, input, what of the file name decides how the input is read (its extension and
-// the path inside a bundle), canonical options and kAlgorithmVersion. Results are cached by it.
+// SHA-256 of kind, input (asset, grid or sequence), what of the file name decides how the input is
+// read (its extension and the path inside a bundle), canonical options and kAlgorithmVersion.
+// Results are cached by it.
 std::string request_hash(const JobRequest& request);
 
 // Of everything that a client sent: what an idempotency key must come back with.

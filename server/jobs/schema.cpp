@@ -15,7 +15,13 @@ namespace {
 //
 // jobs.seq is the order of arrival and what the queue is sorted by. jobs.fence grows with each
 // claim: a report with an older one is void.
-constexpr std::array<std::string_view, 1> kSteps = {R"sql(
+//
+// Step 2: frames that jobs have listed, in `results` the sequence that they are together (with the
+// job whose rows they are, and their number), and the files of assets that are bundles of others.
+// frames.time_s is a decimal text of seconds that reads back exactly. Rows of frames stay as long
+// as their job: their grids can be asked for by id.
+constexpr std::array<std::string_view, 2> kSteps = {
+    R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
   filename TEXT NOT NULL,
@@ -94,6 +100,34 @@ CREATE TABLE idempotency_keys (
   created_ms BIGINT NOT NULL
 );
 CREATE INDEX idempotency_keys_by_time ON idempotency_keys (created_ms);
+)sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN sequence TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN frames_total BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE results ADD COLUMN sequence TEXT NOT NULL DEFAULT '';
+ALTER TABLE results ADD COLUMN frames BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE results ADD COLUMN job_id TEXT NOT NULL DEFAULT '';
+CREATE INDEX results_by_sequence ON results (sequence) WHERE sequence <> '';
+
+CREATE TABLE frames (
+  job_id TEXT NOT NULL,
+  frame BIGINT NOT NULL,
+  time_s TEXT NOT NULL,
+  grid TEXT NOT NULL,
+  voxel_count BIGINT NOT NULL,
+  content_hash TEXT NOT NULL,
+  PRIMARY KEY (job_id, frame)
+);
+CREATE INDEX frames_by_grid ON frames (grid);
+
+CREATE TABLE bundle_files (
+  bundle TEXT NOT NULL,
+  position BIGINT NOT NULL,
+  name TEXT NOT NULL,
+  asset TEXT NOT NULL,
+  PRIMARY KEY (bundle, position)
+);
+CREATE INDEX bundle_files_by_asset ON bundle_files (asset);
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

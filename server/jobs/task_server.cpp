@@ -35,6 +35,14 @@ Error protocol_error(std::string detail, std::string expected, std::string got) 
   return {ErrorCode::kBadRequest, std::move(detail), std::move(expected), std::move(got)};
 }
 
+// The path of an output that a worker names, which must be in its own folder.
+Status check_output(const fs::path& scratch, const std::string& output) {
+  const fs::path path(output);
+  if (path.parent_path() == scratch && path.filename() != "..") return {};
+  return Error{ErrorCode::kInternal, "worker names an output outside its scratch directory",
+               scratch.string(), output};
+}
+
 }  // namespace
 
 // Owned by its thread, but for `state`, which workers() reads.
@@ -219,13 +227,14 @@ Status TaskServer::greet(Connection& connection) {
 }
 
 Status TaskServer::answer(Connection& connection, const std::string& frame) {
-  VOXELD_ASSIGN(const json message, parse_json_bounded(frame));
+  VOXELD_ASSIGN(const json message, parse_task_message(frame));
   const std::string type = message.is_object() ? message.value("type", "") : "";
   if (type == "claim") return give_task(connection);
   if (type == "progress") return take_progress(connection, message);
+  if (type == "frame") return take_frame(connection, message);
   if (type == "complete") return take_completion(connection, message);
   if (type == "fail") return take_failure(connection, message);
-  return protocol_error("unknown task message", "claim, progress, complete or fail", type);
+  return protocol_error("unknown task message", "claim, progress, frame, complete or fail", type);
 }
 
 bool TaskServer::wait_for_work(uint64_t seen) {
@@ -258,7 +267,13 @@ Status TaskServer::give_task(Connection& connection) {
       context_.job_changed(**claimed);
       continue;
     }
-    if (claimed->has_value()) return send_task(connection, **claimed);
+    if (claimed->has_value()) {
+      const JobRecord& record = **claimed;
+      const auto task = make_task(record);
+      if (task) return send_task(connection, record, *task);
+      VOXELD_TRY(refuse_task(record, task.error()));
+      continue;
+    }
     for (int polls = 0; polls < kIdlePollsPerClaim && !stopping_; ++polls) {
       if (wait_for_work(seen) || connection.socket.peer_closed()) break;
     }
@@ -266,7 +281,47 @@ Status TaskServer::give_task(Connection& connection) {
   return Error{ErrorCode::kGone, "the gateway stops", "", ""};
 }
 
-Status TaskServer::send_task(Connection& connection, const JobRecord& record) {
+Result<Task> TaskServer::make_task(const JobRecord& record) {
+  const JobStatus& status = record.status;
+  Task task;
+  task.id = status.id;
+  task.fence = record.fence;
+  task.attempt = status.attempt;
+  task.kind = status.kind;
+  task.input_is_grid = !status.grid.empty();
+  task.input_is_sequence = !status.sequence.empty();
+  task.input_hash = task.input_is_grid       ? status.grid
+                    : task.input_is_sequence ? status.sequence
+                                             : status.asset;
+  task.input_path = context_.blobs.path_of(task.input_hash).string();
+  task.filename = status.filename;
+  task.options_json = status.options_json;
+  if (task.input_is_sequence) {
+    VOXELD_ASSIGN(const SequenceManifest manifest, context_.frames.read(status.sequence));
+    for (const SequenceFrame& frame : manifest.frames) {
+      task.frame_paths.push_back(context_.blobs.path_of(frame.grid).string());
+    }
+  }
+  if (!status.asset.empty()) {
+    VOXELD_ASSIGN(const auto files, context_.assets.bundle_files(status.asset));
+    for (const BundleFile& file : files) {
+      task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
+    }
+  }
+  return task;
+}
+
+// A job whose task cannot be told ends as failed, before any worker has it.
+Status TaskServer::refuse_task(const JobRecord& record, const Error& error) {
+  VOXELD_ASSIGN(const auto ended,
+                context_.jobs.fail(record.status.id, record.fence, error, record.status.version));
+  if (!ended) return {};
+  context_.board.changed(ended->status.id, ended->status.version, false);
+  context_.job_changed(*ended);
+  return {};
+}
+
+Status TaskServer::send_task(Connection& connection, const JobRecord& record, const Task& task) {
   const JobStatus& status = record.status;
   connection.set_task(status.id, record.fence);
   context_.board.start(status.id, status.version);
@@ -275,16 +330,6 @@ Status TaskServer::send_task(Connection& connection, const JobRecord& record) {
     context_.board.request_cancel(status.id);
   }
   context_.job_changed(record);
-  Task task;
-  task.id = status.id;
-  task.fence = record.fence;
-  task.attempt = status.attempt;
-  task.kind = status.kind;
-  task.input_is_grid = !status.grid.empty();
-  task.input_hash = task.input_is_grid ? status.grid : status.asset;
-  task.input_path = context_.blobs.path_of(task.input_hash).string();
-  task.filename = status.filename;
-  task.options_json = status.options_json;
   connection.progress = {};
   connection.since_progress.lap();
   connection.kill_reason.clear();
@@ -297,7 +342,8 @@ std::string TaskServer::overdue(Connection& connection, const TaskProgress& prog
                                 double cancel_age) {
   const TaskProgress& last = connection.progress;
   if (progress.stage != last.stage || progress.tiles_done != last.tiles_done ||
-      progress.tiles_total != last.tiles_total) {
+      progress.tiles_total != last.tiles_total || progress.frames_done != last.frames_done ||
+      progress.frames_total != last.frames_total) {
     connection.progress = progress;
     connection.since_progress.lap();
   }
@@ -318,7 +364,7 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
   const double cancel_age = fenced ? -1.0 : context_.board.cancel_age_seconds(progress.task);
   if (!fenced) {
     context_.board.progress(progress.task, progress.stage, progress.tiles_done,
-                            progress.tiles_total);
+                            progress.tiles_total, progress.frames_done, progress.frames_total);
   }
   if (connection.kill_reason.empty() && !fenced) {
     connection.kill_reason = overdue(connection, progress, cancel_age);
@@ -332,6 +378,40 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
   return connection.socket.send(dump({{"cancel", cancel_age >= 0}, {"fenced", fenced}}));
 }
 
+// Stores and lists a frame; nullopt when another worker owns the job by now.
+Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
+                                                        const TaskFrame& frame) {
+  VOXELD_TRY(check_output(connection.scratch, frame.path));
+  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(frame.path));
+  VOXELD_ASSIGN(const auto listed,
+                context_.frames.add(frame, blob.id, connection.progress.frames_total));
+  if (!listed) return std::optional<BlobInfo>();
+  context_.board.frames_listed(frame.task, *listed);
+  context_.metrics.frame_done();
+  connection.since_progress.lap();
+  return std::optional(std::move(blob));
+}
+
+Status TaskServer::take_frame(Connection& connection, const json& message) {
+  VOXELD_ASSIGN(const TaskFrame frame, parse_task_frame(message));
+  TaskFrameReply reply;
+  reply.fenced = frame.task != connection.task() || frame.fence != connection.fence;
+  if (!reply.fenced) {
+    const auto blob = adopt_frame(connection, frame);
+    reply.fenced = !blob || !*blob;
+    if (blob && *blob) {
+      reply.cancel = context_.board.cancel_age_seconds(frame.task) >= 0;
+      reply.grid = (*blob)->id;
+      reply.path = context_.blobs.path_of((*blob)->id).string();
+    } else if (!blob) {  // the disk is full, for one: the job cannot end well
+      VOXELD_ASSIGN(const auto ended, context_.jobs.fail(frame.task, frame.fence, blob.error(),
+                                                         context_.board.live_version(frame.task)));
+      if (ended) end_task(connection, *ended);
+    }
+  }
+  return connection.socket.send(dump(to_json_message(reply)));
+}
+
 Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
                                             const TaskCompletion& completion) {
   JobResult result;
@@ -339,16 +419,13 @@ Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
   result.warnings = completion.warnings;
   std::map<std::string, BlobInfo> adopted;  // a native result is its own grid: one file, two roles
   for (const TaskOutput& output : completion.outputs) {
-    const fs::path path(output.path);
-    if (path.parent_path() != connection.scratch || path.filename() == "..") {
-      return Error{ErrorCode::kInternal, "worker names an output outside its scratch directory",
-                   connection.scratch.string(), output.path};
-    }
+    VOXELD_TRY(check_output(connection.scratch, output.path));
     if (!adopted.contains(output.path)) {
-      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(path));
+      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(output.path));
     }
     const BlobInfo& blob = adopted[output.path];
     if (output.role == "grid") result.grid = blob.id;
+    if (output.role == "sequence") result.sequence = blob.id;
     if (output.role != "result") continue;
     result.blob = blob.id;
     result.bytes = blob.bytes;
@@ -367,10 +444,15 @@ Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& con
   if (!result) {
     return context_.jobs.fail(completion.task, completion.fence, result.error(), live_version);
   }
+  Result<int64_t> frames = int64_t{0};
+  if (!result->sequence.empty()) frames = context_.frames.check(completion.task, result->sequence);
+  if (!frames) {
+    return context_.jobs.fail(completion.task, completion.fence, frames.error(), live_version);
+  }
   add_stage(completion.timings, "store", watch.ms());
-  auto ended = context_.jobs.complete(
-      {completion.task, completion.fence, *std::move(result), std::move(completion.timings)},
-      live_version);
+  auto ended = context_.jobs.complete({completion.task, completion.fence, *std::move(result),
+                                       std::move(completion.timings), *frames},
+                                      live_version);
   if (ended) return ended;
   return context_.jobs.fail(completion.task, completion.fence, ended.error(), live_version);
 }

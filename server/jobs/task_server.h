@@ -16,6 +16,7 @@
 #include "server/base/frame_socket.h"
 #include "server/base/thread_annotations.h"
 #include "server/jobs/asset_store.h"
+#include "server/jobs/frame_store.h"
 #include "server/jobs/job_board.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_service.h"
@@ -37,6 +38,7 @@ struct TaskServerConfig {
 struct TaskServerContext {
   JobStore& jobs;
   AssetStore& assets;
+  FrameStore& frames;
   BlobStore& blobs;
   JobBoard& board;
   JobMetrics& metrics;
@@ -68,9 +70,13 @@ class TaskServer {
   Status greet(Connection& connection);
   Status answer(Connection& connection, const std::string& frame);
   Status give_task(Connection& connection);
-  Status send_task(Connection& connection, const JobRecord& record);
+  Result<Task> make_task(const JobRecord& record);
+  Status send_task(Connection& connection, const JobRecord& record, const Task& task);
+  Status refuse_task(const JobRecord& record, const Error& error);
   std::string overdue(Connection& connection, const TaskProgress& progress, double cancel_age);
   Status take_progress(Connection& connection, const nlohmann::json& message);
+  Status take_frame(Connection& connection, const nlohmann::json& message);
+  Result<std::optional<BlobInfo>> adopt_frame(Connection& connection, const TaskFrame& frame);
   Status take_completion(Connection& connection, const nlohmann::json& message);
   Status take_failure(Connection& connection, const nlohmann::json& message);
   Result<std::optional<JobRecord>> end_completed(const Connection& connection,

@@ -40,6 +40,14 @@ glm::dmat4 view_from_world(double azimuth, double elevation, const glm::dvec3& e
 
 }  // namespace
 
+std::array<double, 16> row_major(const glm::dmat4& matrix) {
+  std::array<double, 16> rows{};
+  for (size_t i = 0; i < rows.size(); ++i) {
+    rows[i] = matrix[static_cast<int>(i % 4)][static_cast<int>(i / 4)];
+  }
+  return rows;
+}
+
 Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_world,
                    const glm::dvec3& occupied_max_world) {
   if (options.matrix) return Camera{from_row_major(*options.matrix)};

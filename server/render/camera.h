@@ -1,6 +1,8 @@
 // Where a picture is taken from.
 #pragma once
 
+#include <array>
+
 #include <glm/mat4x4.hpp>
 #include <glm/vec3.hpp>
 
@@ -17,6 +19,9 @@ inline constexpr double kFieldOfViewDeg = 35.0;
 struct Camera {
   glm::dmat4 clip_from_world{1.0};
 };
+
+// As RenderOptions::matrix has it.
+std::array<double, 16> row_major(const glm::dmat4& matrix);
 
 // Frames the occupied box: at zoom 1 its bounding sphere fits the smaller side of the picture. Zoom
 // magnifies about the middle of the picture and moves nothing, so perspective does not change and

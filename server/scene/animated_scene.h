@@ -57,6 +57,9 @@ struct AnimatedScene {
 Result<AnimatedScene> load_animated_scene(std::string_view filename, std::span<const uint8_t> bytes,
                                           const LoadOptions& options = {});
 
+Result<AnimatedScene> load_animated_scene(std::string_view filename, const Bundle& bundle,
+                                          const LoadOptions& options = {});
+
 // One loader per format, as in load.h.
 Result<AnimatedScene> load_animated_md5(std::string_view name, std::span<const uint8_t> bytes,
                                         const Bundle& bundle, const LoadOptions& options);

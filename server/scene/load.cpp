@@ -67,25 +67,26 @@ std::vector<std::string> names_of(const Bundle& bundle, bool meshes_only) {
   return names;
 }
 
-// The mesh of a zip: the one that `member` names, or the only one.
+// The mesh of a zip or bundle: the one that `member` names, or the only one. `kind`: "zip".
 Result<std::string> choose_mesh(std::string_view zip_name, std::string_view member,
-                                const Bundle& bundle) {
+                                std::string_view kind, const Bundle& bundle) {
+  const std::string in_it = " in the " + std::string(kind);
   const std::vector<std::string> meshes = names_of(bundle, true);
   const std::vector<std::string> all = names_of(bundle, false);
   if (!member.empty()) {
     const auto found = resolve_reference(all, member, "");
     if (found) return all[*found];
     return Error{ErrorCode::kMalformedBundle,
-                 std::string(zip_name) + ": no file " + shown(member) + " in the zip",
-                 "one of its files", listed(all)};
+                 std::string(zip_name) + ": no file " + shown(member) + in_it, "one of its files",
+                 listed(all)};
   }
   if (meshes.size() == 1) return meshes[0];
   if (meshes.empty()) {
-    return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": no mesh in the zip",
+    return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": no mesh" + in_it,
                  "one obj, ply, stl, off, gltf, glb or md5mesh file",
                  all.empty() ? "no files" : listed(all)};
   }
-  return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": several meshes in the zip",
+  return Error{ErrorCode::kMalformedBundle, std::string(zip_name) + ": several meshes" + in_it,
                "one, or its choice by filename=" + std::string(zip_name) + "!" + meshes[0],
                listed(meshes)};
 }
@@ -109,25 +110,27 @@ using FormatLoader = Result<Loaded> (*)(MeshFormat format, std::string_view name
                                         const LoadOptions& options);
 
 template <typename Loaded>
-Result<Loaded> load_zip(std::string_view filename, std::span<const uint8_t> bytes,
-                        const LoadOptions& options, FormatLoader<Loaded> load) {
+Result<Loaded> load_bundle(std::string_view filename, std::string_view kind, const Bundle& bundle,
+                           const LoadOptions& options, FormatLoader<Loaded> load) {
   const size_t mark = filename.find('!');
   const std::string_view zip_name = filename.substr(0, mark);
   const std::string_view member =
       mark == filename.npos ? std::string_view() : filename.substr(mark + 1);
-  VOXELD_ASSIGN(const std::unique_ptr<Bundle> bundle, zip_bundle(bytes));
-  VOXELD_ASSIGN(const std::string name, choose_mesh(zip_name, member, *bundle));
-  VOXELD_ASSIGN(const std::optional<std::vector<uint8_t>> mesh, bundle->find(name, ""));
-  if (!mesh) return Error{ErrorCode::kInternal, name + ": lost in the zip", "", ""};
+  VOXELD_ASSIGN(const std::string name, choose_mesh(zip_name, member, kind, bundle));
+  VOXELD_ASSIGN(const std::optional<std::vector<uint8_t>> mesh, bundle.find(name, ""));
+  if (!mesh) return Error{ErrorCode::kInternal, name + ": lost in the bundle", "", ""};
   VOXELD_ASSIGN(const MeshFormat format, detect_format(name, *mesh));
-  return load(format, name, *mesh, *bundle, options);
+  return load(format, name, *mesh, bundle, options);
 }
 
 template <typename Loaded>
 Result<Loaded> load_file(std::string_view filename, std::span<const uint8_t> bytes,
                          const LoadOptions& options, FormatLoader<Loaded> load) {
   VOXELD_ASSIGN(const MeshFormat format, detect_format(filename, bytes));
-  if (format == MeshFormat::kZip) return load_zip<Loaded>(filename, bytes, options, load);
+  if (format == MeshFormat::kZip) {
+    VOXELD_ASSIGN(const std::unique_ptr<Bundle> zip, zip_bundle(bytes));
+    return load_bundle<Loaded>(filename, "zip", *zip, options, load);
+  }
   const std::unique_ptr<Bundle> bundle = single_file_bundle(std::string(filename), bytes);
   return load(format, filename, bytes, *bundle, options);
 }
@@ -137,6 +140,16 @@ Result<Loaded> load_file(std::string_view filename, std::span<const uint8_t> byt
 Result<Scene> load_scene(std::string_view filename, std::span<const uint8_t> bytes,
                          const LoadOptions& options) {
   return load_file<Scene>(filename, bytes, options, load_format);
+}
+
+Result<Scene> load_scene(std::string_view filename, const Bundle& bundle,
+                         const LoadOptions& options) {
+  return load_bundle<Scene>(filename, "bundle", bundle, options, load_format);
+}
+
+Result<AnimatedScene> load_animated_scene(std::string_view filename, const Bundle& bundle,
+                                          const LoadOptions& options) {
+  return load_bundle<AnimatedScene>(filename, "bundle", bundle, options, load_animated_format);
 }
 
 Result<AnimatedScene> load_animated_scene(std::string_view filename, std::span<const uint8_t> bytes,

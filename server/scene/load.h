@@ -22,7 +22,7 @@ Result<MeshFormat> detect_format(std::string_view filename, std::span<const uint
 std::string_view mesh_format_name(MeshFormat format);
 
 // The files of one upload: a single mesh, or a zip with a mesh, its textures, buffers and material
-// files. Names are found as written, then case-insensitively, then by base name, with backslashes
+// files; or the files of several uploads. Names are found as written, then case-insensitively, then by base name, with backslashes
 // taken as slashes; nothing outside the upload is ever opened.
 class Bundle {
  public:
@@ -44,6 +44,14 @@ std::unique_ptr<Bundle> single_file_bundle(std::string filename, std::span<const
 // encryption. `bytes` must outlive it.
 Result<std::unique_ptr<Bundle>> zip_bundle(std::span<const uint8_t> bytes);
 
+// Files that were uploaded one by one. Names are relative and without ".."
+// (proto/bundle_manifest.h). The bytes must outlive it.
+struct BundledFile {
+  std::string name;
+  std::span<const uint8_t> bytes;
+};
+std::unique_ptr<Bundle> files_bundle(const std::vector<BundledFile>& files);
+
 struct LoadOptions {
   bool decode_images = true;  // off: inspection needs names alone
 };
@@ -54,6 +62,11 @@ struct LoadOptions {
 // unsupported-feature, malformed-bundle. A texture or material file that is missing or broken is a
 // warning and an entry of missing_files.
 Result<Scene> load_scene(std::string_view filename, std::span<const uint8_t> bytes,
+                         const LoadOptions& options = {});
+
+// The same of files that are there already, of which one is the mesh; filename: "name" or
+// "name!mesh".
+Result<Scene> load_scene(std::string_view filename, const Bundle& bundle,
                          const LoadOptions& options = {});
 
 // One loader per format; `bundle` resolves the files that it names. `name` stands in errors.

@@ -42,6 +42,9 @@ class AttributeRecords {
                    int texture_side_max);
 
   const std::vector<ImageLevels>& image_levels() const { return image_levels_; }
+  // For what widens them: levels of textures are counted from the first, so that they may be no
+  // fewer than triangles sample.
+  std::vector<ImageLevels>& image_levels() { return image_levels_; }
   // ATTRIBUTE_WORDS per triangle of the window that was filled from `triangles`.
   void fill(std::span<const uint32_t> triangles, const TileWindow& window,
             std::vector<uint32_t>& words) const;

@@ -42,6 +42,9 @@ struct VoxelizePlan {
   std::vector<int> part_images{};             // part_image() of every part that is sampled, else -1
   std::vector<IdChannel> ids{};               // of the grid's channels that hold ids
   std::optional<AttributeRecords> records{};  // where channels.any()
+  // SharedFrames::textures_key(): levels of images that were made for the same one serve this job
+  // too, and stay for the next one. 0: they are this job's alone.
+  uint64_t textures_key = 0;
 
   // Whether anything comes of the sums over all triangles; ids have sums of their own.
   bool needs_sums() const { return channels.summed.count() > 1 || channels.grid.coverage; }
@@ -87,6 +90,8 @@ class TilePipeline {
   virtual Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) = 0;
   // Frees what only the job needed; also after an error.
   virtual void end_job() = 0;
+  // Frees what the job kept for the next one of the same frames.
+  virtual void end_frames() {}
 
   // Bytes on the device at the peak, textures at the levels that are used not counted.
   virtual int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const = 0;

@@ -96,8 +96,8 @@ struct Voxelizer::Impl {
   PipelineDecision decide(PipelineChoice asked, const Workload& work,
                           const WantedChannels& channels) const;
   Status check_asked(PipelineChoice asked) const;
-  Status plan_job(const Scene& scene, const VoxelizeOptions& options, bool keeps_tiles,
-                  VoxelizePlan& plan, VoxelizeStats& stats) const;
+  Status plan_job(const Scene& scene, const VoxelizeOptions& options, SharedFrames* frames,
+                  bool keeps_tiles, VoxelizePlan& plan, VoxelizeStats& stats) const;
   // One job of the pipeline. `take` gets the tiles as they come.
   Status run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
                      std::span<const TileBin> bins, const Steps& steps, VoxelizeStats& stats,
@@ -145,11 +145,19 @@ Status Voxelizer::Impl::check_asked(PipelineChoice asked) const {
                "pipeline=cpu or auto", std::string(pipeline_name(*named))};
 }
 
+// Where the grid lies: as the mesh does, or as all frames.
+Result<Placed> place(const Scene& scene, const VoxelizeOptions& options,
+                     const SharedFrames* frames) {
+  if (frames == nullptr) return place_scene(scene, options);
+  return Placed{world_from_file(options.placement), frames->spec()};
+}
+
 // From the scene to snapped triangles, and whether the result will fit.
 Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& options,
-                                 bool keeps_tiles, VoxelizePlan& plan, VoxelizeStats& stats) const {
+                                 SharedFrames* frames, bool keeps_tiles, VoxelizePlan& plan,
+                                 VoxelizeStats& stats) const {
   Stopwatch watch;
-  VOXELD_ASSIGN(const Placed placed, place_scene(scene, options));
+  VOXELD_ASSIGN(const Placed placed, place(scene, options, frames));
   plan.spec = placed.spec;
   plan.world_from_file = placed.world_from_file;
   add_stage(stats.passes, "place", watch.lap());
@@ -173,6 +181,10 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   VOXELD_ASSIGN(plan.ids, id_channels(scene, options, plan.channels.grid));
   plan.records.emplace(scene, plan.mesh, plan.spec, plan.world_from_file, options.color,
                        plan.channels.recorded(), traits().texture_side_max);
+  if (frames != nullptr) {
+    frames->unite_levels(plan.records->image_levels());
+    plan.textures_key = frames->textures_key();
+  }
   add_stage(stats.passes, "levels", watch.lap());
   return {};
 }
@@ -225,12 +237,19 @@ Result<Grid> Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& opti
 
 Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, TileSink& sink,
                            const TileProgress& progress, VoxelizeStats* stats) {
+  return voxelize(scene, options, nullptr, sink, progress, stats);
+}
+
+Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, SharedFrames* frames,
+                           TileSink& sink, const TileProgress& progress, VoxelizeStats* stats) {
   VoxelizeStats unwanted;
   if (stats == nullptr) stats = &unwanted;
   VOXELD_TRY(impl_->check_asked(options.pipeline));
-  VoxelizePlan plan{scene, options, wanted_channels(scene, options)};
+  VoxelizePlan plan{
+      scene, options,
+      frames != nullptr ? frames->channels(scene, options) : wanted_channels(scene, options)};
   const bool fills = needs_all_tiles(options, plan.channels);
-  VOXELD_TRY(impl_->plan_job(scene, options, fills || sink.keeps_tiles(), plan, *stats));
+  VOXELD_TRY(impl_->plan_job(scene, options, frames, fills || sink.keeps_tiles(), plan, *stats));
   Grid grid;
   grid.spec = plan.spec;
   grid.channels = plan.channels.grid;
@@ -249,6 +268,11 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, T
                               for (SparseTile& tile : tiles) canonicalize(tile);
                               return sink.add(std::move(tiles));
                             });
+}
+
+void Voxelizer::end_frames() {
+  impl_->cpu.end_frames();
+  if (impl_->device) impl_->device->end_frames();
 }
 
 Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,

@@ -12,6 +12,7 @@
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"
 #include "server/voxel/choose.h"
+#include "server/voxel/shared_frames.h"
 #include "server/voxel/tile_pipeline.h"
 #include "server/voxel/tile_sink.h"
 
@@ -49,6 +50,11 @@ class Voxelizer {
   // need to fit into memory. Errors: also the sink's.
   Status voxelize(const Scene& scene, const VoxelizeOptions& options, TileSink& sink,
                   const TileProgress& progress, VoxelizeStats* stats);
+  // The same of a frame: placed as `frames` says, and without making anew what it has in common
+  // with the frames before it. end_frames() after the last one, also after an error.
+  Status voxelize(const Scene& scene, const VoxelizeOptions& options, SharedFrames* frames,
+                  TileSink& sink, const TileProgress& progress, VoxelizeStats* stats);
+  void end_frames();
 
   // Places the grid, snaps the mesh and checks limits. Errors: as voxelize().
   Result<VoxelizeEstimate> estimate(const Scene& scene, const VoxelizeOptions& options) const;

@@ -12,7 +12,7 @@
 #include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/render/drawing_cost.h"
-#include "server/scene/scene.h"
+#include "server/scene/animated_scene.h"
 #include "server/voxel/voxelize.h"
 #include "server/worker/mesh_topology.h"
 #include "server/worker/open_device.h"
@@ -30,9 +30,9 @@ struct LoadedGrid {
 
 // One of each, the last used: somebody who turns a model looks at the same grid again and again.
 struct InputCache {
-  std::string scene_key;  // input hash and what of the file name matters
-  std::shared_ptr<const Scene> scene;
-  std::string topology_key;  // of the scene
+  std::string scene_key;                       // input hash and what of the file name matters
+  std::shared_ptr<const AnimatedScene> scene;  // without what moves it where nobody asked for that
+  std::string topology_key;                    // of the scene
   std::optional<MeshTopology> topology;
   std::string grid_key;  // hash of the container, or of input and options for renders of a mesh
   std::shared_ptr<const LoadedGrid> grid;

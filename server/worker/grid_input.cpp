@@ -21,23 +21,6 @@ using nlohmann::json;
 // Tiles between two times that what was read of the file is let go of.
 constexpr int64_t kTilesResident = 64;
 
-// What the selection is, beside what every grid says of itself.
-json selection_facts(const Grid& whole, const OutputOptions& output) {
-  const json meta = json::parse(whole.meta_json, nullptr, false);
-  json facts = {{"level", output.level}};
-  if (output.level > 0) {
-    facts["level_rule"] =
-        option_values::word_of<LevelRule>(output.level_rule, option_words::kLevelRule);
-  }
-  if (output.region) facts["region"] = *output.region;
-  const glm::ivec3 dims = whole.spec.dims;
-  facts["of"] = {{"dims", {dims.x, dims.y, dims.z}}};
-  if (meta.is_object() && meta.contains("content_hash")) {
-    facts["of"]["content_hash"] = meta["content_hash"];
-  }
-  return facts;
-}
-
 // The meta of a selection's container.
 std::string selection_meta(const TileSource& source, const OutputOptions& output,
                            const json& grid_facts) {
@@ -86,6 +69,22 @@ Status write_other(TaskRun& run, const TileSource& source, const TileSource& til
 }
 
 }  // namespace
+
+json selection_facts(const Grid& whole, const OutputOptions& output) {
+  const json meta = json::parse(whole.meta_json, nullptr, false);
+  json facts = {{"level", output.level}};
+  if (output.level > 0) {
+    facts["level_rule"] =
+        option_values::word_of<LevelRule>(output.level_rule, option_words::kLevelRule);
+  }
+  if (output.region) facts["region"] = *output.region;
+  const glm::ivec3 dims = whole.spec.dims;
+  facts["of"] = {{"dims", {dims.x, dims.y, dims.z}}};
+  if (meta.is_object() && meta.contains("content_hash")) {
+    facts["of"]["content_hash"] = meta["content_hash"];
+  }
+  return facts;
+}
 
 Result<std::unique_ptr<GridInput>> GridInput::open(TaskRun& run,
                                                    const std::filesystem::path& path) {

@@ -40,6 +40,9 @@ class GridInput {
 // in memory. Stage: encode. Errors: those of Selection, check_encodable().
 Status write_selection(TaskRun& run, const TileSource& source, const OutputOptions& output);
 
+// What the selection is, beside what every grid says of itself: {level, level_rule, region, of}.
+nlohmann::json selection_facts(const Grid& whole, const OutputOptions& output);
+
 // The place of what is selected of a grid. Errors: invalid-option.
 Result<GridSpec> selected_spec(const GridSpec& spec, const OutputOptions& output);
 

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "proto/option_words.h"
+#include "server/scene/describe_asset.h"
 
 namespace voxeld {
 namespace {
@@ -48,11 +49,50 @@ json describe_materials(const Scene& scene) {
                  {"base_color",
                   {material.base_color.r, material.base_color.g, material.base_color.b,
                    material.base_color.a}},
-                 {"texture", nullptr}};
+                 {"texture", nullptr},
+                 {"found", false}};
     if (material.image >= 0 && static_cast<size_t>(material.image) < scene.images.size()) {
       item["texture"] = short_name(scene.images[static_cast<size_t>(material.image)].name);
+      item["found"] = true;
     }
     list.push_back(std::move(item));
+  }
+  return list;
+}
+
+json describe_joints(const std::vector<SceneJoint>& joints) {
+  json list = json::array();
+  for (size_t i = 0; i < std::min(joints.size(), kListedMax); ++i) {
+    const SceneJoint& joint = joints[i];
+    list.push_back({{"name", short_name(joint.name)},
+                    {"parent", joint.parent < 0 ? json() : json(joint.parent)}});
+  }
+  return list;
+}
+
+json describe_animations(const std::vector<AnimationInfo>& animations) {
+  json list = json::array();
+  for (size_t i = 0; i < std::min(animations.size(), kListedMax); ++i) {
+    const AnimationInfo& animation = animations[i];
+    const bool is_even = animation.frame_count > 0;
+    list.push_back({{"name", short_name(animation.name)},
+                    {"frames", is_even ? json(animation.frame_count) : json()},
+                    {"frame_rate", is_even ? json(animation.frame_rate) : json()},
+                    {"duration_s", animation.duration_s}});
+  }
+  return list;
+}
+
+json describe_meshes(const std::vector<AssetDescription::Mesh>& meshes) {
+  json list = json::array();
+  for (size_t i = 0; i < std::min(meshes.size(), kListedMax); ++i) {
+    const AssetDescription::Mesh& mesh = meshes[i];
+    list.push_back({{"name", short_name(mesh.name)},
+                    {"material", mesh.material < 0 ? json() : json(mesh.material)},
+                    {"vertices", mesh.vertex_count},
+                    {"triangles", mesh.triangle_count},
+                    {"influences_max", mesh.influences_max},
+                    {"morph_targets", mesh.has_morph_targets}});
   }
   return list;
 }
@@ -123,8 +163,10 @@ json describe_fill(const FillStats& fill, const std::optional<MeshTopology>& top
   return description;
 }
 
-json describe_scene(const Scene& scene) {
+json describe_scene(const AnimatedScene& animated) {
+  const Scene& scene = animated.scene;
   const Box3d box = scene.bounds();
+  const AssetDescription asset = describe_asset(animated);
   json description = {{"format", scene.format},
                       {"triangles", scene.triangle_count()},
                       {"vertices", scene.vertex_count()},
@@ -137,7 +179,12 @@ json describe_scene(const Scene& scene) {
                       {"bounds", nullptr},
                       {"parts", describe_parts(scene)},
                       {"materials", describe_materials(scene)},
-                      {"missing_files", describe_missing(scene)}};
+                      {"missing_files", describe_missing(scene)},
+                      {"meshes", describe_meshes(asset.meshes)},
+                      {"joints", describe_joints(asset.joints)},
+                      {"joint_count", asset.joints.size()},
+                      {"animations", describe_animations(asset.animations)},
+                      {"animation_count", asset.animations.size()}};
   if (!box.empty()) {
     description["bounds"] = {{"min", {box.min.x, box.min.y, box.min.z}},
                              {"max", {box.max.x, box.max.y, box.max.z}}};

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "server/scene/scene.h"
+#include "server/scene/animated_scene.h"
 #include "server/voxel/fill_stats.h"
 #include "server/worker/mesh_topology.h"
 
@@ -16,7 +16,11 @@ namespace voxeld {
 // texture, found}], missing_files [{name, needed_by}], watertight, open_edges, non_manifold_edges,
 // flipped_edges, degenerate_triangles, components, enclosed_components, inner_walls}. What is
 // counted is null for meshes above kTopologyTrianglesMax.
-nlohmann::json describe_scene(const Scene& scene);
+// Of what moves it: joints [{name, parent}] (parent: an index, null for a root), joint_count,
+// meshes [{name, material, vertices, triangles, influences_max, morph_targets}], animations [{name,
+// frames, frame_rate, duration_s}] (frames and rate: null where keys are at times of their own),
+// animation_count. Of lists the first 200 are told.
+nlohmann::json describe_scene(const AnimatedScene& animated);
 
 // What ids 1, 2, … of a channel mean: [{id, name}]. Names are cut to 200 bytes, and shorter, to 32,
 // where all together would be more than an answer should carry.

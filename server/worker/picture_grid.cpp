@@ -162,11 +162,7 @@ class Finder {
     const GridSpec& spec = source_.grid().spec;
     const Camera camera = make_camera(options_.render, spec.world_from_grid(glm::dvec3(box.min)),
                                       spec.world_from_grid(glm::dvec3(box.max)));
-    std::array<double, 16> rows{};
-    for (size_t i = 0; i < rows.size(); ++i) {
-      rows[i] = camera.clip_from_world[static_cast<int>(i % 4)][static_cast<int>(i / 4)];
-    }
-    return rows;
+    return row_major(camera.clip_from_world);
   }
 
   // The first level from this one on that fits.

@@ -7,28 +7,23 @@
 #include "server/base/host_memory.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
+#include "server/formats/sequence_formats.h"
 #include "server/grid/region.h"
+#include "server/worker/asset_input.h"
+#include "server/worker/container_frames.h"
 #include "server/worker/grid_input.h"
 #include "server/worker/host_estimate.h"
 #include "server/worker/inspect.h"
-#include "server/worker/picture_grid.h"
+#include "server/worker/make_frames.h"
+#include "server/worker/picture_task.h"
 #include "server/worker/task_run.h"
 
 namespace voxeld {
 namespace {
 
-constexpr std::string_view kPngMediaType = "image/png";
 // Below this, giving memory back costs more than it is worth.
 constexpr int64_t kTrimBytesMin = int64_t{512} << 20;
 constexpr std::string_view kJsonMediaType = "application/json";
-
-// Writes the native container in the codec that grids are kept in.
-Status write_grid(TaskRun& run, const Grid& grid) {
-  const StageTimer stage(run, "encode");
-  VOXELD_ASSIGN(const std::vector<uint8_t> container, encode_native(grid, OutputOptions{}));
-  return add_output(run, "grid", container, format_media_type(Format::kNative),
-                    format_extension(Format::kNative));
-}
 
 // Writes the grid in the format asked for.
 Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output) {
@@ -39,18 +34,10 @@ Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output)
                     format_extension(output.format));
 }
 
-// Who has voxelized a mesh mostly looks at it next.
-void keep_grid(TaskRun& run, WrittenGrid& made, const std::string& key) {
-  run.engine.cache.grid = std::make_shared<const LoadedGrid>(std::move(*made.kept));
-  run.engine.cache.grid_key = key;
-}
-
 // asset -> scene -> tiles -> native container; -> grid -> the answer's format
-Status voxelize(TaskRun& run) {
-  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kVoxelize));
-  VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
+Status voxelize_scene(TaskRun& run, const SceneInput& scene, const RequestOptions& options) {
   run.engine.cache.grid.reset();
-  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, *scene, options));
+  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, scene, options));
   const bool is_selection = selects(options.output);
   if (is_selection) {
     VOXELD_ASSIGN(const auto input, GridInput::open(run, made.path));
@@ -64,80 +51,46 @@ Status voxelize(TaskRun& run) {
   return {};
 }
 
-// A grid to draw: in memory, or in its container.
-struct DrawnInput {
-  std::shared_ptr<const LoadedGrid> whole;
-  std::unique_ptr<GridInput> container;
-  std::unique_ptr<GridTiles> resident;
-  const TileSource& tiles() const {
-    return resident != nullptr ? static_cast<const TileSource&>(*resident) : container->tiles();
-  }
-};
-
-Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& container,
-                              const std::string& key) {
-  const InputCache& cache = run.engine.cache;
-  DrawnInput input;
-  if (cache.grid_key == key) input.whole = cache.grid;
-  if (input.whole != nullptr) {
-    input.resident = std::make_unique<GridTiles>(input.whole->grid);
-  } else {
-    VOXELD_ASSIGN(input.container, GridInput::open(run, container));
-  }
-  return input;
+// The same of an animation at one time.
+Status voxelize_moment(TaskRun& run, const RequestOptions& options) {
+  VOXELD_ASSIGN(Clip clip, open_clip(run, options));
+  const double time_s = clip.times.times_s.front();
+  FrameVertices vertices;
+  VOXELD_TRY(clip.moving.skin(time_s, vertices));
+  clip.moving.show(vertices);
+  add_meta(run, {{"animation", animation_facts(clip)}, {"time_s", time_s}});
+  return voxelize_scene(run, {clip.moving.scene(), render_key(run.task, options)}, options);
 }
 
-// Draws the grid, or as much of it as is needed.
-Status draw(TaskRun& run, const DrawnInput& input, const std::string& key,
-            const RequestOptions& options) {
-  expect_bytes(run, picture_bytes(run.engine, input.tiles(), options.render));
-  VOXELD_ASSIGN(const PictureGrid drawn,
-                picture_grid(run, input.tiles(), key, input.whole, options));
-  VOXELD_ASSIGN(const Picture picture, render_picture(run, *drawn.grid, drawn.key, drawn.options));
-  const StageTimer stage(run, "encode");
-  VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
-  add_meta(run, {{"width", picture.width}, {"height", picture.height}});
-  return add_output(run, "result", png, kPngMediaType, ".png");
+// asset -> frames -> containers; -> the answer's format
+Status voxelize_frames(TaskRun& run, const RequestOptions& options) {
+  VOXELD_ASSIGN(Clip clip, open_clip(run, options));
+  VOXELD_ASSIGN(const GridSpec selected, selected_spec(clip.spec, options.output));
+  VOXELD_TRY(check_sequence_encodable(selected, clip.times.times_s.size(), options.output));
+  run.engine.cache.grid.reset();
+  VOXELD_ASSIGN(const MadeSequence made, make_frames(run, clip, options));
+  return write_frames(run, made, options.output);
 }
 
-// asset -> scene -> native container -> picture
-Status render_mesh(TaskRun& run) {
-  VOXELD_ASSIGN(RequestOptions options, task_options(run.task, OptionScope::kRenderMesh));
-  InputCache& cache = run.engine.cache;
-  const std::string key = render_key(run.task, options);
-  if (cache.grid != nullptr && cache.grid_key == key) {
-    add_input_meta(run, cache.grid->grid.meta_json);
-    VOXELD_TRY(write_grid(run, cache.grid->grid));
-    VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, {}, key));
-    return draw(run, input, key, options);
-  }
+Status voxelize(TaskRun& run) {
+  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kVoxelize));
+  if (options.animation.is_sequence()) return voxelize_frames(run, options);
+  if (options.animation.moves()) return voxelize_moment(run, options);
   VOXELD_ASSIGN(const auto scene, load_input_scene(run, true));
-  cache.grid.reset();
-  RequestOptions all = options;  // of the grid
-  all.output = {};
-  VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, *scene, all));
-  std::erase_if(run.completion.outputs,
-                [](const TaskOutput& output) { return output.role == "result"; });
-  if (made.kept) keep_grid(run, made, key);
-  VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, made.path, key));
-  return draw(run, input, key, options);
+  return voxelize_scene(run, {*scene, scene_key(run.task, false)}, options);
 }
 
-Status render(TaskRun& run) {
-  if (!run.task.input_is_grid) return render_mesh(run);
-  VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kRenderGrid));
-  DrawnInput input;
-  {
-    const StageTimer stage(run, "parse");
-    VOXELD_ASSIGN(input, open_drawn(run, run.task.input_path, run.task.input_hash));
-    add_input_meta(run, input.tiles().grid().meta_json);
-  }
-  return draw(run, input, run.task.input_hash, options);
+// sequence -> what is wanted of it in the request's format
+Status export_sequence(TaskRun& run, const RequestOptions& options) {
+  VOXELD_ASSIGN(const MadeSequence sequence, open_sequence(run, options.animation));
+  return write_frames(run, sequence, options.output);
 }
 
 // grid -> the grid in another format, or what is wanted of it
 Status export_grid(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kExport));
+  if (run.task.input_is_sequence) return export_sequence(run, options);
+  VOXELD_TRY(check_one_grid(options.animation));
   if (selects(options.output) || options.output.format == Format::kNative) {
     VOXELD_ASSIGN(const auto input, GridInput::open(run, run.task.input_path));
     add_input_meta(run, input->tiles().grid().meta_json);
@@ -149,11 +102,23 @@ Status export_grid(TaskRun& run) {
   return write_result(run, grid->grid, options.output);
 }
 
+// What is told of an asset whose animations are broken is its mesh, and the error as a warning.
+Result<std::shared_ptr<const AnimatedScene>> load_described(TaskRun& run) {
+  auto animated = load_input_animated(run, false);
+  if (animated || animated.error().code == ErrorCode::kCancelled) return animated;
+  auto still = load_input_scene(run, false);
+  if (!still) return animated;
+  add_warnings(run, {{"broken-animation", animated.error().message()}});
+  auto described = std::make_shared<AnimatedScene>();
+  described->scene = **still;
+  return std::shared_ptr<const AnimatedScene>(std::move(described));
+}
+
 // asset -> description
 Status inspect(TaskRun& run) {
-  VOXELD_ASSIGN(const auto scene, load_input_scene(run, false));
+  VOXELD_ASSIGN(const auto animated, load_described(run));
   const StageTimer stage(run, "inspect");
-  add_meta(run, describe_scene(*scene));
+  add_meta(run, describe_scene(*animated));
   nlohmann::json warnings = nlohmann::json::array();
   for (const Warning& warning : run.completion.warnings) {
     warnings.push_back({{"code", warning.code}, {"detail", warning.detail}});

@@ -26,7 +26,7 @@ Result<json> TaskClient::call(const json& request) {
     VOXELD_TRY(socket_.send(request.dump(-1, ' ', false, json::error_handler_t::replace)));
     VOXELD_ASSIGN(frame, socket_.receive());
   }
-  VOXELD_ASSIGN(json reply, parse_json_bounded(frame));
+  VOXELD_ASSIGN(json reply, parse_task_message(frame));
   if (!reply.is_object()) {
     return Error{ErrorCode::kInternal, "the gateway's reply is not an object", "", ""};
   }
@@ -46,6 +46,11 @@ Result<Task> TaskClient::claim() {
 Result<TaskProgressReply> TaskClient::progress(const TaskProgress& progress) {
   VOXELD_ASSIGN(const json reply, call(to_json_message(progress)));
   return TaskProgressReply{reply.value("cancel", false), reply.value("fenced", false)};
+}
+
+Result<TaskFrameReply> TaskClient::frame(const TaskFrame& frame) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(frame)));
+  return parse_task_frame_reply(reply);
 }
 
 Result<bool> TaskClient::complete(const TaskCompletion& completion) {

@@ -24,6 +24,7 @@ class TaskClient {
   // Blocks until there is a task.
   Result<Task> claim();
   Result<TaskProgressReply> progress(const TaskProgress& progress);
+  Result<TaskFrameReply> frame(const TaskFrame& frame);
   // True when the report counted; false when another worker owns the task.
   Result<bool> complete(const TaskCompletion& completion);
   Result<bool> fail(const TaskFailure& failure);

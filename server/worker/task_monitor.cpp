@@ -5,7 +5,8 @@
 
 namespace voxeld {
 
-TaskMonitor::TaskMonitor(TaskClient& client, const Task& task) : client_(client) {
+TaskMonitor::TaskMonitor(TaskClient& client, const Task& task)
+    : client_(client), task_(task.id), fence_(task.fence) {
   {
     MutexLock lock(mutex_);
     progress_.task = task.id;
@@ -37,6 +38,27 @@ bool TaskMonitor::set_progress(int64_t tiles_done, int64_t tiles_total) {
     progress_.tiles_total = tiles_total;
   }
   return !cancelled_;
+}
+
+void TaskMonitor::set_frames(int64_t frames_done, int64_t frames_total) {
+  MutexLock lock(mutex_);
+  progress_.frames_done = frames_done;
+  progress_.frames_total = frames_total;
+}
+
+Result<TaskFrameReply> TaskMonitor::report_frame(TaskFrame frame) {
+  VOXELD_TRY(check());
+  frame.task = task_;
+  frame.fence = fence_;
+  auto reply = client_.frame(frame);
+  if (!reply || reply->fenced) dropped_ = true;
+  if (dropped_ || reply->cancel) cancelled_ = true;
+  if (!reply) return reply;
+  if (reply->fenced) VOXELD_TRY(check());
+  // A cancel stops what comes after this frame, which is kept.
+  MutexLock lock(mutex_);
+  ++progress_.frames_done;
+  return reply;
 }
 
 Status TaskMonitor::check() const {

@@ -24,6 +24,11 @@ class TaskMonitor {
   void set_stage(std::string_view stage) EXCLUDES(mutex_);
   // False: stop, the result is not wanted.
   bool set_progress(int64_t tiles_done, int64_t tiles_total) EXCLUDES(mutex_);
+  void set_frames(int64_t frames_done, int64_t frames_total) EXCLUDES(mutex_);
+  // Hands a frame to the gateway, and counts it as done. Sets task and fence of it. From any
+  // thread. Errors: cancelled, also where the task belongs to another worker by now; the gateway's
+  // words.
+  Result<TaskFrameReply> report_frame(TaskFrame frame) EXCLUDES(mutex_);
   // Errors: cancelled.
   Status check() const;
   // True when nobody waits for a report on this task any more: fenced, or the gateway is gone.
@@ -34,6 +39,8 @@ class TaskMonitor {
   void report() EXCLUDES(mutex_);
 
   TaskClient& client_;
+  const std::string task_;
+  const int64_t fence_;
   std::atomic<bool> cancelled_{false};
   std::atomic<bool> dropped_{false};
   Mutex mutex_;

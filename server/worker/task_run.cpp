@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <utility>
 
+#include "proto/bundle_manifest.h"
+#include "proto/option_frames.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/base/mapped_pages.h"
@@ -12,9 +14,9 @@
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/region.h"
-#include "server/scene/load.h"
 #include "server/voxel/estimate.h"
 #include "server/voxel/part_ids.h"
+#include "server/worker/asset_input.h"
 #include "server/worker/grid_file.h"
 #include "server/worker/grid_input.h"
 #include "server/worker/host_estimate.h"
@@ -35,40 +37,10 @@ constexpr size_t kWarningBytesMax = 500;
 std::string output_stem(const std::string& filename) {
   const size_t member = filename.rfind('!');
   const std::string name = member == std::string::npos ? filename : filename.substr(member + 1);
-  const std::string stem = fs::path(name).stem().string();
+  const bool is_bundle = name.ends_with(kBundleExtension);
+  const std::string stem = is_bundle ? name.substr(0, name.size() - kBundleExtension.size())
+                                     : fs::path(name).stem().string();
   return stem.empty() ? "voxels" : stem;
-}
-
-// What of the input decides the scene: its bytes, and the file name where that names the format.
-std::string scene_key(const Task& task, bool decode_images) {
-  const size_t member = task.filename.find('!');
-  return task.input_hash + (decode_images ? " images " : " names ") +
-         fs::path(task.filename.substr(0, member)).extension().string() +
-         (member == std::string::npos ? "" : task.filename.substr(member));
-}
-
-size_t scene_bytes(const Scene& scene) {
-  size_t bytes = 0;
-  for (const MeshPart& part : scene.parts) {
-    bytes += part.positions.size() * sizeof(part.positions[0]) +
-             part.normals.size() * sizeof(part.normals[0]) + part.uvs.size() * sizeof(part.uvs[0]) +
-             part.colors.size() * sizeof(part.colors[0]) +
-             part.indices.size() * sizeof(part.indices[0]);
-  }
-  for (const Image& image : scene.images) bytes += image.rgba.size();
-  return bytes;
-}
-
-// The options that make a grid what it is: neither how it is written down nor what computes it,
-// for equal grids shall have equal containers.
-json grid_options(const RequestOptions& options) {
-  json named = json::parse(canonical_json(options, OptionScope::kVoxelize), nullptr, false);
-  json kept = json::object();
-  for (const OptionInfo& info : option_table()) {
-    const std::string name(info.name);
-    if (info.for_voxelize && name != "pipeline" && named.contains(name)) kept[name] = named[name];
-  }
-  return kept;
 }
 
 json device_facts(const Engine& engine) {
@@ -76,28 +48,6 @@ json device_facts(const Engine& engine) {
   return {{"device", gpu::device_name(info.device)},
           {"renderer", info.renderer},
           {"driver", info.version}};
-}
-
-// The object that every output carries. It says nothing of pipeline, device or time.
-std::string container_meta(const Task& task, const Scene& scene, const RequestOptions& options,
-                           const json& facts, const std::optional<FillStats>& fill,
-                           const std::optional<MeshTopology>& topology) {
-  json meta = {{"source_hash", task.input_hash},
-               {"source_format", scene.format},
-               {"source_triangles", scene.triangle_count()},
-               {"units", options.voxelize.placement.units},
-               {"options", grid_options(options)},
-               {"algorithm_version", kAlgorithmVersion}};
-  meta.update(facts);
-  const json& channels = facts.at("channels");
-  const auto has = [&](const char* channel) {
-    return std::find(channels.begin(), channels.end(), json(channel)) != channels.end();
-  };
-  if (has("material")) meta["materials"] = describe_ids(id_names(scene, LabelKind::kMaterial));
-  if (has("label")) meta["labels"] = describe_ids(id_names(scene, options.voxelize.labels));
-  meta["mesh"] = describe_mesh(topology, fill);
-  if (fill) meta["solid"] = describe_fill(*fill, topology);
-  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
 // What of a container's meta an answer carries: of long lists of ids the first, and how many there
@@ -120,20 +70,6 @@ json answer_meta(json meta) {
   return meta;
 }
 
-// What is known of the making of a grid, besides what its container says.
-void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats) {
-  add_meta(run, answer_meta(json::parse(container_meta)));
-  add_meta(run, device_facts(run.engine));
-  add_meta(run, {{"triangles", stats.triangles},
-                 {"tiles", stats.tiles},
-                 {"pipeline", pipeline_name(stats.pipeline)},
-                 {"pipeline_reason", stats.pipeline_reason},
-                 {"device_bytes_peak", stats.device_bytes_peak}});
-  json passes = json::object();
-  for (const auto& [name, ms] : stats.passes) passes[name] = ms;
-  add_meta(run, {{"passes_ms", passes}});
-}
-
 // sha256_id() of a file that need not fit into memory.
 Result<std::string> file_id(const fs::path& path) {
   constexpr size_t kPieceBytes = size_t{8} << 20;
@@ -148,6 +84,12 @@ Result<std::string> file_id(const fs::path& path) {
   return hash.finish_id();
 }
 
+// Where the grid lies: as the mesh does, or as all frames.
+Result<Placed> place(const SceneInput& input, const VoxelizeOptions& options) {
+  if (input.frames == nullptr) return place_scene(input.scene, options);
+  return Placed{world_from_file(options.placement), input.frames->spec()};
+}
+
 TileProgress progress_of(TaskRun& run) {
   return [&run](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); };
 }
@@ -159,24 +101,56 @@ Result<RequestOptions> task_options(const Task& task, OptionScope scope) {
   return parse_options(object, scope);
 }
 
-Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images) {
-  const StageTimer stage(run, "parse");
-  InputCache& cache = run.engine.cache;
-  const std::string key = scene_key(run.task, decode_images);
-  if (cache.scene == nullptr || cache.scene_key != key) {
-    cache.scene.reset();  // before the next one is made: both may not fit
-    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(run.task.input_path));
-    LoadOptions load;
-    load.decode_images = decode_images;
-    VOXELD_ASSIGN(Scene scene, load_scene(run.task.filename, file.bytes(), load));
-    cache.scene = std::make_shared<const Scene>(std::move(scene));
-    cache.scene_key = key;
+json grid_options(const RequestOptions& options) {
+  json named = json::parse(canonical_json(options, OptionScope::kVoxelize), nullptr, false);
+  json kept = json::object();
+  for (const OptionInfo& info : option_table()) {
+    const std::string name(info.name);
+    if (info.for_voxelize && name != "pipeline" && named.contains(name)) kept[name] = named[name];
   }
-  std::shared_ptr<const Scene> scene = cache.scene;
-  if (scene_bytes(*scene) > kCachedSceneBytesMax) cache.scene.reset();
-  add_warnings(run, scene->warnings);
-  VOXELD_TRY(run.monitor.check());
-  return scene;
+  return kept;
+}
+
+json frame_grid_options(const RequestOptions& options) {
+  json kept = grid_options(options);
+  for (const OptionInfo& info : option_table()) {
+    if (option_frames::is_animation_option(info.name)) kept.erase(std::string(info.name));
+  }
+  return kept;
+}
+
+std::string container_meta(const Task& task, const Scene& scene, const json& options,
+                           const json& facts, const std::optional<FillStats>& fill,
+                           const std::optional<MeshTopology>& topology, LabelKind labels) {
+  json meta = {{"source_hash", task.input_hash},
+               {"source_format", scene.format},
+               {"source_triangles", scene.triangle_count()},
+               {"units", options.value("units", "")},
+               {"options", options},
+               {"algorithm_version", kAlgorithmVersion}};
+  meta.update(facts);
+  const json& channels = facts.at("channels");
+  const auto has = [&](const char* channel) {
+    return std::find(channels.begin(), channels.end(), json(channel)) != channels.end();
+  };
+  if (has("material")) meta["materials"] = describe_ids(id_names(scene, LabelKind::kMaterial));
+  if (has("label")) meta["labels"] = describe_ids(id_names(scene, labels));
+  meta["mesh"] = describe_mesh(topology, fill);
+  if (fill) meta["solid"] = describe_fill(*fill, topology);
+  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats) {
+  add_meta(run, answer_meta(json::parse(container_meta)));
+  add_meta(run, device_facts(run.engine));
+  add_meta(run, {{"triangles", stats.triangles},
+                 {"tiles", stats.tiles},
+                 {"pipeline", pipeline_name(stats.pipeline)},
+                 {"pipeline_reason", stats.pipeline_reason},
+                 {"device_bytes_peak", stats.device_bytes_peak}});
+  json passes = json::object();
+  for (const auto& [name, ms] : stats.passes) passes[name] = ms;
+  add_meta(run, {{"passes_ms", passes}});
 }
 
 std::string render_key(const Task& task, const RequestOptions& options) {
@@ -206,8 +180,9 @@ Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
   return cache.grid;
 }
 
-Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
+Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                                      const RequestOptions& options) {
+  const Scene& scene = input.scene;
   const OutputOptions& asked = options.output;
   const bool is_native = asked.format == Format::kNative;
   const bool is_selection = selects(asked);  // made from the file
@@ -220,21 +195,21 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   GridOutput output(files, !is_native && !is_selection);
   const Stopwatch watch;
   run.monitor.set_stage("voxelize");
-  VOXELD_ASSIGN(const Placed placed, place_scene(scene, options.voxelize));
+  VOXELD_ASSIGN(const Placed placed, place(input, options.voxelize));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(placed.spec, asked));
   VOXELD_TRY(check_encodable(selected, asked));
   expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed));
-  MeshReport mesh(run.engine.cache, scene_key(run.task, false), scene);
+  MeshReport mesh(run.engine.cache, input.key, scene);
   VoxelizeStats stats;
-  VOXELD_TRY(
-      run.engine.voxelizer.voxelize(scene, options.voxelize, output, progress_of(run), &stats));
+  VOXELD_TRY(run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
+                                           progress_of(run), &stats));
   add_stage(run.completion.timings, "voxelize", watch.ms() - output.encode_ms());
   add_stage(run.completion.timings, "encode", output.encode_ms());
   const StageTimer stage(run, "encode");
   const std::string hash = output.finish_hash();
-  const std::string meta =
-      container_meta(run.task, scene, options,
-                     grid_facts(output.grid(), output.voxel_count(), hash), stats.fill, mesh.get());
+  const std::string meta = container_meta(run.task, scene, grid_options(options),
+                                          grid_facts(output.grid(), output.voxel_count(), hash),
+                                          stats.fill, mesh.get(), options.voxelize.labels);
   add_making_meta(run, meta, stats);
   for (GridFile* one : files) VOXELD_TRY(one->finish(meta));
   const std::string_view type = format_media_type(Format::kNative);
@@ -250,6 +225,16 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
   }
   VOXELD_TRY(run.monitor.check());
   return written;
+}
+
+void keep_grid(TaskRun& run, WrittenGrid& made, const std::string& key) {
+  run.engine.cache.grid = std::make_shared<const LoadedGrid>(std::move(*made.kept));
+  run.engine.cache.grid_key = key;
+}
+
+Status check_one_grid(const AnimationOptions& options) {
+  if (!options.frames) return {};
+  return Error{ErrorCode::kInvalidOption, "frames: the input is one grid", "a sequence", "a grid"};
 }
 
 Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,

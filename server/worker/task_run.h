@@ -45,14 +45,32 @@ class StageTimer {
 
 Result<RequestOptions> task_options(const Task& task, OptionScope scope);
 
-// The asset as a scene, from the cache where it is the same as last time. Adds the loader's
-// warnings to the completion. Stage: parse.
-Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images);
 // The native container as a grid, from the cache likewise. Stage: parse.
 Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run);
 
 // Puts what a container says of itself, and what device this is, into the completion's meta.
 void add_input_meta(TaskRun& run, const std::string& container_meta);
+
+// The options that make a grid what it is: neither how it is written down nor what computes it,
+// for equal grids shall have equal containers.
+nlohmann::json grid_options(const RequestOptions& options);
+// The same of a frame of an animation: which one it is, other frames may be equal to.
+nlohmann::json frame_grid_options(const RequestOptions& options);
+
+// The object that every container carries. It says nothing of pipeline, device or time. facts: of
+// grid_facts() and others.
+std::string container_meta(const Task& task, const Scene& scene, const nlohmann::json& options,
+                           const nlohmann::json& facts, const std::optional<FillStats>& fill,
+                           const std::optional<MeshTopology>& topology, LabelKind labels);
+// What is known of the making of a grid or sequence, and what its container says.
+void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats);
+
+// A scene to voxelize.
+struct SceneInput {
+  const Scene& scene;
+  std::string key;                 // of its topology
+  SharedFrames* frames = nullptr;  // of a frame that others are placed with
+};
 
 // Checks that the grid can be made and written as the request's output, makes it, and lists its
 // native container under `roles`; for result_codec, a second one as the result. Stages: voxelize
@@ -62,8 +80,12 @@ struct WrittenGrid {
   std::string id;                  // of the container
   std::filesystem::path path;
 };
-Result<WrittenGrid> voxelize_to_file(TaskRun& run, const Scene& scene,
+Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                                      const RequestOptions& options);
+// Keeps it in the cache: who has voxelized a mesh mostly looks at it next.
+void keep_grid(TaskRun& run, WrittenGrid& made, const std::string& key);
+// Errors: invalid-option where `frames` is asked for, of a grid.
+Status check_one_grid(const AnimationOptions& options);
 // Name of the grid that a mesh and options give, for pictures: the key of its cache entry.
 std::string render_key(const Task& task, const RequestOptions& options);
 // Stage: render.

@@ -54,7 +54,12 @@ class Errors(DaemonTest):
                 "color=blue": ("average",),
                 "channels=occupancy,smell": ("smell",), "pipeline=fast": ("raster",),
                 "axes=yzx": ("zyx",), "dtype=int7": ("uint8",), "size=8&size=9": ("size",),
-                "padding=-1": ("padding",), "up=w": ("up",)}.items():
+                "padding=-1": ("padding",), "up=w": ("up",),
+                "animation=": ("animation", "name or number"), "time=-1": ("time", "86400"),
+                "frames=5..2": ("frames", "FIRST..LAST"), "frames=0..4096": ("frames", "4096"),
+                "fps=0": ("fps", "0.01"), "times=1,0": ("times", "each above"),
+                "root_motion=run&time=0": ("keep", "strip"), "root_motion=strip": ("root_motion", "times"),
+                "time=1&fps=24": ("time", "fps"), "times=0,1&frames=0": ("times", "frames")}.items():
             with self.subTest(query):
                 self.provoke(self.voxelize(query), 400, "invalid-option", *parts)
 
@@ -65,7 +70,10 @@ class Errors(DaemonTest):
 
     def test_render_options(self):
         for query in ("width=0", "height=4097", "projection=fish", "background=red!", "zoom=0",
-                      "light=disco", "section=0,0,0,1", "matrix=1,2"):
+                      "light=disco", "section=0,0,0,1", "matrix=1,2", "picture=jpg", "picture=gif",
+                      "frame=1", "turntable=1&picture=gif", "turntable=8",
+                      "turntable=8&picture=gif&animation=0", "rate=5", "rate=0.01&picture=gif",
+                      "columns=0&picture=sheet", "columns=2", "frame=3&frames=0..2"):
             with self.subTest(query):
                 self.provoke(self.daemon.post(f"/v1/render?{query}", self.fixture("sample.ply")),
                              400, "invalid-option", query.split("=")[0])
@@ -127,6 +135,10 @@ class Errors(DaemonTest):
         self.provoke(self.daemon.get("/v1/assets/sha256-" + "0" * 64), 404, "not-found")
         self.provoke(self.daemon.get("/v1/grids/sha256-" + "0" * 64), 404, "not-found")
         self.provoke(self.daemon.get("/v1/assets/..%2f..%2fetc"), 404, "not-found")
+        for path in ("", "/frames", "/frames/0", "/frames/0/render.png", "/render"):
+            self.provoke(self.daemon.get("/v1/sequences/sha256-" + "0" * 64 + path), 404, "not-found",
+                         "sequence")
+        self.provoke(self.daemon.get("/v1/jobs/j-" + "0" * 32 + "/frames"), 404, "not-found", "job")
         self.provoke(self.daemon.post("/v1/jobs", {"kind": "voxelize",
                                                    "asset": "sha256-" + "1" * 64}), 404, "not-found")
 
@@ -186,6 +198,38 @@ class Errors(DaemonTest):
             answer = raw.recv(65536)
         self.assertIn(b" 411 ", answer.split(b"\r\n")[0])
         PROVOKED.add("length-required")
+
+    def test_a_grid_has_no_frames(self):
+        asset = self.daemon.upload(self.fixtures / "sample.ply")
+        status = self.daemon.wait(self.daemon.submit(kind="voxelize", asset=asset, options={"size": 8}))
+        self.assertEqual((status["frames_done"], status["frames_total"]), (0, 0))
+        self.assertEqual(self.daemon.get(f"/v1/jobs/{status['id']}/frames").json()["frames"], [])
+        self.provoke(self.daemon.get(f"/v1/jobs/{status['id']}/frames/0"), 404, "not-found",
+                     "0 frames are done")
+        grid = f"/v1/grids/{status['result']['grid']}"
+        self.provoke(self.daemon.get(f"{grid}?frames=0..3"), 400, "invalid-option", "frames", "sequence")
+        self.provoke(self.daemon.get(f"{grid}/render.png?frame=1"), 400, "invalid-option", "frame")
+        self.provoke(self.daemon.get(f"{grid}/render?picture=gif"), 400, "invalid-option", "turntable")
+        self.provoke(self.daemon.get(f"{grid}/render.png?picture=gif&turntable=4"), 400,
+                     "invalid-option", "/render")
+
+    def test_bundles(self):
+        mesh = self.daemon.upload(self.fixtures / "sample.stl")
+        nothing = "sha256-" + "0" * 64
+
+        def post(files):
+            return self.daemon.request(
+                "POST", "/v1/assets", body=json.dumps({"files": files}),
+                headers={"Content-Type": "application/vnd.voxeld.bundle+json"})
+        self.provoke(post([]), 422, "malformed-bundle", "files", "1000")
+        self.provoke(post([{"name": "../a.stl", "asset": mesh}]), 422, "malformed-bundle", "..")
+        self.provoke(post([{"name": "a.stl", "asset": mesh}, {"name": "A.STL", "asset": mesh}]), 422,
+                     "malformed-bundle", "distinct")
+        self.provoke(post([{"name": "a.stl", "asset": nothing}]), 404, "not-found", "a.stl", nothing)
+        bundle = post([{"name": "a.stl", "asset": mesh}]).json()["id"]
+        self.provoke(post([{"name": "b", "asset": bundle}]), 422, "malformed-bundle", "bundle itself")
+        self.assertEqual(self.daemon.request("DELETE", f"/v1/assets/{mesh}").status, 204)
+        self.provoke(self.daemon.post(f"/v1/voxelize?size=8&asset={bundle}"), 410, "gone", "a.stl")
 
     def test_bad_json(self):
         for body, part in ((b"{", "byte"), (b'{"kind":"voxelize","kind":"x"}', "kind"),

@@ -69,6 +69,8 @@ void for_each_octant(const Box& box, const Visit& visit) {
 
 void CpuAttributes::begin_job(const VoxelizePlan& plan) {
   plan_ = &plan;
+  if (plan.textures_key != 0 && plan.textures_key == textures_key_) return;
+  textures_key_ = plan.textures_key;
   textures_.assign(plan.scene.images.size(), {});
   for (size_t i = 0; i < textures_.size(); ++i) {
     const ImageLevels& used = plan.records->image_levels()[i];
@@ -79,8 +81,13 @@ void CpuAttributes::begin_job(const VoxelizePlan& plan) {
 }
 
 void CpuAttributes::end_job() {
-  textures_.clear();
+  if (textures_key_ == 0) textures_.clear();
   plan_ = nullptr;
+}
+
+void CpuAttributes::end_frames() {
+  textures_.clear();
+  textures_key_ = 0;
 }
 
 void CpuAttributes::find_octants(const SparseTile& tile) {

@@ -28,9 +28,12 @@ class CpuAttributes {
   explicit CpuAttributes(WorkerPool& pool)
       : pool_(&pool), workers_(static_cast<size_t>(pool.threads())) {}
 
-  // Builds the levels of the images that triangles use. The plan must outlive the job.
+  // Builds the levels of the images that triangles use, where they are not there from the frame
+  // before. The plan must outlive the job.
   void begin_job(const VoxelizePlan& plan);
   void end_job();
+  // Frees levels that were kept for further frames.
+  void end_frames();
 
   // Fills color and normal of `tile`, whose bricks are what touches say. mask and word_offsets: of
   // compact_mask().
@@ -79,6 +82,7 @@ class CpuAttributes {
   std::vector<Worker> workers_;
   const VoxelizePlan* plan_ = nullptr;
   std::vector<TextureLevels> textures_;  // per image; empty where unused
+  uint64_t textures_key_ = 0;            // VoxelizePlan::textures_key of textures_; 0: none
   std::vector<Octant> octants_;          // with voxels
   // Triangles by octant: list_[starts_[o]..starts_[o + 1]); those that reach more than a few are in
   // wide_ instead.

@@ -19,6 +19,7 @@ class CpuPipeline final : public TilePipeline {
   Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
   Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
   void end_job() override;
+  void end_frames() override { attributes_.end_frames(); }
   int64_t device_bytes(const Scene&, const WantedChannels&) const override { return 0; }
   DeviceTraits traits() const override { return {}; }
   size_t batch_tiles() const override;

@@ -11,13 +11,27 @@
 namespace voxeld {
 
 Status AttributePass::begin_job(const Scene& scene, const AttributeRecords& records,
-                                const AttributeChannels& channels) {
+                                const AttributeChannels& channels, uint64_t textures_key) {
   channels_ = channels;
+  if (textures_key == 0 || textures_key != textures_key_) {
+    textures_key_ = 0;
+    VOXELD_TRY(upload_textures(scene, records));
+    textures_key_ = textures_key;
+  }
+  if (linear_.id() == 0) {
+    const auto& table = linear16_from_srgb8();
+    VOXELD_ASSIGN(linear_, gpu::Buffer::create(device_->context(), sizeof(table), "linear light"));
+    linear_.upload(0, std::span<const uint32_t>(table));
+  }
+  return device_->context().check("uploading textures");
+}
+
+Status AttributePass::upload_textures(const Scene& scene, const AttributeRecords& records) {
   textures_.clear();
   textures_.resize(scene.images.size());
   for (size_t i = 0; i < scene.images.size(); ++i) {
     const ImageLevels& used = records.image_levels()[i];
-    if (!used.used() || !channels.color) continue;
+    if (!used.used() || !channels_.color) continue;
     const auto levels = build_mip_levels(scene.images[i], used.first, used.last);
     VOXELD_ASSIGN(textures_[i], gpu::Texture2D::create_rgba8ui(
                                     device_->context(), levels[0].width, levels[0].height,
@@ -26,12 +40,7 @@ Status AttributePass::begin_job(const Scene& scene, const AttributeRecords& reco
       textures_[i].upload_level(static_cast<int>(level), levels[level].rgba);
     }
   }
-  if (linear_.id() == 0) {
-    const auto& table = linear16_from_srgb8();
-    VOXELD_ASSIGN(linear_, gpu::Buffer::create(device_->context(), sizeof(table), "linear light"));
-    linear_.upload(0, std::span<const uint32_t>(table));
-  }
-  return device_->context().check("uploading textures");
+  return {};
 }
 
 Status AttributePass::begin_tile(std::span<const uint32_t> word_offsets, uint64_t blocks) {

@@ -21,13 +21,20 @@ class AttributePass {
   AttributePass(TileDevice& device, gpu::ShaderLibrary& shaders)
       : device_(&device), shaders_(&shaders) {}
 
-  // Uploads the levels of the scene's images that triangles use.
+  // Uploads the levels of the scene's images that triangles use. textures_key:
+  // VoxelizePlan::textures_key; what was uploaded for the same one is there.
   Status begin_job(const Scene& scene, const AttributeRecords& records,
-                   const AttributeChannels& channels);
+                   const AttributeChannels& channels, uint64_t textures_key);
   // What the following voxels are summed for: the job's channels or fewer.
   void set_channels(const AttributeChannels& channels) { channels_ = channels; }
-  // Frees the images.
-  void end_job() { textures_.clear(); }
+  // Frees the images, but those of frames.
+  void end_job() {
+    if (textures_key_ == 0) textures_.clear();
+  }
+  void end_frames() {
+    textures_.clear();
+    textures_key_ = 0;
+  }
 
   // Number of each mask word's first voxel, for the words of `blocks`.
   Status begin_tile(std::span<const uint32_t> word_offsets, uint64_t blocks);
@@ -43,6 +50,7 @@ class AttributePass {
   int64_t bytes() const;
 
  private:
+  Status upload_textures(const Scene& scene, const AttributeRecords& records);
   Status run_image(const TileWindow& window, int image, Pipeline pipeline);
   gpu::Defines defines(bool textured) const;
   void bind() const;
@@ -51,6 +59,7 @@ class AttributePass {
   gpu::ShaderLibrary* shaders_;
   gpu::Buffer attributes_, word_offsets_, sums_, carries_, linear_;
   std::vector<gpu::Texture2D> textures_;  // per image of the scene; empty where unused
+  uint64_t textures_key_ = 0;             // of textures_; 0: none
   AttributeChannels channels_;
   shared::VoxelizeParams params_;
 };

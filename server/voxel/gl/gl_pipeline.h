@@ -32,6 +32,7 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
   Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
   void end_job() override;
+  void end_frames() override { attributes_.end_frames(); }
   int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const override;
   DeviceTraits traits() const override;
   size_t batch_tiles() const override;

@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "server/jobs/job_record.h"
 #include "server/jobs/schema.h"
 #include "tests/unit/base/temporary_dir.h"
 
@@ -146,6 +147,49 @@ TEST_F(DatabaseTest, a_damaged_database_is_refused_at_start) {
   ASSERT_FALSE(database);
   EXPECT_NE(database.error().detail.find("job database is corrupt"), std::string::npos)
       << database.error().message();
+}
+
+// As a voxeld that knew no frames left it.
+Status back_to_step_1(SqlConnection& connection) {
+  for (const char* sql :
+       {"DROP TABLE frames", "DROP TABLE bundle_files", "DROP INDEX results_by_sequence",
+        "ALTER TABLE jobs DROP COLUMN sequence", "ALTER TABLE jobs DROP COLUMN frames_total",
+        "ALTER TABLE results DROP COLUMN sequence", "ALTER TABLE results DROP COLUMN frames",
+        "ALTER TABLE results DROP COLUMN job_id", "PRAGMA user_version = 1"}) {
+    VOXELD_TRY(connection.run(sql));
+  }
+  VOXELD_TRY(
+      connection.run("INSERT INTO results (request_hash, blob, bytes, media_type, filename, grid,"
+                     " meta_json, warnings_json, created_ms) VALUES ('h', 'sha256-b', 7,"
+                     " 'application/x-npy', 'a.npy', 'sha256-g', '{}', '[]', 5)"));
+  return connection.run(
+      "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
+      " use_cache, transient, created_ms, result_seq) VALUES ('j-old', 'voxelize', 'done',"
+      " 'sha256-a', '', 'a.ply', '{}', 'h', 1, 0, 5, 1)");
+}
+
+TEST_F(DatabaseTest, a_database_without_frames_is_brought_up_to_date) {
+  ASSERT_TRUE(open()->write(back_to_step_1));
+  const auto database = open();
+  auto reader = database->read();
+  ASSERT_TRUE(reader);
+  const auto record = load_job(**reader, "j-old");
+  ASSERT_TRUE(record) << record.error().message();
+  EXPECT_EQ(record->status.asset, "sha256-a");
+  EXPECT_EQ(record->status.sequence, "");
+  EXPECT_EQ(record->status.frames_total, 0);
+  EXPECT_EQ(record->status.frames_done, 0);
+  ASSERT_TRUE(record->status.result);
+  EXPECT_EQ(record->status.result->grid, "sha256-g");
+  EXPECT_EQ(record->status.result->sequence, "");
+  auto version = (*reader)->query("PRAGMA user_version");
+  ASSERT_TRUE(version && version->step());
+  EXPECT_EQ(version->int64(0), schema_version());
+  ASSERT_TRUE(database->write([](SqlConnection& c) {
+    return c.run(
+        "INSERT INTO frames (job_id, frame, time_s, grid, voxel_count, content_hash)"
+        " VALUES ('j-old', 0, '0', 'sha256-g', 1, 'sha256-c')");
+  }));
 }
 
 TEST_F(DatabaseTest, a_database_of_a_newer_program_is_refused) {

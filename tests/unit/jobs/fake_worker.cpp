@@ -10,6 +10,7 @@
 
 #include "server/base/check.h"
 #include "server/base/file.h"
+#include "server/base/sha256.h"
 
 namespace voxeld::testing {
 
@@ -56,11 +57,52 @@ json FakeWorker::complete_with(const TaskCompletion& completion) {
   return call(to_json_message(completion)).value_or(json::object());
 }
 
-bool FakeWorker::complete(const Task& task, const std::string& text) {
-  const auto path = scratch_ / "result.bin";
+std::filesystem::path FakeWorker::write(const std::string& name, const std::string& text) {
+  const auto path = scratch_ / name;
   const auto written =
       write_file(path, std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
   VOXELD_CHECK(written.ok(), written.error().detail);
+  return path;
+}
+
+SequenceFrame fake_frame(int64_t index, const std::string& text) {
+  return {static_cast<double>(index) / 24.0, sha256_id(text), text.size(),
+          sha256_id("content of " + text)};
+}
+
+TaskFrameReply FakeWorker::frame(const Task& task, int64_t index, const std::string& text) {
+  const SequenceFrame made = fake_frame(index, text);
+  const std::string path = write("frame.voxg", text).string();
+  const auto reply = call(to_json_message(TaskFrame{task.id, task.fence, index, made.time_s, path,
+                                                    made.voxel_count, made.content_hash}));
+  VOXELD_CHECK(reply.has_value(), "a frame was not answered");
+  auto parsed = parse_task_frame_reply(*reply);
+  VOXELD_CHECK(parsed.ok(), parsed.error().detail);
+  return *std::move(parsed);
+}
+
+json FakeWorker::complete_sequence(const Task& task, const std::vector<std::string>& frames,
+                                   const std::string& text) {
+  SequenceManifest manifest;
+  manifest.dims = {4, 5, 6};
+  manifest.voxel_size = {0.5, 0.5, 0.5};
+  manifest.channels.color = true;
+  manifest.fps = 24;
+  for (const std::string& frame : frames) {
+    manifest.frames.push_back(fake_frame(static_cast<int64_t>(manifest.frames.size()), frame));
+  }
+  TaskCompletion completion;
+  completion.task = task.id;
+  completion.fence = task.fence;
+  completion.outputs = {{"sequence", write("manifest.json", sequence_json(manifest)).string(),
+                         "application/json", "bob.json"},
+                        {"result", write("result.bin", text).string(),
+                         "application/vnd.voxeld.sequence", "bob.voxs"}};
+  return complete_with(completion);
+}
+
+bool FakeWorker::complete(const Task& task, const std::string& text) {
+  const auto path = write("result.bin", text);
   TaskCompletion completion;
   completion.task = task.id;
   completion.fence = task.fence;

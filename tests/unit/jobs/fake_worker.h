@@ -7,9 +7,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "proto/sequence.h"
 #include "proto/task_api.h"
 #include "server/base/frame_socket.h"
 
@@ -26,17 +28,26 @@ class FakeWorker {
   std::optional<Task> claim();
   TaskProgressReply progress(const Task& task, const std::string& stage, int64_t done,
                              int64_t total);
+  // Writes `text` as the container of a frame and reports it.
+  TaskFrameReply frame(const Task& task, int64_t index, const std::string& text);
+  // Completes with `text` as the result and with the manifest of frames of these texts.
+  nlohmann::json complete_sequence(const Task& task, const std::vector<std::string>& frames,
+                                   const std::string& text);
   // Writes `text` as the result (and as the grid) and completes. Returns false when fenced.
   bool complete(const Task& task, const std::string& text);
   bool fail(const Task& task, const Error& error);
   // Sends `completion` as it is.
   nlohmann::json complete_with(const TaskCompletion& completion);
+  std::filesystem::path write(const std::string& name, const std::string& text);
   const std::filesystem::path& scratch() const { return scratch_; }
 
  private:
   std::unique_ptr<FrameSocket> socket_;
   std::filesystem::path scratch_;
 };
+
+// The frame that FakeWorker::frame() reports: 24 in a second, as many voxels as bytes.
+SequenceFrame fake_frame(int64_t index, const std::string& text);
 
 // Claims and runs until the gateway stops. A task's file name decides: "crash…" kills the process
 // (SIGKILL), "fail…" fails, "slow…" reports progress until it is cancelled, "deaf…" reports and

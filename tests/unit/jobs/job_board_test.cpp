@@ -96,5 +96,33 @@ TEST(JobBoard, a_cancel_is_remembered_with_its_age) {
   EXPECT_GE(board.cancel_age_seconds("j-1"), 0.02);
 }
 
+TEST(JobBoard, frames_are_counted_by_reports_and_by_what_is_listed) {
+  JobBoard board;
+  JobStatus status;
+  status.id = "j-1";
+  status.state = JobState::kRunning;
+  board.start("j-1", 2);
+  board.progress("j-1", "voxelize", 1, 8, 0, 5);
+  EXPECT_EQ(board.live_version("j-1"), 3);
+  board.frames_listed("j-1", 2);  // within the throttle: kept for the next report
+  EXPECT_EQ(board.live_version("j-1"), 3);
+  board.overlay(status);
+  EXPECT_EQ(status.frames_done, 2);
+  EXPECT_EQ(status.frames_total, 5);
+  std::this_thread::sleep_for(std::chrono::milliseconds(120));
+  board.progress("j-1", "voxelize", 1, 8, 2, 5);
+  EXPECT_EQ(board.live_version("j-1"), 4);
+  board.progress("j-1", "voxelize", 1, 8, 2, 5);  // known already
+  EXPECT_EQ(board.live_version("j-1"), 4);
+  std::this_thread::sleep_for(std::chrono::milliseconds(120));
+  board.frames_listed("j-1", 3);
+  EXPECT_EQ(board.live_version("j-1"), 5);
+  board.start("j-1", 9);  // another attempt begins at none
+  JobStatus again = status;
+  again.frames_done = again.frames_total = 0;
+  board.overlay(again);
+  EXPECT_EQ(again.frames_done, 0);
+}
+
 }  // namespace
 }  // namespace voxeld

@@ -38,6 +38,8 @@ TEST(JobMetrics, live_jobs_waits_and_workers_are_shown) {
   metrics.set_jobs(3, 1);
   metrics.set_worker_up("llvmpipe", true);
   metrics.worker_restarted("llvmpipe");
+  metrics.frame_done();
+  metrics.frame_done();
   JobStatus status;
   status.attempt = 1;
   status.created_ms = 1000;
@@ -49,7 +51,7 @@ TEST(JobMetrics, live_jobs_waits_and_workers_are_shown) {
   metrics.requeued(status);
   const std::string text = text_of(*registry);
   for (const char* line : {"voxeld_jobs{state=\"queued\"} 3", "voxeld_jobs{state=\"running\"} 1",
-                           "voxeld_worker_up{device=\"llvmpipe\"} 1",
+                           "voxeld_frames_done_total 2", "voxeld_worker_up{device=\"llvmpipe\"} 1",
                            "voxeld_worker_restarts_total{device=\"llvmpipe\"} 1",
                            "voxeld_jobs_submitted_total{kind=\"voxelize\"} 1",
                            "voxeld_jobs_requeued_total{kind=\"voxelize\"} 1",

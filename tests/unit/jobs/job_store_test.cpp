@@ -9,6 +9,7 @@
 
 #include "server/base/sha256.h"
 #include "server/jobs/asset_store.h"
+#include "server/jobs/frame_store.h"
 #include "server/store/blob_store.h"
 #include "tests/unit/base/temporary_dir.h"
 
@@ -433,6 +434,36 @@ TEST_F(JobStoreTest, the_blob_of_a_deleted_asset_stays_while_a_live_job_or_a_res
   ASSERT_TRUE(assets_->mark_deleted(result));
   EXPECT_EQ(assets_->remove_unneeded().value(), 0);
   EXPECT_TRUE(blobs_->stat(result));
+}
+
+TEST_F(JobStoreTest, frames_of_an_earlier_claim_are_void) {
+  FrameStore frames(*database_, *blobs_);
+  JobRequest moving = request(put_asset("mesh"));
+  moving.options.animation.animation = "0";
+  const std::string id = submit(moving).status.id;
+  const JobRecord first = claim();
+  const TaskFrame frame{id, first.fence, 0, 0.125, "", 7, "sha256-c"};
+  const auto listed = frames.add(frame, "sha256-1", 9);
+  ASSERT_TRUE(listed && *listed) << listed.error().message();
+  EXPECT_EQ(**listed, 1);
+  ASSERT_TRUE(store_->lose_worker(id, first.fence, "gone", true, 0));
+  ASSERT_TRUE(frames.add(frame, "sha256-2", 9));
+  EXPECT_FALSE(*frames.add(frame, "sha256-2", 9));  // queued: nobody owns it
+  const JobRecord second = claim();
+  EXPECT_FALSE(*frames.add(frame, "sha256-2", 9));
+  EXPECT_EQ(frames.of_job(id)->at(0).frame.grid, "sha256-1");
+  TaskFrame again = frame;
+  again.fence = second.fence;
+  EXPECT_EQ(**frames.add(again, "sha256-3", 9), 1);
+  const auto now = frames.of_job(id);
+  ASSERT_EQ(now->size(), 1u);
+  EXPECT_EQ(now->at(0).frame.grid, "sha256-3");
+  EXPECT_EQ(now->at(0).frame.time_s, 0.125);
+  EXPECT_EQ(now->at(0).frame.voxel_count, 7u);
+  EXPECT_EQ(get(id).frames_done, 1);
+  EXPECT_EQ(get(id).frames_total, 9);
+  ASSERT_TRUE(store_->is_grid("sha256-3").value());
+  EXPECT_FALSE(store_->is_grid("sha256-1").value());
 }
 
 }  // namespace

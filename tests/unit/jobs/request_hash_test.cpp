@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "server/base/algorithm_version.h"
 #include "server/base/sha256.h"
 
 namespace voxeld {
@@ -27,6 +28,27 @@ TEST(RequestHash, the_file_inside_a_bundle_matters) {
   a.filename = "x.zip!a.obj";
   b.filename = "x.zip!b.obj";
   EXPECT_NE(request_hash(a), request_hash(b));
+}
+
+TEST(RequestHash, of_an_asset_or_grid_is_what_it_was_before_there_were_sequences) {
+  JobRequest old = request();
+  const std::string options = canonical_json(old.options, OptionScope::kVoxelize);
+  std::string parts;
+  for (const std::string& part : {std::to_string(kAlgorithmVersion), std::string("voxelize"),
+                                  old.asset, std::string(), std::string(".ply"), options}) {
+    parts += std::to_string(part.size()) + ":" + part;
+  }
+  EXPECT_EQ(request_hash(old), sha256_id(parts));
+}
+
+TEST(RequestHash, a_sequence_and_a_grid_of_one_id_are_two_inputs) {
+  JobRequest grid, sequence;
+  grid.kind = sequence.kind = JobKind::kExport;
+  grid.grid = sequence.sequence = sha256_id("x");
+  EXPECT_NE(request_hash(grid), request_hash(sequence));
+  JobRequest other = sequence;
+  other.sequence = sha256_id("y");
+  EXPECT_NE(request_hash(other), request_hash(sequence));
 }
 
 TEST(RequestHash, input_kind_and_options_matter) {

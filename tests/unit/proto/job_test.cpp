@@ -104,6 +104,12 @@ TEST(JobRequest, exactly_one_input_of_the_right_sort_is_needed) {
             "job: input of kind inspect: expected asset, got grid");
 }
 
+TEST(JobRequest, options_of_a_mesh_that_is_still_to_come_are_those_of_an_asset) {
+  JobRequest request;
+  request.kind = JobKind::kRender;
+  EXPECT_EQ(option_scope(request), OptionScope::kRenderMesh);
+}
+
 TEST(JobRequest, a_sequence_is_an_input_as_a_grid_is) {
   EXPECT_EQ(refused(R"({"kind":"voxelize","sequence":"s"})").message(),
             "job: input of kind voxelize: expected asset, got sequence");

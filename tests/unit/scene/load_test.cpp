@@ -86,6 +86,30 @@ TEST(Scene, bounds_are_those_of_the_vertices_that_triangles_use) {
   EXPECT_TRUE(Scene().bounds().empty());
 }
 
+TEST(FilesBundle, files_of_several_uploads_load_as_a_zip_of_them_does) {
+  const std::string mesh = "mtllib a.mtl\n" + std::string(kTriangle);
+  const auto bundle = files_bundle(
+      {{"models/a.obj", test::bytes_of(mesh)}, {"a.mtl", test::bytes_of("newmtl x\nKd 1 0 0\n")}});
+  ASSERT_EQ(bundle->entries().size(), 2u);
+  EXPECT_EQ(bundle->entries()[0].name, "models/a.obj");
+  EXPECT_EQ(bundle->entries()[1].bytes, 17);
+  const auto scene = load_scene("things", *bundle);
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_EQ(scene->triangle_count(), 1u);
+  EXPECT_TRUE(scene->missing_files.empty());
+}
+
+TEST(FilesBundle, several_meshes_are_chosen_from_by_name) {
+  const auto bundle =
+      files_bundle({{"a.obj", test::bytes_of(kTriangle)}, {"b.off", test::bytes_of(kOff)}});
+  EXPECT_EQ(message_of(load_scene("two", *bundle)),
+            "two: several meshes in the bundle: expected one, or its choice by "
+            "filename=two!a.obj, got a.obj, b.off");
+  EXPECT_EQ(load_scene("two!b.off", *bundle)->format, "off");
+  EXPECT_EQ(message_of(load_scene("two!c", *bundle)),
+            "two: no file \"c\" in the bundle: expected one of its files, got a.obj, b.off");
+}
+
 TEST(Scene, colours_come_from_vertices_textures_or_materials) {
   Scene scene;
   scene.parts.emplace_back();

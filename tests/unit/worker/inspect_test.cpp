@@ -9,6 +9,12 @@ namespace {
 
 using nlohmann::json;
 
+AnimatedScene still(const Scene& scene) {
+  AnimatedScene animated;
+  animated.scene = scene;
+  return animated;
+}
+
 TEST(Inspect, a_description_names_counts_bounds_parts_materials_and_missing_files) {
   Scene scene;
   scene.format = "obj";
@@ -27,7 +33,7 @@ TEST(Inspect, a_description_names_counts_bounds_parts_materials_and_missing_file
   scene.images.push_back(image);
   scene.missing_files.push_back({"moss.png", "material moss"});
 
-  const json description = describe_scene(scene);
+  const json description = describe_scene(still(scene));
   EXPECT_EQ(description["format"], "obj");
   EXPECT_EQ(description["triangles"], 1);
   EXPECT_EQ(description["vertices"], 3);
@@ -50,7 +56,7 @@ TEST(Inspect, a_scene_with_too_many_parts_and_endless_names_stays_a_small_descri
   MeshPart part;
   part.name = std::string(100'000, 'n');
   scene.parts.assign(5000, part);
-  const json description = describe_scene(scene);
+  const json description = describe_scene(still(scene));
   EXPECT_EQ(description["part_count"], 5000);
   EXPECT_LT(description["parts"].size(), 5000u);
   EXPECT_LT(description.dump().size(), 400'000u);  // a task message holds 1 MiB
@@ -84,7 +90,7 @@ TEST(Inspect, what_is_not_known_of_a_mesh_is_null) {
 }
 
 TEST(Inspect, an_empty_scene_has_no_bounds) {
-  EXPECT_TRUE(describe_scene(Scene{})["bounds"].is_null());
+  EXPECT_TRUE(describe_scene(AnimatedScene{})["bounds"].is_null());
 }
 
 }  // namespace

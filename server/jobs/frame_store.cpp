@@ -1,0 +1,139 @@
+#include "server/jobs/frame_store.h"
+
+#include <array>
+#include <charconv>
+#include <utility>
+
+#include "server/base/file.h"
+
+namespace voxeld {
+namespace {
+
+// The shortest text that reads back as the same number.
+std::string time_text(double time_s) {
+  std::array<char, 32> buffer{};
+  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), time_s);
+  return {buffer.data(), end};
+}
+
+double time_of(const std::string& text) {
+  double value = 0;
+  std::from_chars(text.data(), text.data() + text.size(), value);
+  return value;
+}
+
+Error no_sequence(std::string_view id) {
+  return {ErrorCode::kNotFound, "no such sequence", "the id of a sequence",
+          std::string(id.substr(0, 80))};
+}
+
+// Whether the job runs under this fence.
+Result<bool> is_current(SqlConnection& connection, const TaskFrame& frame) {
+  VOXELD_ASSIGN(
+      SqlStatement found,
+      connection.query("SELECT 1 FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'",
+                       frame.task, frame.fence));
+  return found.step();
+}
+
+Status insert_frame(SqlConnection& connection, const TaskFrame& frame, std::string_view grid) {
+  return connection.run(
+      "INSERT INTO frames (job_id, frame, time_s, grid, voxel_count, content_hash)"
+      " VALUES ($1, $2, $3, $4, $5, $6) ON CONFLICT (job_id, frame) DO UPDATE SET"
+      " time_s = excluded.time_s, grid = excluded.grid, voxel_count = excluded.voxel_count,"
+      " content_hash = excluded.content_hash",
+      frame.task, frame.index, time_text(frame.time_s), grid,
+      static_cast<int64_t>(frame.voxel_count), frame.content_hash);
+}
+
+Result<int64_t> count_frames(SqlConnection& connection, std::string_view job) {
+  VOXELD_ASSIGN(SqlStatement count,
+                connection.query("SELECT COUNT(*) FROM frames WHERE job_id = $1", job));
+  VOXELD_TRY(count.step());
+  return count.int64(0);
+}
+
+}  // namespace
+
+Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, std::string_view grid,
+                                               int64_t frames_total) {
+  std::optional<int64_t> listed;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const bool current, is_current(connection, frame));
+    if (!current) return {};
+    VOXELD_TRY(insert_frame(connection, frame, grid));
+    if (frames_total > 0) {
+      VOXELD_TRY(connection.run("UPDATE jobs SET frames_total = $2 WHERE id = $1", frame.task,
+                                frames_total));
+    }
+    VOXELD_ASSIGN(listed, count_frames(connection, frame.task));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return listed;
+}
+
+Result<std::vector<ListedFrame>> FrameStore::of_job(std::string_view job) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(SqlStatement rows,
+                reader->query("SELECT frame, time_s, grid, voxel_count, content_hash FROM frames"
+                              " WHERE job_id = $1 ORDER BY frame",
+                              job));
+  std::vector<ListedFrame> frames;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return frames;
+    frames.push_back({rows.int64(0),
+                      {time_of(rows.text(1)), rows.text(2), static_cast<uint64_t>(rows.int64(3)),
+                       rows.text(4)}});
+  }
+}
+
+Result<BlobInfo> FrameStore::stat(std::string_view sequence) {
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    VOXELD_ASSIGN(SqlStatement found,
+                  reader->query("SELECT 1 FROM results WHERE sequence = $1 AND sequence <> ''"
+                                " LIMIT 1",
+                                sequence));
+    VOXELD_ASSIGN(const bool known, found.step());
+    if (!known) return no_sequence(sequence);
+  }
+  auto blob = blobs_.stat(sequence);
+  if (!blob && blob.error().code == ErrorCode::kNotFound) return no_sequence(sequence);
+  return blob;
+}
+
+Result<SequenceManifest> FrameStore::read(std::string_view sequence) {
+  VOXELD_TRY(stat(sequence));
+  return read_blob(sequence);
+}
+
+Result<SequenceManifest> FrameStore::read_blob(std::string_view id) {
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(blobs_.path_of(id)));
+  const auto bytes = file.bytes();
+  return parse_sequence({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+}
+
+Result<int64_t> FrameStore::check(std::string_view job, std::string_view sequence) {
+  const auto wrong = [](std::string detail, std::string expected, std::string got) {
+    return Error{ErrorCode::kInternal, "worker brings a sequence: " + std::move(detail),
+                 std::move(expected), std::move(got)};
+  };
+  auto manifest = read_blob(sequence);
+  if (!manifest) return wrong(manifest.error().message(), "", "");
+  VOXELD_ASSIGN(const std::vector<ListedFrame> listed, of_job(job));
+  const std::vector<SequenceFrame>& named = manifest->frames;
+  if (named.size() != listed.size()) {
+    return wrong("number of frames", std::to_string(listed.size()), std::to_string(named.size()));
+  }
+  for (size_t i = 0; i < named.size(); ++i) {
+    if (listed[i].index == static_cast<int64_t>(i) && listed[i].frame.grid == named[i].grid) {
+      continue;
+    }
+    return wrong("grid of frame " + std::to_string(i), listed[i].frame.grid, named[i].grid);
+  }
+  return static_cast<int64_t>(named.size());
+}
+
+}  // namespace voxeld

@@ -1,0 +1,45 @@
+// Frames in the database: those that jobs have left so far, and the sequences that finished jobs
+// are. Their containers are in the blob store.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/sequence.h"
+#include "proto/task_api.h"
+#include "server/jobs/database.h"
+#include "server/jobs/job_service.h"
+#include "server/store/blob_store.h"
+
+namespace voxeld {
+
+// Thread-safe; holds no state of its own.
+class FrameStore {
+ public:
+  FrameStore(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
+
+  // Lists a frame of a running job whose container `grid` is in the store, in place of an earlier
+  // attempt's of the same index. Returns how many the job has now; nullopt when another worker owns
+  // the job and nothing changed.
+  Result<std::optional<int64_t>> add(const TaskFrame& frame, std::string_view grid,
+                                     int64_t frames_total);
+  // By ascending index; those of earlier attempts count.
+  Result<std::vector<ListedFrame>> of_job(std::string_view job);
+
+  // Of a sequence that a finished job left. Errors: not-found.
+  Result<BlobInfo> stat(std::string_view sequence);
+  Result<SequenceManifest> read(std::string_view sequence);
+  // Whether a manifest that a worker brings names exactly the frames that its job lists, whose
+  // number is returned. Errors: internal.
+  Result<int64_t> check(std::string_view job, std::string_view sequence);
+
+ private:
+  Result<SequenceManifest> read_blob(std::string_view id);
+  Database& database_;
+  const BlobStore& blobs_;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,162 @@
+// Animated PNG: the streams of ordinary PNGs, wrapped again.
+//
+//   signature, IHDR and what else stands before the first picture's IDAT
+//   acTL  u32 pictures, u32 rounds (0: for ever)
+//   per picture
+//     fcTL  u32 number, width, height, x, y; u16 delay, u16 its denominator; u8 dispose, u8 blend
+//     IDAT of the first, fdAT (u32 number, then the same stream) of the others
+//   IEND
+//
+// Numbers count fcTL and fdAT chunks together, from 0; all numbers are big-endian.
+#include <fcntl.h>
+
+#include <array>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include "server/base/check.h"
+#include "server/base/file.h"
+#include "server/render/animated_picture.h"
+
+namespace voxeld {
+namespace {
+
+constexpr size_t kSignatureBytes = 8, kChunkFrameBytes = 12;
+constexpr uint32_t kPartsPerSecond = 1000;
+
+uint32_t read_u32(const uint8_t* at) {
+  return uint32_t{at[0]} << 24 | uint32_t{at[1]} << 16 | uint32_t{at[2]} << 8 | uint32_t{at[3]};
+}
+
+void put_u32(std::vector<uint8_t>& out, uint32_t value) {
+  for (int shift = 24; shift >= 0; shift -= 8) out.push_back(static_cast<uint8_t>(value >> shift));
+}
+
+void put_u16(std::vector<uint8_t>& out, uint32_t value) {
+  out.push_back(static_cast<uint8_t>(value >> 8));
+  out.push_back(static_cast<uint8_t>(value));
+}
+
+void append(std::vector<uint8_t>& out, std::span<const uint8_t> bytes) {
+  out.insert(out.end(), bytes.begin(), bytes.end());
+}
+
+constexpr std::array<uint32_t, 256> crc_table() {
+  std::array<uint32_t, 256> table{};
+  for (uint32_t byte = 0; byte < table.size(); ++byte) {
+    uint32_t crc = byte;
+    for (int bit = 0; bit < 8; ++bit) crc = (crc & 1u) != 0 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
+    table[byte] = crc;
+  }
+  return table;
+}
+
+// CRC-32 of ISO 3309, as PNG's annex D computes it.
+uint32_t crc_of(std::span<const uint8_t> bytes) {
+  static constexpr std::array<uint32_t, 256> kTable = crc_table();
+  uint32_t crc = ~0u;
+  for (const uint8_t byte : bytes) crc = kTable[(crc ^ byte) & 255u] ^ crc >> 8;
+  return ~crc;
+}
+
+void put_chunk(std::vector<uint8_t>& out, std::string_view type, std::span<const uint8_t> data) {
+  put_u32(out, static_cast<uint32_t>(data.size()));
+  const size_t begin = out.size();
+  out.insert(out.end(), type.begin(), type.end());
+  append(out, data);
+  put_u32(out, crc_of(std::span(out).subspan(begin)));
+}
+
+// An encoded picture in its parts.
+struct PngParts {
+  std::vector<uint8_t> front;                     // signature and chunks before the stream
+  std::vector<std::span<const uint8_t>> streams;  // data of IDAT chunks
+};
+
+PngParts parts_of(std::span<const uint8_t> png) {
+  PngParts parts;
+  append(parts.front, png.first(kSignatureBytes));
+  for (size_t at = kSignatureBytes; at + kChunkFrameBytes <= png.size();) {
+    const size_t bytes = read_u32(&png[at]);
+    const std::string_view type(reinterpret_cast<const char*>(&png[at + 4]), 4);
+    if (type == "IDAT") {
+      parts.streams.push_back(png.subspan(at + 8, bytes));
+    } else if (parts.streams.empty()) {
+      append(parts.front, png.subspan(at, bytes + kChunkFrameBytes));
+    }
+    at += bytes + kChunkFrameBytes;
+  }
+  return parts;
+}
+
+class ApngWriter final : public AnimationWriter {
+ public:
+  ApngWriter(UniqueFd fd, std::vector<uint32_t> durations)
+      : fd_(std::move(fd)), durations_(std::move(durations)) {}
+
+  Status add(const Picture& picture) override {
+    VOXELD_CHECK(added_ < durations_.size(), "no more pictures than were told");
+    VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
+    const PngParts parts = parts_of(png);
+    std::vector<uint8_t> out;
+    if (added_ == 0) {
+      append(out, parts.front);
+      std::vector<uint8_t> control;
+      put_u32(control, static_cast<uint32_t>(durations_.size()));
+      put_u32(control, 0);
+      put_chunk(out, "acTL", control);
+    }
+    put_frame_control(out, picture);
+    for (const std::span<const uint8_t> stream : parts.streams) put_stream(out, stream);
+    ++added_;
+    return write_all(fd_.get(), out);
+  }
+
+  Status finish() override {
+    VOXELD_CHECK(added_ == durations_.size(), "as many pictures as were told");
+    std::vector<uint8_t> out;
+    put_chunk(out, "IEND", {});
+    return write_all(fd_.get(), out);
+  }
+
+ private:
+  void put_frame_control(std::vector<uint8_t>& out, const Picture& picture) {
+    std::vector<uint8_t> control;
+    put_u32(control, number_++);
+    put_u32(control, static_cast<uint32_t>(picture.width));
+    put_u32(control, static_cast<uint32_t>(picture.height));
+    put_u32(control, 0);
+    put_u32(control, 0);
+    put_u16(control, durations_[added_]);
+    put_u16(control, kPartsPerSecond);
+    control.insert(control.end(), {0, 0});  // the next one replaces it, alpha and all
+    put_chunk(out, "fcTL", control);
+  }
+
+  void put_stream(std::vector<uint8_t>& out, std::span<const uint8_t> stream) {
+    if (added_ == 0) return put_chunk(out, "IDAT", stream);
+    std::vector<uint8_t> data;
+    data.reserve(4 + stream.size());
+    put_u32(data, number_++);
+    append(data, stream);
+    put_chunk(out, "fdAT", data);
+  }
+
+  UniqueFd fd_;
+  std::vector<uint32_t> durations_;
+  size_t added_ = 0;
+  uint32_t number_ = 0;  // of the next fcTL or fdAT
+};
+
+}  // namespace
+
+Result<std::unique_ptr<AnimationWriter>> write_apng(const std::filesystem::path& path,
+                                                    const std::vector<double>& durations_s) {
+  UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  if (!fd.valid()) return errno_error("create", path);
+  return std::unique_ptr<AnimationWriter>(std::make_unique<ApngWriter>(
+      std::move(fd), whole_durations(durations_s, kPartsPerSecond, 1)));
+}
+
+}  // namespace voxeld

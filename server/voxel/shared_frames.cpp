@@ -1,0 +1,36 @@
+#include "server/voxel/shared_frames.h"
+
+#include <algorithm>
+#include <atomic>
+
+namespace voxeld {
+namespace {
+
+uint64_t next_key() {
+  static std::atomic<uint64_t> last = 0;
+  return ++last;
+}
+
+}  // namespace
+
+SharedFrames::SharedFrames(const GridSpec& spec) : spec_(spec), textures_key_(next_key()) {}
+
+const WantedChannels& SharedFrames::channels(const Scene& scene, const VoxelizeOptions& options) {
+  if (!channels_) channels_ = wanted_channels(scene, options);
+  return *channels_;
+}
+
+void SharedFrames::unite_levels(std::vector<ImageLevels>& of_frame) {
+  levels_.resize(of_frame.size());
+  bool grew = false;
+  for (size_t i = 0; i < of_frame.size(); ++i) {
+    ImageLevels& all = levels_[i];
+    const ImageLevels united{std::min(all.first, of_frame[i].first),
+                             std::max(all.last, of_frame[i].last)};
+    grew |= united.first != all.first || united.last != all.last;
+    all = of_frame[i] = united;
+  }
+  if (grew) textures_key_ = next_key();
+}
+
+}  // namespace voxeld

@@ -1,0 +1,214 @@
+#include "server/worker/make_frames.h"
+
+#include <memory>
+#include <utility>
+
+#include "server/grid/grid_spec.h"
+#include "server/voxel/shared_frames.h"
+#include "server/worker/asset_input.h"
+#include "server/worker/grid_file.h"
+#include "server/worker/host_estimate.h"
+#include "server/worker/mesh_report.h"
+#include "server/worker/side_thread.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+// Of tiles that wait to be encoded.
+constexpr size_t kWaitingBytesMax = size_t{64} << 20;
+
+size_t bytes_of(const std::vector<SparseTile>& tiles) {
+  size_t bytes = 0;
+  for (const SparseTile& tile : tiles) bytes += tile_bytes(tile);
+  return bytes;
+}
+
+// What the containers of all frames say.
+struct FrameMeta {
+  const Task& task;
+  const Scene& scene;  // the bind pose
+  const RequestOptions& options;
+  const std::optional<MeshTopology>& topology;
+};
+
+// A frame from its first tile to its report. What is named `later` runs on the side.
+class FrameOutput final : public TileSink, public std::enable_shared_from_this<FrameOutput> {
+ public:
+  FrameOutput(TaskRun& run, SideThread& side, size_t index, double time_s)
+      : run_(run),
+        side_(side),
+        file_(run.scratch / (run.task.id + "-frame-" + std::to_string(index)),
+              OutputOptions{}.codec),
+        output_({&file_}, false, 0) {
+    frame_.index = static_cast<int64_t>(index);
+    frame_.time_s = time_s;
+  }
+
+  Status begin(const Grid& grid) override {
+    return later(0, [grid](FrameOutput& self) { return self.output_.begin(grid); });
+  }
+  Status add(std::vector<SparseTile> tiles) override {
+    const size_t bytes = bytes_of(tiles);
+    // std::function copies what it holds.
+    auto shared = std::make_shared<std::vector<SparseTile>>(std::move(tiles));
+    return later(bytes,
+                 [shared](FrameOutput& self) { return self.output_.add(std::move(*shared)); });
+  }
+  bool keeps_tiles() const override { return false; }
+
+  Status finish(const FrameMeta& meta, std::optional<FillStats> fill, MadeSequence& made) {
+    return later(0, [&meta, fill = std::move(fill), &made](FrameOutput& self) {
+      return self.report(meta, fill, made);
+    });
+  }
+
+ private:
+  template <typename Work>
+  Status later(size_t bytes, Work work) {
+    return side_.push(bytes, [self = shared_from_this(), work] { return work(*self); });
+  }
+
+  Status report(const FrameMeta& meta, const std::optional<FillStats>& fill, MadeSequence& made) {
+    frame_.content_hash = output_.finish_hash();
+    frame_.voxel_count = output_.voxel_count();
+    frame_.path = file_.path().string();
+    const json facts = grid_facts(output_.grid(), frame_.voxel_count, frame_.content_hash);
+    VOXELD_TRY(
+        file_.finish(container_meta(meta.task, meta.scene, frame_grid_options(meta.options), facts,
+                                    fill, meta.topology, meta.options.voxelize.labels)));
+    VOXELD_ASSIGN(TaskFrameReply reply, run_.monitor.report_frame(frame_));
+    made.manifest.frames.push_back(
+        {frame_.time_s, std::move(reply.grid), frame_.voxel_count, frame_.content_hash});
+    made.paths.emplace_back(std::move(reply.path));
+    return {};
+  }
+
+  TaskRun& run_;
+  SideThread& side_;
+  TaskFrame frame_;
+  GridFile file_;
+  GridOutput output_;
+};
+
+// Voxelizes the frames of a clip one after the other.
+class FrameLoop {
+ public:
+  FrameLoop(TaskRun& run, Clip& clip, const RequestOptions& options)
+      : run_(run), clip_(clip), options_(options), shared_(clip.spec) {}
+  ~FrameLoop() { run_.engine.voxelizer.end_frames(); }
+  FrameLoop(const FrameLoop&) = delete;
+  FrameLoop& operator=(const FrameLoop&) = delete;
+
+  Result<MadeSequence> make() {
+    const std::vector<double>& times_s = clip_.times.times_s;
+    MadeSequence made;
+    MeshReport mesh(run_.engine.cache, scene_key(run_.task, false), clip_.moving.bind());
+    const FrameMeta meta{run_.task, clip_.moving.bind(), options_, mesh.get()};
+    // Declared after what it writes to.
+    SideThread side(kWaitingBytesMax), skinning(0);
+    VOXELD_TRY(skin_later(skinning, 0));
+    for (size_t k = 0; k < times_s.size(); ++k) {
+      VOXELD_TRY(run_.monitor.check());
+      VOXELD_TRY(skinning.wait());
+      clip_.moving.show(next_);
+      if (k + 1 < times_s.size()) VOXELD_TRY(skin_later(skinning, k + 1));
+      const auto output = std::make_shared<FrameOutput>(run_, side, k, times_s[k]);
+      VOXELD_TRY(voxelize(*output));
+      VOXELD_TRY(output->finish(meta, stats_.fill, made));
+    }
+    VOXELD_TRY(side.wait());
+    tell(made, meta);
+    return made;
+  }
+
+ private:
+  Status skin_later(SideThread& skinning, size_t k) {
+    return skinning.push(0, [this, k] { return clip_.moving.skin(clip_.times.times_s[k], next_); });
+  }
+
+  Status voxelize(TileSink& sink) {
+    stats_.fill.reset();
+    return run_.engine.voxelizer.voxelize(
+        clip_.moving.scene(), options_.voxelize, &shared_, sink,
+        [this](int64_t done, int64_t total) { return run_.monitor.set_progress(done, total); },
+        &stats_);
+  }
+
+  // The manifest's own meta, and the completion's.
+  void tell(MadeSequence& made, const FrameMeta& meta) {
+    Grid common;
+    common.spec = clip_.spec;
+    common.channels = shared_.channels(meta.scene, options_.voxelize).grid;
+    const glm::ivec3& dims = common.spec.dims;
+    const glm::dvec3 &origin = common.spec.origin_world, &size = common.spec.voxel_size;
+    made.manifest.dims = {dims.x, dims.y, dims.z};
+    made.manifest.origin = {origin.x, origin.y, origin.z};
+    made.manifest.voxel_size = {size.x, size.y, size.z};
+    made.manifest.channels = common.channels;
+    made.manifest.fps = clip_.times.fps;
+    json facts = grid_facts(common, 0, "");
+    facts.erase("voxel_count");
+    facts.erase("content_hash");
+    facts["animation"] = animation_facts(clip_);
+    facts["frames"] = made.manifest.frames.size();
+    facts["fps"] = clip_.times.fps;
+    const std::string text = container_meta(meta.task, meta.scene, grid_options(options_), facts,
+                                            std::nullopt, meta.topology, options_.voxelize.labels);
+    made.manifest.meta_json = text;
+    add_making_meta(run_, text, stats_);
+  }
+
+  TaskRun& run_;
+  Clip& clip_;
+  const RequestOptions& options_;
+  SharedFrames shared_;
+  FrameVertices next_;
+  VoxelizeStats stats_;
+};
+
+}  // namespace
+
+Result<Clip> open_clip(TaskRun& run, const RequestOptions& options) {
+  VOXELD_ASSIGN(auto animated, load_input_animated(run, true));
+  VOXELD_ASSIGN(MovingScene moving, MovingScene::open(std::move(animated), options.animation));
+  VOXELD_ASSIGN(FrameTimes times, frame_times(options.animation, moving.animation()));
+  VOXELD_TRY(moving.begin(times.times_s.front()));
+  const StageTimer stage(run, "place");
+  const PlacementOptions& placement = options.voxelize.placement;
+  VOXELD_ASSIGN(const Box3d box, moving.box_over(times.times_s, world_from_file(placement),
+                                                 [&] { return run.monitor.check(); }));
+  if (box.empty()) return Error{ErrorCode::kEmptyMesh, "the mesh has no triangles", "", ""};
+  VOXELD_ASSIGN(const GridSpec spec, place_grid(placement, box.min, box.max));
+  return Clip{std::move(moving), std::move(times), spec};
+}
+
+json animation_facts(const Clip& clip) {
+  const AnimationInfo& animation = clip.moving.animation();
+  return {{"name", animation.name},
+          {"number", clip.moving.animation_index()},
+          {"duration_s", animation.duration_s},
+          {"frame_rate", animation.frame_rate}};
+}
+
+Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions& options) {
+  expect_bytes(run, voxelize_bytes(run.engine, clip.moving.bind(), options,
+                                   {world_from_file(options.voxelize.placement), clip.spec}) +
+                        static_cast<int64_t>(kWaitingBytesMax));
+  run.monitor.set_frames(0, static_cast<int64_t>(clip.times.times_s.size()));
+  Result<MadeSequence> made = Error{};
+  {
+    const StageTimer stage(run, "voxelize");
+    made = FrameLoop(run, clip, options).make();
+  }
+  if (!made) return made;
+  const StageTimer stage(run, "encode");
+  const std::string text = sequence_json(made->manifest);
+  VOXELD_TRY(add_output(run, "sequence",
+                        {reinterpret_cast<const uint8_t*>(text.data()), text.size()},
+                        "application/json", ".json"));
+  return made;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,163 @@
+"""Animations through the whole service: frames while they are made, in every pipeline, as files and pictures."""
+import json
+import struct
+import time
+import unittest
+
+from harness import DaemonTest
+
+WALK = {"animation": "walk", "size": 32}  # 6 frames at 12 per second, of which the last two are equal
+
+
+def gif_size(data):
+    """(width, height, pictures) of a GIF, by its blocks."""
+    assert data[:6] == b"GIF89a", data[:6]
+    width, height, flags = struct.unpack("<HHB", data[6:11])
+    at, pictures = 13 + (3 << ((flags & 7) + 1) if flags & 128 else 0), 0
+    while data[at] != 0x3b:
+        if data[at] == 0x2c:
+            pictures += 1
+            at += 10 + (3 << ((data[at + 9] & 7) + 1) if data[at + 9] & 128 else 0) + 1
+        else:
+            at += 2
+        while data[at]:
+            at += data[at] + 1
+        at += 1
+    return width, height, pictures
+
+
+def png_size(data):
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    return struct.unpack(">II", data[16:24])
+
+
+class Animation(DaemonTest):
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.worm = cls.daemon.upload(cls.fixtures / "worm.md5.zip")
+        cls.spin = cls.daemon.upload(cls.fixtures / "spin.glb")
+
+    def finish(self, job):
+        status = self.daemon.wait(job)
+        self.assertEqual(status["state"], "done", status)
+        return status
+
+    def frames(self, job):
+        response = self.daemon.get(f"/v1/jobs/{job}/frames")
+        self.assertEqual(response.status, 200, response.body)
+        return response.json()
+
+    def voxelize(self, asset, **options):
+        job = self.daemon.submit(kind="voxelize", asset=asset, options=options)
+        return job, self.finish(job)
+
+    def test_an_asset_tells_what_moves_it(self):
+        told = self.daemon.get(f"/v1/assets/{self.worm}").json()
+        self.assertEqual([joint["name"] for joint in told["joints"]], ["root", "middle", "top"])
+        self.assertEqual([a["name"] for a in told["animations"]], ["walk", "wave"])
+        self.assertEqual(told["animations"][0]["frames"], 6)
+        self.assertEqual(told["animations"][0]["frame_rate"], 12)
+        self.assertTrue(told["materials"][0]["found"])
+        told = self.daemon.get(f"/v1/assets/{self.spin}").json()
+        self.assertEqual([(a["name"], a["duration_s"]) for a in told["animations"]],
+                         [("spin", 1), ("hop", 0.5)])
+
+    def test_a_sequence_lists_its_frames_and_equal_ones_are_one_grid(self):
+        job, status = self.voxelize(self.worm, **WALK)
+        self.assertEqual((status["frames_done"], status["frames_total"]), (6, 6))
+        told = self.frames(job)
+        self.assertEqual(told["frames_total"], 6)
+        self.assertTrue(told["sequence"])
+        self.assertEqual([f["index"] for f in told["frames"]], list(range(6)))
+        self.assertAlmostEqual(told["frames"][3]["time_s"], 0.25)
+        grids = [frame["grid"] for frame in told["frames"]]
+        self.assertEqual(grids[4], grids[5])
+        self.assertEqual(len(set(grids)), 5)
+
+    def test_frames_are_the_same_by_every_pipeline(self):
+        for asset in (self.worm, self.spin):
+            hashes = {}
+            for pipeline in ("cpu", "raster", "compute"):
+                job, _ = self.voxelize(asset, animation="0", size=24, fps=6, channels="color,normal",
+                                       pipeline=pipeline)
+                hashes[pipeline] = [f["content_hash"] for f in self.frames(job)["frames"]]
+            self.assertGreater(len(hashes["cpu"]), 2)
+            self.assertEqual(hashes["cpu"], hashes["raster"])
+            self.assertEqual(hashes["cpu"], hashes["compute"])
+
+    def test_a_frame_is_a_request_for_its_time_in_the_same_box(self):
+        box = dict(size=32, bounds="-6,-6,-6,6,8,8")
+        job, _ = self.voxelize(self.worm, animation="wave", **box)
+        for frame in self.frames(job)["frames"]:
+            _, still = self.voxelize(self.worm, animation="wave", time=frame["time_s"], **box)
+            self.assertEqual(still["result"]["meta"]["content_hash"], frame["content_hash"])
+
+    def test_frames_can_be_fetched_while_the_job_runs_and_stay_after_a_cancel(self):
+        # Enough frames that the job does not end before it is cancelled.
+        job = self.daemon.submit(kind="voxelize", asset=self.worm,
+                                 options={"animation": "walk", "size": 160, "fps": 1000, "pipeline": "cpu"})
+        deadline = time.monotonic() + 60
+        while not (told := self.frames(job))["frames"]:
+            self.assertLess(time.monotonic(), deadline, told)
+            time.sleep(0.01)
+        first = told["frames"][0]
+        response = self.daemon.get(f"/v1/jobs/{job}/frames/0?format=npy")
+        self.assertEqual(response.status, 200, response.body)
+        self.daemon.request("DELETE", f"/v1/jobs/{job}")
+        status = self.daemon.wait(job)
+        self.assertEqual(status["state"], "cancelled", status)
+        told = self.frames(job)
+        self.assertIsNone(told["sequence"])
+        self.assertGreaterEqual(len(told["frames"]), 1)
+        self.assertLess(len(told["frames"]), told["frames_total"])
+        self.assertEqual(told["frames"][0], first)
+        response = self.daemon.get(f"/v1/grids/{first['grid']}")
+        self.assertEqual(response.status, 200)
+        self.assertEqual(response.body[:7], b"VOXGRID")
+
+    def test_frames_as_gif_sheet_apng_and_one_picture(self):
+        views = dict(WALK, width=48, height=40)
+        for picture, columns in (("gif", None), ("apng", None), ("sheet", 4)):
+            options = dict(views, picture=picture, **({"columns": columns} if columns else {}))
+            job = self.daemon.submit(kind="render", asset=self.worm, options=options)
+            self.finish(job)
+            body = self.daemon.get(f"/v1/jobs/{job}/result").body
+            if picture == "gif":
+                self.assertEqual(gif_size(body), (48, 40, 6))
+            elif picture == "apng":
+                self.assertEqual(png_size(body), (48, 40))
+                at = body.index(b"acTL") + 4
+                self.assertEqual(struct.unpack(">II", body[at:at + 8]), (6, 0))
+            else:
+                self.assertEqual(png_size(body), (4 * 48, 2 * 40))
+        pictures = set()
+        for frame in (0, 2):
+            job = self.daemon.submit(kind="render", asset=self.worm, options=dict(views, frame=frame))
+            self.finish(job)
+            pictures.add(self.daemon.get(f"/v1/jobs/{job}/result").body)
+        self.assertEqual(len(pictures), 2)
+
+    def test_a_turntable_of_one_grid(self):
+        job = self.daemon.submit(kind="render", asset=self.spin, options={
+            "size": 24, "picture": "gif", "turntable": 6, "width": 32, "height": 32})
+        self.finish(job)
+        self.assertEqual(gif_size(self.daemon.get(f"/v1/jobs/{job}/result").body), (32, 32, 6))
+
+    def test_what_an_animation_does_not_have_is_refused(self):
+        def refused(asset, *parts, **options):
+            job = self.daemon.submit(kind="voxelize", asset=asset, options=dict(options, size=16))
+            status = self.daemon.wait(job)
+            self.assertEqual(status["state"], "failed", status)
+            self.assertEqual(status["error"]["code"], "invalid-option")
+            for part in parts:
+                self.assertIn(part, json.dumps(status["error"]))
+        refused(self.worm, "walk", "wave", "run", animation="run")
+        refused(self.worm, "there are 6 frames", frames="4..6")
+        refused(self.worm, "0.416667", time=2)
+        still = self.daemon.upload(self.fixtures / "sample.ply")
+        refused(still, "an asset with animations", animation=0)
+
+
+if __name__ == "__main__":
+    unittest.main()

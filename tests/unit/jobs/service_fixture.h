@@ -1,0 +1,62 @@
+// The service with workers that the tests themselves play over the socket.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "server/jobs/job_service.h"
+#include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/jobs/fake_worker.h"
+
+namespace voxeld::testing {
+
+class ServiceTest : public ::testing::Test {
+ protected:
+  using Clock = JobService::Clock;
+
+  void SetUp() override { start(); }
+  // As a new process would.
+  void start() {
+    service_.reset();
+    JobServiceConfig config;
+    config.data_dir = dir_.path() / "data";
+    config.start_workers = false;
+    auto service = start_job_service(config, nullptr);
+    ASSERT_TRUE(service) << service.error().message();
+    service_ = *std::move(service);
+  }
+  FakeWorker connect() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }
+  BlobInfo put_blob(const std::string& text) {
+    auto writer = service_->blobs().begin(1 << 20);
+    EXPECT_TRUE(writer);
+    EXPECT_TRUE(writer->append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
+    return writer->finish().value();
+  }
+  std::string put_asset(const std::string& text, const std::string& filename = "bob.md5mesh") {
+    return service_->put_asset(put_blob(text), filename, "").value().id;
+  }
+  JobStatus submit(const JobRequest& request) {
+    auto status = service_->submit(request, {});
+    EXPECT_TRUE(status) << status.error().message();
+    return status ? *status : JobStatus{};
+  }
+  // Of an asset with animation 0.
+  JobRequest moving(const std::string& text = "mesh") {
+    JobRequest request;
+    request.asset = put_asset(text);
+    request.options.animation.animation = "0";
+    return request;
+  }
+  JobStatus wait_end(const std::string& id) {
+    return service_->wait_end(id, Clock::now() + std::chrono::seconds(20), nullptr).value();
+  }
+
+  TemporaryDir dir_;
+  std::unique_ptr<JobService> service_;
+};
+
+}  // namespace voxeld::testing

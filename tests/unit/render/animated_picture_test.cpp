@@ -1,0 +1,231 @@
+// Animated pictures and sheets: what other readers get back.
+#include "server/render/animated_picture.h"
+
+#include <OpenImageIO/imageio.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <string>
+
+#include "proto/limits.h"
+#include "server/base/file.h"
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+using Color = std::array<uint8_t, 4>;
+
+Picture plain(int width, int height, const Color& color) {
+  Picture picture{width, height, {}};
+  for (int i = 0; i < width * height; ++i) {
+    picture.rgba.insert(picture.rgba.end(), color.begin(), color.end());
+  }
+  return picture;
+}
+
+const std::vector<Color> kColors = {
+    {200, 0, 0, 255}, {0, 200, 0, 255}, {0, 0, 200, 255}, {200, 200, 0, 255}};
+
+void write_all_to(Result<std::unique_ptr<AnimationWriter>> writer) {
+  ASSERT_TRUE(writer.ok()) << writer.error().message();
+  for (const Color& color : kColors) {
+    const Status added = (*writer)->add(plain(20, 12, color));
+    ASSERT_TRUE(added.ok()) << added.error().message();
+  }
+  const Status finished = (*writer)->finish();
+  ASSERT_TRUE(finished.ok()) << finished.error().message();
+}
+
+uint32_t big_endian(const std::vector<uint8_t>& bytes, size_t at, size_t count) {
+  uint32_t value = 0;
+  for (size_t i = 0; i < count; ++i) value = value << 8 | bytes[at + i];
+  return value;
+}
+
+// A chunk's type and data.
+using Chunks = std::vector<std::pair<std::string, std::vector<uint8_t>>>;
+
+// Bit by bit, as the PNG specification has it, and not by tables.
+uint32_t crc_bit_by_bit(const std::vector<uint8_t>& bytes, size_t begin, size_t end) {
+  uint32_t crc = 0xffffffffu;
+  for (size_t i = begin; i < end; ++i) {
+    for (int bit = 0; bit < 8; ++bit) {
+      const bool one = ((crc ^ static_cast<uint32_t>(bytes[i] >> bit)) & 1u) != 0;
+      crc = crc >> 1;
+      if (one) crc ^= 0xedb88320u;
+    }
+  }
+  return crc ^ 0xffffffffu;
+}
+
+Chunks chunks_of(const std::vector<uint8_t>& png) {
+  Chunks chunks;
+  for (size_t at = 8; at + 12 <= png.size();) {
+    const size_t bytes = big_endian(png, at, 4);
+    const auto begin = png.begin() + static_cast<std::ptrdiff_t>(at);
+    EXPECT_LE(at + 12 + bytes, png.size());
+    EXPECT_EQ(big_endian(png, at + 8 + bytes, 4), crc_bit_by_bit(png, at + 4, at + 8 + bytes));
+    chunks.emplace_back(std::string(begin + 4, begin + 8),
+                        std::vector<uint8_t>(begin + 8, begin + 8 + static_cast<long>(bytes)));
+    at += 12 + bytes;
+  }
+  return chunks;
+}
+
+TEST(Gif, every_picture_is_read_back_with_its_delay_and_loops_for_ever) {
+  const testing::TemporaryDir dir;
+  const auto path = dir.path() / "four.gif";
+  write_all_to(write_gif(path, {0.1, 1.0 / 24, 0.5, 3.0}));
+  const auto input = OIIO::ImageInput::open(path.string());
+  ASSERT_NE(input, nullptr) << OIIO::geterror();
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_TRUE(input->seek_subimage(i, 0)) << i;
+    const OIIO::ImageSpec spec = input->spec();
+    EXPECT_EQ(spec.width, 20);
+    EXPECT_EQ(spec.height, 12);
+    std::vector<uint8_t> back(size_t{20} * 12 * 4);
+    ASSERT_TRUE(input->read_image(i, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(back[4 * 100 + c], kColors[static_cast<size_t>(i)][c], 8) << i;
+    }
+  }
+  EXPECT_FALSE(input->seek_subimage(4, 0));
+  const auto bytes = read_file(path);
+  ASSERT_TRUE(bytes.ok());
+  const std::string text(bytes->begin(), bytes->end());
+  const size_t rounds = text.find("NETSCAPE2.0");
+  ASSERT_NE(rounds, std::string::npos);
+  EXPECT_EQ(text.substr(rounds + 11, 5), std::string("\3\1\0\0\0", 5));  // 0: for ever
+  std::vector<int> delays;
+  for (size_t at = 0; at + 8 < bytes->size(); ++at) {
+    const auto& b = *bytes;
+    if (b[at] == 0x21 && b[at + 1] == 0xf9 && b[at + 2] == 4 && b[at + 7] == 0) {
+      delays.push_back(b[at + 4] | b[at + 5] << 8);
+    }
+  }
+  EXPECT_EQ(delays, (std::vector<int>{10, 4, 50, 300}));
+}
+
+TEST(Gif, what_is_not_opaque_lies_over_white) {
+  const testing::TemporaryDir dir;
+  const auto path = dir.path() / "one.gif";
+  auto writer = write_gif(path, {1.0});
+  ASSERT_TRUE(writer.ok());
+  ASSERT_TRUE((*writer)->add(plain(8, 8, {0, 0, 0, 0})).ok());
+  ASSERT_TRUE((*writer)->finish().ok());
+  const auto input = OIIO::ImageInput::open(path.string());
+  ASSERT_NE(input, nullptr) << OIIO::geterror();
+  std::vector<uint8_t> back(size_t{8} * 8 * 4);
+  ASSERT_TRUE(input->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
+  for (size_t c = 0; c < 3; ++c) EXPECT_GT(back[c], 247);
+}
+
+TEST(Apng, chunks_are_numbered_and_each_picture_is_the_stream_of_its_own_png) {
+  const testing::TemporaryDir dir;
+  const auto path = dir.path() / "four.png";
+  write_all_to(write_apng(path, {0.1, 1.0 / 24, 0.5, 3.0}));
+  const auto bytes = read_file(path);
+  ASSERT_TRUE(bytes.ok());
+  const Chunks chunks = chunks_of(*bytes);
+  EXPECT_EQ(chunks.front().first, "IHDR");
+  EXPECT_EQ(chunks.back().first, "IEND");
+  uint32_t number = 0;
+  std::vector<uint32_t> delays;
+  std::vector<std::vector<uint8_t>> streams;
+  for (const auto& [type, data] : chunks) {
+    if (type == "acTL") {
+      EXPECT_TRUE(streams.empty());
+      EXPECT_EQ(big_endian(data, 0, 4), 4u);
+      EXPECT_EQ(big_endian(data, 4, 4), 0u);  // for ever
+    } else if (type == "fcTL") {
+      ASSERT_EQ(data.size(), 26u);
+      EXPECT_EQ(big_endian(data, 0, 4), number++);
+      EXPECT_EQ(big_endian(data, 4, 4), 20u);
+      EXPECT_EQ(big_endian(data, 8, 4), 12u);
+      EXPECT_EQ(big_endian(data, 22, 2), 1000u);
+      delays.push_back(big_endian(data, 20, 2));
+      streams.emplace_back();
+    } else if (type == "fdAT") {
+      EXPECT_EQ(big_endian(data, 0, 4), number++);
+      streams.back().insert(streams.back().end(), data.begin() + 4, data.end());
+    } else if (type == "IDAT") {
+      EXPECT_EQ(streams.size(), 1u);
+      streams.back().insert(streams.back().end(), data.begin(), data.end());
+    }
+  }
+  EXPECT_EQ(delays, (std::vector<uint32_t>{100, 42, 500, 3000}));
+  ASSERT_EQ(streams.size(), 4u);
+  for (size_t i = 0; i < streams.size(); ++i) {
+    const auto png = encode_png(plain(20, 12, kColors[i]));
+    std::vector<uint8_t> expected;
+    for (const auto& [type, data] : chunks_of(*png)) {
+      if (type == "IDAT") expected.insert(expected.end(), data.begin(), data.end());
+    }
+    EXPECT_EQ(streams[i], expected) << i;
+  }
+}
+
+TEST(Apng, a_reader_that_knows_no_animation_sees_the_first_picture) {
+  const testing::TemporaryDir dir;
+  const auto path = dir.path() / "four.png";
+  write_all_to(write_apng(path, {0.1, 0.1, 0.1, 0.1}));
+  const auto input = OIIO::ImageInput::open(path.string());
+  ASSERT_NE(input, nullptr) << OIIO::geterror();
+  std::vector<uint8_t> back(size_t{20} * 12 * 4);
+  ASSERT_TRUE(input->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
+  EXPECT_EQ(back, plain(20, 12, kColors[0]).rgba);
+}
+
+TEST(Durations, rounding_is_passed_on_so_that_the_whole_keeps_its_length) {
+  const auto parts = whole_durations(std::vector<double>(24, 1.0 / 24), 100, 2);
+  uint32_t sum = 0;
+  for (const uint32_t part : parts) {
+    EXPECT_TRUE(part == 4 || part == 5) << part;
+    sum += part;
+  }
+  EXPECT_EQ(sum, 100u);
+  EXPECT_EQ(whole_durations({0.001, 0.0}, 100, 2), (std::vector<uint32_t>{2, 2}));
+  EXPECT_EQ(whole_durations({1e9}, 1000, 1), (std::vector<uint32_t>{65'535}));
+}
+
+TEST(Sheet, pictures_stand_row_by_row_on_the_background) {
+  const auto layout = sheet_layout(5, 0, 2, 3);
+  ASSERT_TRUE(layout.ok());
+  EXPECT_EQ(layout->columns, 3);
+  EXPECT_EQ(layout->rows, 2);
+  Picture sheet = begin_sheet(*layout, {9, 8, 7, 6});
+  ASSERT_EQ(sheet.width, 6);
+  ASSERT_EQ(sheet.height, 6);
+  for (size_t i = 0; i < 5; ++i) {
+    place_in_sheet(*layout, i, plain(2, 3, {static_cast<uint8_t>(i + 1), 0, 0, 255}), sheet);
+  }
+  std::string rows;
+  for (int y = 0; y < 6; ++y) {
+    for (int x = 0; x < 6; ++x) {
+      rows += std::to_string(sheet.rgba[4 * (static_cast<size_t>(y) * 6 + static_cast<size_t>(x))]);
+    }
+    rows += "\n";
+  }
+  EXPECT_EQ(rows, "112233\n112233\n112233\n445599\n445599\n445599\n");
+}
+
+TEST(Sheet, columns_may_be_given_and_no_column_is_empty) {
+  EXPECT_EQ(sheet_layout(10, 4, 1, 1)->rows, 3);
+  EXPECT_EQ(sheet_layout(3, 100, 1, 1)->columns, 3);
+  EXPECT_EQ(sheet_layout(1, 0, 1, 1)->columns, 1);
+}
+
+TEST(Sheet, a_sheet_that_is_too_large_says_by_how_much) {
+  const auto layout = sheet_layout(4096, 0, 512, 256);
+  ASSERT_FALSE(layout.ok());
+  EXPECT_EQ(layout.error().code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(layout.error().message(),
+            "picture: the sheet is too large: expected at most 16384 pixels to a side, by fewer or "
+            "smaller pictures, got 4096 pictures of 512 x 256 pixels in 64 columns: 32768 x 16384");
+  EXPECT_TRUE(sheet_layout(4096, 0, 256, 256).ok());
+}
+
+}  // namespace
+}  // namespace voxeld
