@@ -16,8 +16,8 @@ enum class StreamKind { kOctree, kPlanes };
 // one, to which the frame tells the difference; none: the frame stands for itself.
 Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const uint8_t> raw,
                                              std::span<const uint8_t> prefix = {});
-// `prefix`: as it was written with. Errors: bad-request, when the frame is broken, says no size, says
-// more than `raw_max` (before any memory is taken), or is followed by more bytes.
+// `prefix`: as it was written with. Errors: bad-request, when the frame is broken, says no size,
+// says more than `raw_max` (before any memory is taken), or is followed by more bytes.
 Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max,
                                                std::span<const uint8_t> prefix = {});
 

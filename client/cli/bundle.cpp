@@ -194,8 +194,8 @@ void add_animations(const fs::path& mesh, const std::vector<fs::path>& files, Na
   }
 }
 
-// The animations and material files of the folder, and its images whose name a shader of the mesh or a material
-// has; which of them counts is the daemon's decision.
+// The animations and material files of the folder, and its images whose name a shader of the mesh
+// or a material has; which of them counts is the daemon's decision.
 std::vector<std::string> files_of_md5(const fs::path& mesh) {
   std::set<std::string> wanted;
   for_each_statement(mesh, [&](const Statement& statement) {

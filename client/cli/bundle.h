@@ -15,9 +15,9 @@ namespace voxeld::cli {
 class MeshSource {
  public:
   // `input`: a path, or "-" for stdin. An .obj, .gltf or .md5mesh that names other files
-  // (materials, textures, buffers, animations) becomes a zip of all that are there, in a temporary file; names
-  // that lead out of the mesh's folder and files that are missing are left out (the daemon's answer
-  // names them).
+  // (materials, textures, buffers, animations) becomes a zip of all that are there, in a temporary
+  // file; names that lead out of the mesh's folder and files that are missing are left out (the
+  // daemon's answer names them).
   // `beside`: paths of files that are sent with it under their own names, animations for one.
   // Throws client::Error "file".
   static MeshSource open(const std::string& input, std::span<const std::string> beside = {});

@@ -6,6 +6,7 @@ import pathlib
 import subprocess
 import tempfile
 import unittest
+import zipfile
 
 import numpy as np
 
@@ -43,6 +44,64 @@ class Cli(DaemonTest):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue((self.dir / "a.png").read_bytes().startswith(b"\x89PNG"))
 
+    def test_an_animation_in_every_format(self):
+        for name, magic in (("a.vox", b"VOX \xc8"), ("a.npz", b"PK"), ("a.voxs", b"VOXSEQ")):
+            done = self.voxel(self.fixtures / "worm.md5.zip", "--animation", "walk", "--frames", "1..3",
+                              "-o", self.dir / name, "--size", 24)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertTrue((self.dir / name).read_bytes().startswith(magic))
+        self.assertEqual(np.load(self.dir / "a.npz")["occupancy"].shape[0], 3)
+        info = json.loads(self.voxel("info", self.dir / "a.voxs", "--json").stdout)
+        self.assertEqual(len(info["frames"]), 3)
+        self.assertEqual(max(info["dims"]), 24)
+        text = self.voxel("info", self.dir / "a.voxs").stdout.decode()
+        self.assertIn("frames      3, ", text)
+
+    def test_pictures_of_frames_and_of_a_turntable(self):
+        worm, small = self.fixtures / "worm.md5.zip", ("--size", 24, "--width", 48, "--height", 48)
+        for name, magic, *options in (
+                ("one.png", b"\x89PNG", "--animation", 0, "--frame", 2),
+                ("all.gif", b"GIF89a", "--animation", 0),
+                ("all.apng", b"\x89PNG", "--animation", 0, "--frames", "0..2"),
+                ("sheet.png", b"\x89PNG", "--animation", 0, "--picture", "sheet", "--columns", 3),
+                ("around.gif", b"GIF89a", "--turntable", 4)):
+            done = self.voxel("render", worm, "-o", self.dir / name, *small, *options)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertTrue((self.dir / name).read_bytes().startswith(magic), name)
+        self.assertIn(b"acTL", (self.dir / "all.apng").read_bytes())
+
+    def test_a_stored_sequence_is_drawn(self):
+        done = self.voxel(self.fixtures / "worm.md5.zip", "--animation", "walk", "--size", 24,
+                          "-o", self.dir / "a.voxs", "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        sequence = json.loads(done.stdout)["job"]["result"]["sequence"]
+        done = self.voxel("render", "--sequence", sequence, "-o", self.dir / "a.gif", "--width", 48,
+                          "--height", 48)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue((self.dir / "a.gif").read_bytes().startswith(b"GIF89a"))
+
+    def test_animations_beside_a_mesh_go_with_it(self):
+        with zipfile.ZipFile(self.fixtures / "worm.md5.zip") as archive:
+            archive.extractall(self.dir)
+        mesh = next(self.dir.rglob("*.md5mesh"))
+        found = self.voxel("info", mesh, "--json")
+        self.assertEqual(found.returncode, 0, found.stderr)
+        names = [animation["name"] for animation in json.loads(found.stdout)["animations"]]
+        self.assertEqual(sorted(names), ["walk", "wave"])
+        elsewhere = self.dir / "elsewhere"
+        elsewhere.mkdir()
+        for path in list(self.dir.rglob("*.md5anim")):
+            path.rename(elsewhere / path.name)
+        named = self.voxel("info", mesh, elsewhere / "wave.md5anim", "--json")
+        names = [animation["name"] for animation in json.loads(named.stdout)["animations"]]
+        self.assertEqual(names, ["wave"])
+
+    def test_names_of_outputs_that_do_not_fit_are_a_mistake(self):
+        for arguments in (("a.ply", "-o", "a.voxs"), ("a.zip", "--animation", 0, "-o", "a.voxg"),
+                          ("render", "--sequence", "x", "--grid", "y"),
+                          ("a.ply", "--frames", "3..1", "-o", "a.vox")):
+            self.assertEqual(self.voxel(*arguments).returncode, 2, arguments)
+
     def test_info_jobs_and_json(self):
         done = self.voxel(self.fixtures / "sample.ply", "-o", self.dir / "a.voxg", "--size", 32, "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
@@ -70,7 +129,8 @@ class Cli(DaemonTest):
     def test_help_names_every_option(self):
         text = self.voxel("--help").stdout.decode() + self.voxel("render", "--help").stdout.decode()
         for flag in ("--size", "--dims", "--voxel-size", "--padding", "--bounds", "--color",
-                     "--channels", "--pipeline", "--format", "--azimuth", "--section"):
+                     "--channels", "--pipeline", "--format", "--azimuth", "--section",
+                     "--animation", "--frames", "--fps", "--picture", "--turntable", "--sequence"):
             self.assertIn(flag, text)
 
 

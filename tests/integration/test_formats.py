@@ -211,6 +211,42 @@ class Formats(DaemonTest):
         theirs = cells - cells.min(axis=0)
         self.assertEqual({tuple(c) for c in ours}, {tuple(c) for c in theirs})
 
+    def frames(self, fmt):
+        """Of an animation of six frames, of which the last two are equal."""
+        query = f"animation=walk&size=40&channels=color,normal&format={fmt}"
+        return self.voxelize(query, "worm.md5.zip").body
+
+    def test_frames_of_the_documented_reader_are_those_of_the_npz(self):
+        import read_sequence
+        sequence = read_sequence.Sequence(self.frames("native"))
+        dense = np.load(io.BytesIO(self.frames("npz")))
+        np.testing.assert_array_equal(sequence.times, dense["times"])
+        self.assertEqual(dense["occupancy"].shape, (6, *sequence.dims[::-1]))
+        np.testing.assert_array_equal(sequence.origin, dense["origin"])
+        for index in (5, 0, 3, 1, 2, 4):
+            frame = sequence.frame(index)
+            at = (index, *frame["cells"].T[::-1])
+            self.assertEqual(np.count_nonzero(dense["occupancy"][index]), len(frame["cells"]))
+            self.assertTrue(dense["occupancy"][at].all())
+            for name in ("color", "normal"):
+                self.assertTrue((dense[name][at] == frame[name]).all(), (name, index))
+        self.assertEqual(sequence.frames[4][2], sequence.frames[5][2])
+        self.assertLess(len((ROOT / "docs/read_sequence.py").read_text().splitlines()), 75)
+        npy = np.load(io.BytesIO(self.frames("npy")))
+        self.assertTrue((npy == dense["occupancy"]).all())
+
+    def test_an_animated_vox_has_the_frames_of_the_npz(self):
+        sys.path.insert(0, str(ROOT / "tests/unit/formats"))
+        from vox_scene import Vox
+        vox = Vox(self.frames("vox"))
+        dense = np.load(io.BytesIO(self.frames("npz")))["occupancy"]
+        self.assertEqual((vox.version, vox.range), (200, "0 5"))
+        _, depth, _, width = dense.shape
+        for index in range(6):
+            z, y, x = np.nonzero(dense[index])
+            cells = np.stack([x - width // 2, depth - 1 - z - depth // 2, y], 1)
+            self.assertEqual({tuple(c) for c in vox.frame(index)[:, :3]}, {tuple(c) for c in cells})
+
     def test_every_format_carries_dims_origin_and_voxel_size(self):
         dense = self.npz("size=20")
         meta = json.loads(bytes(dense["meta"]))
