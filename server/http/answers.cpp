@@ -21,9 +21,9 @@ std::string text_member(const Json& object, const char* name) {
 // The part of meta that fits a header: where the grid lies, and what is known of its inside.
 std::string meta_header(const Json& meta) {
   Json brief = Json::object();
-  for (const char* name :
-       {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units", "mesh", "solid",
-        "level", "level_rule", "region", "of", "drawn", "host_bytes_peak", "host_bytes_estimate"}) {
+  for (const char* name : {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units",
+                           "frames", "fps", "animation", "mesh", "solid", "level", "level_rule",
+                           "region", "of", "drawn", "host_bytes_peak", "host_bytes_estimate"}) {
     if (meta.contains(name)) brief[name] = meta[name];
   }
   std::string text = brief.dump(-1, ' ', true);

@@ -1,6 +1,7 @@
 """Assets: deduplicated uploads and their description."""
 import json
 import unittest
+import zipfile
 
 from harness import DATA, DaemonTest
 
@@ -21,6 +22,34 @@ class Assets(DaemonTest):
             self.assertEqual(len(description["bounds"][corner]), 3)
         self.assertTrue(description["materials"])
         self.assertEqual(description["missing_files"], [])
+
+    def upload_bundle(self, files):
+        return self.daemon.request(
+            "POST", "/v1/assets", body=json.dumps({"files": files}),
+            headers={"Content-Type": "application/vnd.voxeld.bundle+json"})
+
+    def test_files_that_were_uploaded_one_by_one_are_as_good_as_a_zip_of_them(self):
+        with zipfile.ZipFile(self.fixtures / "worm.md5.zip") as archive:
+            files = [{"name": name, "asset": self.daemon.post("/v1/assets", archive.read(name)).json()["id"]}
+                     for name in archive.namelist()]
+        self.assertGreater(len(files), 2)
+        stored = self.upload_bundle(files)
+        self.assertEqual(stored.status, 201, stored.body)
+        self.assertEqual(self.upload_bundle(files).status, 200)
+        bundle, packed = stored.json()["id"], self.daemon.upload(self.fixtures / "worm.md5.zip")
+        self.assertTrue(stored.json()["filename"].endswith(".bundle.json"))
+        told = [self.daemon.get(f"/v1/assets/{asset}").json() for asset in (bundle, packed)]
+        for member in ("format", "triangles", "joints", "animations", "materials", "missing_files"):
+            self.assertEqual(told[0][member], told[1][member], member)
+        hashes = []
+        for asset in (bundle, packed):
+            answer = self.daemon.post(f"/v1/voxelize?size=24&animation=walk&asset={asset}")
+            self.assertEqual(answer.status, 200, answer.body)
+            self.assertEqual(json.loads(answer.headers["X-Voxeld-Meta"])["animation"]["name"], "walk")
+            frames = self.daemon.get(f"/v1/sequences/{answer.headers['X-Voxeld-Sequence']}/frames").json()
+            hashes.append([frame["content_hash"] for frame in frames["frames"]])
+        self.assertEqual(hashes[0], hashes[1])
+        self.assertEqual(len(hashes[0]), 6)
 
     def test_missing_files_are_named(self):
         obj = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
