@@ -22,8 +22,8 @@ Result<MeshFormat> detect_format(std::string_view filename, std::span<const uint
 std::string_view mesh_format_name(MeshFormat format);
 
 // The files of one upload: a single mesh, or a zip with a mesh, its textures, buffers and material
-// files; or the files of several uploads. Names are found as written, then case-insensitively, then by base name, with backslashes
-// taken as slashes; nothing outside the upload is ever opened.
+// files; or the files of several uploads. Names are found as written, then case-insensitively, then
+// by base name, with backslashes taken as slashes; nothing outside the upload is ever opened.
 class Bundle {
  public:
   virtual ~Bundle() = default;

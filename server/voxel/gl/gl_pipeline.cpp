@@ -50,8 +50,8 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   }
   if (is_by_words()) VOXELD_TRY(word_touch_.begin_job());
   if (!plan.records) return {};
-  VOXELD_TRY(attributes_.begin_job(plan.scene, *plan.records, plan.channels.summed,
-                                   plan.textures_key));
+  VOXELD_TRY(
+      attributes_.begin_job(plan.scene, *plan.records, plan.channels.summed, plan.textures_key));
   note("textures", watch.lap());
   return {};
 }
