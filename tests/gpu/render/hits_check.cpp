@@ -79,12 +79,4 @@ RenderOptions options_of(int width, int height, double azimuth, double elevation
   return options;
 }
 
-std::array<double, 16> row_major(const glm::dmat4& matrix) {
-  std::array<double, 16> rows{};
-  for (size_t i = 0; i < 16; ++i) {
-    rows[i] = matrix[static_cast<int>(i % 4)][static_cast<int>(i / 4)];
-  }
-  return rows;
-}
-
 }  // namespace voxeld

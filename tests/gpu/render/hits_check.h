@@ -1,8 +1,6 @@
 // Compares what the ray march hits with what the oracle hits.
 #pragma once
 
-#include <array>
-#include <glm/mat4x4.hpp>
 #include <string>
 
 #include "server/grid/grid.h"
@@ -17,7 +15,6 @@ Renderer& hits_renderer();
 std::string text(const Hit& hit);
 GridSpec spec_of(const glm::ivec3& dims, const glm::dvec3& voxel_size);
 RenderOptions options_of(int width, int height, double azimuth, double elevation);
-std::array<double, 16> row_major(const glm::dmat4& matrix);
 
 // Cells. A ray of single precision may pass on the other side of an edge that it comes closer to
 // than this: over 300 cells it is off by 3e-5, and a step multiplies two such numbers.

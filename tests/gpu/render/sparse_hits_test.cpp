@@ -6,6 +6,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <random>
 
+#include "server/render/camera.h"
 #include "tests/gpu/render/hits_check.h"
 #include "tests/gpu/render/test_grids.h"
 
