@@ -141,7 +141,8 @@ Json to_json_message(const TaskFrame& frame) {
           {"time_s", frame.time_s},
           {"path", frame.path},
           {"voxel_count", frame.voxel_count},
-          {"content_hash", frame.content_hash}};
+          {"content_hash", frame.content_hash},
+          {"frames_total", frame.frames_total}};
 }
 
 Result<TaskFrame> parse_task_frame(const Json& message) {
@@ -157,11 +158,16 @@ Result<TaskFrame> parse_task_frame(const Json& message) {
   fields.read("path", frame.path);
   fields.read("voxel_count", voxel_count);
   fields.read("content_hash", frame.content_hash);
+  fields.read("frames_total", frame.frames_total);
   if (frame.index < 0 || frame.index >= limits::kFramesMax) {
     fields.fail("index", "0 to " + std::to_string(limits::kFramesMax - 1),
                 std::to_string(frame.index));
   }
   if (voxel_count < 0) fields.fail("voxel_count", "0 or more", std::to_string(voxel_count));
+  if (frame.frames_total < 0 || frame.frames_total > limits::kFramesMax) {
+    fields.fail("frames_total", "0 to " + std::to_string(limits::kFramesMax),
+                std::to_string(frame.frames_total));
+  }
   VOXELD_TRY(fields.finish());
   frame.voxel_count = static_cast<uint64_t>(voxel_count);
   return frame;

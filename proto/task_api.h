@@ -89,6 +89,7 @@ struct TaskFrame {
   std::string path;  // in scratch_dir: a native container
   uint64_t voxel_count = 0;
   std::string content_hash;
+  int64_t frames_total = 0;  // of the request; 0: as progress says
 };
 struct TaskFrameReply {
   bool cancel = false;

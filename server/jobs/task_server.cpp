@@ -383,8 +383,9 @@ Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
                                                         const TaskFrame& frame) {
   VOXELD_TRY(check_output(connection.scratch, frame.path));
   VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(frame.path));
-  VOXELD_ASSIGN(const auto listed,
-                context_.frames.add(frame, blob.id, connection.progress.frames_total));
+  // The first frames of a job may come before its first progress.
+  const int64_t total = std::max(frame.frames_total, connection.progress.frames_total);
+  VOXELD_ASSIGN(const auto listed, context_.frames.add(frame, blob.id, total));
   if (!listed) return std::optional<BlobInfo>();
   context_.board.frames_listed(frame.task, *listed);
   context_.metrics.frame_done();

@@ -50,6 +50,10 @@ Result<TaskFrameReply> TaskMonitor::report_frame(TaskFrame frame) {
   VOXELD_TRY(check());
   frame.task = task_;
   frame.fence = fence_;
+  {
+    MutexLock lock(mutex_);
+    frame.frames_total = progress_.frames_total;
+  }
   auto reply = client_.frame(frame);
   if (!reply || reply->fenced) dropped_ = true;
   if (dropped_ || reply->cancel) cancelled_ = true;

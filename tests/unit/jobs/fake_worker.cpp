@@ -70,11 +70,13 @@ SequenceFrame fake_frame(int64_t index, const std::string& text) {
           sha256_id("content of " + text)};
 }
 
-TaskFrameReply FakeWorker::frame(const Task& task, int64_t index, const std::string& text) {
+TaskFrameReply FakeWorker::frame(const Task& task, int64_t index, const std::string& text,
+                                 int64_t frames_total) {
   const SequenceFrame made = fake_frame(index, text);
   const std::string path = write("frame.voxg", text).string();
-  const auto reply = call(to_json_message(TaskFrame{task.id, task.fence, index, made.time_s, path,
-                                                    made.voxel_count, made.content_hash}));
+  const auto reply =
+      call(to_json_message(TaskFrame{task.id, task.fence, index, made.time_s, path,
+                                     made.voxel_count, made.content_hash, frames_total}));
   VOXELD_CHECK(reply.has_value(), "a frame was not answered");
   auto parsed = parse_task_frame_reply(*reply);
   VOXELD_CHECK(parsed.ok(), parsed.error().detail);

@@ -29,7 +29,8 @@ class FakeWorker {
   TaskProgressReply progress(const Task& task, const std::string& stage, int64_t done,
                              int64_t total);
   // Writes `text` as the container of a frame and reports it.
-  TaskFrameReply frame(const Task& task, int64_t index, const std::string& text);
+  TaskFrameReply frame(const Task& task, int64_t index, const std::string& text,
+                       int64_t frames_total = 0);
   // Completes with `text` as the result and with the manifest of frames of these texts.
   nlohmann::json complete_sequence(const Task& task, const std::vector<std::string>& frames,
                                    const std::string& text);

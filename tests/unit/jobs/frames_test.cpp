@@ -91,9 +91,9 @@ TEST_F(FramesTest, events_count_frames) {
 TEST_F(FramesTest, a_cancel_reaches_the_worker_with_its_next_frame_and_keeps_what_is_done) {
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
-  EXPECT_FALSE(worker.frame(task, 0, "first").cancel);
+  EXPECT_FALSE(worker.frame(task, 0, "first", 9).cancel);
   ASSERT_TRUE(service_->cancel(id_));
-  const TaskFrameReply reply = worker.frame(task, 1, "second");
+  const TaskFrameReply reply = worker.frame(task, 1, "second", 9);
   EXPECT_TRUE(reply.cancel);
   EXPECT_FALSE(reply.fenced);
   ASSERT_TRUE(worker.fail(task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
@@ -101,6 +101,8 @@ TEST_F(FramesTest, a_cancel_reaches_the_worker_with_its_next_frame_and_keeps_wha
   EXPECT_EQ(grids(id_), (std::vector{sha256_id("first"), sha256_id("second")}));
   EXPECT_TRUE(service_->get_grid(sha256_id("second")));
   EXPECT_EQ(service_->get(id_).value().frames_done, 2);
+  // Told by the frames alone: no progress came before the cancel.
+  EXPECT_EQ(service_->frames(id_).value().frames_total, 9);
 }
 
 TEST_F(FramesTest, a_failure_keeps_what_is_done) {

@@ -36,7 +36,7 @@ TaskProgress progress() {
   return {"j-1", 7, "voxelize", 3, 8, 2, 9};
 }
 TaskFrame frame() {
-  return {"j-1", 7, 4095, 1.25, "/scratch/f", 12'345'678'901, "sha256-5"};
+  return {"j-1", 7, 4095, 1.25, "/scratch/f", 12'345'678'901, "sha256-5", 4096};
 }
 TaskCompletion completion() {
   return {"j-1",
@@ -122,6 +122,7 @@ TEST(TaskApi, a_frame_and_its_reply_come_back) {
   EXPECT_EQ(back->path, "/scratch/f");
   EXPECT_EQ(back->voxel_count, 12'345'678'901u);
   EXPECT_EQ(back->content_hash, "sha256-5");
+  EXPECT_EQ(back->frames_total, 4096);
   const auto reply =
       parse_task_frame_reply(to_json_message(TaskFrameReply{true, true, "sha256-6", "/data/6"}));
   ASSERT_TRUE(reply) << reply.error().message();
@@ -144,6 +145,10 @@ TEST(TaskApi, frames_that_cannot_be_are_refused) {
   message["voxel_count"] = -5;
   EXPECT_EQ(parse_task_frame(message).error().message(),
             "frame.voxel_count: expected 0 or more, got -5");
+  message = to_json_message(frame());
+  message["frames_total"] = 4097;
+  EXPECT_EQ(parse_task_frame(message).error().message(),
+            "frame.frames_total: expected 0 to 4096, got 4097");
 }
 
 TEST(TaskApi, the_paths_of_the_longest_sequence_fit_into_a_message) {
