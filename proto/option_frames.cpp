@@ -118,7 +118,7 @@ Status check_frame(const RequestOptions& options, OptionScope scope) {
                    word_of<PictureKind>(options.render.picture, words::kPicture));
   }
   if (scope == OptionScope::kRenderMesh && !options.animation.is_sequence()) {
-    return invalid("frame", "animation, frames, fps or times with it, and not time", got);
+    return invalid("frame", "frames of an animation, and not its time", got);
   }
   const int named = frames_named(options.animation);
   if (named > 0 && options.render.frame >= named) {
@@ -170,6 +170,17 @@ Status set_picture(RenderOptions& render, std::string_view name, std::string_vie
   return set_int(render.columns, name, text, 1, limits::kFramesMax);
 }
 
+void complete_animation(RequestOptions& options, OptionScope scope, const Given& given) {
+  const RenderOptions& render = options.render;
+  const bool shows_frames =
+      scope == OptionScope::kRenderMesh &&
+      (given.contains("frame") || (render.picture != PictureKind::kPng && render.turntable == 0));
+  const bool of_mesh = scope == OptionScope::kRenderMesh || scope == OptionScope::kVoxelize;
+  AnimationOptions& animation = options.animation;
+  if (!of_mesh || animation.animation || !(animation.moves() || shows_frames)) return;
+  animation.animation = "0";
+}
+
 Status check_animation(const AnimationOptions& animation, const Given& given) {
   const auto other = first_given(given, {"frames", "fps", "times"});
   if (given.contains("time") && !other.empty()) {
@@ -199,7 +210,7 @@ Status check_picture(const RequestOptions& options, OptionScope scope, const Giv
   if (given.contains("turntable")) VOXELD_TRY(check_turntable(options, picture));
   const bool is_several = options.animation.is_sequence() || render.turntable > 0;
   if (scope == OptionScope::kRenderMesh && render.picture != PictureKind::kPng && !is_several) {
-    return invalid("picture", "animation, frames, fps, times or turntable with it", picture);
+    return invalid("picture", "frames of an animation, or turntable with it", picture);
   }
   return {};
 }

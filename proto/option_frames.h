@@ -20,6 +20,10 @@ bool is_picture_option(std::string_view name);
 Status set_animation(AnimationOptions& animation, std::string_view name, std::string_view text);
 Status set_picture(RenderOptions& render, std::string_view name, std::string_view text);
 
+// What shows frames of a mesh without naming an animation shows those of the first one: so do a
+// frame of a picture, and pictures of several grids that are no turntable.
+void complete_animation(RequestOptions& options, OptionScope scope, const Given& given);
+
 // What is told apart without knowing the input. Errors: invalid-option.
 Status check_animation(const AnimationOptions& animation, const Given& given);
 Status check_picture(const RequestOptions& options, OptionScope scope, const Given& given);

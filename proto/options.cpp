@@ -404,6 +404,7 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
     if (!seen.contains("width")) options.render.width = kDefaultSheetSide;
     if (!seen.contains("height")) options.render.height = kDefaultSheetSide;
   }
+  option_frames::complete_animation(options, scope, seen);
   VOXELD_TRY(option_frames::check_animation(options.animation, seen));
   VOXELD_TRY(option_frames::check_picture(options, scope, seen));
   VOXELD_TRY(check_combinations(options));

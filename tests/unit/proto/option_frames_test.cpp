@@ -204,9 +204,11 @@ TEST(PictureOptions, apply_to_some_pictures_alone) {
 
 TEST(PictureOptions, of_a_mesh_need_what_they_show) {
   for (const char* picture : {"gif", "apng", "sheet"}) {
-    EXPECT_EQ(refused({{"picture", picture}}, kRenderMesh),
-              "picture: expected animation, frames, fps, times or turntable with it, got \"" +
+    EXPECT_EQ(parsed({{"picture", picture}}, kRenderMesh).animation.animation, "0");
+    EXPECT_EQ(refused({{"picture", picture}, {"time", "1"}}, kRenderMesh),
+              "picture: expected frames of an animation, or turntable with it, got \"" +
                   std::string(picture) + "\"");
+    EXPECT_FALSE(parsed({{"picture", picture}, {"turntable", "4"}}, kRenderMesh).animation.moves());
     EXPECT_EQ(parsed({{"picture", picture}, {"animation", "0"}}, kRenderMesh).render.turntable, 0);
     EXPECT_EQ(parsed({{"picture", picture}, {"turntable", "4"}}, kRenderMesh).render.turntable, 4);
     EXPECT_EQ(refused({{"picture", picture}, {"turntable", "4"}, {"animation", "0"}}, kRenderMesh),
@@ -218,8 +220,12 @@ TEST(PictureOptions, of_a_mesh_need_what_they_show) {
     // Of what a grid or sequence has, its job knows.
     parsed({{"picture", picture}}, kRenderGrid);
   }
-  EXPECT_EQ(refused({{"frame", "1"}}, kRenderMesh),
-            "frame: expected animation, frames, fps or times with it, and not time, got \"1\"");
+  EXPECT_EQ(refused({{"frame", "1"}, {"time", "1"}}, kRenderMesh),
+            "frame: expected frames of an animation, and not its time, got \"1\"");
+  EXPECT_EQ(canonical({{"frame", "1"}}, kRenderMesh),
+            canonical({{"frame", "1"}, {"animation", "0"}}, kRenderMesh));
+  EXPECT_EQ(canonical({{"fps", "12"}}, kVoxelize),
+            canonical({{"fps", "12"}, {"animation", "0"}}, kVoxelize));
   EXPECT_EQ(parsed({{"frame", "1"}, {"animation", "0"}}, kRenderMesh).render.frame, 1);
 }
 
