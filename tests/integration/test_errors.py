@@ -70,13 +70,17 @@ class Errors(DaemonTest):
 
     def test_render_options(self):
         for query in ("width=0", "height=4097", "projection=fish", "background=red!", "zoom=0",
-                      "light=disco", "section=0,0,0,1", "matrix=1,2", "picture=jpg", "picture=gif",
-                      "frame=1", "turntable=1&picture=gif", "turntable=8",
+                      "light=disco", "section=0,0,0,1", "matrix=1,2", "picture=jpg",
+                      "picture=gif&time=1", "frame=1&time=1", "turntable=1&picture=gif", "turntable=8",
                       "turntable=8&picture=gif&animation=0", "rate=5", "rate=0.01&picture=gif",
                       "columns=0&picture=sheet", "columns=2", "frame=3&frames=0..2"):
             with self.subTest(query):
                 self.provoke(self.daemon.post(f"/v1/render?{query}", self.fixture("sample.ply")),
                              400, "invalid-option", query.split("=")[0])
+        for query in ("picture=gif", "frame=1"):  # of an animation that is not there
+            with self.subTest(query):
+                self.provoke(self.daemon.post(f"/v1/render?{query}", self.fixture("sample.ply")),
+                             400, "invalid-option", "an asset with animations", "ply")
 
     def test_bad_files_of_every_format(self):
         cases = json.loads((self.fixtures / "bad/list.json").read_text())

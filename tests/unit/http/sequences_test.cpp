@@ -221,7 +221,7 @@ TEST_F(SequencesApi, one_shot_pictures_take_a_sequence_and_only_one_input) {
   EXPECT_EQ(two.code(), "invalid-option");
   EXPECT_EQ(json(two)["expected"], "one of asset, grid and sequence");
   EXPECT_EQ(request("POST", "/v1/voxelize?sequence=" + sequence).detail(), "sequence");
-  const HttpAnswer still = request("POST", "/v1/render?picture=gif", "", "mesh");
+  const HttpAnswer still = request("POST", "/v1/render?picture=gif&time=1", "", "mesh");
   EXPECT_EQ(still.detail(), "picture");
 }
 
