@@ -15,12 +15,13 @@ import numpy as np
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "docs"))
 import read_grid  # noqa: E402
 import small_oracle  # noqa: E402
+from same_rows import SameRows  # noqa: E402
 
 WRITE_SAMPLE = sys.argv.pop(1)
 CHANNELS = ["color", "normal", "material", "label", "distance", "coverage"]
 
 
-class ReadGrid(unittest.TestCase):
+class ReadGrid(SameRows, unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         with tempfile.TemporaryDirectory() as directory:
@@ -34,15 +35,6 @@ class ReadGrid(unittest.TestCase):
         """Cells and channels as the text has them."""
         columns = [np.asarray(grid["cells"]), *(grid[name].astype(int) for name in CHANNELS)]
         return np.hstack(columns)
-
-    def assert_same_rows(self, got, expected):
-        """The same rows in whatever order; tells the first that differs (the list is too long)."""
-        self.assertEqual(got.shape, expected.shape)
-        got, expected = (rows[np.lexsort(rows.T[::-1])] for rows in (got, expected))
-        different = np.nonzero((got != expected).any(1))[0]
-        if len(different):
-            row = different[0]
-            self.fail(f"{len(different)} rows differ, first {got[row]}, expected {expected[row]}")
 
     def test_voxels_and_all_their_channels_are_what_was_written(self):
         grid = read_grid.read_grid(self.grids["all"])

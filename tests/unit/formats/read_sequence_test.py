@@ -13,13 +13,14 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "docs"))
 import read_sequence  # noqa: E402
+from same_rows import SameRows  # noqa: E402
 from vox_scene import Vox  # noqa: E402
 
 WRITE_SAMPLE = sys.argv.pop(1)
 CHANNELS = {"color": 4, "normal": 3, "material": 1, "label": 1, "distance": 1, "coverage": 1}
 
 
-class ReadSequence(unittest.TestCase):
+class ReadSequence(SameRows, unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
@@ -35,14 +36,6 @@ class ReadSequence(unittest.TestCase):
     def expected(self, name, frame):
         rows = self.voxels[name]
         return rows[rows[:, 0] == frame, 1:]
-
-    def assert_same_rows(self, got, expected):
-        self.assertEqual(got.shape, expected.shape)
-        got, expected = (rows[np.lexsort(rows.T[::-1])] for rows in (got, expected))
-        different = np.nonzero((got != expected).any(1))[0]
-        if len(different):
-            row = different[0]
-            self.fail(f"{len(different)} rows differ, first {got[row]}, expected {expected[row]}")
 
     def sequence(self, name):
         return read_sequence.Sequence((self.path / name).read_bytes())
