@@ -3,6 +3,7 @@
 
   /usr/bin/python3 tests/bench/animation.py ASSET [--bin build/bench/bin] [--animation 0] [--sizes 128,256] [--device cpu]
                    [--pipeline cpu] [--runs 3] [--separate 12] [--set NAME=VALUE ...]
+  /usr/bin/python3 tests/bench/animation.py ASSET --hashes llvmpipe,lavapipe,osmesa [--sizes 128] [--frames 0..19]
 
 Starts a daemon of its own; ASSET is a file or a folder, which is zipped. Of each size the median of the
 runs after one that warms up: frames per second of the whole job (from its start to its end, with the
@@ -10,7 +11,8 @@ result written as a native sequence), milliseconds per frame of its stages and o
 voxelizing (those run beside encoding, so that the stages say what is waited for), bytes per frame as
 stored containers, in the sequence and in npz. `--separate` frames are also voxelized by a request of
 their own each, in the same box, to tell the ratio. Times are for reading beside each other, never for
-passing a test.
+passing a test. With `--hashes` nothing is timed: the frames' content hashes by every pipeline of every
+device are compared, and the exit status is 1 when one differs.
 """
 import argparse
 import io
@@ -102,6 +104,33 @@ def stored_bytes(url, told):
         "npz": len(call(f"{url}/v1/sequences/{frames['sequence']}?format=npz"))}
 
 
+def frame_hashes(programs, device, name, body, options, pipelines):
+    """By pipeline: the content hashes of all frames."""
+    with Daemon(programs, device) as daemon:
+        asset = json.loads(call(f"{daemon.url}/v1/assets?filename={name}", body))["id"]
+        hashes = {}
+        for pipeline in pipelines:
+            told, _ = run_job(daemon.url, job_of(asset, {**options, "pipeline": pipeline}))
+            listed = json.loads(call(f"{daemon.url}/v1/jobs/{told['id']}/frames"))
+            hashes[pipeline] = [frame["content_hash"] for frame in listed["frames"]]
+        return hashes
+
+
+def compare_hashes(programs, devices, name, body, options):
+    """Prints a table; whether all are equal."""
+    expected = frame_hashes(programs, "cpu", name, body, options, ["cpu"])["cpu"]
+    print(f"\n{name}, {options}: {len(expected)} frames, {len(set(expected))} different ones\n")
+    print("| device | pipeline | frames | equal to cpu |\n|---|---|---|---|")
+    all_equal = len(expected) > 0
+    for device in devices:
+        for pipeline, found in frame_hashes(programs, device, name, body, options,
+                                            ["cpu", "compute", "raster"]).items():
+            equal = sum(a == b for a, b in zip(found, expected))
+            all_equal = all_equal and found == expected
+            print(f"| {device} | {pipeline} | {len(found)} | {equal} |", flush=True)
+    return all_equal
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("asset", type=pathlib.Path)
@@ -113,13 +142,23 @@ def main():
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--separate", type=int, default=12)
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--hashes", default="", metavar="DEVICES")
+    parser.add_argument("--frames", default="", help="with --hashes: of the animation, as 0..19")
     args = parser.parse_args()
     name, body = asset_bytes(args.asset)
-    with Daemon(Programs(args.bin, 3600), args.device) as daemon:
+    settings = dict(pair.split("=", 1) for pair in args.set)
+    programs = Programs(args.bin, 3600)
+    if args.hashes:
+        frames = {"frames": args.frames} if args.frames else {}
+        sys.exit(not all([compare_hashes(
+            programs, args.hashes.split(","), name, body,
+            {"animation": args.animation, "size": int(size), **frames, **settings})
+            for size in args.sizes.split(",")]))
+    with Daemon(programs, args.device) as daemon:
         asset = json.loads(call(f"{daemon.url}/v1/assets?filename={name}", body))["id"]
         for size in args.sizes.split(","):
             options = {"animation": args.animation, "size": int(size), "pipeline": args.pipeline,
-                       **dict(pair.split("=", 1) for pair in args.set)}
+                       **settings}
             seconds, told = measure(daemon.url, asset, options, args.runs)
             frames, sizes = stored_bytes(daemon.url, told)
             every = max(1, len(frames["frames"]) // max(1, args.separate))

@@ -18,6 +18,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 BIN = pathlib.Path(os.environ.get("VOXELD_BIN_DIR", ROOT / "build/dev/bin"))
 DATA = os.environ.get("VOXELD_DATA_DIR")
 START_SECONDS = 60
+PIPELINES = ("raster", "compute", "cpu")
+# What runs on each of the devices that need no hardware.
+DEVICES = {"llvmpipe": PIPELINES, "lavapipe": PIPELINES, "osmesa": PIPELINES, "cpu": ("cpu",)}
 
 
 def make_fixtures(directory):

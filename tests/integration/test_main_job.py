@@ -7,14 +7,11 @@ import unittest
 
 import numpy as np
 
-from harness import BIN, DATA, Daemon, DaemonTest, make_fixtures, oracle
+from harness import BIN, DATA, DEVICES, PIPELINES, Daemon, DaemonTest, make_fixtures, oracle
 
 import pathlib
 import shutil
 import tempfile
-
-PIPELINES = ("raster", "compute", "cpu")
-DEVICES = {"llvmpipe": PIPELINES, "lavapipe": PIPELINES, "osmesa": PIPELINES, "cpu": ("cpu",)}
 
 
 class OneShot(DaemonTest):
