@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import unittest
 
-from harness import BIN, DaemonTest
+from harness import BIN, ROOT, DaemonTest
 
 BUILD = BIN.resolve().parent
 PROJECT = pathlib.Path(__file__).resolve().parent / "find_package"
@@ -28,7 +28,8 @@ class Install(DaemonTest):
         super().setUpClass()
         # Neither where the build tree thinks that it installs, nor a place that is searched.
         cls.prefix = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-install-"))
-        run("cmake", "--install", BUILD, "--component", "client", "--prefix", cls.prefix)
+        for component in ("client", "dev", "cli"):
+            run("cmake", "--install", BUILD, "--component", component, "--prefix", cls.prefix)
 
     @classmethod
     def tearDownClass(cls):
@@ -66,6 +67,20 @@ class Install(DaemonTest):
                                  options={"size": 48})
         meta = self.daemon.wait(job)["result"]["meta"]
         return [meta["voxel_count"], *meta["dims"]]
+
+    def test_the_daemon_is_installed_with_its_service(self):
+        prefix = self.dir / "server"
+        run("cmake", "--install", BUILD, "--component", "server", "--prefix", prefix)
+        files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
+        self.assertEqual(files, {"bin/voxeld", "lib/systemd/system/voxeld.service"})
+        unit = (prefix / "lib/systemd/system/voxeld.service").read_text()
+        self.assertIn("ExecStart=/usr/bin/voxeld serve\n", unit)
+        # Every option that the service's comments name is one of the daemon's.
+        named = set(re.findall(r"VOXELD_[A-Z_]+", unit + (ROOT / "docker/debian/voxeld.default").read_text()))
+        known = run(prefix / "bin/voxeld", "serve", "--help")
+        self.assertGreater(len(named), 4)
+        for name in named:
+            self.assertIn(f"{name}", known)
 
     def test_find_package_gives_a_library_that_voxelizes(self):
         build = self.dir / "build"

@@ -1,0 +1,60 @@
+# Debian packages by CPack, as docker/build-packages makes them: the daemon with its service, the CLI,
+# the client library, and what building against it needs.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME voxeld)
+set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
+set(CPACK_PACKAGE_CONTACT "voxeld maintainers <voxeld@localhost>")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_COMPONENTS_ALL server cli client dev)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_BINARY_DIR}/lib)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS ON)
+
+set(CPACK_DEBIAN_SERVER_PACKAGE_NAME voxeld)
+set(CPACK_DEBIAN_SERVER_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_SERVER_DESCRIPTION "voxelization and ray marching over HTTP, on a GPU that many share
+ POST a mesh or an animation and get a compressed voxel grid or a picture. Works on
+ OpenGL without a display, on Mesa's software drivers, and on the CPU alone, with the
+ same bytes in the answer.")
+set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS adduser)
+# Loaded at run time: without them there is device cpu.
+set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "libegl1, libegl-mesa0, libgl1-mesa-dri")
+set(CPACK_DEBIAN_SERVER_PACKAGE_SUGGESTS "voxel, libosmesa6, mesa-vulkan-drivers, nginx")
+set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA
+    ${PROJECT_SOURCE_DIR}/docker/debian/conffiles
+    ${PROJECT_SOURCE_DIR}/docker/debian/postinst
+    ${PROJECT_SOURCE_DIR}/docker/debian/postrm
+    ${PROJECT_SOURCE_DIR}/docker/debian/prerm)
+
+set(CPACK_DEBIAN_CLI_PACKAGE_NAME voxel)
+set(CPACK_DEBIAN_CLI_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_CLI_DESCRIPTION "command line of voxeld
+ Voxelizes and renders meshes and animations by a voxeld that may run elsewhere.")
+set(CPACK_COMPONENT_CLI_DEPENDS client)
+
+set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME libvoxeld-client${PROJECT_VERSION_MAJOR})
+set(CPACK_DEBIAN_CLIENT_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_CLIENT_DESCRIPTION "client library of voxeld
+ Uploads, jobs, grids and pictures of a voxeld, and the decoder of its containers.")
+
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME libvoxeld-client-dev)
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_DESCRIPTION "client library of voxeld, to build against
+ Header, CMake package voxeld and pkg-config file voxeld_client.")
+set(CPACK_COMPONENT_DEV_DEPENDS client)
+
+install(FILES docker/debian/voxeld.service
+  DESTINATION lib/systemd/system COMPONENT server)
+# With prefix /usr, and only then, /etc is where it is read.
+if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+  install(FILES docker/debian/voxeld.default
+    DESTINATION /etc/default RENAME voxeld COMPONENT server)
+endif()
+
+include(CPack)
