@@ -53,7 +53,7 @@ dvec3 skinned(uint vertex) {
   uint end = firsts[vertex + 1u];
   for (uint i = firsts[vertex]; i < end; ++i) {
     SkinInfluence influence = influences[i];
-    precise dvec3 part = influence.weight * moved(pose_matrix(influence.matrix), point_at(i));
+    precise dvec3 part = influence.weight * moved(pose_matrix(influence.matrix_index), point_at(i));
     position = position + part;
   }
   return position;
@@ -66,7 +66,7 @@ dvec3 morphed(uint vertex) {
   uint end = firsts[at + 1u];
   for (uint i = firsts[at]; i < end; ++i) {
     SkinMorph morph = morphs[i];
-    precise dvec3 part = frame[params.morph_weights + morph.weight] *
+    precise dvec3 part = frame[params.morph_weights + morph.weight_index] *
                          dvec3(morph.x, morph.y, morph.z);
     point = point + part;
   }
@@ -77,11 +77,11 @@ dvec3 morphed(uint vertex) {
 dvec3 skinned(uint vertex) {
   dvec3 point = morphed(vertex);
   uint begin = firsts[vertex], end = firsts[vertex + 1u];
-  if (end == begin + 1u) return moved(pose_matrix(influences[begin].matrix), point);
+  if (end == begin + 1u) return moved(pose_matrix(influences[begin].matrix_index), point);
   precise dvec3 x = dvec3(0.0), y = dvec3(0.0), z = dvec3(0.0), w = dvec3(0.0);
   for (uint i = begin; i < end; ++i) {
     SkinInfluence influence = influences[i];
-    Affine m = pose_matrix(influence.matrix);
+    Affine m = pose_matrix(influence.matrix_index);
     precise dvec3 part_x = influence.weight * m.x, part_y = influence.weight * m.y;
     precise dvec3 part_z = influence.weight * m.z, part_w = influence.weight * m.w;
     x = x + part_x;

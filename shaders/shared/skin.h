@@ -45,13 +45,13 @@ struct SkinParams {
 };
 
 struct SkinInfluence {
-  uint matrix;
+  uint matrix_index;  // among those of the pose
   uint unused;
   double weight;
 };
 
 struct SkinMorph {
-  uint weight;  // number among the morph weights
+  uint weight_index;  // among the morph weights
   uint unused;
   double x, y, z;
 };
