@@ -85,6 +85,9 @@ void print_device(const DeviceProbe& probe) {
               info.glsl_version.c_str(), info.vendor.c_str());
   std::printf("%-10s   through %s%s\n", "", info.backend.c_str(), info.is_robust ? ", robust" : "");
   std::printf("%-10s   limits  %s\n", "", limits_text(info).c_str());
+  std::printf("%-10s   shaders %s, %s\n", "",
+              info.has_int64 ? "64-bit integers" : "no 64-bit integers",
+              info.has_float64 ? "64-bit floats" : "no 64-bit floats");
   std::printf("%-10s   timing  %s\n", "",
               info.has_timer_queries ? "timer queries" : "wall clock (timer_query_zero)");
 }
@@ -104,6 +107,8 @@ json device_json(const DeviceProbe& probe) {
                  {"backend", info.backend},
                  {"is_software", info.is_software},
                  {"is_robust", info.is_robust},
+                 {"has_int64", info.has_int64},
+                 {"has_float64", info.has_float64},
                  {"has_timer_queries", info.has_timer_queries},
                  {"context_ms", probe.context_ms}});
   object["limits"] = {{"ssbo_bytes_max", info.ssbo_bytes_max},

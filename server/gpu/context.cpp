@@ -112,6 +112,7 @@ Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) 
   }
   info_.is_software = is_software_renderer(info_.renderer);
   info_.has_int64 = has_extension(gl_, "GL_ARB_gpu_shader_int64");
+  info_.has_float64 = has_extension(gl_, "GL_ARB_gpu_shader_fp64");
   info_.has_timer_queries = has_timer_queries(gl_, info_.is_software);
   read_limits(gl_, info_);
   if (is_debug_) {

@@ -35,6 +35,7 @@ struct DeviceInfo {
   bool is_robust = false;          // bounds-checked access and reset notification
   bool is_software = false;        // llvmpipe, softpipe, SwiftShader, OSMesa, lavapipe
   bool has_int64 = false;          // GL_ARB_gpu_shader_int64
+  bool has_float64 = false;        // GL_ARB_gpu_shader_fp64; how exact, a pass has to find out
   bool has_timer_queries = false;  // they exist and do not always return 0
   int64_t ssbo_bytes_max = 0;      // GL_MAX_SHADER_STORAGE_BLOCK_SIZE
   int ssbo_bindings_max = 0;

@@ -26,6 +26,7 @@ DeviceInfo info_from_json(const DeviceId& device, const json& object) {
   info.is_robust = object.value("is_robust", false);
   info.is_software = object.value("is_software", false);
   info.has_int64 = object.value("has_int64", false);
+  info.has_float64 = object.value("has_float64", false);
   info.has_timer_queries = object.value("has_timer_queries", false);
   info.ssbo_bytes_max = object.value("ssbo_bytes_max", int64_t{0});
   info.ssbo_bindings_max = object.value("ssbo_bindings_max", 0);

@@ -21,6 +21,7 @@ json info_json(const DeviceInfo& info) {
           {"is_robust", info.is_robust},
           {"is_software", info.is_software},
           {"has_int64", info.has_int64},
+          {"has_float64", info.has_float64},
           {"has_timer_queries", info.has_timer_queries},
           {"ssbo_bytes_max", info.ssbo_bytes_max},
           {"ssbo_bindings_max", info.ssbo_bindings_max},

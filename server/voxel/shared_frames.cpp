@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <atomic>
 
+#include "server/scene/animated_scene.h"
+
 namespace voxeld {
 namespace {
 
@@ -13,11 +15,22 @@ uint64_t next_key() {
 
 }  // namespace
 
-SharedFrames::SharedFrames(const GridSpec& spec) : spec_(spec), textures_key_(next_key()) {}
+SharedFrames::SharedFrames(const GridSpec& spec)
+    : spec_(spec), mesh_key_(next_key()), textures_key_(next_key()) {}
 
 const WantedChannels& SharedFrames::channels(const Scene& scene, const VoxelizeOptions& options) {
   if (!channels_) channels_ = wanted_channels(scene, options);
   return *channels_;
+}
+
+Status SharedFrames::move_vertices() {
+  if (!posed_ || posed_->is_moved) return {};
+  FrameVertices vertices;
+  // Of the bind pose it takes what stays: the scene has that at all times.
+  VOXELD_TRY(skin_vertices(*posed_->table, *posed_->scene, *posed_->pose, vertices));
+  swap_vertices(vertices, *posed_->scene);
+  posed_->is_moved = true;
+  return {};
 }
 
 void SharedFrames::unite_levels(std::vector<ImageLevels>& of_frame) {

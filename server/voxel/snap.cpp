@@ -7,6 +7,7 @@
 #include <numeric>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "server/voxel/clip.h"
 #include "server/voxel/parallel.h"
@@ -62,6 +63,10 @@ glm::ivec3 snapped(const glm::dvec3& p_grid, const glm::ivec3& dims) {
   return {snapped(p_grid.x, dims.x), snapped(p_grid.y, dims.y), snapped(p_grid.z, dims.z)};
 }
 
+bool splits_edges(const GridSpec& spec) {
+  return std::max({spec.dims.x, spec.dims.y, spec.dims.z}) > kUnsplitGridSide;
+}
+
 // What one chunk of one part's triangles becomes. Vertex numbers from the mesh's file_vertex_count
 // on count from the chunk's own first clipped vertex.
 struct ChunkOutput {
@@ -89,7 +94,7 @@ class TriangleSnapper {
         base_(mesh.part_first_vertex[part_index]),
         world_from_file_(world_from_file),
         spec_(spec),
-        splits_(std::max({spec.dims.x, spec.dims.y, spec.dims.z}) > kUnsplitGridSide),
+        splits_(splits_edges(spec)),
         bytes_max_(bytes_max) {}
 
   // Triangles of vertices that all stand in cells of the grid.
@@ -119,8 +124,6 @@ class TriangleSnapper {
       }
     }
   }
-
-  bool splits() const { return splits_; }
 
  private:
   static bool may_be_long(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
@@ -236,7 +239,7 @@ void append_pieces(const ChunkOutput& chunk, SnappedMesh& mesh) {
 
 Status snap_triangles(const MeshPart& part, uint32_t part_index,
                       const WorldFromFile& world_from_file, const GridSpec& spec, int64_t bytes_max,
-                      bool all_in_cells, SnappedMesh& mesh) {
+                      SnappedMesh& mesh) {
   const size_t first = mesh.triangles.size(), count = part.indices.size() / 3;
   mesh.triangles.resize(first + count);
   std::vector<ChunkOutput> chunks(chunk_count(count, kTriangleGrain));
@@ -244,7 +247,7 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
                                 static_cast<size_t>(bytes_max) / chunks.size());
   parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     chunks[chunk].whole = mesh.triangles.data() + first + begin;
-    if (all_in_cells && !snapper.splits()) {
+    if (mesh.is_whole) {
       snapper.run_inside(begin, end, chunks[chunk]);
     } else {
       snapper.run(begin, end, chunks[chunk]);
@@ -308,9 +311,12 @@ Box3d world_bounds(const Scene& scene, const glm::dmat4& matrix) {
 }
 
 Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, const GridSpec& spec,
-                               int64_t bytes_max) {
+                               int64_t bytes_max, SnappedMesh before) {
   const WorldFromFile world_from_file(matrix);
-  SnappedMesh mesh;
+  SnappedMesh mesh = std::move(before);
+  const bool was_whole = mesh.is_whole;
+  mesh.part_first_vertex.clear();
+  mesh.clipped.clear();
   size_t vertex_count = 0;
   for (const MeshPart& part : scene.parts) {
     mesh.part_first_vertex.push_back(static_cast<uint32_t>(vertex_count));
@@ -324,14 +330,16 @@ Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& matrix, con
                                         mesh.vertices.data() + mesh.part_first_vertex[p]);
     all_in_cells = all_in_cells && in_cells;
   }
+  mesh.is_whole = all_in_cells && !splits_edges(spec);
+  if (mesh.is_whole && was_whole) return mesh;
+  mesh.triangles.clear();
   std::vector<uint32_t> order(scene.parts.size());
   std::iota(order.begin(), order.end(), 0u);
   std::stable_sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) {
     return part_image(scene, a) < part_image(scene, b);
   });
   for (const uint32_t p : order) {
-    VOXELD_TRY(
-        snap_triangles(scene.parts[p], p, world_from_file, spec, bytes_max, all_in_cells, mesh));
+    VOXELD_TRY(snap_triangles(scene.parts[p], p, world_from_file, spec, bytes_max, mesh));
   }
   return mesh;
 }

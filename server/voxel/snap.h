@@ -46,6 +46,9 @@ struct SnappedMesh {
   // That touch the grid's box; grouped by the image of their material (ascending; none first), in
   // the order of the scene within a group; of each part, pieces last.
   RawVector<SnappedTriangle> triangles;
+  // Every vertex stands in a cell of the grid: the triangles are the scene's, all of them and none
+  // in pieces, wherever the vertices move while that holds.
+  bool is_whole = false;
 };
 
 inline constexpr int32_t kOutside = INT32_MIN;
@@ -56,9 +59,12 @@ int part_image(const Scene& scene, size_t part);
 // Box of the vertices that triangles use, in world space. Empty when there is no triangle.
 Box3d world_bounds(const Scene& scene, const glm::dmat4& world_from_file);
 
-// bytes_max: of the pieces of clipped and split triangles. Errors: malformed-mesh for a vertex that
-// is not finite, grid-too-large for more pieces.
+// bytes_max: of the pieces of clipped and split triangles. before: empty, or what this scene was
+// snapped to when its vertices stood elsewhere; its memory serves again, and triangles that are
+// still right are not made anew. Errors: malformed-mesh for a vertex that is not finite,
+// grid-too-large for more pieces.
 Result<SnappedMesh> snap_scene(const Scene& scene, const glm::dmat4& world_from_file,
-                               const GridSpec& spec, int64_t bytes_max = INT64_MAX);
+                               const GridSpec& spec, int64_t bytes_max = INT64_MAX,
+                               SnappedMesh before = {});
 
 }  // namespace voxeld

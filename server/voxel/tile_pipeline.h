@@ -45,6 +45,12 @@ struct VoxelizePlan {
   // SharedFrames::textures_key(): levels of images that were made for the same one serve this job
   // too, and stay for the next one. 0: they are this job's alone.
   uint64_t textures_key = 0;
+  // SharedFrames::mesh_key() where the mesh is whole: its triangles are those of all such jobs. 0:
+  // they are this job's alone.
+  uint64_t mesh_key = 0;
+  // The device has the vertices already (DeviceSkin); the mesh's stand here only where the CPU
+  // wants them.
+  bool has_device_vertices = false;
 
   // Whether anything comes of the sums over all triangles; ids have sums of their own.
   bool needs_sums() const { return channels.summed.count() > 1 || channels.grid.coverage; }
@@ -68,6 +74,8 @@ struct VoxelizeStats {
   int64_t tiles = 0;            // that triangles reach
   int64_t work_items = 0;
   int64_t device_bytes_peak = 0;
+  // To hardware's pipeline compute: vertices or what moves them, triangles, numbers of triangles.
+  int64_t mesh_bytes_uploaded = 0;
   std::optional<FillStats> fill;  // of solids and shells
   StageTimes passes;              // milliseconds by pass: snap bin upload occupancy attributes …
 };

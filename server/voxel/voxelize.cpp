@@ -8,6 +8,7 @@
 #include "server/base/stopwatch.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/estimate.h"
+#include "server/voxel/frame_vertices.h"
 #include "server/voxel/part_ids.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
@@ -82,10 +83,12 @@ struct Voxelizer::Impl {
   Impl(std::unique_ptr<TilePipeline> device_pipeline, int cpu_threads)
       : device(std::move(device_pipeline)),
         device_inside(dynamic_cast<DeviceInside*>(device.get())),
+        device_skin(dynamic_cast<DeviceSkin*>(device.get())),
         cpu(cpu_threads) {}
 
   std::unique_ptr<TilePipeline> device;
   DeviceInside* device_inside;  // null where the device finds no inside
+  DeviceSkin* device_skin;      // null where it moves no vertices
   CpuPipeline cpu;
   int64_t host_bytes_max = default_host_bytes_max();
   CalibrationLookup calibration;
@@ -98,6 +101,16 @@ struct Voxelizer::Impl {
   Status check_asked(PipelineChoice asked) const;
   Status plan_job(const Scene& scene, const VoxelizeOptions& options, SharedFrames* frames,
                   bool keeps_tiles, VoxelizePlan& plan, VoxelizeStats& stats) const;
+  // The plan's mesh, of vertices that the device or the CPU moves where they are a frame's.
+  // Vertices that the device moved are there where `wants_vertices`.
+  Status snap_mesh(SharedFrames* frames, int64_t bytes_max, bool wants_vertices, VoxelizePlan& plan,
+                   VoxelizeStats& stats) const;
+  // Which pipeline makes the surface of the bins.
+  Result<Pipeline> choose(const VoxelizePlan& plan, std::span<const TileBin> bins,
+                          SharedFrames* frames, VoxelizeStats& stats) const;
+  // The plan's tiles.
+  Status run_plan(const VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
+                  const TileProgress& progress, VoxelizeStats& stats);
   // One job of the pipeline. `take` gets the tiles as they come.
   Status run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
                      std::span<const TileBin> bins, const Steps& steps, VoxelizeStats& stats,
@@ -164,10 +177,12 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   VOXELD_TRY(check_host_bytes(placed.spec, mesh_bytes(scene), host_bytes_max));
   if (plan.channels.volume) VOXELD_TRY(check_coverage_dims(placed.spec.dims));
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
-  VOXELD_ASSIGN(plan.mesh, snap_scene(scene, placed.world_from_file, placed.spec, bytes_left));
   // A close estimate takes its time, and matters only to grids that might not fit.
   const bool fills = needs_all_tiles(options, plan.channels);
-  if (keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left)) {
+  const bool estimates =
+      keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left);
+  VOXELD_TRY(snap_mesh(frames, bytes_left, estimates, plan, stats));
+  if (estimates) {
     VOXELD_TRY(check_host_bytes(
         placed.spec, job_bytes(scene, plan.mesh, placed, options, plan.channels), host_bytes_max));
   }
@@ -187,6 +202,43 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   }
   add_stage(stats.passes, "levels", watch.lap());
   return {};
+}
+
+Status Voxelizer::Impl::snap_mesh(SharedFrames* frames, int64_t bytes_max, bool wants_vertices,
+                                  VoxelizePlan& plan, VoxelizeStats& stats) const {
+  if (frames != nullptr) {
+    plan.mesh = frames->take_mesh();
+    const bool bins_tiles = plan.spec.tile_dims() != glm::ivec3(1);
+    VOXELD_ASSIGN(plan.has_device_vertices,
+                  skin_frame(device_skin, *frames, wants_vertices || bins_tiles, plan, stats));
+    if (!plan.has_device_vertices) VOXELD_TRY(frames->move_vertices());
+  }
+  if (!plan.has_device_vertices) {
+    VOXELD_ASSIGN(plan.mesh, snap_scene(plan.scene, plan.world_from_file, plan.spec, bytes_max,
+                                        std::move(plan.mesh)));
+  }
+  if (frames != nullptr && plan.mesh.is_whole) plan.mesh_key = frames->mesh_key();
+  return {};
+}
+
+Result<Pipeline> Voxelizer::Impl::choose(const VoxelizePlan& plan, std::span<const TileBin> bins,
+                                         SharedFrames* frames, VoxelizeStats& stats) const {
+  SharedFrames::Choice choice;
+  if (plan.has_device_vertices) {
+    choice = *frames->choice();
+  } else {
+    choice.work = estimate_workload(plan.mesh, bins);
+    choice.decision = decide(plan.options.pipeline, choice.work, plan.channels);
+  }
+  const Pipeline pipeline = choice.decision.pipeline;
+  stats.work = choice.work;
+  stats.pipeline = pipeline;
+  stats.pipeline_reason = choice.decision.reason;
+  if (frames == nullptr || plan.has_device_vertices) return pipeline;
+  frames->set_choice(std::move(choice));
+  VOXELD_ASSIGN(const bool moves, may_skin_frames(device_skin, *frames, plan, pipeline));
+  frames->set_device_moves(moves);
+  return pipeline;
 }
 
 Status Voxelizer::Impl::run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
@@ -223,6 +275,26 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
   return sink.add(std::move(tiles));
 }
 
+Status Voxelizer::Impl::run_plan(const VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
+                                 const TileProgress& progress, VoxelizeStats& stats) {
+  Grid grid;
+  grid.spec = plan.spec;
+  grid.channels = plan.channels.grid;
+  VOXELD_TRY(sink.begin(grid));
+  Stopwatch watch;
+  const TileBins bins(plan.mesh, plan.spec.tile_dims());
+  add_stage(stats.passes, "bin", watch.lap());
+  VOXELD_ASSIGN(const Pipeline chosen, choose(plan, bins.bins(), frames, stats));
+  if (needs_all_tiles(plan.options, plan.channels)) {
+    return run_solid(*pipeline(chosen), plan, bins, sink, progress, stats);
+  }
+  return run_surface(*pipeline(chosen), plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
+                     stats, [&](std::vector<SparseTile> tiles) {
+                       for (SparseTile& tile : tiles) canonicalize(tile);
+                       return sink.add(std::move(tiles));
+                     });
+}
+
 Voxelizer::Voxelizer(std::unique_ptr<TilePipeline> device, int cpu_threads)
     : impl_(std::make_unique<Impl>(std::move(device), cpu_threads)) {}
 Voxelizer::~Voxelizer() = default;
@@ -248,26 +320,11 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, S
   VoxelizePlan plan{
       scene, options,
       frames != nullptr ? frames->channels(scene, options) : wanted_channels(scene, options)};
-  const bool fills = needs_all_tiles(options, plan.channels);
-  VOXELD_TRY(impl_->plan_job(scene, options, frames, fills || sink.keeps_tiles(), plan, *stats));
-  Grid grid;
-  grid.spec = plan.spec;
-  grid.channels = plan.channels.grid;
-  VOXELD_TRY(sink.begin(grid));
-  Stopwatch watch;
-  const TileBins bins(plan.mesh, plan.spec.tile_dims());
-  add_stage(stats->passes, "bin", watch.lap());
-  stats->work = estimate_workload(plan.mesh, bins.bins());
-  const PipelineDecision decision = impl_->decide(options.pipeline, stats->work, plan.channels);
-  stats->pipeline = decision.pipeline;
-  stats->pipeline_reason = decision.reason;
-  TilePipeline& pipeline = *impl_->pipeline(decision.pipeline);
-  if (fills) return impl_->run_solid(pipeline, plan, bins, sink, progress, *stats);
-  return impl_->run_surface(pipeline, plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
-                            *stats, [&](std::vector<SparseTile> tiles) {
-                              for (SparseTile& tile : tiles) canonicalize(tile);
-                              return sink.add(std::move(tiles));
-                            });
+  const bool keeps_tiles = needs_all_tiles(options, plan.channels) || sink.keeps_tiles();
+  VOXELD_TRY(impl_->plan_job(scene, options, frames, keeps_tiles, plan, *stats));
+  VOXELD_TRY(impl_->run_plan(plan, frames, sink, progress, *stats));
+  if (frames != nullptr) frames->keep_mesh(std::move(plan.mesh));
+  return {};
 }
 
 void Voxelizer::end_frames() {

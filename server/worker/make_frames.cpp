@@ -107,13 +107,13 @@ class FrameLoop {
     MeshReport mesh(run_.engine.cache, scene_key(run_.task, false), clip_.moving.bind());
     const FrameMeta meta{run_.task, clip_.moving.bind(), options_, mesh.get()};
     // Declared after what it writes to.
-    SideThread side(kWaitingBytesMax), skinning(0);
-    VOXELD_TRY(skin_later(skinning, 0));
+    SideThread side(kWaitingBytesMax), moving(0);
+    VOXELD_TRY(move_later(moving, 0));
     for (size_t k = 0; k < times_s.size(); ++k) {
       VOXELD_TRY(run_.monitor.check());
-      VOXELD_TRY(skinning.wait());
-      clip_.moving.show(next_);
-      if (k + 1 < times_s.size()) VOXELD_TRY(skin_later(skinning, k + 1));
+      VOXELD_TRY(moving.wait());
+      show_next();
+      if (k + 1 < times_s.size()) VOXELD_TRY(move_later(moving, k + 1));
       const auto output = std::make_shared<FrameOutput>(run_, side, k, times_s[k]);
       VOXELD_TRY(voxelize(*output));
       VOXELD_TRY(output->finish(meta, stats_.fill, made));
@@ -124,8 +124,25 @@ class FrameLoop {
   }
 
  private:
-  Status skin_later(SideThread& skinning, size_t k) {
-    return skinning.push(0, [this, k] { return clip_.moving.skin(clip_.times.times_s[k], next_); });
+  // A frame's pose, and its vertices where a device is not expected to move them.
+  struct Moved {
+    Pose pose;
+    FrameVertices vertices;
+    bool has_vertices = false;
+  };
+
+  Status move_later(SideThread& moving, size_t k) {
+    next_.has_vertices = !shared_.device_moves();
+    return moving.push(0, [this, k]() -> Status {
+      VOXELD_TRY(clip_.moving.find_pose(clip_.times.times_s[k], next_.pose));
+      return next_.has_vertices ? clip_.moving.skin(next_.pose, next_.vertices) : Status();
+    });
+  }
+
+  void show_next() {
+    std::swap(pose_, next_.pose);
+    if (next_.has_vertices) clip_.moving.show(next_.vertices);
+    shared_.set_pose(clip_.moving.posed(pose_, next_.has_vertices));
   }
 
   Status voxelize(TileSink& sink) {
@@ -164,7 +181,8 @@ class FrameLoop {
   Clip& clip_;
   const RequestOptions& options_;
   SharedFrames shared_;
-  FrameVertices next_;
+  Moved next_;
+  Pose pose_;  // of the frame that is voxelized
   VoxelizeStats stats_;
 };
 

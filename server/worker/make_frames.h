@@ -32,9 +32,10 @@ struct MadeSequence {
 // that of a grid of its own: it says nothing of animation, number and time, so that equal frames
 // are one blob.
 //
-// Three things go on at once: the next frame is skinned, this one is voxelized, and the ones before
-// it are encoded, hashed, written and reported. Tiles go to the file as they come; a few batches
-// of them wait at most. What frames share is not made anew (SharedFrames).
+// Three things go on at once: the next frame's pose is found, and its vertices are moved unless the
+// device will do that; this one is voxelized; and the ones before it are encoded, hashed, written
+// and reported. Tiles go to the file as they come; a few batches of them wait at most. What frames
+// share is not made anew (SharedFrames).
 //
 // Meta: frames, fps, animation, and what frames have in common. Stages: voxelize, with encode
 // beside it: the time that voxelizing waits for it. Errors: those of voxelizing; cancelled.

@@ -21,10 +21,20 @@ Status MovingScene::begin(double first_time_s) {
   return {};
 }
 
-Status MovingScene::skin(double time_s, FrameVertices& out) const {
-  VOXELD_ASSIGN(Pose pose, pose_at(*animated_, animation_, time_s));
-  if (strips_) strip_root_motion(pose, first_root_);
+Status MovingScene::find_pose(double time_s, Pose& out) const {
+  VOXELD_ASSIGN(out, pose_at(*animated_, animation_, time_s));
+  if (strips_) strip_root_motion(out, first_root_);
+  return {};
+}
+
+Status MovingScene::skin(const Pose& pose, FrameVertices& out) const {
   return skin_vertices(animated_->skin, animated_->scene, pose, out);
+}
+
+Status MovingScene::skin(double time_s, FrameVertices& out) const {
+  Pose pose;
+  VOXELD_TRY(find_pose(time_s, pose));
+  return skin(pose, out);
 }
 
 Result<Box3d> MovingScene::box_over(std::span<const double> times_s,

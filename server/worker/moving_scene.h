@@ -1,9 +1,10 @@
 // An asset's scene while its vertices go through the frames of an animation.
 //
-// Vertices are skinned by the CPU, in doubles, whatever device voxelizes: every pipeline then snaps
-// the same numbers, and frames are equal on all of them to the bit. It is also cheap: Bob with lamp
-// (875 vertices, 33 joints) takes some 70 microseconds of one core, less than a hundredth of what
-// the voxels take at 128^3, and runs beside them.
+// Vertices are moved by a device, where it voxelizes them by pipeline compute in batches and its
+// 64-bit floats are the CPU's (voxel/device_skin.h); else by the CPU, in doubles. Both have the
+// same bits: every pipeline then snaps the same numbers, and frames are equal on all of them. The
+// CPU does it beside the voxels of the frame before, in 70 microseconds of one core for Bob with
+// lamp (875 vertices, 33 joints).
 #pragma once
 
 #include <functional>
@@ -16,6 +17,7 @@
 #include "proto/options.h"
 #include "proto/result.h"
 #include "server/scene/animated_scene.h"
+#include "server/voxel/shared_frames.h"
 
 namespace voxeld {
 
@@ -35,10 +37,19 @@ class MovingScene {
 
   // Where root motion is stripped to: before the first skin(). Errors: those of pose_at().
   Status begin(double first_time_s);
-  // The vertices at a time. From any thread, also beside the others. Errors: those of scene_at().
+  // What moves the vertices at a time. From any thread, also beside the others. Errors: those of
+  // pose_at().
+  Status find_pose(double time_s, Pose& out) const;
+  // The vertices of a pose. From any thread. Errors: those of skin_vertices().
+  Status skin(const Pose& pose, FrameVertices& out) const;
+  // Both. Errors: those of scene_at().
   Status skin(double time_s, FrameVertices& out) const;
   // Exchanges the scene's vertices with those.
   void show(FrameVertices& vertices) { swap_vertices(vertices, scene_); }
+  // The scene with what is to move its vertices, or has moved them. Must not outlive the pose.
+  PosedScene posed(const Pose& pose, bool is_moved) {
+    return {&animated_->skin, &pose, &scene_, is_moved};
+  }
 
   // Union of the boxes of the transformed vertices at all times, as a request for each of them
   // would find it. Shows the last of them. check: between times. Errors: its; those of skin().

@@ -44,17 +44,17 @@ size_t BatchTouch::batch_tiles() const {
   return std::clamp<size_t>(std::min(static_cast<size_t>(fit), wanted), 1, BATCH_SLOTS_MAX);
 }
 
-Status BatchTouch::begin_job(const SnappedMesh& mesh, const glm::ivec3& dims, Rule rule) {
-  rule_ = rule;
+Status BatchTouch::begin_job(const VoxelizePlan& plan) {
+  rule_ = plan.options.rule;
   values_ = {};
-  values_.dims = {dims.x, dims.y, dims.z, 0};
+  values_.dims = {plan.spec.dims.x, plan.spec.dims.y, plan.spec.dims.z, 0};
   if (counts_.id() == 0) {
     VOXELD_ASSIGN(counts_,
                   gpu::Buffer::create(*context_, sizeof(shared::BatchCounts), "batch counts"));
     VOXELD_ASSIGN(params_,
                   gpu::Buffer::create(*context_, sizeof(shared::BatchParams), "batch parameters"));
   }
-  return mesh_.begin_job(mesh, storage_bytes());
+  return mesh_.begin_job(plan.mesh, plan.mesh_key, plan.has_device_vertices, storage_bytes());
 }
 
 Result<BatchTouch::Programs> BatchTouch::programs() const {

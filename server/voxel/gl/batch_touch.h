@@ -10,6 +10,7 @@
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/gl_tuning.h"
 #include "server/voxel/gl/resident_mesh.h"
+#include "server/voxel/tile_pipeline.h"
 #include "shaders/shared/voxelize_batch.h"
 
 namespace voxeld {
@@ -18,8 +19,11 @@ class BatchTouch {
  public:
   BatchTouch(const gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning);
 
-  Status begin_job(const SnappedMesh& mesh, const glm::ivec3& dims, Rule rule);
+  Status begin_job(const VoxelizePlan& plan);
   void end_job() { mesh_.end_job(); }
+  void end_frames() { mesh_.end_frames(); }
+  // The mesh's buffer, for what makes vertices on the device: ResidentMesh::vertices().
+  Result<const gpu::Buffer*> vertices(size_t count) { return mesh_.vertices(count); }
 
   // Tiles of one batch.
   size_t batch_tiles() const;
@@ -33,6 +37,7 @@ class BatchTouch {
   const gpu::Buffer& counts() const { return counts_; }
   // Work items of the last run.
   int64_t item_count() const { return item_count_; }
+  // Of the mesh, since begin_job().
   int64_t uploaded_bytes() const { return mesh_.uploaded_bytes(); }
   // Of all buffers now.
   int64_t bytes() const;

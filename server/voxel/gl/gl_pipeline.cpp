@@ -29,6 +29,7 @@ GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const
       batch_bricks_(context, shaders),
       inside_(context, shaders),
       flood_(context, shaders),
+      skin_(context, shaders),
       mask_(kTileMaskWords),
       word_offsets_(kTileMaskWords) {}
 
@@ -45,7 +46,7 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   timer_.emplace(*context_);
   Stopwatch watch;
   if (is_batched()) {
-    VOXELD_TRY(batch_touch_.begin_job(plan.mesh, plan.spec.dims, plan.options.rule));
+    VOXELD_TRY(batch_touch_.begin_job(plan));
     note("upload", watch.lap());
   }
   if (is_by_words()) VOXELD_TRY(word_touch_.begin_job());
@@ -82,11 +83,48 @@ void GlPipeline::end_job() {
   if (timer_) {
     for (const auto& [pass, ms] : timer_->results()) note(pass, ms);
     timer_.reset();
+    if (is_batched()) stats_->mesh_bytes_uploaded += batch_touch_.uploaded_bytes();
   }
   attributes_.end_job();
   batch_touch_.end_job();
   plan_ = nullptr;
   stats_ = nullptr;
+}
+
+void GlPipeline::end_frames() {
+  attributes_.end_frames();
+  batch_touch_.end_frames();
+  skin_.end_frames();
+  skinned_ = nullptr;
+}
+
+Result<bool> GlPipeline::can_skin(const SkinnedFrames& frames) {
+  const int64_t storage_bytes = batch_touch_.storage_bytes();
+  if (frames.pipeline != Pipeline::kCompute || frames.rule == Rule::kNone ||
+      !tuning_.wants_batches(context_->info()) || !tuning_.has_float64(context_->info()) ||
+      !ResidentMesh::fits(frames.table.vertex_count(), frames.triangle_count, storage_bytes) ||
+      !SkinPass::fits(frames.table, storage_bytes)) {
+    return false;
+  }
+  return skin_.is_exact();
+}
+
+Result<bool> GlPipeline::skin(const SkinFrame& frame, VoxelizeStats& stats) {
+  VOXELD_TRY(skin_.begin_frames(frame.table, frame.key));
+  VOXELD_ASSIGN(skinned_, batch_touch_.vertices(frame.table.vertex_count()));
+  gpu::PassTimer timer(*context_);
+  VOXELD_ASSIGN(const bool stands_in_cells, skin_.run(frame, *skinned_, timer));
+  for (const auto& [pass, ms] : timer.results()) add_stage(stats.passes, pass, ms);
+  stats.mesh_bytes_uploaded += skin_.uploaded_bytes();
+  return stands_in_cells;
+}
+
+void GlPipeline::read_vertices(std::span<glm::ivec3> q) const {
+  if (skinned_ != nullptr) skinned_->read(0, q);
+}
+
+void GlPipeline::read_positions(size_t first, std::span<glm::dvec3> positions) const {
+  skin_.read_positions(first, positions);
 }
 
 int64_t GlPipeline::device_bytes(const Scene& scene, const WantedChannels& channels) const {
@@ -259,9 +297,9 @@ Status GlPipeline::run_batch(std::span<const TileBin> bins, std::vector<SparseTi
     if (plan_->channels.any()) VOXELD_TRY(add_attributes(bins[slot], slot, found[slot]));
     tiles.push_back(std::move(found[slot]));
   }
-  stats_->device_bytes_peak =
-      std::max(stats_->device_bytes_peak, device_.bytes() + attributes_.bytes() +
-                                              batch_touch_.bytes() + batch_bricks_.bytes());
+  stats_->device_bytes_peak = std::max(
+      stats_->device_bytes_peak, device_.bytes() + attributes_.bytes() + batch_touch_.bytes() +
+                                     batch_bricks_.bytes() + skin_.bytes());
   return {};
 }
 

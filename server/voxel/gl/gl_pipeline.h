@@ -8,12 +8,14 @@
 #include "server/gpu/context.h"
 #include "server/gpu/pass_timer.h"
 #include "server/gpu/shader_library.h"
+#include "server/voxel/device_skin.h"
 #include "server/voxel/gl/attribute_pass.h"
 #include "server/voxel/gl/batch_bricks.h"
 #include "server/voxel/gl/batch_touch.h"
 #include "server/voxel/gl/gl_flood.h"
 #include "server/voxel/gl/gl_inside.h"
 #include "server/voxel/gl/gl_tuning.h"
+#include "server/voxel/gl/skin_pass.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/gl/touch_pass.h"
 #include "server/voxel/gl/word_touch.h"
@@ -25,14 +27,14 @@ namespace voxeld {
 // stats.pipeline of the job tells which of the two runs. Pipeline compute has three ways to the
 // same bytes: batches of tiles (GlTuning); else windows of one tile at a time, prepared on the CPU,
 // and for rule touch without attributes words of the mask (WordTouch).
-class GlPipeline final : public TilePipeline, public DeviceInside {
+class GlPipeline final : public TilePipeline, public DeviceInside, public DeviceSkin {
  public:
   GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning = {});
 
   Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
   Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) override;
   void end_job() override;
-  void end_frames() override { attributes_.end_frames(); }
+  void end_frames() override;
   int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const override;
   DeviceTraits traits() const override;
   size_t batch_tiles() const override;
@@ -44,6 +46,12 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
                             const ColumnProgress& progress, std::vector<SparseTile>& tiles,
                             VoxelizeStats& stats) override;
   int64_t inside_bytes(const glm::ivec3& dims, Sign sign) const override;
+
+  // Batches of pipeline compute alone.
+  Result<bool> can_skin(const SkinnedFrames& frames) override;
+  Result<bool> skin(const SkinFrame& frame, VoxelizeStats& stats) override;
+  void read_vertices(std::span<glm::ivec3> q) const override;
+  void read_positions(size_t first, std::span<glm::dvec3> positions) const override;
 
  private:
   // Of the job.
@@ -79,6 +87,8 @@ class GlPipeline final : public TilePipeline, public DeviceInside {
   BatchBricks batch_bricks_;
   GlInside inside_;
   GlFlood flood_;
+  SkinPass skin_;
+  const gpu::Buffer* skinned_ = nullptr;  // q of the last skin()
   // Of the job.
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;

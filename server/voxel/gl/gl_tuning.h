@@ -16,6 +16,9 @@ struct GlTuning {
   std::optional<bool> batches{};
   // 64-bit integers in shaders, or two 32-bit words. Default: where the device has them.
   std::optional<bool> int64{};
+  // Vertices of animations move by 64-bit floats in shaders, or on the CPU. Default: where the
+  // device has them; that their bits are the CPU's is checked in any case.
+  std::optional<bool> float64{};
   // Tiles of a batch, 1..64: 2 MiB of masks each. Default: as many as a storage buffer holds.
   std::optional<size_t> batch_tiles{};
   // Of one storage buffer. Default: what the device has.
@@ -25,6 +28,7 @@ struct GlTuning {
     return batches.value_or(!info.is_software);
   }
   bool has_int64(const gpu::DeviceInfo& info) const { return int64.value_or(info.has_int64); }
+  bool has_float64(const gpu::DeviceInfo& info) const { return float64.value_or(info.has_float64); }
 };
 
 }  // namespace voxeld

@@ -39,21 +39,42 @@ std::vector<PairWindow> cut_pairs(std::span<const TileBin> bins, size_t pairs_ma
   return windows;
 }
 
-Status ResidentMesh::begin_job(const SnappedMesh& mesh, int64_t storage_bytes) {
+bool ResidentMesh::fits(size_t vertices, size_t triangles, int64_t storage_bytes) {
+  const auto limit = static_cast<size_t>(storage_bytes);
+  return vertices <= limit / kVertexBytes && triangles <= limit / sizeof(SnappedTriangle);
+}
+
+Result<const gpu::Buffer*> ResidentMesh::vertices(size_t count) {
+  VOXELD_TRY(gpu::ensure_size(vertices_, *context_, count * kVertexBytes, "vertices"));
+  return &vertices_;
+}
+
+Status ResidentMesh::begin_job(const SnappedMesh& mesh, uint64_t key, bool has_vertices,
+                               int64_t storage_bytes) {
   mesh_ = &mesh;
   uploaded_bytes_ = 0;
   const auto limit = static_cast<size_t>(storage_bytes);
   const auto vertices = std::span<const glm::ivec3>(mesh.vertices.data(), mesh.vertices.size());
   const auto triangles =
       std::span<const SnappedTriangle>(mesh.triangles.data(), mesh.triangles.size());
-  is_resident_ = vertices.size_bytes() <= limit && triangles.size_bytes() <= limit;
+  is_resident_ = has_vertices || fits(vertices.size(), triangles.size(), storage_bytes);
   pairs_max_ = std::max<size_t>(1, std::min(kPairsMax, limit / kGatheredBytes));
-  if (!is_resident_) return {};
-  VOXELD_TRY(gpu::ensure_size(vertices_, *context_, vertices.size_bytes(), "vertices"));
-  VOXELD_TRY(gpu::ensure_size(triangles_, *context_, triangles.size_bytes(), "triangles"));
-  vertices_.upload(0, vertices);
-  triangles_.upload(0, triangles);
-  uploaded_bytes_ = static_cast<int64_t>(vertices.size_bytes() + triangles.size_bytes());
+  if (!is_resident_) {
+    end_frames();
+    return {};
+  }
+  if (!has_vertices) {
+    VOXELD_TRY(gpu::ensure_size(vertices_, *context_, vertices.size_bytes(), "vertices"));
+    vertices_.upload(0, vertices);
+    uploaded_bytes_ += static_cast<int64_t>(vertices.size_bytes());
+  }
+  if (key == 0 || key != triangles_key_) {
+    end_frames();
+    VOXELD_TRY(gpu::ensure_size(triangles_, *context_, triangles.size_bytes(), "triangles"));
+    triangles_.upload(0, triangles);
+    uploaded_bytes_ += static_cast<int64_t>(triangles.size_bytes());
+    triangles_key_ = key;
+  }
   return context_->check("uploading the mesh");
 }
 
@@ -61,7 +82,16 @@ void ResidentMesh::end_job() {
   mesh_ = nullptr;
 }
 
+// The pairs of a grid of one tile: all triangles, in their order.
+bool ResidentMesh::is_whole_mesh(const PairWindow& window) const {
+  return is_resident_ && window.parts.size() == 1 && window.parts.front().slot == 0 &&
+         window.pair_count == mesh_->triangles.size();
+}
+
 Status ResidentMesh::upload(const PairWindow& window) {
+  const uint64_t key = is_whole_mesh(window) ? triangles_key_ : 0;
+  if (key != 0 && key == pairs_key_) return {};
+  pairs_key_ = 0;
   VOXELD_TRY(gpu::ensure_size(pairs_, *context_, 4 * window.pair_count, "pairs"));
   VOXELD_TRY(upload_groups(window));
   if (!is_resident_) return upload_gathered(window);
@@ -70,6 +100,7 @@ Status ResidentMesh::upload(const PairWindow& window) {
     pairs_.upload(at, part.triangles);
     at += part.triangles.size_bytes();
   }
+  pairs_key_ = key;
   return context_->check("uploading pairs");
 }
 
@@ -87,7 +118,7 @@ Status ResidentMesh::upload_groups(const PairWindow& window) {
   const auto words = std::span<const Group>(groups);
   VOXELD_TRY(gpu::ensure_size(groups_, *context_, words.size_bytes(), "groups of pairs"));
   groups_.upload(0, words);
-  uploaded_bytes_ = static_cast<int64_t>(4 * window.pair_count + words.size_bytes());
+  uploaded_bytes_ += static_cast<int64_t>(4 * window.pair_count + words.size_bytes());
   return {};
 }
 

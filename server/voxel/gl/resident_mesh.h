@@ -25,18 +25,27 @@ struct PairWindow {
 std::vector<PairWindow> cut_pairs(std::span<const TileBin> bins, size_t pairs_max);
 
 // Vertices and triangles, uploaded once for the job where storage buffers can hold them; else those
-// of each window are gathered and uploaded with it.
+// of each window are gathered and uploaded with it. Triangles of frames stay for the next one.
 class ResidentMesh {
  public:
   explicit ResidentMesh(const gpu::Context& context) : context_(&context) {}
 
-  // storage_bytes: of one buffer. `mesh` must outlive the job.
-  Status begin_job(const SnappedMesh& mesh, int64_t storage_bytes);
+  // Whether a mesh stays on the device in buffers of `storage_bytes`.
+  static bool fits(size_t vertices, size_t triangles, int64_t storage_bytes);
+  // Where a device may write q of so many vertices, which fit, before a job that has them so.
+  Result<const gpu::Buffer*> vertices(size_t count);
+
+  // storage_bytes: of one buffer. `mesh` must outlive the job. key: VoxelizePlan::mesh_key.
+  // has_vertices: they were written to vertices() after the last job.
+  Status begin_job(const SnappedMesh& mesh, uint64_t key, bool has_vertices, int64_t storage_bytes);
   void end_job();
+  // What was kept by its key is forgotten.
+  void end_frames() { triangles_key_ = pairs_key_ = 0; }
 
   // Pairs of one window at most.
   size_t pairs_max() const { return pairs_max_; }
-  // Uploads the window's pairs, and its triangles where they are not resident. Binds nothing.
+  // Uploads the window's pairs, where they are not those of the frame before, and its triangles
+  // where they are not resident. Binds nothing.
   Status upload(const PairWindow& window);
   // Groups of pairs of the uploaded window.
   size_t group_count() const { return group_count_; }
@@ -45,10 +54,11 @@ class ResidentMesh {
   bool is_resident() const { return is_resident_; }
   // Of all buffers now.
   int64_t bytes() const;
-  // Of the last upload(), and of begin_job().
+  // Since begin_job(), and by it.
   int64_t uploaded_bytes() const { return uploaded_bytes_; }
 
  private:
+  bool is_whole_mesh(const PairWindow& window) const;
   Status upload_groups(const PairWindow& window);
   Status upload_gathered(const PairWindow& window);
 
@@ -58,6 +68,8 @@ class ResidentMesh {
   bool is_resident_ = false;
   size_t pairs_max_ = 0, group_count_ = 0;
   int64_t uploaded_bytes_ = 0;
+  // Of triangles_, and of pairs_ and groups_, where they hold all triangles; 0: of a job alone.
+  uint64_t triangles_key_ = 0, pairs_key_ = 0;
 };
 
 }  // namespace voxeld

@@ -26,6 +26,7 @@ TEST(Context, opens_and_names_the_driver_that_was_asked_for) {
 TEST(Context, limits_are_read_or_known) {
   const DeviceInfo& info = test_context().info();
   EXPECT_TRUE(info.has_int64);
+  EXPECT_TRUE(info.has_float64);
   EXPECT_FALSE(info.has_timer_queries) << "timer_query_zero";
   EXPECT_EQ(info.loop_iterations_max, 65535) << "loop_iterations_65535";
   EXPECT_GE(info.ssbo_bytes_max, int64_t{128} << 20);

@@ -260,6 +260,37 @@ TEST(Split, does_not_depend_on_the_order_of_corners) {
   EXPECT_EQ(pieces(triangle_of(b, a, c)), expected);
 }
 
+bool equal(const SnappedMesh& a, const SnappedMesh& b) {
+  return std::ranges::equal(a.vertices, b.vertices) && a.is_whole == b.is_whole &&
+         a.part_first_vertex == b.part_first_vertex && a.clipped.size() == b.clipped.size() &&
+         std::ranges::equal(a.triangles, b.triangles, [](const auto& s, const auto& t) {
+           return s.vertices == t.vertices && s.part == t.part;
+         });
+}
+
+// A mesh goes into the box, through a side of it, out of it and back again.
+TEST(Snap, the_mesh_of_another_moment_does_not_show_in_this_one) {
+  const Scene bind = scene_of({{1, 1, 1}, {3, 2, 1}, {2, 3, 4}, {4, 4, 4}, {5, 4, 4}, {5, 5, 5}});
+  SnappedMesh before;
+  const std::vector<double> shifts = {0, 1, 5, 6.5, 40, 5, 0.5, 0};
+  const std::vector<bool> whole = {true, true, false, false, false, false, true, true};
+  for (const int side : {8, 2049}) {
+    for (size_t i = 0; i < shifts.size(); ++i) {
+      Scene scene = bind;
+      for (glm::dvec3& p : scene.parts[0].positions) p.x += shifts[i] - (side > 8 ? 1.5 : 0.0);
+      const auto expected = snap_scene(scene, glm::dmat4(1.0), unit_spec(side));
+      auto found =
+          snap_scene(scene, glm::dmat4(1.0), unit_spec(side), INT64_MAX, std::move(before));
+      ASSERT_TRUE(expected.ok() && found.ok());
+      EXPECT_TRUE(equal(*found, *expected)) << side << " " << i;
+      // Grids that split edges may have pieces of any triangle.
+      EXPECT_EQ(found->is_whole, side == 8 && whole[i]) << side << " " << i;
+      before = *std::move(found);
+    }
+    before = {};
+  }
+}
+
 TEST(Snap, bounds_are_those_of_vertices_that_triangles_use) {
   Scene scene = scene_of({{1, 2, 3}, {4, 5, 6}, {2, 2, 2}});
   scene.parts[0].positions.emplace_back(100, 100, 100);

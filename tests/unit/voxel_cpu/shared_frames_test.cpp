@@ -110,6 +110,57 @@ TEST(SharedFrames, a_frame_is_placed_as_all_are_and_not_as_its_mesh_is) {
   EXPECT_GT(grid.voxel_count(), 0u);
 }
 
+// Out of the box and back: triangles in pieces are not those of the next frame.
+TEST(SharedFrames, frames_that_leave_the_box_are_those_of_requests_of_their_own) {
+  const Scene flat = sheet();
+  const VoxelizeOptions options = in_box();
+  const auto spec = place_grid(options.placement, glm::dvec3(0.0), glm::dvec3(1.0));
+  ASSERT_TRUE(spec.ok());
+  Voxelizer voxelizer, other;
+  SharedFrames frames(*spec);
+  for (const double shift : {0.0, 0.0, 5.0, 5.0, 100.0, 3.0, 0.0, 0.0}) {
+    Scene scene = flat;
+    for (glm::dvec3& p : scene.parts[0].positions) p.x += shift;
+    const Grid shared = frame_of(voxelizer, scene, options, &frames);
+    EXPECT_EQ(shared.tiles, frame_of(other, scene, options, nullptr).tiles) << shift;
+    EXPECT_EQ(shared.tiles.empty(), shift == 100.0);
+  }
+  voxelizer.end_frames();
+}
+
+// Without a device that does it, the CPU moves vertices that have not been moved.
+TEST(SharedFrames, a_pose_moves_the_vertices_unless_they_are_there) {
+  const Scene flat = sheet();
+  const VoxelizeOptions options = in_box();
+  const auto spec = place_grid(options.placement, glm::dvec3(0.0), glm::dvec3(1.0));
+  ASSERT_TRUE(spec.ok());
+  std::vector<SkinPart> parts(1);
+  for (const glm::dvec3& p : flat.parts[0].positions) {
+    parts[0].points.push_back(p);
+    parts[0].normals.emplace_back(0, 0, 1);
+    parts[0].influences.push_back({0, 1.0});
+    parts[0].end_vertex();
+  }
+  const SkinTable table = join_skin_parts(std::move(parts), false);
+  Voxelizer voxelizer, other;
+  SharedFrames frames(*spec);
+  Scene scene = flat;
+  for (const bool is_moved : {false, true, false}) {
+    Pose pose;
+    pose.world_from_bound = {glm::dmat4(1.0)};
+    pose.world_from_bound[0][3].z = 3.25;
+    scene = flat;
+    frames.set_pose({&table, &pose, &scene, is_moved});
+    const Grid grid = frame_of(voxelizer, scene, options, &frames);
+    EXPECT_FALSE(frames.device_moves());
+    Scene expected = flat;
+    for (glm::dvec3& p : expected.parts[0].positions) p.z += is_moved ? 0.0 : 3.25;
+    EXPECT_EQ(grid.tiles, frame_of(other, expected, options, nullptr).tiles);
+    EXPECT_EQ(scene.parts[0].positions, expected.parts[0].positions);
+  }
+  voxelizer.end_frames();
+}
+
 TEST(SharedFrames, levels_only_grow_and_name_new_textures_when_they_do) {
   SharedFrames frames{GridSpec{}};
   SharedFrames others{GridSpec{}};

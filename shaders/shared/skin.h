@@ -1,0 +1,65 @@
+// Parameters, bindings and layouts of the pass that moves a frame's vertices to its pose and snaps
+// them (skin.comp), read by C++ and GLSL.
+#ifdef __cplusplus
+#pragma once
+#endif
+#include "shaders/shared/types.h"
+
+// Storage buffers. Where nothing is written: of the sequence, uploaded once.
+#define SKIN_VERTICES 0      // out: 3 ints per vertex, q in grid space: BATCH_VERTICES
+#define SKIN_POSITIONS 1     // out: 3 doubles per vertex, world units of the file
+#define SKIN_POINTS 2        // 3 doubles per vertex, or per influence (SKIN_POINT_PER_INFLUENCE)
+#define SKIN_FIRSTS 3        // uint per vertex and one more: first influence; then first morph
+#define SKIN_INFLUENCES 4    // SkinInfluence
+#define SKIN_MORPH_DELTAS 5  // SkinMorph
+#define SKIN_FRAME 6         // doubles of the frame, laid out below
+#define SKIN_STATE 7         // out: uint, SKIN_OUTSIDE | SKIN_LOST
+// Uniform buffer.
+#define SKIN_PARAMS 0
+
+#define SKIN_GROUP_SIZE 64
+// Influences and morphs of one vertex: software drivers stop an invocation after 65,535 turns of
+// its loops.
+#define SKIN_LOOP_MAX 32768
+
+// Of SKIN_FRAME, in doubles: columns of three rows; morph weights follow the matrices.
+#define SKIN_WORLD_FROM_FILE 0  // 12
+#define SKIN_ORIGIN 12          // 3: GridSpec::origin_world
+#define SKIN_VOXEL 15           // 3: GridSpec::voxel_size
+#define SKIN_PER_VOXEL 18       // 3: 1 / voxel_size
+#define SKIN_LIMIT 21           // 1: the largest coordinate of a finite place
+#define SKIN_MATRICES 22        // 12 each: Pose::world_from_bound
+
+// Of SKIN_STATE.
+#define SKIN_OUTSIDE 1u  // a vertex stands in no cell of the grid
+#define SKIN_LOST 2u     // a vertex gets to no finite place
+
+VOXELD_SHARED_BEGIN
+
+struct SkinParams {
+  ivec4 dims;             // xyz: cells of the grid; w unused
+  uint vertex_count;
+  uint is_turned;         // 1 where world_from_file is not the identity
+  uint writes_positions;  // 1 where SKIN_POSITIONS is wanted
+  uint morph_weights;     // first in SKIN_FRAME
+};
+
+struct SkinInfluence {
+  uint matrix_index;  // among those of the pose
+  uint unused;
+  double weight;
+};
+
+struct SkinMorph {
+  uint weight_index;  // among the morph weights
+  uint unused;
+  double x, y, z;
+};
+
+VOXELD_SHARED_END
+
+#ifdef __cplusplus
+static_assert(sizeof(voxeld::shared::SkinParams) == 32);
+static_assert(sizeof(voxeld::shared::SkinInfluence) == 16);
+static_assert(sizeof(voxeld::shared::SkinMorph) == 32);
+#endif
