@@ -19,8 +19,8 @@ using namespace sequence_layout;
 
 namespace {
 
-constexpr StreamKind stream_kind(size_t kind) {
-  return kind == 0 ? StreamKind::kOctree : StreamKind::kPlanes;
+StreamKind kind_of(size_t kind) {
+  return kind == 0 ? StreamKind::kOctree : stream_kind(kChannels[kind - 1].channel);
 }
 
 // The key of contents that stand for themselves.
@@ -113,11 +113,11 @@ Status SequenceWriter::encode(Source& source, bool as_difference) const {
   const size_t kind = source.place.second;
   if (as_difference) {
     VOXELD_ASSIGN(source.difference,
-                  compress_stream(stream_kind(kind), *source.contents, *source.base_contents));
+                  compress_stream(kind_of(kind), *source.contents, *source.base_contents));
     return {};
   }
   if (codec(kind) == Codec::kFast) {
-    VOXELD_ASSIGN(source.encoded, compress_stream(stream_kind(kind), *source.contents));
+    VOXELD_ASSIGN(source.encoded, compress_stream(kind_of(kind), *source.contents));
   } else if (kind == 0) {
     VOXELD_ASSIGN(source.encoded, encode_octree_stream(*source.tile, Codec::kSmall));
   } else {

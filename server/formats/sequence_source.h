@@ -26,6 +26,7 @@ struct SequenceWriter::Source {
   // Of those that are new:
   uint32_t base = sequence_layout::kNoStream;
   Contents base_contents;
+  bool was_tried = false;          // as a difference
   std::span<const uint8_t> whole;  // the container's, or `encoded`
   std::vector<uint8_t> encoded, difference;
 

@@ -22,6 +22,10 @@ bool is_worth_it(size_t difference_bytes, size_t plain_bytes) {
   return difference_bytes < plain_bytes - plain_bytes / 16;
 }
 
+// Frames without a try after one that lost, at most; consecutive losses get there. What moves slowly
+// goes on to, and of what moves fast each try would cost more than all else that is done for it.
+constexpr uint32_t kRestFramesMax = 3;
+
 // The lists of a container end where memory does, but numbers have 32 bits.
 bool has_room(uint64_t count, size_t more) {
   return count + more < kNoStream;
@@ -108,9 +112,10 @@ void SequenceWriter::find_base(Source& source) const {
   const Kept& kept = before->second;
   const Stream& stream = streams_[kept.number];
   const bool is_long = stream.chain >= options_.chain_max;
-  if (is_long && kept.root == nullptr) return;
+  if (kept.tries.left > 0 || (is_long && kept.root == nullptr)) return;
   source.base = is_long ? stream.root : kept.number;
   source.base_contents = is_long ? kept.root : kept.contents;
+  source.was_tried = true;
 }
 
 void SequenceWriter::store(Source& source, std::vector<uint8_t>& out) {
@@ -132,7 +137,14 @@ void SequenceWriter::keep(Source& source) {
   if (codec(source.place.second) != Codec::kFast) return;
   if (next_kept_bytes_ > options_.kept_bytes_max) return;
   const Stream& stream = streams_[source.number];
-  Kept now = {source.number, std::move(source.contents), nullptr};
+  Kept now = {source.number, std::move(source.contents), nullptr, {}};
+  if (source.was_tried && source.base == kNoStream) {
+    const uint32_t rest = std::min(2 * before.mapped().tries.rest + 1, kRestFramesMax);
+    now.tries = {rest, rest};
+  } else if (!source.was_tried && !before.empty()) {
+    now.tries = before.mapped().tries;
+    if (now.tries.left > 0) --now.tries.left;
+  }
   if (stream.root == source.number) {
     now.root = now.contents;
   } else if (!before.empty() && streams_[before.mapped().number].root == stream.root) {

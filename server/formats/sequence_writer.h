@@ -77,11 +77,16 @@ class SequenceWriter {
     uint64_t offset;
     uint32_t bytes, base, chain, root;  // root: where the chain begins
   };
+  // A place whose differences do not win: they are not tried in the next frames.
+  struct Tries {
+    uint32_t rest = 0, left = 0;  // frames, after the last try and from now on
+  };
   // What a place (tile and kind) had in the last frame.
   struct Kept {
     uint32_t number = sequence_layout::kNoStream;
     Contents contents;
     Contents root;  // of the stream's chain; null where it is not known any more
+    Tries tries;
   };
   using Place = std::pair<uint32_t, size_t>;  // tile_order() and kind
   struct Source;                              // one stream of the part at work
