@@ -37,7 +37,7 @@ struct FreeContext {
 void refer_to(ZSTD_CCtx* context, StreamKind kind, std::span<const uint8_t> prefix,
               size_t raw_bytes) {
   constexpr int kWindowLog2Min = 10, kWindowLog2Max = 27;  // more is refused by readers
-  constexpr int kTableLog2Min = 10, kTableLog2Max = 20, kBytesPerEntryLog2 = 4;
+  constexpr int kTableLog2Min = 10, kTableLog2Max = 20, kBytesPerEntryLog2 = 3;
   const int log2 = std::clamp(static_cast<int>(std::bit_width(prefix.size() + raw_bytes)),
                               kWindowLog2Min, kWindowLog2Max);
   ZSTD_CCtx_setParameter(context, ZSTD_c_windowLog, log2);
