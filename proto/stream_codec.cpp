@@ -12,9 +12,9 @@ namespace voxeld {
 namespace {
 
 // Of 22 levels. Octrees of surfaces are 5% smaller by level 5 than by 3, in a quarter more time;
-// from there to level 9 it is 1% more. Planes of colours and normals are up to 3% smaller by level 1
-// than by 3, in a third of the time: matches of fewer than 7 bytes are mostly chance. Distances and
-// coverages are 3 to 9% larger by level 1.
+// from there to level 9 it is 1% more. Planes of colours and normals are up to 3% smaller by level
+// 1 than by 3, in a third of the time: matches of fewer than 7 bytes are mostly chance. Distances
+// and coverages are 1 to 10% larger by level 1.
 constexpr int level_of(StreamKind kind) {
   switch (kind) {
     case StreamKind::kOctree:

@@ -22,8 +22,9 @@ bool is_worth_it(size_t difference_bytes, size_t plain_bytes) {
   return difference_bytes < plain_bytes - plain_bytes / 16;
 }
 
-// Frames without a try after one that lost, at most; consecutive losses get there. What moves slowly
-// goes on to, and of what moves fast each try would cost more than all else that is done for it.
+// Frames without a try after one that lost, at most; consecutive losses get there. What moves
+// slowly wins again and again; of what moves fast each try would cost more than all else that is
+// done for it.
 constexpr uint32_t kRestFramesMax = 3;
 
 // The lists of a container end where memory does, but numbers have 32 bits.

@@ -47,7 +47,7 @@ class SequenceWriter {
   Status begin_frame(double time_s);
   Result<std::vector<uint8_t>> add_tiles(std::span<const SparseTile> tiles);
   // Takes over the streams of a container, whose codecs are those of this header: all fast. The
-  // bytes are those that add_tiles() would give for the decoded tiles. Each is decompressed, for its
+  // file is that of add_tiles() for the decoded tiles. Each stream is decompressed, for its
   // checksum, its length, and as what differences are told of; that nodes and voxels are where the
   // grid may have them is what only decoding finds out. Errors: bad-request, for streams that are
   // broken or disagree with their tile; internal, as add_tiles() and for a codec that is not fast.

@@ -74,8 +74,8 @@ int64_t grid_bytes(const Engine& engine, const Scene& scene, const RequestOption
 }
 
 int64_t sequence_bytes(int64_t frame_bytes) {
-  // Contents of a batch, what they are compressed to, and their differences; and what is kept of the
-  // last frame, with what its chains began with.
+  // Contents of a batch, what they are compressed to, and their differences; and what is kept of
+  // the last frame, with what its chains began with.
   constexpr auto kBatchBytes = 4 * static_cast<int64_t>(NativeSequence::kBatchBytesMax);
   constexpr auto kKeptBytes = static_cast<int64_t>(SequenceWriterOptions{}.kept_bytes_max);
   return std::min(4 * frame_bytes, kBatchBytes) + std::min(2 * frame_bytes, kKeptBytes) +

@@ -1,9 +1,9 @@
 // Sizes of sequences and the time to write and read them:
 // sequence_bench [--size N] [--frames N] [--normal] [--native] [--out DIR] FILE
-// takes an animated mesh (a zip, or one file), voxelizes frames of its first animation with pipeline
-// cpu, colours among the channels, and writes them in every format, the native one also without
-// differences, and from the frames' containers; --native: codec fast alone. Bytes and milliseconds
-// per frame: on all cores, and how long these worked.
+// takes an animated mesh (a zip, or one file), voxelizes frames of its first animation with
+// pipeline cpu, colours among the channels, and writes them in every format, the native one also
+// without differences, and from the frames' containers; --native: codec fast alone. Bytes and
+// milliseconds per frame: on all cores, and how long these worked.
 #include <sys/resource.h>
 
 #include <cmath>
