@@ -159,6 +159,22 @@ std::vector<uint8_t> octree_from_tile(const SparseTile& tile) {
   return octree;
 }
 
+Result<OctreeCounts> count_octree(std::span<const uint8_t> octree) {
+  Levels levels;
+  VOXELD_TRY(cut_levels(octree, levels));
+  OctreeCounts counts;
+  for (size_t level = 0; level <= kBrickLevel; ++level) {
+    const auto full = static_cast<uint64_t>(std::ranges::count(levels[level], kFull));
+    counts.voxels += full << (3 * (kLevels - level));
+    if (level == kBrickLevel) counts.bricks = levels[level].size() - full;
+  }
+  for (const uint8_t mask : levels[kLevels - 1]) {
+    counts.mask_voxels += static_cast<uint64_t>(std::popcount(mask));
+  }
+  counts.voxels += counts.mask_voxels;
+  return counts;
+}
+
 Status tile_from_octree(std::span<const uint8_t> octree, bool has_attributes, SparseTile& tile) {
   tile.brick_morton.clear();
   tile.masks.clear();

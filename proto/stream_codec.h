@@ -10,7 +10,11 @@
 
 namespace voxeld {
 
-enum class StreamKind { kOctree, kPlanes };
+enum class StreamKind {
+  kOctree,
+  kPlanes,    // of colours, normals and ids
+  kMeasures,  // planes of distances and coverages
+};
 
 // `kind`: how much time its bytes are worth. `prefix`: what the reader knows of a stream like this
 // one, to which the frame tells the difference; none: the frame stands for itself.

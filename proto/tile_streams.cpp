@@ -17,7 +17,7 @@ Result<std::vector<uint8_t>> encode_octree_stream(const SparseTile& tile, Codec 
 Result<std::vector<uint8_t>> encode_channel_stream(const SparseTile& tile, Channel channel,
                                                    Codec codec) {
   if (codec == Codec::kSmall) return encode_channel_small(tile, channel);
-  return compress_stream(StreamKind::kPlanes, raw_channel_stream(tile, channel));
+  return compress_stream(stream_kind(channel), raw_channel_stream(tile, channel));
 }
 
 Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool has_attributes,
@@ -33,6 +33,11 @@ Status decode_channel_stream(std::span<const uint8_t> bytes, Channel channel, Co
   const size_t raw_max = channel_info(channel).bytes() * tile.attribute_count();
   VOXELD_ASSIGN(const auto raw, decompress_stream(bytes, raw_max));
   return set_raw_channel_stream(raw, channel, tile);
+}
+
+StreamKind stream_kind(Channel channel) {
+  const bool is_measure = channel == Channel::kDistance || channel == Channel::kCoverage;
+  return is_measure ? StreamKind::kMeasures : StreamKind::kPlanes;
 }
 
 std::vector<uint8_t> raw_channel_stream(const SparseTile& tile, Channel channel) {

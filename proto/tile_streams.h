@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "proto/grid_format.h"
+#include "proto/stream_codec.h"
 
 namespace voxeld {
 
@@ -20,6 +21,9 @@ Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool ha
                             SparseTile& tile);
 Status decode_channel_stream(std::span<const uint8_t> bytes, Channel channel, Codec codec,
                              SparseTile& tile);
+
+// How much time the bytes of a channel are worth to codec fast.
+StreamKind stream_kind(Channel channel);
 
 // What codec fast compresses of a channel, planes of differences, and back: `raw` must have as many
 // bytes as the tile's masks need, else bad-request.

@@ -4,14 +4,10 @@
 #include <cmath>
 #include <cstring>
 
-#include "proto/canonical_tile.h"
 #include "proto/grid_layout.h"
-#include "proto/grid_writer.h"
-#include "proto/octree_codec.h"
 #include "proto/parallel.h"
-#include "proto/stream_codec.h"
-#include "proto/tile_streams.h"
 #include "server/base/sha256.h"
+#include "server/formats/sequence_source.h"
 
 namespace voxeld {
 
@@ -21,18 +17,15 @@ using namespace sequence_layout;
 
 namespace {
 
-Error internal(const std::string& detail) {
-  return {ErrorCode::kInternal, "sequence container: " + detail, "", ""};
-}
-
-constexpr StreamKind stream_kind(size_t kind) {
-  return kind == 0 ? StreamKind::kOctree : StreamKind::kPlanes;
-}
-
 // A difference costs readers another stream: it has to be smaller than 15/16 of the whole.
 bool is_worth_it(size_t difference_bytes, size_t plain_bytes) {
   return difference_bytes < plain_bytes - plain_bytes / 16;
 }
+
+// Frames without a try after one that lost, at most; consecutive losses get there. What moves
+// slowly wins again and again; of what moves fast each try would cost more than all else that is
+// done for it.
+constexpr uint32_t kRestFramesMax = 3;
 
 // The lists of a container end where memory does, but numbers have 32 bits.
 bool has_room(uint64_t count, size_t more) {
@@ -40,20 +33,6 @@ bool has_room(uint64_t count, size_t more) {
 }
 
 }  // namespace
-
-// Sources of one tile share its canonical form. What is known of a stream already is stored once.
-struct SequenceWriter::Source {
-  std::shared_ptr<const SparseTile> tile;  // null: no such stream
-  Place place;
-  std::string key;
-  Contents contents;  // what codec fast compresses
-  uint32_t number = kNoStream;
-  bool is_new = false;
-  // Of those that are new:
-  uint32_t base = kNoStream;
-  Contents base_contents;
-  std::vector<uint8_t> plain, difference;
-};
 
 SequenceWriter::SequenceWriter(GridHeader header, double fps, const SequenceWriterOptions& options)
     : header_(std::move(header)),
@@ -64,11 +43,13 @@ SequenceWriter::SequenceWriter(GridHeader header, double fps, const SequenceWrit
 Result<SequenceWriter> SequenceWriter::open(GridHeader header, double fps,
                                             const SequenceWriterOptions& options) {
   if (const Status status = grid_layout::check_header(header, 16); !status) {
-    return internal(status.error().message());
+    return no_container(status.error().message());
   }
-  if (header.meta_json.size() > grid_layout::kMetaBytesMax) return internal("meta is too long");
-  if (!std::isfinite(fps) || fps < 0) return internal("frames per second");
-  if (options.chain_max < 1 || options.chain_max > kStreamChainMax) return internal("chain_max");
+  if (header.meta_json.size() > grid_layout::kMetaBytesMax) return no_container("meta is too long");
+  if (!std::isfinite(fps) || fps < 0) return no_container("frames per second");
+  if (options.chain_max < 1 || options.chain_max > kStreamChainMax) {
+    return no_container("chain_max");
+  }
   return SequenceWriter(std::move(header), fps + 0.0, options);  // -0 becomes 0
 }
 
@@ -83,44 +64,30 @@ Codec SequenceWriter::codec(size_t kind) const {
   return kind == 0 ? header_.codecs.octree : header_.codecs.channels[kind - 1];
 }
 
-Status SequenceWriter::check_next(double time_s, std::span<const SparseTile> tiles) const {
-  if (frames_.size() >= static_cast<size_t>(limits::kFramesMax)) return internal("too many frames");
+Status SequenceWriter::begin_frame(double time_s) {
+  if (frames_.size() >= static_cast<size_t>(limits::kFramesMax)) {
+    return no_container("too many frames");
+  }
   if (!std::isfinite(time_s) || (!frames_.empty() && time_s < frames_.back().time_s)) {
-    return internal("times go back");
+    return no_container("times go back");
   }
-  const auto order = [](const SparseTile& tile) { return grid_layout::tile_order(tile.coord); };
-  if (std::ranges::adjacent_find(tiles, std::ranges::greater_equal{}, order) != tiles.end()) {
-    return internal("tiles are not in ascending Morton order");
-  }
-  if (!has_room(tiles_.size(), tiles.size()) ||
-      !has_room(streams_.size(), tiles.size() * kStreamKinds)) {
-    return internal("too many tiles");
-  }
+  frame_ = {time_s, 0, static_cast<uint32_t>(tiles_.size()), 0};
+  next_kept_.clear();
+  next_kept_bytes_ = 0;
   return {};
 }
 
-// The sources of one tile: kStreamKinds from `sources` on.
-Status SequenceWriter::prepare(const SparseTile& tile, Source* sources) const {
-  VOXELD_TRY(check_tile(tile, header_));
-  if (tile.empty()) return internal("an empty tile");
-  SparseTile copy;
-  const SparseTile& canonical = canonical_form(tile, copy);
-  std::shared_ptr<const SparseTile> shared(
-      &canonical == &tile ? std::shared_ptr<const SparseTile>(std::shared_ptr<void>(), &tile)
-                          : std::make_shared<const SparseTile>(std::move(copy)));
-  for (size_t kind = 0; kind < kStreamKinds; ++kind) {
-    const bool exists =
-        kind == 0 || (header_.channels.has(kChannels[kind - 1].channel) && !shared->masks.empty());
-    if (!exists) continue;
-    Source& source = sources[kind];
-    source.tile = shared;
-    source.place = {grid_layout::tile_order(tile.coord), kind};
-    source.contents = std::make_shared<const std::vector<uint8_t>>(
-        kind == 0 ? octree_from_tile(*shared)
-                  : raw_channel_stream(*shared, kChannels[kind - 1].channel));
-    source.key = std::to_string(kind) + sha256_id(*source.contents);
-    // Codec small tells a channel in the order and by the neighbours that the octree gives.
-    if (kind > 0 && codec(kind) == Codec::kSmall) source.key += sources[0].key;
+// That they go on where the frame's tiles are.
+Status SequenceWriter::check_order(std::span<const std::array<int32_t, 3>> coords) const {
+  const bool ascends = std::ranges::adjacent_find(coords, std::ranges::greater_equal{},
+                                                  grid_layout::tile_order) == coords.end();
+  const bool follows =
+      frame_.tile_count == 0 || coords.empty() ||
+      grid_layout::tile_order(tiles_.back().coord) < grid_layout::tile_order(coords.front());
+  if (!ascends || !follows) return no_container("tiles are not in ascending Morton order");
+  if (!has_room(tiles_.size(), coords.size()) ||
+      !has_room(streams_.size(), coords.size() * kStreamKinds)) {
+    return no_container("too many tiles");
   }
   return {};
 }
@@ -129,7 +96,7 @@ Status SequenceWriter::prepare(const SparseTile& tile, Source* sources) const {
 void SequenceWriter::find_known(std::vector<Source>& sources) {
   auto next = static_cast<uint32_t>(streams_.size());
   for (Source& source : sources) {
-    if (source.tile == nullptr) continue;
+    if (!source.exists()) continue;
     const auto [known, is_new] = number_of_.try_emplace(source.key, next);
     source.number = known->second;
     source.is_new = is_new;
@@ -146,116 +113,115 @@ void SequenceWriter::find_base(Source& source) const {
   const Kept& kept = before->second;
   const Stream& stream = streams_[kept.number];
   const bool is_long = stream.chain >= options_.chain_max;
-  if (is_long && kept.root == nullptr) return;
+  if (kept.tries.left > 0 || (is_long && kept.root == nullptr)) return;
   source.base = is_long ? stream.root : kept.number;
   source.base_contents = is_long ? kept.root : kept.contents;
-}
-
-Status SequenceWriter::encode(Source& source, bool as_difference) const {
-  const size_t kind = source.place.second;
-  if (as_difference) {
-    VOXELD_ASSIGN(source.difference,
-                  compress_stream(stream_kind(kind), *source.contents, *source.base_contents));
-  } else if (codec(kind) == Codec::kFast) {
-    VOXELD_ASSIGN(source.plain, compress_stream(stream_kind(kind), *source.contents));
-  } else if (kind == 0) {
-    VOXELD_ASSIGN(source.plain, encode_octree_stream(*source.tile, Codec::kSmall));
-  } else {
-    VOXELD_ASSIGN(source.plain,
-                  encode_channel_stream(*source.tile, kChannels[kind - 1].channel, Codec::kSmall));
-  }
-  return {};
-}
-
-Status SequenceWriter::encode_all(std::vector<Source>& sources) const {
-  std::vector<std::pair<Source*, bool>> work;  // the source, and whether as a difference
-  for (Source& source : sources) {
-    if (!source.is_new) continue;
-    work.emplace_back(&source, false);
-    if (source.base != kNoStream) work.emplace_back(&source, true);
-  }
-  std::vector<Status> done(work.size());
-  for_each_parallel(work.size(),
-                    [&](size_t i) { done[i] = encode(*work[i].first, work[i].second); });
-  for (const Status& status : done) VOXELD_TRY(status);
-  return {};
+  source.was_tried = true;
 }
 
 void SequenceWriter::store(Source& source, std::vector<uint8_t>& out) {
-  if (!source.is_new) return;
-  if (source.base != kNoStream && !is_worth_it(source.difference.size(), source.plain.size())) {
+  if (source.base != kNoStream && !is_worth_it(source.difference.size(), source.whole.size())) {
     source.base = kNoStream;
   }
-  const bool is_plain = source.base == kNoStream;
-  const std::vector<uint8_t>& bytes = is_plain ? source.plain : source.difference;
-  const Stream base = is_plain ? Stream{0, 0, 0, 0, source.number} : streams_[source.base];
+  const bool is_whole = source.base == kNoStream;
+  const std::span<const uint8_t> bytes = is_whole ? source.whole : source.difference;
+  const Stream base = is_whole ? Stream{0, 0, 0, 0, source.number} : streams_[source.base];
   streams_.push_back(
       {offset_, static_cast<uint32_t>(bytes.size()), source.base, base.chain + 1, base.root});
   offset_ += bytes.size();
   out.insert(out.end(), bytes.begin(), bytes.end());
 }
 
-// Remembers the frame's contents for the next one.
-void SequenceWriter::keep(std::vector<Source>& sources) {
-  std::map<Place, Kept> kept;
-  size_t bytes = 0;
-  for (Source& source : sources) {
-    if (source.tile == nullptr || codec(source.place.second) != Codec::kFast) continue;
-    const Stream& stream = streams_[source.number];
-    Kept now = {source.number, std::move(source.contents), nullptr};
-    const auto before = kept_.find(source.place);
-    if (stream.root == source.number) {
-      now.root = now.contents;
-    } else if (before != kept_.end() && streams_[before->second.number].root == stream.root) {
-      now.root = before->second.root;
-    }
-    bytes += now.contents->size();
-    if (now.root != nullptr && now.root != now.contents) bytes += now.root->size();
-    if (bytes > options_.kept_bytes_max) break;
-    kept.emplace(source.place, std::move(now));
+// Remembers the source's contents for the next frame, in place of the last one's.
+void SequenceWriter::keep(Source& source) {
+  const auto before = kept_.extract(source.place);
+  if (codec(source.place.second) != Codec::kFast) return;
+  if (next_kept_bytes_ > options_.kept_bytes_max) return;
+  const Stream& stream = streams_[source.number];
+  Kept now = {source.number, std::move(source.contents), nullptr, {}};
+  if (source.was_tried && source.base == kNoStream) {
+    const uint32_t rest = std::min(2 * before.mapped().tries.rest + 1, kRestFramesMax);
+    now.tries = {rest, rest};
+  } else if (!source.was_tried && !before.empty()) {
+    now.tries = before.mapped().tries;
+    if (now.tries.left > 0) --now.tries.left;
   }
-  kept_ = std::move(kept);
+  if (stream.root == source.number) {
+    now.root = now.contents;
+  } else if (!before.empty() && streams_[before.mapped().number].root == stream.root) {
+    now.root = before.mapped().root;
+  }
+  next_kept_bytes_ += now.contents->size();
+  if (now.root != nullptr && now.root != now.contents) next_kept_bytes_ += now.root->size();
+  if (next_kept_bytes_ <= options_.kept_bytes_max) next_kept_.emplace(source.place, std::move(now));
 }
 
-void SequenceWriter::add_tiles(double time_s, std::span<const SparseTile> tiles,
-                               const std::vector<Source>& sources) {
-  Frame frame = {time_s, 0, static_cast<uint32_t>(tiles_.size()),
-                 static_cast<uint32_t>(tiles.size())};
-  std::string key;
-  for (size_t i = 0; i < tiles.size(); ++i) {
-    const Source* first = &sources[i * kStreamKinds];
-    Tile& tile = tiles_.emplace_back();
-    tile.coord = tiles[i].coord;
-    tile.brick_count = static_cast<uint32_t>(first->tile->masks.size());
-    tile.voxel_count = first->tile->voxel_count();
-    for (size_t kind = 0; kind < kStreamKinds; ++kind) tile.streams[kind] = first[kind].number;
-    frame.voxel_count += tile.voxel_count;
-    key += std::to_string(grid_layout::tile_order(tile.coord)) + ":";
-    for (const uint32_t number : tile.streams) key += std::to_string(number) + ",";
-  }
-  if (!tiles.empty()) {
-    const auto [known, is_new] = frame_of_.try_emplace(sha256_id(key), frame);
-    if (!is_new) {
-      tiles_.resize(frame.first_tile);
-      frame.first_tile = known->second.first_tile;
-    }
-  }
-  frames_.push_back(frame);
-}
-
-Result<std::vector<uint8_t>> SequenceWriter::add(double time_s, std::span<const SparseTile> tiles) {
-  VOXELD_TRY(check_next(time_s, tiles));
+template <typename AnyTile>
+Result<std::vector<uint8_t>> SequenceWriter::add_part(std::span<const AnyTile> tiles) {
+  std::vector<std::array<int32_t, 3>> coords;
+  for (const AnyTile& tile : tiles) coords.push_back(tile.coord);
+  VOXELD_TRY(check_order(coords));
+  std::vector<Tile> entries(tiles.size());
   std::vector<Source> sources(tiles.size() * kStreamKinds);
   std::vector<Status> done(tiles.size());
-  for_each_parallel(tiles.size(),
-                    [&](size_t i) { done[i] = prepare(tiles[i], &sources[i * kStreamKinds]); });
+  for_each_parallel(tiles.size(), [&](size_t i) {
+    done[i] = prepare(tiles[i], entries[i], &sources[i * kStreamKinds]);
+  });
   for (const Status& status : done) VOXELD_TRY(status);
   find_known(sources);
   VOXELD_TRY(encode_all(sources));
   std::vector<uint8_t> out;
-  for (Source& source : sources) store(source, out);
-  add_tiles(time_s, tiles, sources);
-  keep(sources);
+  for (Source& source : sources) {
+    if (source.is_new) store(source, out);
+  }
+  for (size_t i = 0; i < sources.size(); ++i) {
+    entries[i / kStreamKinds].streams[i % kStreamKinds] = sources[i].number;
+    if (sources[i].exists()) keep(sources[i]);
+  }
+  for (const Tile& entry : entries) {
+    tiles_.push_back(entry);
+    frame_.voxel_count += entry.voxel_count;
+    ++frame_.tile_count;
+  }
+  return out;
+}
+
+Result<std::vector<uint8_t>> SequenceWriter::add_tiles(std::span<const SparseTile> tiles) {
+  return add_part(tiles);
+}
+
+Result<std::vector<uint8_t>> SequenceWriter::add_stored(std::span<const StoredTile> tiles) {
+  for (size_t kind = 0; kind < kStreamKinds; ++kind) {
+    const bool exists = kind == 0 || header_.channels.has(kChannels[kind - 1].channel);
+    if (exists && codec(kind) != Codec::kFast) {
+      return no_container("streams are taken over as fast");
+    }
+  }
+  return add_part(tiles);
+}
+
+void SequenceWriter::end_frame() {
+  kept_ = std::move(next_kept_);
+  next_kept_.clear();
+  std::string key;
+  for (size_t i = frame_.first_tile; i < tiles_.size(); ++i) {
+    key += std::to_string(grid_layout::tile_order(tiles_[i].coord)) + ":";
+    for (const uint32_t number : tiles_[i].streams) key += std::to_string(number) + ",";
+  }
+  if (frame_.tile_count > 0) {
+    const auto [known, is_new] = frame_of_.try_emplace(sha256_id(key), frame_);
+    if (!is_new) {
+      tiles_.resize(frame_.first_tile);
+      frame_.first_tile = known->second.first_tile;
+    }
+  }
+  frames_.push_back(frame_);
+}
+
+Result<std::vector<uint8_t>> SequenceWriter::add(double time_s, std::span<const SparseTile> tiles) {
+  VOXELD_TRY(begin_frame(time_s));
+  VOXELD_ASSIGN(std::vector<uint8_t> out, add_tiles(tiles));
+  end_frame();
   return out;
 }
 
@@ -296,7 +262,7 @@ void SequenceWriter::put_tile(std::vector<uint8_t>& out, size_t at, const Tile& 
 }
 
 Result<SequenceWriter::End> SequenceWriter::finish() const {
-  if (frames_.empty()) return internal("no frame");
+  if (frames_.empty()) return no_container("no frame");
   const size_t entry_bytes = tile_bytes(header_.channels);
   const size_t frames_at = padded(offset_) - offset_;
   const size_t tiles_at = frames_at + kFrameBytes * frames_.size();

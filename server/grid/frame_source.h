@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
+#include <optional>
 
 #include "proto/result.h"
 #include "server/grid/grid.h"
@@ -23,6 +25,12 @@ class FrameSource {
   // The grid of a frame: spec and channels are those of common(). Errors: the container's;
   // cancelled.
   virtual Result<Grid> frame(size_t index) const = 0;
+
+  // The native container that holds frame(index) as it is; none where the frame is made from it.
+  // Who reads it in place of frame() calls before_tiles() now and then, when `done` of its `total`
+  // tiles have been read. Errors: cancelled.
+  virtual std::optional<std::filesystem::path> container(size_t /*index*/) const { return {}; }
+  virtual Status before_tiles(size_t /*done*/, size_t /*total*/) const { return {}; }
 };
 
 }  // namespace voxeld

@@ -9,6 +9,7 @@
 #include "server/grid/region.h"
 #include "server/worker/frame_times.h"
 #include "server/worker/grid_input.h"
+#include "server/worker/host_estimate.h"
 
 namespace voxeld {
 namespace {
@@ -18,6 +19,49 @@ using nlohmann::json;
 json parsed_meta(const std::string& text) {
   json meta = json::parse(text, nullptr, false);
   return meta.is_object() ? meta : json::object();
+}
+
+std::string text_of(const json& meta) {
+  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+// What is broken in the container of a frame.
+Error of_frame(size_t frame, Error error) {
+  if (error.code == ErrorCode::kBadRequest) {
+    error.detail = "frame " + std::to_string(frame) + ": " + error.detail;
+  }
+  return error;
+}
+
+Result<Grid> selected_grid(TaskRun& run, const std::filesystem::path& container,
+                           const OutputOptions& output) {
+  VOXELD_ASSIGN(const auto input, GridInput::open(run, container));
+  VOXELD_ASSIGN(const Selection selection, Selection::open(input->tiles(), output));
+  Grid grid = selection.tiles().grid();
+  VOXELD_TRY(for_each_batch(selection.tiles(), [&](std::vector<SparseTile> batch) -> Status {
+    for (SparseTile& tile : batch) grid.tiles.push_back(std::move(tile));
+    return {};
+  }));
+  return grid;
+}
+
+// Of a frame in memory: bricks with few voxels each, and what those have.
+int64_t largest_sequence_bytes(const SequenceManifest& manifest) {
+  constexpr int64_t kOccupancyBytes = 16;
+  uint64_t voxels = 0;
+  for (const SequenceFrame& frame : manifest.frames) voxels = std::max(voxels, frame.voxel_count);
+  return sequence_bytes(
+      static_cast<int64_t>(voxels) *
+      (kOccupancyBytes + static_cast<int64_t>(attribute_bytes(manifest.channels))));
+}
+
+// Lists a sequence that was written.
+Status list_sequence(TaskRun& run, const std::filesystem::path& path, const GridSpec& spec,
+                     size_t frames, const OutputOptions& output) {
+  add_warnings(run, sequence_warnings(spec, frames, output));
+  list_output(run, path, "result", sequence_media_type(output.format),
+              sequence_extension(output.format));
+  return run.monitor.check();
 }
 
 }  // namespace
@@ -55,7 +99,7 @@ Result<MadeSequence> open_sequence(TaskRun& run, const AnimationOptions& options
   }
   json meta = parsed_meta(selected.manifest.meta_json);
   meta["frames"] = frames.size();
-  selected.manifest.meta_json = meta.dump(-1, ' ', false, json::error_handler_t::replace);
+  selected.manifest.meta_json = text_of(meta);
   add_input_meta(run, selected.manifest.meta_json);
   return selected;
 }
@@ -74,31 +118,74 @@ Result<ContainerFrames> ContainerFrames::open(TaskRun& run, const MadeSequence& 
     json place = grid_facts(source.common_, 0, "");
     for (const char* name : {"dims", "origin", "voxel_size"}) meta[name] = place[name];
   }
-  source.common_.meta_json = meta.dump(-1, ' ', false, json::error_handler_t::replace);
+  source.common_.meta_json = text_of(meta);
   return source;
 }
 
 Result<Grid> ContainerFrames::frame(size_t index) const {
-  VOXELD_ASSIGN(const auto input, GridInput::open(*run_, sequence_->paths[index]));
-  VOXELD_ASSIGN(const Selection selection, Selection::open(input->tiles(), output_));
-  Grid grid = selection.tiles().grid();
-  VOXELD_TRY(for_each_batch(selection.tiles(), [&](std::vector<SparseTile> batch) -> Status {
-    for (SparseTile& tile : batch) grid.tiles.push_back(std::move(tile));
-    return {};
-  }));
+  auto grid = selected_grid(*run_, sequence_->paths[index], output_);
+  if (!grid) return of_frame(index, std::move(grid).error());
   return grid;
+}
+
+std::optional<std::filesystem::path> ContainerFrames::container(size_t index) const {
+  if (selects(output_)) return std::nullopt;
+  return sequence_->paths[index];
+}
+
+Status ContainerFrames::before_tiles(size_t done, size_t total) const {
+  (void)run_->monitor.set_progress(static_cast<int64_t>(done), static_cast<int64_t>(total));
+  return run_->monitor.check();
 }
 
 Status write_frames(TaskRun& run, const MadeSequence& sequence, const OutputOptions& output) {
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const ContainerFrames source, ContainerFrames::open(run, sequence, output));
-  VOXELD_TRY(check_sequence_encodable(source.common().spec, source.frame_count(), output));
-  add_warnings(run, sequence_warnings(source.common().spec, source.frame_count(), output));
+  const GridSpec& spec = source.common().spec;
+  VOXELD_TRY(check_sequence_encodable(spec, source.frame_count(), output));
+  if (SequenceBeside::fits(output)) expect_bytes(run, largest_sequence_bytes(sequence.manifest));
   const std::filesystem::path path = next_output(run);
   VOXELD_TRY(write_sequence(source, output, path));
-  list_output(run, path, "result", sequence_media_type(output.format),
-              sequence_extension(output.format));
-  return run.monitor.check();
+  return list_sequence(run, path, spec, source.frame_count(), output);
+}
+
+bool SequenceBeside::fits(const OutputOptions& output) {
+  return output.format == Format::kNative && !selects(output);
+}
+
+Status SequenceBeside::begin(const SequenceManifest& manifest) {
+  Grid common;
+  common.spec = spec_ = sequence_spec(manifest);
+  common.channels = manifest.channels;
+  common.meta_json = text_of(parsed_meta(manifest.meta_json));
+  path_ = run_.scratch / (run_.task.id + "-sequence");
+  VOXELD_ASSIGN(file_, NativeSequence::create(common, manifest.fps, output_.codec, path_));
+  return {};
+}
+
+Status SequenceBeside::frame(double time_s, const std::filesystem::path& container) {
+  ++frame_count_;
+  return side_.push(0, [this, time_s, container] {
+    return file_->add_container(
+        time_s, container, [this](size_t done, size_t total) { return before_tiles(done, total); });
+  });
+}
+
+// On the side thread.
+Status SequenceBeside::before_tiles(size_t done, size_t total) {
+  if (!is_wanted_) return Error{ErrorCode::kCancelled, "the sequence is not wanted", "", ""};
+  if (is_last_stage_) {
+    (void)run_.monitor.set_progress(static_cast<int64_t>(done), static_cast<int64_t>(total));
+  }
+  return run_.monitor.check();
+}
+
+Status SequenceBeside::finish() {
+  const StageTimer stage(run_, "encode");
+  is_last_stage_ = true;
+  VOXELD_TRY(side_.wait());
+  VOXELD_TRY(file_->finish());
+  return list_sequence(run_, path_, spec_, frame_count_, output_);
 }
 
 }  // namespace voxeld

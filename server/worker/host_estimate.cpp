@@ -5,6 +5,7 @@
 
 #include "proto/limits.h"
 #include "server/base/host_memory.h"
+#include "server/formats/native_sequence.h"
 #include "server/worker/grid_file.h"
 
 namespace voxeld {
@@ -63,17 +64,31 @@ int64_t largest_tile_bytes(const TileSource& source) {
 
 }  // namespace
 
+int64_t grid_bytes(const Engine& engine, const Scene& scene, const RequestOptions& options,
+                   const Placed& placed) {
+  const VoxelizeOptions& asked = options.voxelize;
+  const int64_t dense = dense_result_bytes(placed.spec, wanted_channels(scene, asked));
+  if (asked.fill == Fill::kSurface && dense <= kDenseBytesMin) return dense;
+  const auto closer = engine.voxelizer.estimate(scene, asked);
+  return closer ? std::min(dense, closer->host_bytes) : dense;
+}
+
+int64_t sequence_bytes(int64_t frame_bytes) {
+  // Contents of a batch, what they are compressed to, and their differences; and what is kept of
+  // the last frame, with what its chains began with.
+  constexpr auto kBatchBytes = 4 * static_cast<int64_t>(NativeSequence::kBatchBytesMax);
+  constexpr auto kKeptBytes = static_cast<int64_t>(SequenceWriterOptions{}.kept_bytes_max);
+  return std::min(4 * frame_bytes, kBatchBytes) + std::min(2 * frame_bytes, kKeptBytes) +
+         threads() * kThreadBytes;
+}
+
 int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOptions& options,
                        const Placed& placed) {
   const VoxelizeOptions& asked = options.voxelize;
   const OutputOptions& output = options.output;
   const WantedChannels channels = wanted_channels(scene, asked);
   const bool fills = asked.fill != Fill::kSurface;
-  int64_t result = dense_result_bytes(placed.spec, channels);
-  if (fills || result > kDenseBytesMin) {
-    const auto closer = engine.voxelizer.estimate(scene, asked);
-    if (closer) result = std::min(result, closer->host_bytes);
-  }
+  int64_t result = grid_bytes(engine, scene, options, placed);
   const bool keeps = fills || output.format != Format::kNative;
   if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
   result += result / 4;  // arrays have room to grow

@@ -15,6 +15,12 @@ namespace voxeld {
 int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOptions& options,
                        const Placed& placed);
 
+// Of the grid alone, its tiles in memory.
+int64_t grid_bytes(const Engine& engine, const Scene& scene, const RequestOptions& options,
+                   const Placed& placed);
+// Writing a native sequence of frames of that many bytes from their containers (NativeSequence).
+int64_t sequence_bytes(int64_t frame_bytes);
+
 // A batch of decoded tiles and what is made of them, until the file; other formats hold the whole
 // result, whose cells are counted.
 int64_t selection_bytes(const TileSource& source, const TileSource& selected,

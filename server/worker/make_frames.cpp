@@ -58,9 +58,10 @@ class FrameOutput final : public TileSink, public std::enable_shared_from_this<F
   }
   bool keeps_tiles() const override { return false; }
 
-  Status finish(const FrameMeta& meta, std::optional<FillStats> fill, MadeSequence& made) {
-    return later(0, [&meta, fill = std::move(fill), &made](FrameOutput& self) {
-      return self.report(meta, fill, made);
+  Status finish(const FrameMeta& meta, std::optional<FillStats> fill, MadeSequence& made,
+                FrameListener* listener) {
+    return later(0, [&meta, fill = std::move(fill), &made, listener](FrameOutput& self) {
+      return self.report(meta, fill, made, listener);
     });
   }
 
@@ -70,7 +71,8 @@ class FrameOutput final : public TileSink, public std::enable_shared_from_this<F
     return side_.push(bytes, [self = shared_from_this(), work] { return work(*self); });
   }
 
-  Status report(const FrameMeta& meta, const std::optional<FillStats>& fill, MadeSequence& made) {
+  Status report(const FrameMeta& meta, const std::optional<FillStats>& fill, MadeSequence& made,
+                FrameListener* listener) {
     frame_.content_hash = output_.finish_hash();
     frame_.voxel_count = output_.voxel_count();
     frame_.path = file_.path().string();
@@ -82,7 +84,7 @@ class FrameOutput final : public TileSink, public std::enable_shared_from_this<F
     made.manifest.frames.push_back(
         {frame_.time_s, std::move(reply.grid), frame_.voxel_count, frame_.content_hash});
     made.paths.emplace_back(std::move(reply.path));
-    return {};
+    return listener == nullptr ? Status() : listener->frame(frame_.time_s, made.paths.back());
   }
 
   TaskRun& run_;
@@ -101,11 +103,13 @@ class FrameLoop {
   FrameLoop(const FrameLoop&) = delete;
   FrameLoop& operator=(const FrameLoop&) = delete;
 
-  Result<MadeSequence> make() {
+  Result<MadeSequence> make(FrameListener* listener) {
     const std::vector<double>& times_s = clip_.times.times_s;
     MadeSequence made;
     MeshReport mesh(run_.engine.cache, scene_key(run_.task, false), clip_.moving.bind());
     const FrameMeta meta{run_.task, clip_.moving.bind(), options_, mesh.get()};
+    describe(made, meta);
+    if (listener != nullptr) VOXELD_TRY(listener->begin(made.manifest));
     // Declared after what it writes to.
     SideThread side(kWaitingBytesMax), moving(0);
     VOXELD_TRY(move_later(moving, 0));
@@ -116,10 +120,10 @@ class FrameLoop {
       if (k + 1 < times_s.size()) VOXELD_TRY(move_later(moving, k + 1));
       const auto output = std::make_shared<FrameOutput>(run_, side, k, times_s[k]);
       VOXELD_TRY(voxelize(*output));
-      VOXELD_TRY(output->finish(meta, stats_.fill, made));
+      VOXELD_TRY(output->finish(meta, stats_.fill, made, listener));
     }
     VOXELD_TRY(side.wait());
-    tell(made, meta);
+    add_making_meta(run_, made.manifest.meta_json, stats_);
     return made;
   }
 
@@ -153,8 +157,8 @@ class FrameLoop {
         &stats_);
   }
 
-  // The manifest's own meta, and the completion's.
-  void tell(MadeSequence& made, const FrameMeta& meta) {
+  // The manifest but its frames.
+  void describe(MadeSequence& made, const FrameMeta& meta) {
     Grid common;
     common.spec = clip_.spec;
     common.channels = shared_.channels(meta.scene, options_.voxelize).grid;
@@ -169,12 +173,10 @@ class FrameLoop {
     facts.erase("voxel_count");
     facts.erase("content_hash");
     facts["animation"] = animation_facts(clip_);
-    facts["frames"] = made.manifest.frames.size();
+    facts["frames"] = clip_.times.times_s.size();
     facts["fps"] = clip_.times.fps;
-    const std::string text = container_meta(meta.task, meta.scene, grid_options(options_), facts,
-                                            std::nullopt, meta.topology, options_.voxelize.labels);
-    made.manifest.meta_json = text;
-    add_making_meta(run_, text, stats_);
+    made.manifest.meta_json = container_meta(meta.task, meta.scene, grid_options(options_), facts,
+                                             std::nullopt, meta.topology, options_.voxelize.labels);
   }
 
   TaskRun& run_;
@@ -210,15 +212,20 @@ json animation_facts(const Clip& clip) {
           {"frame_rate", animation.frame_rate}};
 }
 
-Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions& options) {
-  expect_bytes(run, voxelize_bytes(run.engine, clip.moving.bind(), options,
-                                   {world_from_file(options.voxelize.placement), clip.spec}) +
-                        static_cast<int64_t>(kWaitingBytesMax));
+Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions& options,
+                                 FrameListener* listener) {
+  const Placed placed{world_from_file(options.voxelize.placement), clip.spec};
+  const Scene& scene = clip.moving.bind();
+  expect_bytes(
+      run,
+      voxelize_bytes(run.engine, scene, options, placed) + static_cast<int64_t>(kWaitingBytesMax) +
+          (listener == nullptr ? 0
+                               : sequence_bytes(grid_bytes(run.engine, scene, options, placed))));
   run.monitor.set_frames(0, static_cast<int64_t>(clip.times.times_s.size()));
   Result<MadeSequence> made = Error{};
   {
     const StageTimer stage(run, "voxelize");
-    made = FrameLoop(run, clip, options).make();
+    made = FrameLoop(run, clip, options).make(listener);
   }
   if (!made) return made;
   const StageTimer stage(run, "encode");

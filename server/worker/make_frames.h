@@ -28,6 +28,17 @@ struct MadeSequence {
   std::vector<std::filesystem::path> paths;  // of the frames' containers
 };
 
+// Hears of the frames while they are made.
+class FrameListener {
+ public:
+  virtual ~FrameListener() = default;
+  // Once, before the first of them: the manifest, whose frames are not there yet.
+  virtual Status begin(const SequenceManifest& manifest) = 0;
+  // Of each that was reported, in their order, on the thread that reports. Its error ends the
+  // making.
+  virtual Status frame(double time_s, const std::filesystem::path& container) = 0;
+};
+
 // Voxelizes all frames, reports each, and lists the sequence's manifest. A frame's container is
 // that of a grid of its own: it says nothing of animation, number and time, so that equal frames
 // are one blob.
@@ -37,9 +48,12 @@ struct MadeSequence {
 // and reported. Tiles go to the file as they come; a few batches of them wait at most. What frames
 // share is not made anew (SharedFrames).
 //
+// `listener`, if any, must outlive the call.
+//
 // Meta: frames, fps, animation, and what frames have in common. Stages: voxelize, with encode
 // beside it: the time that voxelizing waits for it. Errors: those of voxelizing; cancelled.
-Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions& options);
+Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions& options,
+                                 FrameListener* listener = nullptr);
 
 // {name, number, duration_s, frame_rate} of the clip's animation.
 nlohmann::json animation_facts(const Clip& clip);

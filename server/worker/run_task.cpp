@@ -68,6 +68,11 @@ Status voxelize_frames(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(clip.spec, options.output));
   VOXELD_TRY(check_sequence_encodable(selected, clip.times.times_s.size(), options.output));
   run.engine.cache.grid.reset();
+  if (SequenceBeside::fits(options.output)) {
+    SequenceBeside sequence(run, options.output);
+    VOXELD_TRY(make_frames(run, clip, options, &sequence));
+    return sequence.finish();
+  }
   VOXELD_ASSIGN(const MadeSequence made, make_frames(run, clip, options));
   return write_frames(run, made, options.output);
 }

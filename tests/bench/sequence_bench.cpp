@@ -1,16 +1,22 @@
-// Sizes of sequences and the time to write and read them: sequence_bench [--size N] [--frames N]
-// [--normal] [--out DIR] FILE takes an animated mesh (a zip, or one file), voxelizes frames of its
-// first animation with pipeline cpu, colours among the channels, and writes them in every format,
-// the native one also without differences. Bytes and milliseconds per frame, of all cores.
+// Sizes of sequences and the time to write and read them:
+// sequence_bench [--size N] [--frames N] [--normal] [--native] [--out DIR] FILE
+// takes an animated mesh (a zip, or one file), voxelizes frames of its first animation with
+// pipeline cpu, colours among the channels, and writes them in every format, the native one also
+// without differences, and from the frames' containers; --native: codec fast alone. Bytes and
+// milliseconds per frame: on all cores, and how long these worked.
+#include <sys/resource.h>
+
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "server/base/file.h"
 #include "server/base/stopwatch.h"
+#include "server/formats/formats.h"
 #include "server/formats/sequence_formats.h"
 #include "server/formats/sequence_writer.h"
 #include "server/scene/animated_scene.h"
@@ -22,6 +28,7 @@ namespace {
 struct Arguments {
   size_t frames = 48;
   VoxelizeOptions options;
+  bool native_only = false;
   std::filesystem::path out = std::filesystem::temp_directory_path();
   std::string file;
 };
@@ -39,6 +46,8 @@ Arguments parse(int argc, char** argv) {
       arguments.frames = static_cast<size_t>(std::max(1, std::atoi(value())));
     } else if (text == "--normal") {
       arguments.options.channel_normal = true;
+    } else if (text == "--native") {
+      arguments.native_only = true;
     } else if (text == "--out") {
       arguments.out = value();
     } else {
@@ -92,40 +101,94 @@ Result<Frames> voxelized(const Arguments& arguments) {
   return Frames(std::move(grids), fps);
 }
 
-void print(const char* name, const Frames& frames, uint64_t bytes, double write_ms,
-           double read_ms) {
+// Milliseconds that all cores have worked for this process.
+double core_ms() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto ms = [](const timeval& time) {
+    return 1e3 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_usec);
+  };
+  return ms(usage.ru_utime) + ms(usage.ru_stime);
+}
+
+struct Time {
+  double ms = 0, core_ms = 0;
+};
+class Clock {
+ public:
+  Time time() const { return {watch_.ms(), core_ms() - begin_ms_}; }
+
+ private:
+  const Stopwatch watch_;
+  const double begin_ms_ = core_ms();
+};
+
+void print(const char* name, const Frames& frames, uint64_t bytes, const Time& writing,
+           const Time& reading) {
   const auto count = static_cast<double>(frames.frame_count());
-  std::printf("%-14s %10.0f bytes, written in %7.1f ms", name, static_cast<double>(bytes) / count,
-              write_ms / count);
-  if (read_ms > 0) std::printf(", read in %6.1f ms", read_ms / count);
+  std::printf("%-16s %10.0f bytes, written in %7.1f ms (%7.1f of cores)", name,
+              static_cast<double>(bytes) / count, writing.ms / count, writing.core_ms / count);
+  if (reading.ms > 0) {
+    std::printf(", read in %6.1f ms (%6.1f)", reading.ms / count, reading.core_ms / count);
+  }
   std::printf("\n");
 }
 
+// How a frame gets to the writer.
+using AddFrame = std::function<Result<std::vector<uint8_t>>(SequenceWriter&, size_t)>;
+
 // Writes and reads the container in memory.
-Status measure_native(const char* name, const Frames& frames, Codec codec, uint32_t chain_max) {
+Status measure_native(const char* name, const Frames& frames, Codec codec, uint32_t chain_max,
+                      const AddFrame& add) {
   GridHeader header = container_header(frames.common());
   header.codecs = StreamCodecs::all(codec);
-  const Stopwatch writing;
+  const Clock writing;
   VOXELD_ASSIGN(auto writer, SequenceWriter::open(header, frames.fps(), {.chain_max = chain_max}));
   std::vector<uint8_t> out = writer.front();
   for (size_t i = 0; i < frames.frame_count(); ++i) {
-    VOXELD_ASSIGN(const Grid frame, frames.frame(i));
-    VOXELD_ASSIGN(const auto bytes, writer.add(frames.time_s(i), frame.tiles));
+    VOXELD_ASSIGN(const auto bytes, add(writer, i));
     out.insert(out.end(), bytes.begin(), bytes.end());
   }
   VOXELD_ASSIGN(const SequenceWriter::End end, writer.finish());
   out.insert(out.end(), end.index.begin(), end.index.end());
   std::copy(end.header.begin(), end.header.end(), out.begin());
-  const double write_ms = writing.ms();
-  const Stopwatch reading;
+  const Time written = writing.time();
+  const Clock reading;
   VOXELD_ASSIGN(const SequenceReader reader, SequenceReader::open(out));
   RawStreams kept;
   for (size_t i = 0; i < reader.frame_count(); ++i) {
     VOXELD_ASSIGN(const auto tiles, reader.decode_frame(i, &kept));
     if (tiles.empty()) return Error{ErrorCode::kInternal, "an empty frame", "", ""};
   }
-  print(name, frames, out.size(), write_ms, reading.ms());
+  print(name, frames, out.size(), written, reading.time());
   return {};
+}
+
+// The frames' own containers, and sequences whose streams are theirs.
+Status measure_stored(const Frames& frames) {
+  const Clock writing;
+  std::vector<std::vector<uint8_t>> containers;
+  uint64_t bytes = 0;
+  for (size_t i = 0; i < frames.frame_count(); ++i) {
+    VOXELD_ASSIGN(const Grid frame, frames.frame(i));
+    VOXELD_ASSIGN(std::vector<uint8_t> container, encode(frame, {}));
+    bytes += container.size();
+    containers.push_back(std::move(container));
+  }
+  print("containers", frames, bytes, writing.time(), {});
+  const AddFrame take = [&](SequenceWriter& writer, size_t i) -> Result<std::vector<uint8_t>> {
+    VOXELD_ASSIGN(const GridReader reader, GridReader::open(containers[i]));
+    std::vector<StoredTile> tiles;
+    for (size_t t = 0; t < reader.tile_count(); ++t) {
+      tiles.push_back(stored_tile(containers[i], reader, t));
+    }
+    VOXELD_TRY(writer.begin_frame(frames.time_s(i)));
+    auto out = writer.add_stored(tiles);
+    writer.end_frame();
+    return out;
+  };
+  VOXELD_TRY(measure_native("taken over, whole", frames, Codec::kFast, 1, take));
+  return measure_native("taken over", frames, Codec::kFast, kStreamChainMax, take);
 }
 
 Status measure_file(Format format, const Frames& frames, const std::filesystem::path& folder) {
@@ -133,10 +196,9 @@ Status measure_file(Format format, const Frames& frames, const std::filesystem::
   options.format = format;
   const std::filesystem::path path =
       folder / ("sequence_bench" + std::string(sequence_extension(format)));
-  const Stopwatch writing;
+  const Clock writing;
   VOXELD_TRY(write_sequence(frames, options, path));
-  const double write_ms = writing.ms();
-  print(format_name(format).data(), frames, std::filesystem::file_size(path), write_ms, 0);
+  print(format_name(format).data(), frames, std::filesystem::file_size(path), writing.time(), {});
   std::filesystem::remove(path);
   return {};
 }
@@ -152,9 +214,16 @@ Status run(const Arguments& arguments) {
   std::printf("%zu frames of %d x %d x %d, %.0f voxels; per frame:\n", frames.frame_count(),
               spec.dims.x, spec.dims.y, spec.dims.z,
               static_cast<double>(voxels) / static_cast<double>(frames.frame_count()));
-  VOXELD_TRY(measure_native("fast, whole", frames, Codec::kFast, 1));
-  VOXELD_TRY(measure_native("fast", frames, Codec::kFast, kStreamChainMax));
-  VOXELD_TRY(measure_native("small", frames, Codec::kSmall, kStreamChainMax));
+  VOXELD_TRY(measure_stored(frames));
+  const AddFrame encode_frame = [&](SequenceWriter& writer,
+                                    size_t i) -> Result<std::vector<uint8_t>> {
+    VOXELD_ASSIGN(const Grid frame, frames.frame(i));
+    return writer.add(frames.time_s(i), frame.tiles);
+  };
+  VOXELD_TRY(measure_native("fast, whole", frames, Codec::kFast, 1, encode_frame));
+  VOXELD_TRY(measure_native("fast", frames, Codec::kFast, kStreamChainMax, encode_frame));
+  if (arguments.native_only) return {};
+  VOXELD_TRY(measure_native("small", frames, Codec::kSmall, kStreamChainMax, encode_frame));
   for (const Format format : {Format::kVox, Format::kNpz}) {
     VOXELD_TRY(measure_file(format, frames, arguments.out));
   }

@@ -1,8 +1,8 @@
 // The container of a sequence. The first byte says what the rest is: a container as it is; one
-// whose length in the header is made to agree, so that the checks behind it are reached; or frames
-// of a small scene that must come back.
+// whose length in the header is made to agree, so that the checks behind it are reached; frames of
+// a small scene that must come back; or the container of a grid, whose streams become a frame.
 // Seeds: the containers of write_sequence_sample DIR, each after a zero byte; a small one is in
-// corpus/fuzz_sequence_container.
+// corpus/fuzz_sequence_container. Those of write_sample DIR, each after a byte 3.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "proto/grid_streams.h"
 #include "server/base/check.h"
 #include "tests/unit/formats/sample_frames.h"
 
@@ -97,20 +98,65 @@ void cells(Bytes bytes) {
   }
 }
 
+// A frame whose streams are taken over: what can be decoded must come back, and what is refused can
+// not be decoded.
+void stored(Bytes bytes) {
+  const auto reader = voxeld::GridReader::open(bytes);
+  if (!reader || reader->header().codecs != voxeld::StreamCodecs()) return;
+  std::vector<voxeld::StoredTile> tiles;
+  for (size_t i = 0; i < reader->tile_count(); ++i) {
+    tiles.push_back(voxeld::stored_tile(bytes, *reader, i));
+  }
+  auto writer = voxeld::SequenceWriter::open(reader->header(), 24);
+  VOXELD_CHECK(writer.ok() && writer->begin_frame(0), "a header that is read can be written");
+  std::vector<uint8_t> out = writer->front();
+  const auto added = writer->add_stored(tiles);
+  const auto decoded = reader->decode_tiles();
+  if (!added) {
+    VOXELD_CHECK(added.error().code == voxeld::ErrorCode::kBadRequest, "input is a bad request");
+    VOXELD_CHECK(!decoded, "what is refused cannot be decoded");
+    return;
+  }
+  writer->end_frame();
+  const auto end = writer->finish();
+  VOXELD_CHECK(end.ok(), "a frame can be written");
+  out.insert(out.end(), added->begin(), added->end());
+  out.insert(out.end(), end->index.begin(), end->index.end());
+  std::copy(end->header.begin(), end->header.end(), out.begin());
+  const auto again = SequenceReader::open(out);
+  VOXELD_CHECK(again.ok(), "what is written can be read");
+  const auto back = again->decode_frame(0);
+  VOXELD_CHECK(back.ok() == decoded.ok(), "a frame is read as its container");
+  if (back) VOXELD_CHECK(*back == *decoded, "a frame comes back");
+}
+
+void stored_of_its_length(Bytes bytes) {
+  std::vector<uint8_t> fixed(bytes.begin(), bytes.end());
+  const uint64_t length = fixed.size();
+  if (length >= voxeld::kGridHeaderBytes) std::memcpy(fixed.data() + 96, &length, sizeof length);
+  stored(fixed);
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (size == 0) return 0;
   const Bytes rest(data + 1, size - 1);
-  switch (data[0] % 3) {
+  switch (data[0] % 5) {
     case 0:
       container(rest);
       break;
     case 1:
       container_of_its_length(rest);
       break;
-    default:
+    case 2:
       cells(rest);
+      break;
+    case 3:
+      stored(rest);
+      break;
+    default:
+      stored_of_its_length(rest);
   }
   return 0;
 }

@@ -3,11 +3,18 @@ import json
 import pathlib
 import shutil
 import struct
+import sys
 import tempfile
 import time
 import unittest
 
-from harness import DEVICES, Daemon, DaemonTest, make_fixtures
+import numpy as np
+
+from harness import DEVICES, ROOT, Daemon, DaemonTest, make_fixtures
+
+sys.path.insert(0, str(ROOT / "docs"))
+import read_grid  # noqa: E402
+import read_sequence  # noqa: E402
 
 WALK = {"animation": "walk", "size": 32}  # 6 frames at 12 per second, of which the last two are equal
 
@@ -84,6 +91,21 @@ class Animation(DaemonTest):
         for frame in self.frames(job)["frames"]:
             _, still = self.voxelize(self.worm, animation="wave", time=frame["time_s"], **box)
             self.assertEqual(still["result"]["meta"]["content_hash"], frame["content_hash"])
+
+    def test_the_sequence_of_a_job_has_the_voxels_of_its_frames(self):
+        job, status = self.voxelize(self.worm, channels="color,normal", **WALK)
+        result = self.daemon.get(f"/v1/jobs/{job}/result").body
+        told = self.frames(job)
+        self.assertEqual(self.daemon.get(f"/v1/sequences/{told['sequence']}").body, result)
+        sequence = read_sequence.Sequence(result)
+        self.assertEqual(sequence.times, [frame["time_s"] for frame in told["frames"]])
+        self.assertEqual(sequence.meta["frames"], 6)
+        for number, frame in enumerate(told["frames"]):
+            grid = read_grid.read_grid(self.daemon.get(f"/v1/grids/{frame['grid']}").body)
+            there = sequence.frame(number)
+            for name in ("cells", "color", "normal"):
+                self.assertTrue(np.array_equal(there[name], grid[name]), (number, name))
+        self.assertGreater(status["result"]["meta"]["host_bytes_estimate"], 0)
 
     def test_frames_can_be_fetched_while_the_job_runs_and_stay_after_a_cancel(self):
         # Enough frames that the job does not end before it is cancelled.

@@ -135,6 +135,25 @@ TEST(SequenceContainer, differences_of_a_scene_that_mostly_stands_still_are_smal
   EXPECT_EQ(plain, 2U);
 }
 
+TEST(SequenceContainer, differences_that_do_not_win_are_tried_again_within_four_frames) {
+  std::vector<Grid> grids;
+  for (uint32_t seed = 0; seed < 9; ++seed) {
+    grids.push_back(test::random_grid(seed, {90, 90, 90}, 3000, true, false));
+  }
+  for (Grid& grid : test::mostly_static(13, {90, 90, 90}, 3000, 6, kColor)) {
+    grids.push_back(std::move(grid));
+  }
+  const auto bytes = written(grids);
+  const SequenceReader reader = opened(bytes);
+  ASSERT_EQ(reader.stream_count(), 2 * grids.size());
+  for (size_t stream = 0; stream < 2 * 9; ++stream) EXPECT_EQ(reader.chain_length(stream), 1U);
+  for (size_t frame = 9 + 4; frame < grids.size(); ++frame) {
+    EXPECT_GT(reader.chain_length(2 * frame), 1U) << frame;
+    EXPECT_GT(reader.chain_length(2 * frame + 1), 1U) << frame;
+  }
+  expect_frames(reader, grids, {14, 13, 8, 0});
+}
+
 TEST(SequenceContainer, equal_frames_and_equal_streams_are_stored_once) {
   const auto grids = test::mostly_static(13, {90, 90, 90}, 3000, 3, kColor);
   std::vector<Grid> loop = {grids[0], grids[1], grids[2], grids[1], grids[0], grids[0]};

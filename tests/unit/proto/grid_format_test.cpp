@@ -2,12 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <random>
 #include <string>
 
+#include "proto/grid_streams.h"
 #include "proto/grid_writer.h"
 #include "tests/unit/proto/tile_maker.h"
 
@@ -476,6 +479,38 @@ TEST(GridFormat, headers_that_break_the_rules_are_never_written) {
   header.meta_json.resize((size_t{1} << 24) + 1, ' ');
   EXPECT_EQ(encode_grid(header, {}).error().message(),
             "grid container: meta: expected at most 16777216 bytes, got 16777217");
+}
+
+TEST(GridFormat, streams_are_given_as_they_are_stored) {
+  std::mt19937 random(11);
+  GridHeader header;
+  header.dims = {600, 300, 300};
+  header.voxel_size = {1, 1, 1};
+  header.channels = {.color = true, .label = true};
+  header.meta_json = R"({"units":"mm"})";
+  auto tiles = test::tiles_of(test::random_voxels(random, header.dims, 2000), header.channels);
+  SparseTile whole;
+  whole.coord = {1, 0, 0};
+  whole.full = {{0, kTileLevels}};
+  std::erase_if(tiles, [](const SparseTile& tile) { return tile.coord[0] == 1; });
+  tiles.push_back(whole);
+  const auto container = encode_grid(header, tiles);
+  ASSERT_TRUE(container) << container.error().message();
+  const auto reader = GridReader::open(*container);
+  ASSERT_TRUE(reader);
+  ASSERT_GT(reader->tile_count(), 2U);
+  for (size_t i = 0; i < reader->tile_count(); ++i) {
+    const StoredTile stored = stored_tile(*container, *reader, i);
+    const auto encoded = encode_tile(reader->decode_tile(i).value(), header);
+    ASSERT_TRUE(encoded);
+    EXPECT_EQ(stored.coord, encoded->coord);
+    EXPECT_EQ(stored.brick_count, encoded->bricks);
+    EXPECT_EQ(stored.voxel_count, encoded->voxels);
+    EXPECT_TRUE(std::ranges::equal(stored.streams[0], encoded->octree));
+    for (size_t c = 0; c < kChannelCount; ++c) {
+      EXPECT_TRUE(std::ranges::equal(stored.streams[1 + c], encoded->channels[c])) << c;
+    }
+  }
 }
 
 }  // namespace

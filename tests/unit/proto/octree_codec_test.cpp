@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <string>
 
 #include "tests/unit/proto/tile_maker.h"
@@ -150,6 +151,31 @@ TEST(OctreeCodec, random_bytes_are_refused_or_are_a_tile_that_gives_the_same_byt
     EXPECT_EQ(octree_from_tile(tile), octree);
   }
   EXPECT_GT(accepted, 100);
+}
+
+TEST(OctreeCodec, counting_finds_what_decoding_finds) {
+  std::mt19937 random(7);
+  std::vector<SparseTile> tiles =
+      test::tiles_of(test::random_voxels(random, {256, 256, 256}, 5000), ChannelSet());
+  SparseTile with_full = tiles[0];
+  with_full.brick_morton = {9, 12};
+  with_full.masks.assign(2, BrickMask{{1, 0, 3, 0, 0, 0, 0, 7}});
+  with_full.full = {{0, 1}, {10, 0}, {512, 3}};
+  SparseTile whole;
+  whole.full = {{0, kTileLevels}};
+  tiles.push_back(with_full);
+  tiles.push_back(whole);
+  for (const SparseTile& tile : tiles) {
+    const auto counts = count_octree(octree_from_tile(tile));
+    ASSERT_TRUE(counts) << counts.error().message();
+    EXPECT_EQ(counts->bricks, tile.masks.size());
+    EXPECT_EQ(counts->voxels, tile.voxel_count());
+    EXPECT_EQ(counts->mask_voxels, tile.attribute_count());
+  }
+  const auto octree = octree_from_tile(tiles[0]);
+  for (size_t size = 0; size < octree.size(); size += 1 + size / 20) {
+    EXPECT_FALSE(count_octree(std::span(octree).first(size)));
+  }
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "proto/sequence.h"
+#include "proto/sequence_format.h"
 #include "server/base/file.h"
 #include "server/base/sha256.h"
 #include "server/grid/content_hash.h"
@@ -66,6 +67,23 @@ class FramesTest : public ::testing::Test {
     return task;
   }
 
+  // Which is of a checksum.
+  static void break_last_byte(const fs::path& path) {
+    std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
+    file.seekg(-1, std::ios::end);
+    const auto byte = static_cast<char>(file.get() ^ 0x20);
+    file.seekp(-1, std::ios::end);
+    file.put(byte);
+  }
+
+  // Whether a sequence is in the scratch directory, whole or not.
+  bool has_sequence_file() const {
+    const auto is_one = [](const fs::directory_entry& entry) {
+      return entry.path().filename().string().ends_with("-sequence");
+    };
+    return std::any_of(fs::directory_iterator(dir_.path()), fs::directory_iterator(), is_one);
+  }
+
   // The gateway's part of a frame: its container moves into the store.
   std::string take(const json& message) {
     if (message["type"] != "frame") return R"({"cancel":false,"fenced":false})";
@@ -73,6 +91,7 @@ class FramesTest : public ::testing::Test {
     const std::string id = id_of(from);
     const fs::path to = dir_.path() / (id + ".voxg");
     fs::rename(from, to);
+    if (static_cast<int>(frames_.size()) == breaks_) break_last_byte(to);
     frames_.push_back(message);
     frames_.back()["grid"] = id;
     const bool cancel = cancel_after_ > 0 && static_cast<int>(frames_.size()) >= cancel_after_;
@@ -142,6 +161,7 @@ class FramesTest : public ::testing::Test {
   Engine engine_;
   std::vector<json> frames_;
   int tasks_ = 0, cancel_after_ = 0;
+  int breaks_ = -1;  // a frame whose container is broken once it is stored
 };
 
 json small(const std::string& animation) {
@@ -273,6 +293,82 @@ TEST_F(FramesTest, a_cancel_keeps_the_frames_that_are_done_and_makes_no_more) {
   ASSERT_FALSE(completion.ok());
   EXPECT_EQ(completion.error().code, ErrorCode::kCancelled);
   EXPECT_EQ(frames_.size(), 2u);
+}
+
+TEST_F(FramesTest, a_cancel_leaves_no_half_sequence) {
+  cancel_after_ = 3;
+  ASSERT_FALSE(run(task(JobKind::kVoxelize, "worm.md5.zip", small("walk"))).ok());
+  EXPECT_FALSE(has_sequence_file());
+}
+
+TEST_F(FramesTest, a_broken_container_is_named_by_its_frame_and_leaves_no_half_sequence) {
+  json options = small("walk");
+  options["channels"] = "normal";
+  breaks_ = 2;
+  for (const std::string codec : {"fast", "small"}) {
+    options["codec"] = codec;
+    EXPECT_TRUE(failure(task(JobKind::kVoxelize, "worm.md5.zip", options))
+                    .starts_with("frame 2: grid container, stream: "))
+        << codec;
+    EXPECT_FALSE(has_sequence_file());
+  }
+  options["codec"] = "fast";
+  options["format"] = "npy";
+  EXPECT_TRUE(failure(task(JobKind::kVoxelize, "worm.md5.zip", options))
+                  .starts_with("frame 2: grid container, stream: "));
+}
+
+std::vector<std::vector<SparseTile>> frames_of(const std::vector<uint8_t>& bytes) {
+  std::vector<std::vector<SparseTile>> frames;
+  const auto reader = SequenceReader::open(bytes);
+  EXPECT_TRUE(reader.ok()) << reader.error().message();
+  for (size_t k = 0; reader && k < reader->frame_count(); ++k) {
+    frames.push_back(reader->decode_frame(k).value());
+  }
+  return frames;
+}
+
+TEST_F(FramesTest, the_sequence_written_beside_is_the_one_of_the_frames_containers) {
+  for (const std::string codec : {"fast", "small"}) {
+    json options = small("walk");
+    options["codec"] = codec;
+    options["channels"] = "color,normal";
+    const auto made = done(task(JobKind::kVoxelize, "worm.md5.zip", options));
+    const auto bytes = read_file(output(made, "result")).value();
+    const auto frames = frames_of(bytes);
+    ASSERT_EQ(frames.size(), 6U);
+    for (size_t k = 0; k < frames.size(); ++k) EXPECT_EQ(frames[k], frame_grid(k).tiles) << k;
+    const auto exported =
+        done(sequence_task(JobKind::kExport, made, {{"format", "native"}, {"codec", codec}}));
+    EXPECT_EQ(frames_of(read_file(output(exported, "result")).value()), frames);
+    const json meta = json::parse(made.meta_json);
+    EXPECT_GT(meta.at("host_bytes_estimate").get<int64_t>(), 0);
+    EXPECT_EQ(SequenceReader::open(bytes)->fps(), 12);
+    EXPECT_EQ(json::parse(SequenceReader::open(bytes)->header().meta_json)["frames"], 6);
+  }
+}
+
+TEST_F(FramesTest, a_sequence_of_a_level_or_a_region_is_made_from_its_grids) {
+  json options = small("walk");
+  options["level"] = 1;
+  const auto half = done(task(JobKind::kVoxelize, "worm.md5.zip", options));
+  const auto half_bytes = read_file(output(half, "result")).value();
+  const auto half_reader = SequenceReader::open(half_bytes).value();
+  EXPECT_EQ(std::ranges::max(half_reader.header().dims), 16);
+  EXPECT_EQ(frames_of(half_bytes).size(), 6U);
+  options.erase("level");
+  options["region"] = "0,0,0,8,8,8";
+  const auto part = done(task(JobKind::kVoxelize, "worm.md5.zip", options));
+  const auto part_bytes = read_file(output(part, "result")).value();
+  EXPECT_EQ(SequenceReader::open(part_bytes)->header().dims, (std::array<int32_t, 3>{8, 8, 8}));
+  for (size_t k = 0; k < 6; ++k) {
+    size_t inside = 0;
+    for (const SparseTile& tile : frame_grid(k).tiles) {
+      for_each_voxel(
+          tile, [&](int x, int y, int z, size_t) { inside += x < 8 && y < 8 && z < 8 ? 1U : 0U; });
+    }
+    EXPECT_EQ(SequenceReader::open(part_bytes)->voxel_count(k), inside) << k;
+  }
 }
 
 TEST_F(FramesTest, what_the_asset_does_not_have_is_refused) {
