@@ -74,6 +74,12 @@ std::string header_of(const HttpAnswer& answer, const std::string& name) {
   return it == answer.headers.end() ? std::string() : it->second;
 }
 
+// A key with a line feed in it would be a header of its own.
+const std::string& checked_key(const std::string& key) {
+  if (std::ranges::all_of(key, [](char c) { return c > ' ' && c < 0x7f; })) return key;
+  throw Error("invalid-option", 0, "the API key holds characters that no key has");
+}
+
 Error interrupted() {
   return Error("interrupted", 0, "stopped by the caller");
 }
@@ -108,7 +114,8 @@ void check_resumed(const HttpAnswer& head, long long done, const std::string& et
 }  // namespace
 
 ClientImpl::ClientImpl(Settings settings)
-    : settings_(std::move(settings)), transport_(settings_.connect_timeout, settings_.timeout) {
+    : settings_(std::move(settings)),
+      transport_(settings_.connect_timeout, settings_.timeout, checked_key(settings_.key)) {
   while (settings_.url.ends_with('/')) settings_.url.pop_back();
 }
 

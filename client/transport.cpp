@@ -118,15 +118,18 @@ void set(CURL* curl, CURLoption option, Value value) {
 struct Transport::Impl {
   CURL* curl = nullptr;
   std::chrono::seconds connect_timeout, timeout;
+  std::string authorization;  // a line of the head; empty: none
 };
 
-Transport::Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout)
+Transport::Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout,
+                     std::string key)
     : impl_(std::make_unique<Impl>()) {
   static std::once_flag once;
   std::call_once(once, [] { curl_global_init(CURL_GLOBAL_DEFAULT); });
   impl_->curl = curl_easy_init();
   impl_->connect_timeout = connect_timeout;
   impl_->timeout = timeout;
+  if (!key.empty()) impl_->authorization = "Authorization: Bearer " + std::move(key);
 }
 
 Transport::~Transport() {
@@ -174,6 +177,9 @@ HttpAnswer Transport::exchange(const HttpRequest& request) {
   set(curl, CURLOPT_NOPROGRESS, 0L);
 
   curl_slist* headers = nullptr;
+  if (!impl_->authorization.empty()) {
+    headers = curl_slist_append(headers, impl_->authorization.c_str());
+  }
   for (const std::string& header : request.headers) {
     headers = curl_slist_append(headers, header.c_str());
   }

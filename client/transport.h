@@ -50,7 +50,9 @@ struct HttpAnswer {
 // Keeps its connection between exchanges. One thread.
 class Transport {
  public:
-  Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout);
+  // `key`, unless it is empty, goes with every request as its Authorization. Redirects are not
+  // followed, so that no other server gets it.
+  Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout, std::string key);
   ~Transport();
   HttpAnswer exchange(const HttpRequest& request);
   static std::string escape(std::string_view text);

@@ -11,7 +11,7 @@ enum class ErrorCode {
   kBadRequest,           // 400 bad-request: the HTTP request itself is malformed
   kUnknownOption,        // 400 unknown-option: a parameter that does not exist
   kInvalidOption,        // 400 invalid-option: a parameter with a value it cannot take
-  kUnauthorized,         // 401 unauthorized (reserved for API keys)
+  kUnauthorized,         // 401 unauthorized: no API key that is valid
   kNotFound,             // 404 not-found
   kMethodNotAllowed,     // 405 method-not-allowed
   kNotAcceptable,        // 406 not-acceptable: no format that the Accept header allows

@@ -76,7 +76,8 @@ Json to_json_message(const Task& task) {
           {"frame_paths", task.frame_paths},
           {"bundle_paths", task.bundle_paths},
           {"filename", task.filename},
-          {"options_json", task.options_json}};
+          {"options_json", task.options_json},
+          {"tenant", task.tenant}};
 }
 
 Result<Task> parse_task(const Json& message) {
@@ -97,6 +98,7 @@ Result<Task> parse_task(const Json& message) {
   const Json* bundle_paths = fields.member("bundle_paths");
   fields.read("filename", task.filename);
   fields.read("options_json", task.options_json);
+  fields.read("tenant", task.tenant);
   const auto known = job_kind_from_name(kind);
   if (!known) fields.fail("kind", "a kind of job", kind);
   VOXELD_TRY(fields.finish());

@@ -57,6 +57,9 @@ struct Task {
   std::vector<std::string> bundle_paths;
   std::string filename;
   std::string options_json;  // canonical JSON in the scope of the kind
+  // Whose task it is. What a worker keeps between tasks must not serve another tenant's: the time
+  // that it saves would tell who else has the same input.
+  std::string tenant;
 };
 
 // role: "result" (the answer's bytes), "grid" (the native container), "sequence" (its manifest).

@@ -6,6 +6,8 @@
 #include <map>
 #include <utility>
 
+#include "server/jobs/api_key.h"
+
 namespace voxeld {
 namespace {
 
@@ -50,7 +52,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->capture_default_str();
   serve
       ->add_flag("--allow-remote", config.allow_remote,
-                 "Listen on other addresses than loopback. There is no access control")
+                 "Listen on other addresses than loopback, also without API keys")
       ->envname("VOXELD_ALLOW_REMOTE");
   serve->add_option("--data", config.data_dir, "Directory of the database and of all files")
       ->envname("VOXELD_DATA")
@@ -122,6 +124,35 @@ CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
   return doctor;
 }
 
+CLI::App* add_keys(CLI::App& app, KeysCommand& command) {
+  using Action = KeysCommand::Action;
+  CLI::App* keys =
+      app.add_subcommand("keys", "Make, list and revoke API keys, also while the daemon runs");
+  keys->require_subcommand(1);
+  keys->add_option("--data", command.data_dir, "Directory of serve, where the keys are")
+      ->envname("VOXELD_DATA")
+      ->capture_default_str();
+  CLI::App* add = keys->add_subcommand("add", "Make a key and print it, this once");
+  add->add_option("NAME", command.tenant, "Who gets it: a tenant may have several keys")
+      ->required();
+  add->add_flag("--admin", command.is_admin, "It sees what all tenants have and may cancel all");
+  add->add_option("--expires", command.expires,
+                  "When it ends: 12h, 30d or 8w from now, or a day such as 2030-12-31 (UTC)");
+  add->add_option("--weight", command.weight,
+                  "The tenant's share beside others', for the scheduler")
+      ->check(CLI::Range(int64_t{1}, kKeyWeightMax))
+      ->capture_default_str();
+  CLI::App* list = keys->add_subcommand("list", "List keys, without their secrets");
+  list->add_flag("--json", command.json, "As a JSON array");
+  CLI::App* revoke = keys->add_subcommand("revoke", "End a key at once");
+  revoke->add_option("ID", command.id, "As listed: the part of the key after vxk_")->required();
+  for (CLI::App* action : {add, list, revoke}) action->fallthrough();  // to --data
+  add->callback([&command] { command.action = Action::kAdd; });
+  list->callback([&command] { command.action = Action::kList; });
+  revoke->callback([&command] { command.action = Action::kRevoke; });
+  return keys;
+}
+
 // `voxeld --listen …` means `voxeld serve --listen …`.
 std::vector<std::string> with_default_subcommand(int argc, const char* const* argv) {
   std::vector<std::string> arguments(argv + 1, argv + argc);
@@ -150,6 +181,9 @@ Command parse_command_line(int argc, const char* const* argv) {
   doctor_command.data_dir = default_data_dir();
   CalibrateDeviceCommand calibrate_command;
   const CLI::App* doctor = add_doctor(app, doctor_command);
+  KeysCommand keys_command;
+  keys_command.data_dir = default_data_dir();
+  const CLI::App* keys = add_keys(app, keys_command);
   CLI::App* probe = app.add_subcommand("probe-device", "Open one device and describe it as JSON");
   probe->add_option("--device", probe_command.device)->required();
   CLI::App* calibrate =
@@ -164,6 +198,7 @@ Command parse_command_line(int argc, const char* const* argv) {
   if (serve->parsed()) return serve_config;
   if (worker->parsed()) return worker_command;
   if (doctor->parsed()) return doctor_command;
+  if (keys->parsed()) return keys_command;
   if (probe->parsed()) return probe_command;
   if (calibrate->parsed()) return calibrate_command;
   if (version->parsed() || print_version) return VersionCommand{};
@@ -177,17 +212,21 @@ std::string_view log_level_name(log::Level level) {
   return "info";
 }
 
-Status check_listen_address(const std::string& flag, const std::string& address,
-                            bool allow_remote) {
+Status check_listen_address(const std::string& flag, const std::string& address, bool allow_remote,
+                            Guard guard) {
   const size_t colon = address.rfind(':');
   if (colon == std::string::npos || colon == 0) {
     return Error{ErrorCode::kInvalidOption, flag, "HOST:PORT", address};
   }
-  if (allow_remote || is_loopback(std::string_view(address).substr(0, colon))) return {};
+  if (allow_remote || guard == Guard::kKeys ||
+      is_loopback(std::string_view(address).substr(0, colon)))
+    return {};
   return Error{ErrorCode::kInvalidOption,
-               flag + " " + address +
-                   " can be reached from other machines, and voxeld has no access control: put a "
-                   "proxy that has in front of it, or pass --allow-remote",
+               flag + " " + address + " can be reached from other machines, and " +
+                   (guard == Guard::kNoKeys
+                        ? "there are no API keys: make some with voxeld keys add, or pass "
+                          "--allow-remote where a proxy guards it"
+                        : "it needs no API key: pass --allow-remote where a proxy guards it"),
                "127.0.0.1, [::1] or localhost", address};
 }
 

@@ -42,6 +42,17 @@ struct DoctorCommand {
   std::vector<std::string> devices;  // to calibrate; empty: all that work
 };
 
+struct KeysCommand {
+  enum class Action { kAdd, kList, kRevoke } action = Action::kList;
+  std::filesystem::path data_dir;  // default: as of serve
+  std::string tenant;              // kAdd
+  bool is_admin = false;
+  std::string expires;  // as it was given; empty: never
+  int64_t weight = 1;
+  bool json = false;  // kList
+  std::string id;     // kRevoke
+};
+
 struct CalibrateDeviceCommand {
   std::string device;
 };
@@ -57,8 +68,9 @@ struct ExitCommand {
   int status = 0;
 };
 
-using Command = std::variant<ServeConfig, WorkerCommand, DoctorCommand, ProbeDeviceCommand,
-                             CalibrateDeviceCommand, VersionCommand, ExitCommand>;
+using Command =
+    std::variant<ServeConfig, WorkerCommand, DoctorCommand, KeysCommand, ProbeDeviceCommand,
+                 CalibrateDeviceCommand, VersionCommand, ExitCommand>;
 
 // Parses arguments, then VOXELD_… variables for flags that are not given, then defaults. Prints
 // help and errors itself. Without a subcommand: serve.
@@ -66,8 +78,13 @@ Command parse_command_line(int argc, const char* const* argv);
 
 std::string_view log_level_name(log::Level level);
 
-// voxeld has no access control of its own, so it listens on loopback unless told otherwise. Errors:
-// invalid-option with the reason.
-Status check_listen_address(const std::string& flag, const std::string& address, bool allow_remote);
+// What keeps strangers from a listener: API keys, none though there could be some, or nothing (the
+// admin port).
+enum class Guard { kKeys, kNoKeys, kNone };
+
+// Without keys voxeld listens on loopback unless told otherwise. Errors: invalid-option with the
+// reason.
+Status check_listen_address(const std::string& flag, const std::string& address, bool allow_remote,
+                            Guard guard);
 
 }  // namespace voxeld

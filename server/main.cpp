@@ -1,4 +1,4 @@
-// voxeld: serve, worker, doctor, version. What each does stands in its own file.
+// voxeld: serve, worker, doctor, keys, version. What each does stands in its own file.
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -11,6 +11,7 @@
 #include "server/config.h"
 #include "server/doctor.h"
 #include "server/gpu/device.h"
+#include "server/keys.h"
 #include "server/serve.h"
 #include "server/worker/calibrate_device.h"
 #include "server/worker/worker.h"
@@ -58,6 +59,7 @@ int run(const Command& command, const std::string& self) {
         if constexpr (std::is_same_v<Chosen, ServeConfig>) return serve_main(chosen, self);
         if constexpr (std::is_same_v<Chosen, WorkerCommand>) return run_worker(chosen);
         if constexpr (std::is_same_v<Chosen, DoctorCommand>) return doctor_main(self, chosen);
+        if constexpr (std::is_same_v<Chosen, KeysCommand>) return keys_main(chosen);
         if constexpr (std::is_same_v<Chosen, ProbeDeviceCommand>) return run_probe(chosen);
         if constexpr (std::is_same_v<Chosen, CalibrateDeviceCommand>) return run_calibrate(chosen);
         if constexpr (std::is_same_v<Chosen, ExitCommand>) return chosen.status;

@@ -15,6 +15,7 @@
 #include "server/gpu/device.h"
 #include "server/http/server.h"
 #include "server/jobs/job_service.h"
+#include "server/jobs/key_ring.h"
 
 namespace voxeld {
 namespace {
@@ -128,8 +129,11 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
 }
 
 Status serve(const ServeConfig& config, const std::string& self_executable) {
-  VOXELD_TRY(check_listen_address("--listen", config.listen, config.allow_remote));
-  VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen, config.allow_remote));
+  VOXELD_ASSIGN(const auto keys, KeyRing::open(config.data_dir));
+  const Guard guard = keys->needs_keys() ? Guard::kKeys : Guard::kNoKeys;
+  VOXELD_TRY(check_listen_address("--listen", config.listen, config.allow_remote, guard));
+  VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen, config.allow_remote,
+                                  Guard::kNone));
   VOXELD_ASSIGN(const auto devices, resolve_devices(config.devices, self_executable));
   block_ending_signals();
   auto metrics = std::make_shared<prometheus::Registry>();
@@ -140,10 +144,14 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   http_config.admin_listen = config.admin_listen;
   http_config.upload_bytes_max = config.upload_bytes_max;
   http_config.request_threads = config.request_threads;
-  VOXELD_ASSIGN(const auto server, http::start_server(http_config, *jobs, metrics));
+  VOXELD_ASSIGN(const auto server, http::start_server(http_config, *jobs, *keys, metrics));
   log::info("listening", {{"url", url_of(config.listen, server->port())},
                           {"admin", url_of(config.admin_listen, server->admin_port())},
                           {"data", config.data_dir.string()}});
+  if (guard == Guard::kNoKeys) {
+    log::warn("there are no API keys: whoever reaches the daemon can use all of it",
+              {{"hint", "voxeld keys add"}});
+  }
   VOXELD_ASSIGN(int signal, wait_for_worker(*jobs));
   if (signal == 0) {
     std::printf("ready %s admin=%s device=%s\n", url_of(config.listen, server->port()).c_str(),

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <map>
 
+#include "client/cli/api_key.h"
 #include "proto/options.h"
 #include "proto/sequence_format.h"
 #include "proto/version.h"
@@ -45,6 +46,9 @@ void add_common_flags(CLI::App& app, Arguments& arguments) {
   app.add_option("--url", arguments.url,
                  "the daemon (default: $VOXELD_URL or http://127.0.0.1:8080)")
       ->type_name("URL");
+  app.add_option("--key", arguments.key,
+                 "API key (default: $VOXELD_KEY, or what the file $VOXELD_KEY_FILE holds)")
+      ->type_name("KEY");
   app.add_option("--timeout", arguments.timeout_s, "seconds for one exchange with the daemon")
       ->type_name("S")
       ->check(CLI::Range(0, 1000000));
@@ -205,7 +209,8 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
     app.exit(request);  // --help, --version: on stdout
     return kSuccess;
   } catch (const CLI::ParseError& error) {
-    std::fprintf(stderr, "voxel: %s\nvoxel --help tells more\n", error.what());
+    std::fprintf(stderr, "voxel: %s\nvoxel --help tells more\n",
+                 without_keys(error.what()).c_str());
     return kUsage;
   }
   if (arguments.url.empty()) arguments.url = default_url();

@@ -14,6 +14,7 @@ namespace voxeld::cli {
 struct Arguments {
   enum class Command { kVoxelize, kRender, kJobs, kInfo, kFormats } command = Command::kVoxelize;
   std::string url;
+  std::string key;     // --key; empty: see api_key.h
   bool json = false;   // say what happened as JSON on stdout
   bool quiet = false;  // neither progress nor warnings on stderr
   int timeout_s = 0;   // of one exchange with the daemon; 0: none

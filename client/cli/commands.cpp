@@ -7,6 +7,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
+#include "client/cli/api_key.h"
 #include "client/cli/bundle.h"
 #include "client/cli/output_file.h"
 #include "client/cli/progress_bar.h"
@@ -26,6 +27,7 @@ constexpr int kJsonIndent = 2;
 client::Settings settings_of(const Arguments& arguments) {
   client::Settings settings;
   settings.url = arguments.url;
+  settings.key = api_key(arguments.key);
   settings.timeout = std::chrono::seconds(arguments.timeout_s);
   return settings;
 }

@@ -14,6 +14,7 @@ struct Row {
 constexpr Row kRows[] = {
     {"unknown-option", kUsage},
     {"invalid-option", kUsage},
+    {"unauthorized", kUsage},
     {"not-found", kUsage},
     {"gone", kUsage},
     {"malformed-mesh", kBadInput},

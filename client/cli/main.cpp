@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <exception>
 
+#include "client/cli/api_key.h"
 #include "client/cli/arguments.h"
 #include "client/cli/commands.h"
 #include "client/cli/interrupt.h"
@@ -18,7 +19,7 @@ int run(int argc, char** argv) {
   try {
     cli::run_command(std::get<cli::Arguments>(arguments), interrupt.token());
   } catch (const client::Error& error) {
-    std::fprintf(stderr, "voxel: %s\n", error.what());
+    std::fprintf(stderr, "voxel: %s\n", cli::without_keys(error.what()).c_str());
     if (!error.request_id().empty()) {
       std::fprintf(stderr, "voxel: request %s\n", error.request_id().c_str());
     }

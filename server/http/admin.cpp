@@ -10,8 +10,9 @@ namespace {
 
 using Json = nlohmann::json;
 
-Response ready_response(JobService& jobs) {
-  const Status ready = jobs.ready();
+Response ready_response(JobService& jobs, const KeyRing& keys) {
+  Status ready = jobs.ready();
+  if (Status readable = keys.status(); !readable) ready = readable;
   Json workers = Json::array();
   for (const WorkerState& worker : jobs.workers()) {
     workers.push_back({{"device", worker.device},
@@ -26,6 +27,7 @@ Response ready_response(JobService& jobs) {
   return Response::json(ready.ok() ? 200 : 503,
                         Json{{"ready", ready.ok()},
                              {"reason", ready.ok() ? "" : ready.error().message()},
+                             {"access", keys.needs_keys() ? "keys" : "open"},
                              {"queued_jobs", jobs.queued_jobs()},
                              {"workers", workers}}
                             .dump(-1, ' ', false, Json::error_handler_t::replace));
@@ -33,11 +35,11 @@ Response ready_response(JobService& jobs) {
 
 }  // namespace
 
-void add_admin_routes(Router& router, JobService& jobs,
+void add_admin_routes(Router& router, JobService& jobs, const KeyRing& keys,
                       std::shared_ptr<prometheus::Registry> metrics,
                       std::function<void()> refresh) {
   router.add("GET", "/livez", [](Request&) { return Response::text(200, "ok\n"); });
-  router.add("GET", "/readyz", [&jobs](Request&) { return ready_response(jobs); });
+  router.add("GET", "/readyz", [&jobs, &keys](Request&) { return ready_response(jobs, keys); });
   router.add(
       "GET", "/metrics", [metrics = std::move(metrics), refresh = std::move(refresh)](Request&) {
         refresh();

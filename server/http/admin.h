@@ -7,6 +7,7 @@
 
 #include "server/http/router.h"
 #include "server/jobs/job_service.h"
+#include "server/jobs/key_ring.h"
 
 namespace prometheus {
 class Registry;
@@ -15,7 +16,7 @@ class Registry;
 namespace voxeld::http {
 
 // `refresh` is called before metrics are written.
-void add_admin_routes(Router& router, JobService& jobs,
+void add_admin_routes(Router& router, JobService& jobs, const KeyRing& keys,
                       std::shared_ptr<prometheus::Registry> metrics, std::function<void()> refresh);
 
 }  // namespace voxeld::http

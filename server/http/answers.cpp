@@ -100,7 +100,7 @@ Response status_response(int http_status, const JobStatus& status) {
 Response run_transient(Request& request, Api& api, const JobRequest& job) {
   SubmitOptions submit;
   submit.transient = true;
-  auto status = api.jobs.submit(job, submit);
+  auto status = api.jobs.submit(request.caller, job, submit);
   if (!status) return problem(request, status.error());
   return await_result(request, api, *status, /*transient=*/true);
 }
@@ -142,9 +142,9 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
   if (status.state != JobState::kDone || !status.result) {
     return problem(request, ended_error(status));
   }
-  const auto blob = api.jobs.blobs().stat(status.result->blob);
+  const auto blob = api.jobs.get_result(request.caller, status.id);
   if (!blob) return problem(request, blob.error());
-  const FileBody file{api.jobs.blobs().path_of(blob->id), 0, blob->bytes};
+  const FileBody file{blob->path, 0, blob->bytes};
   auto response = file_response(request.head, file, "\"" + blob->id + "\"");
   if (!response) return problem(request, response.error());
   add_result_headers(*response, status);
@@ -161,10 +161,10 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
 
 Response await_result(Request& request, Api& api, const JobStatus& submitted, bool transient) {
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
-  auto status = api.jobs.wait_end(submitted.id, deadline, request.client_gone);
+  auto status = api.jobs.wait_end(request.caller, submitted.id, deadline, request.client_gone);
   if (!status) return problem(request, status.error());
   if (!status->ended()) {
-    if (transient) (void)api.jobs.cancel(submitted.id);
+    if (transient) (void)api.jobs.cancel(request.caller, submitted.id);
     return problem(
         request, {ErrorCode::kDeadlineExceeded, "the job " + submitted.id + " did not end in time",
                   "", std::string(job_state_name(status->state))});

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "proto/job.h"
+#include "server/http/access.h"
 #include "server/http/message.h"
 #include "server/http/router.h"
 #include "server/http/server.h"
@@ -20,6 +21,7 @@ inline constexpr int kOneShotSecondsMax = 3600;
 
 struct Api {
   JobService& jobs;
+  const Access& access;
   const ServerConfig& config;
   std::atomic<int> subscribers{0};
   // The server drains: who only watches (event streams, long polls) is answered at once.
@@ -55,7 +57,7 @@ struct Upload {
 // for an empty body, those of the body and the store, and of bundle manifests malformed-bundle,
 // not-found and gone for files that are not there.
 Result<Upload> receive_upload(Request& request, Api& api);
-Result<Asset> register_upload(Api& api, const Upload& upload);
+Result<Asset> register_upload(const Request& request, Api& api, const Upload& upload);
 // The file name that the request gives: `filename=`, else Content-Disposition, else empty.
 std::string requested_filename(const Request& request);
 

@@ -29,16 +29,16 @@ Response post_asset(Request& request, Api& api) {
   }
   auto upload = receive_upload(request, api);
   if (!upload) return problem(request, upload.error());
-  auto asset = register_upload(api, *upload);
+  auto asset = register_upload(request, api, *upload);
   if (!asset) return problem(request, asset.error());
-  Response response = Response::json(upload->blob.existed ? 200 : 201, text_of(asset_json(*asset)));
+  Response response = Response::json(asset->existed ? 200 : 201, text_of(asset_json(*asset)));
   response.headers["Location"] = "/v1/assets/" + asset->id;
   response.headers["ETag"] = "\"" + asset->id + "\"";
   return response;
 }
 
 Response list_assets(Request& request, Api& api) {
-  auto assets = api.jobs.list_assets(1000);
+  auto assets = api.jobs.list_assets(request.caller, 1000);
   if (!assets) return problem(request, assets.error());
   Json list = Json::array();
   for (const Asset& asset : *assets) list.push_back(asset_json(asset));
@@ -47,18 +47,18 @@ Response list_assets(Request& request, Api& api) {
 
 // Members of the description beside those of the asset; an inspect job makes it on first use.
 Response get_asset(Request& request, Api& api) {
-  auto asset = api.jobs.get_asset(request.path_parameters[0]);
+  auto asset = api.jobs.get_asset(request.caller, request.path_parameters[0]);
   if (!asset) return problem(request, asset.error());
   if (asset->description_json.empty()) {
     JobRequest job;
     job.kind = JobKind::kInspect;
     job.asset = asset->id;
     job.filename = asset->filename;
-    auto submitted = api.jobs.submit(job, {});
+    auto submitted = api.jobs.submit(request.caller, job, {});
     if (!submitted) return problem(request, submitted.error());
     auto status = api.jobs.wait_end(
-        submitted->id, JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax),
-        request.client_gone);
+        request.caller, submitted->id,
+        JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax), request.client_gone);
     if (!status) return problem(request, status.error());
     if (status->state != JobState::kDone || !status->result) {
       return job_result_response(request, api, *status);
@@ -76,7 +76,7 @@ Response get_asset(Request& request, Api& api) {
 }
 
 Response delete_asset(Request& request, Api& api) {
-  const Status status = api.jobs.delete_asset(request.path_parameters[0]);
+  const Status status = api.jobs.delete_asset(request.caller, request.path_parameters[0]);
   if (!status) return problem(request, status.error());
   Response response;
   response.status = 204;

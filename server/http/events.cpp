@@ -22,19 +22,28 @@ class Subscription {
   std::atomic<int>& count_;
 };
 
-// Until the job has ended, the client is gone or the server stops; a client that comes back later
-// goes on after the last event that it saw.
-void stream_events(EventSink& sink, Api& api, const std::string& id, int64_t after) {
-  const auto over = [&] { return api.stopping || sink.client_gone(); };
+// A stream outlives the request that asked for it.
+struct Subscriber {
+  Caller caller;
+  std::string key_id;
+};
+
+// Until the job has ended, the client is gone, its key is revoked or the server stops; a client
+// that comes back later goes on after the last event that it saw.
+void stream_events(EventSink& sink, Api& api, const Subscriber& who, const std::string& id,
+                   int64_t after) {
+  const auto over = [&] {
+    return api.stopping || sink.client_gone() || !api.access.still_admits(who.key_id);
+  };
   while (!over()) {
     // Short waits, so that a client that left frees its thread soon.
     const auto ping_at = JobService::Clock::now() + std::chrono::seconds(kPingSeconds);
     Result<std::vector<JobEvent>> events = std::vector<JobEvent>();
     while (events.ok() && events->empty() && JobService::Clock::now() < ping_at && !over()) {
-      events = api.jobs.wait_events(id, after,
+      events = api.jobs.wait_events(who.caller, id, after,
                                     JobService::Clock::now() + std::chrono::milliseconds(500));
       if (events.ok() && events->empty()) {
-        const auto status = api.jobs.get(id);
+        const auto status = api.jobs.get(who.caller, id);
         if (!status.ok() || (status->ended() && status->version <= after)) return;
       }
     }
@@ -47,14 +56,14 @@ void stream_events(EventSink& sink, Api& api, const std::string& id, int64_t aft
         return;
       }
     }
-    const auto status = api.jobs.get(id);
+    const auto status = api.jobs.get(who.caller, id);
     if (!status.ok() || (status->ended() && status->version <= after)) return;
   }
 }
 
 Response get_events(Request& request, Api& api) {
   const std::string id = request.path_parameters[0];
-  const auto status = api.jobs.get(id);
+  const auto status = api.jobs.get(request.caller, id);
   if (!status) return problem(request, status.error());
   int64_t after = 0;
   const std::string_view last = request.head.header("Last-Event-ID");
@@ -75,8 +84,10 @@ Response get_events(Request& request, Api& api) {
   response.headers["Content-Type"] = "text/event-stream";
   response.headers["Cache-Control"] = "no-store";
   response.headers["X-Accel-Buffering"] = "no";
-  response.body = StreamBody(
-      [&api, id, after, subscription](EventSink& sink) { stream_events(sink, api, id, after); });
+  const Subscriber who{request.caller, request.key_id};
+  response.body = StreamBody([&api, who, id, after, subscription](EventSink& sink) {
+    stream_events(sink, api, who, id, after);
+  });
   return response;
 }
 

@@ -357,6 +357,8 @@ class EpollFront final : public Front {
       response = Response::problem({ErrorCode::kInternal, e.what(), "", ""}, head.path);
     }
     record.bytes_in = body.bytes_read();
+    record.key_id = request.key_id;
+    if (!request.key_id.empty()) record.tenant = request.caller.tenant();
     return body.finished() && head.keep_alive();
   }
 

@@ -30,6 +30,7 @@ using Handler = std::function<Response(Request&)>;
 struct ExchangeRecord {
   const Head* head = nullptr;
   std::string request_id, peer;
+  std::string tenant, key_id;  // empty where no key was needed or none was valid
   int status = 0;
   int64_t bytes_in = 0, bytes_out = 0;
   double ms = 0;

@@ -28,8 +28,10 @@ Response run_on_grid(Request& request, Api& api, const std::string& grid, JobKin
 
 // The grid that the path names, or the level or region of it that the query asks for: a grid of its
 // own, which is made once.
-Result<BlobInfo> wanted_grid(Request& request, Api& api) {
-  if (request.head.query.empty()) return api.jobs.get_grid(request.path_parameters[0]);
+Result<StoredBlob> wanted_grid(Request& request, Api& api) {
+  if (request.head.query.empty()) {
+    return api.jobs.get_grid(request.caller, request.path_parameters[0]);
+  }
   for (const auto& [name, value] : request.head.query) {
     if (name == "level" || name == "level_rule" || name == "region") continue;
     return Error{ErrorCode::kUnknownOption, "tiles are of native grids",
@@ -39,12 +41,12 @@ Result<BlobInfo> wanted_grid(Request& request, Api& api) {
                 request_on_grid(request, request.path_parameters[0], JobKind::kExport));
   SubmitOptions submit;
   submit.transient = true;
-  VOXELD_ASSIGN(const JobStatus submitted, api.jobs.submit(job, submit));
+  VOXELD_ASSIGN(const JobStatus submitted, api.jobs.submit(request.caller, job, submit));
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
   VOXELD_ASSIGN(const JobStatus status,
-                api.jobs.wait_end(submitted.id, deadline, request.client_gone));
+                api.jobs.wait_end(request.caller, submitted.id, deadline, request.client_gone));
   if (!status.ended()) {
-    (void)api.jobs.cancel(submitted.id);
+    (void)api.jobs.cancel(request.caller, submitted.id);
     return Error{ErrorCode::kDeadlineExceeded, "the job " + submitted.id + " did not end in time",
                  "", std::string(job_state_name(status.state))};
   }
@@ -53,7 +55,7 @@ Result<BlobInfo> wanted_grid(Request& request, Api& api) {
     return Error{ErrorCode::kInternal, "the job " + submitted.id + " has no result", "", ""};
   }
   // All cells at level 0 are the grid itself, under whatever name its bytes have.
-  return api.jobs.blobs().stat(status.result->blob);
+  return api.jobs.get_result(request.caller, submitted.id);
 }
 
 // Calls `use(reader)` on the mapped container.
@@ -61,7 +63,7 @@ template <typename Use>
 Response with_grid(Request& request, Api& api, Use&& use) {
   auto blob = wanted_grid(request, api);
   if (!blob) return problem(request, blob.error());
-  const auto file = MappedFile::open(api.jobs.blobs().path_of(blob->id));
+  const auto file = MappedFile::open(blob->path);
   if (!file) return problem(request, file.error());
   const auto reader = GridReader::open(file->bytes());
   if (!reader) return problem(request, reader.error());
@@ -69,7 +71,7 @@ Response with_grid(Request& request, Api& api, Use&& use) {
 }
 
 Response get_tiles(Request& request, Api& api) {
-  return with_grid(request, api, [](const BlobInfo& blob, const GridReader& reader) {
+  return with_grid(request, api, [](const StoredBlob& blob, const GridReader& reader) {
     Json tiles = Json::array();
     for (size_t i = 0; i < reader.tile_count(); ++i) {
       const auto [offset, bytes] = reader.tile_byte_range(i);
@@ -93,7 +95,7 @@ Response get_tiles(Request& request, Api& api) {
 
 Response get_tile(Request& request, Api& api) {
   const std::string& text = request.path_parameters[1];
-  return with_grid(request, api, [&](const BlobInfo& blob, const GridReader& reader) {
+  return with_grid(request, api, [&](const StoredBlob& blob, const GridReader& reader) {
     size_t index = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
     if (error != std::errc() || end != text.data() + text.size() || index >= reader.tile_count()) {
@@ -102,10 +104,9 @@ Response get_tile(Request& request, Api& api) {
                                "\"" + text.substr(0, 40) + "\""});
     }
     const auto [offset, bytes] = reader.tile_byte_range(index);
-    auto response = file_response(request.head,
-                                  {api.jobs.blobs().path_of(blob.id), static_cast<int64_t>(offset),
-                                   static_cast<int64_t>(bytes)},
-                                  "\"" + blob.id + "/" + std::to_string(index) + "\"");
+    auto response = file_response(
+        request.head, {blob.path, static_cast<int64_t>(offset), static_cast<int64_t>(bytes)},
+        "\"" + blob.id + "/" + std::to_string(index) + "\"");
     if (!response) return problem(request, response.error());
     if (response->status < 300) response->headers["Content-Type"] = "application/octet-stream";
     return std::move(response).value();
@@ -115,7 +116,7 @@ Response get_tile(Request& request, Api& api) {
 }  // namespace
 
 Response grid_response(Request& request, Api& api, const std::string& grid) {
-  auto blob = api.jobs.get_grid(grid);
+  auto blob = api.jobs.get_grid(request.caller, grid);
   if (!blob) return problem(request, blob.error());
   auto format = requested_format(request);
   if (!format) return problem(request, format.error());
@@ -125,8 +126,7 @@ Response grid_response(Request& request, Api& api, const std::string& grid) {
     }
     return run_on_grid(request, api, grid, JobKind::kExport);
   }
-  auto response = file_response(request.head, {api.jobs.blobs().path_of(blob->id), 0, blob->bytes},
-                                "\"" + blob->id + "\"");
+  auto response = file_response(request.head, {blob->path, 0, blob->bytes}, "\"" + blob->id + "\"");
   if (!response) return problem(request, response.error());
   if (response->status < 300) {
     response->headers["Content-Type"] = std::string(format_media_type(Format::kNative));

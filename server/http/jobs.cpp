@@ -35,15 +35,15 @@ Response dry_run(const JobRequest& job, Api& api) {
 }
 
 // The input exists: a dry run tells what submit() would.
-Status check_input(const JobRequest& job, Api& api) {
+Status check_input(const Caller& caller, const JobRequest& job, Api& api) {
   if (!job.asset.empty()) {
-    if (auto asset = api.jobs.get_asset(job.asset); !asset) return asset.error();
+    if (auto asset = api.jobs.get_asset(caller, job.asset); !asset) return asset.error();
   }
   if (!job.grid.empty()) {
-    if (auto grid = api.jobs.get_grid(job.grid); !grid) return grid.error();
+    if (auto grid = api.jobs.get_grid(caller, job.grid); !grid) return grid.error();
   }
   if (!job.sequence.empty()) {
-    if (auto known = api.jobs.get_sequence(job.sequence); !known) return known.error();
+    if (auto known = api.jobs.get_sequence(caller, job.sequence); !known) return known.error();
   }
   return {};
 }
@@ -52,19 +52,20 @@ Response post_job(Request& request, Api& api) {
   auto job = read_job_request(request);
   if (!job) return problem(request, job.error());
   if (request.query("dry_run").value_or("0") == "1") {
-    if (const Status status = check_input(*job, api); !status) {
+    if (const Status status = check_input(request.caller, *job, api); !status) {
       return problem(request, status.error());
     }
     return dry_run(*job, api);
   }
   SubmitOptions submit;
   submit.idempotency_key = request.head.header("Idempotency-Key");
-  auto status = api.jobs.submit(*job, submit);
+  auto status = api.jobs.submit(request.caller, *job, submit);
   if (!status) return problem(request, status.error());
   const int wait = preferred_wait_seconds(request);
   if (wait > 0 && !status->ended()) {
     const bool cached = status->cached;
-    status = api.jobs.wait_end(status->id, JobService::Clock::now() + std::chrono::seconds(wait),
+    status = api.jobs.wait_end(request.caller, status->id,
+                               JobService::Clock::now() + std::chrono::seconds(wait),
                                request.client_gone);
     if (!status) return problem(request, status.error());
     status->cached = cached;
@@ -100,7 +101,7 @@ Response list_jobs(Request& request, Api& api) {
                                "\"" + name.substr(0, 40) + "\""});
     }
   }
-  auto jobs = api.jobs.list(limit, state);
+  auto jobs = api.jobs.list(request.caller, limit, state);
   if (!jobs) return problem(request, jobs.error());
   Json list = Json::array();
   for (const JobStatus& status : *jobs) list.push_back(job_status_json(status));
@@ -110,7 +111,7 @@ Response list_jobs(Request& request, Api& api) {
 
 Response get_job(Request& request, Api& api) {
   const std::string& id = request.path_parameters[0];
-  auto status = api.jobs.get(id);
+  auto status = api.jobs.get(request.caller, id);
   if (!status) return problem(request, status.error());
   const int wait = preferred_wait_seconds(request);
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(wait);
@@ -118,13 +119,13 @@ Response get_job(Request& request, Api& api) {
   const std::string_view known = request.head.header("If-None-Match");
   const auto abandoned = [&] { return api.stopping || request.client_gone(); };
   if (known.empty() && wait > 0 && !status->ended()) {
-    status = api.jobs.wait_end(id, deadline, abandoned);
+    status = api.jobs.wait_end(request.caller, id, deadline, abandoned);
     if (!status) return problem(request, status.error());
   }
   // With If-None-Match, the next change after what the client knows, which may have been already.
   while (known == tag(*status) && !status->ended() && JobService::Clock::now() < deadline &&
          !abandoned()) {
-    status = api.jobs.wait_change(id, status->version,
+    status = api.jobs.wait_change(request.caller, id, status->version,
                                   std::min(deadline, JobService::Clock::now() + kPollStep));
     if (!status) return problem(request, status.error());
   }
@@ -137,7 +138,7 @@ Response get_job(Request& request, Api& api) {
 }
 
 Response cancel_job(Request& request, Api& api) {
-  auto status = api.jobs.cancel(request.path_parameters[0]);
+  auto status = api.jobs.cancel(request.caller, request.path_parameters[0]);
   if (!status) return problem(request, status.error());
   return status_response(status->ended() ? 200 : 202, *status);
 }

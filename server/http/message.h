@@ -14,6 +14,7 @@
 
 #include "proto/options.h"
 #include "proto/result.h"
+#include "server/jobs/caller.h"
 
 namespace voxeld::http {
 
@@ -48,6 +49,9 @@ struct Request {
   Head head;
   std::vector<std::string> path_parameters;  // what {…} of the route matched, in order
   std::string request_id;
+  // Whose request it is, by access.h: before it was admitted, nobody's.
+  Caller caller = Caller::nobody();
+  std::string key_id;  // of the key that it came with; empty where none is needed
   BodyReader* body = nullptr;
   // True when the client closed its side; cheap enough to poll.
   std::function<bool()> client_gone;

@@ -48,11 +48,11 @@ Response run(Request& request, Api& api, JobKind kind) {
     if (!upload) return problem(request, upload.error());
     submit.upload_ms = upload->ms;
     job->filename = upload->filename;
-    auto asset = register_upload(api, *upload);
+    auto asset = register_upload(request, api, *upload);
     if (!asset) return problem(request, asset.error());
     job->asset = asset->id;
   }
-  auto status = api.jobs.submit(*job, submit);
+  auto status = api.jobs.submit(request.caller, *job, submit);
   if (!status) return problem(request, status.error());
   return await_result(request, api, *status, /*transient=*/true);
 }

@@ -48,6 +48,8 @@ void RequestMetrics::record(const ExchangeRecord& exchange, const std::string& r
   const std::string method = exchange.head->method.empty() ? "-" : exchange.head->method;
   log::info("request", {{"id", exchange.request_id},
                         {"peer", exchange.peer},
+                        {"tenant", exchange.tenant},
+                        {"key", exchange.key_id},
                         {"method", method.substr(0, 20)},
                         {"path", exchange.head->path.substr(0, 200)},
                         {"status", exchange.status},

@@ -34,7 +34,7 @@ Response export_as(Request& request, Api& api, JobRequest job, Format format) {
 }
 
 Response get_result(Request& request, Api& api) {
-  auto status = api.jobs.get(request.path_parameters[0]);
+  auto status = api.jobs.get(request.caller, request.path_parameters[0]);
   if (!status) return problem(request, status.error());
   if (status->state != JobState::kDone || !status->result) {
     return job_result_response(request, api, *status);

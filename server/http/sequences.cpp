@@ -47,7 +47,8 @@ Error no_frame(const JobFrames& frames, const std::string& got) {
 
 // The grid of the frame that the path names.
 Result<std::string> frame_of_job(const Request& request, Api& api) {
-  VOXELD_ASSIGN(const JobFrames frames, api.jobs.frames(request.path_parameters[0]));
+  VOXELD_ASSIGN(const JobFrames frames,
+                api.jobs.frames(request.caller, request.path_parameters[0]));
   const auto index = frame_number(request.path_parameters[1]);
   for (const ListedFrame& listed : frames.frames) {
     if (index == listed.index) return listed.frame.grid;
@@ -56,7 +57,8 @@ Result<std::string> frame_of_job(const Request& request, Api& api) {
 }
 
 Result<std::string> frame_of_sequence(const Request& request, Api& api) {
-  VOXELD_ASSIGN(const SequenceManifest manifest, api.jobs.get_sequence(request.path_parameters[0]));
+  VOXELD_ASSIGN(const SequenceManifest manifest,
+                api.jobs.get_sequence(request.caller, request.path_parameters[0]));
   const auto index = frame_number(request.path_parameters[1]);
   const size_t count = manifest.frames.size();
   if (index && static_cast<uint64_t>(*index) < count) {
@@ -76,7 +78,7 @@ Response with_frame(Request& request, Api& api, FindGrid find, Answer answer) {
 }
 
 Response list_frames_of_job(Request& request, Api& api) {
-  const auto frames = api.jobs.frames(request.path_parameters[0]);
+  const auto frames = api.jobs.frames(request.caller, request.path_parameters[0]);
   if (!frames) return problem(request, frames.error());
   Json list = Json::array();
   for (const ListedFrame& listed : frames->frames) {
@@ -92,7 +94,7 @@ Response list_frames_of_job(Request& request, Api& api) {
 
 Response list_frames_of_sequence(Request& request, Api& api) {
   const std::string& id = request.path_parameters[0];
-  const auto manifest = api.jobs.get_sequence(id);
+  const auto manifest = api.jobs.get_sequence(request.caller, id);
   if (!manifest) return problem(request, manifest.error());
   Json list = Json::array();
   for (const SequenceFrame& frame : manifest->frames) {

@@ -9,6 +9,7 @@
 #include "proto/limits.h"
 #include "proto/result.h"
 #include "server/jobs/job_service.h"
+#include "server/jobs/key_ring.h"
 
 namespace voxeld::http {
 
@@ -29,9 +30,11 @@ class Server {
   virtual void stop(double seconds) = 0;
 };
 
-// Binds both listeners and serves on threads of its own. Errors: internal with the address and the
-// system's words ("127.0.0.1:8080: Address already in use").
+// Binds both listeners and serves, the public one to holders of keys alone, on threads of its own.
+// Errors: internal with the address and the system's words ("127.0.0.1:8080: Address already in
+// use").
 Result<std::unique_ptr<Server>> start_server(const ServerConfig& config, JobService& jobs,
+                                             const KeyRing& keys,
                                              const std::shared_ptr<prometheus::Registry>& metrics);
 
 }  // namespace voxeld::http

@@ -42,9 +42,9 @@ Status check_media_type(std::string_view type) {
 
 // A file of a bundle that is not there shall cost nothing: this is looked at before the manifest is
 // stored, and once more when it is registered.
-Status check_files(Api& api, const std::vector<BundleFile>& files) {
+Status check_files(const Request& request, Api& api, const std::vector<BundleFile>& files) {
   for (const BundleFile& file : files) {
-    auto asset = api.jobs.get_asset(file.asset);
+    auto asset = api.jobs.get_asset(request.caller, file.asset);
     if (asset) continue;
     Error error = std::move(asset).error();
     error.detail = "bundle file \"" + file.name + "\": " + error.detail;
@@ -70,9 +70,9 @@ Status receive_bundle(Request& request, Api& api, Upload& upload) {
   const int64_t bytes_max = std::min(api.config.upload_bytes_max, limits::kJsonBodyBytesMax);
   VOXELD_ASSIGN(const std::string text, request.body->read_text(bytes_max));
   VOXELD_ASSIGN(upload.bundle_files, parse_bundle_manifest(text));
-  VOXELD_TRY(check_files(api, upload.bundle_files));
+  VOXELD_TRY(check_files(request, api, upload.bundle_files));
   upload.filename = bundle_filename(std::move(upload.filename), upload.bundle_files);
-  VOXELD_ASSIGN(BlobWriter writer, api.jobs.blobs().begin(bytes_max));
+  VOXELD_ASSIGN(BlobWriter writer, api.jobs.begin_upload(bytes_max));
   VOXELD_TRY(writer.append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
   VOXELD_ASSIGN(upload.blob, writer.finish());
   return {};
@@ -80,7 +80,7 @@ Status receive_bundle(Request& request, Api& api, Upload& upload) {
 
 Status receive_file(Request& request, Api& api, Upload& upload) {
   const int64_t bytes_max = api.config.upload_bytes_max;
-  VOXELD_ASSIGN(BlobWriter writer, api.jobs.blobs().begin(bytes_max));
+  VOXELD_ASSIGN(BlobWriter writer, api.jobs.begin_upload(bytes_max));
   VOXELD_TRY(request.body->read(
       bytes_max, [&](std::span<const uint8_t> piece) { return writer.append(piece); }));
   if (writer.bytes() == 0) {
@@ -126,11 +126,11 @@ Result<Upload> receive_upload(Request& request, Api& api) {
   return upload;
 }
 
-Result<Asset> register_upload(Api& api, const Upload& upload) {
+Result<Asset> register_upload(const Request& request, Api& api, const Upload& upload) {
   if (upload.bundle_files.empty()) {
-    return api.jobs.put_asset(upload.blob, upload.filename, upload.content_type);
+    return api.jobs.put_asset(request.caller, upload.blob, upload.filename, upload.content_type);
   }
-  return api.jobs.put_bundle(upload.blob, upload.filename, upload.bundle_files);
+  return api.jobs.put_bundle(request.caller, upload.blob, upload.filename, upload.bundle_files);
 }
 
 }  // namespace voxeld::http

@@ -10,32 +10,38 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kSelect =
-    "SELECT id, filename, content_type, bytes, created_ms, description_json, deleted_ms FROM "
-    "assets";
+    "SELECT id, tenant, filename, content_type, bytes, created_ms, description_json, deleted_ms"
+    " FROM assets";
+constexpr int kDeletedColumn = 7;
 
 Asset read_asset(const SqlStatement& statement) {
-  return {statement.text(0),  statement.text(1),  statement.text(2),
-          statement.int64(3), statement.int64(4), statement.text(5)};
+  Asset asset;
+  asset.id = statement.text(0);
+  asset.tenant = statement.text(1);
+  asset.filename = statement.text(2);
+  asset.content_type = statement.text(3);
+  asset.bytes = statement.int64(4);
+  asset.created_ms = statement.int64(5);
+  asset.description_json = statement.text(6);
+  return asset;
 }
 
-Result<Asset> load_asset(SqlConnection& connection, std::string_view id) {
-  static const std::string sql = std::string(kSelect) + " WHERE id = $1";
-  VOXELD_ASSIGN(SqlStatement statement, connection.query(sql, id));
-  VOXELD_ASSIGN(const bool found, statement.step());
-  if (!found) {
-    return Error{ErrorCode::kNotFound, "no such asset", "the id of an uploaded asset",
-                 std::string(id.substr(0, 80))};
-  }
-  if (statement.int64(6) != 0) {
-    return Error{ErrorCode::kGone, "asset " + std::string(id) + " was deleted", "", ""};
-  }
-  return read_asset(statement);
+Result<SqlStatement> select_asset(SqlConnection& connection, const Caller& caller,
+                                  std::string_view id) {
+  static const std::string own = std::string(kSelect) + " WHERE id = $1 AND tenant = $2";
+  static const std::string any =
+      std::string(kSelect) +
+      " WHERE id = $1 ORDER BY deleted_ms <> 0, tenant <> $2, created_ms DESC LIMIT 1";
+  return connection.query(caller.sees_all() ? any : own, id, caller.tenant());
 }
 
 // Deleted assets whose blob may still be there and that nothing needs.
 Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
   VOXELD_ASSIGN(SqlStatement rows,
-                connection.query("SELECT id FROM assets a WHERE deleted_ms <> 0 AND bytes >= 0"
+                connection.query("SELECT DISTINCT id FROM assets a"
+                                 " WHERE deleted_ms <> 0 AND bytes >= 0"
+                                 " AND NOT EXISTS (SELECT 1 FROM assets b WHERE b.id = a.id"
+                                 "                 AND b.deleted_ms = 0)"
                                  " AND NOT EXISTS (SELECT 1 FROM jobs WHERE asset = a.id"
                                  "                 AND state IN ('queued', 'running'))"
                                  " AND NOT EXISTS (SELECT 1 FROM results WHERE blob = a.id)"
@@ -56,28 +62,43 @@ Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
   }
 }
 
-Status put_row(SqlConnection& connection, const BlobStore& blobs, const BlobInfo& blob,
-               std::string_view filename, std::string_view content_type) {
+// Whether the caller's tenant has it already.
+Result<bool> is_owned(SqlConnection& connection, const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement found,
+                connection.query("SELECT 1 FROM assets WHERE id = $1 AND tenant = $2"
+                                 " AND deleted_ms = 0",
+                                 id, caller.tenant()));
+  return found.step();
+}
+
+Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
+               const BlobInfo& blob, std::string_view filename, std::string_view content_type) {
   if (!blobs.stat(blob.id)) {
     return Error{ErrorCode::kConflict, "the asset was deleted while it was uploaded; send it again",
                  "", ""};
   }
   return connection.run(
-      "INSERT INTO assets (id, filename, content_type, bytes, created_ms)"
-      " VALUES ($1, $2, $3, $4, $5) ON CONFLICT (id) DO UPDATE SET"
+      "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant)"
+      " VALUES ($1, $2, $3, $4, $5, $6) ON CONFLICT (id, tenant) DO UPDATE SET"
       " filename = CASE WHEN excluded.filename <> '' THEN excluded.filename"
       "            ELSE assets.filename END,"
       " content_type = CASE WHEN excluded.content_type <> '' THEN excluded.content_type"
       "                ELSE assets.content_type END,"
       " bytes = excluded.bytes, deleted_ms = 0",
-      blob.id, filename, content_type, blob.bytes, unix_time_ms());
+      blob.id, filename, content_type, blob.bytes, unix_time_ms(), caller.tenant());
 }
 
-Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::string_view id) {
+// The row that put_row() left.
+Result<Asset> load_own(SqlConnection& connection, const Caller& caller, std::string_view id) {
+  return load_asset(connection, Caller::tenant(caller.tenant(), /*is_admin=*/false), id);
+}
+
+Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::string_view tenant,
+                                            std::string_view id) {
   VOXELD_ASSIGN(SqlStatement rows,
-                connection.query("SELECT name, asset FROM bundle_files WHERE bundle = $1"
-                                 " ORDER BY position",
-                                 id));
+                connection.query("SELECT name, asset FROM bundle_files"
+                                 " WHERE bundle = $1 AND tenant = $2 ORDER BY position",
+                                 id, tenant));
   std::vector<BundleFile> files;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
@@ -86,79 +107,105 @@ Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::stri
   }
 }
 
-Status check_bundle_file(SqlConnection& connection, const BundleFile& file) {
+// Files of a bundle are its tenant's own, also where an admin looks at it.
+Status check_bundle_file(SqlConnection& connection, std::string_view tenant,
+                         const BundleFile& file) {
   const std::string what = "bundle file \"" + file.name + "\": ";
-  if (auto asset = load_asset(connection, file.asset); !asset) {
+  const Caller owner = Caller::tenant(std::string(tenant), /*is_admin=*/false);
+  if (auto asset = load_asset(connection, owner, file.asset); !asset) {
     Error error = std::move(asset).error();
     error.detail = what + error.detail;
     return error;
   }
-  VOXELD_ASSIGN(const auto inner, load_bundle(connection, file.asset));
+  VOXELD_ASSIGN(const auto inner, load_bundle(connection, tenant, file.asset));
   if (inner.empty()) return {};
   return Error{ErrorCode::kMalformedBundle, what + "it is a bundle itself", "a file", file.asset};
 }
 
 // A manifest's rows; those of the same bytes are the same.
-Status put_files(SqlConnection& connection, std::string_view bundle,
+Status put_files(SqlConnection& connection, std::string_view tenant, std::string_view bundle,
                  const std::vector<BundleFile>& files) {
-  VOXELD_TRY(connection.run("DELETE FROM bundle_files WHERE bundle = $1", bundle));
+  VOXELD_TRY(
+      connection.run("DELETE FROM bundle_files WHERE bundle = $1 AND tenant = $2", bundle, tenant));
   for (size_t i = 0; i < files.size(); ++i) {
-    VOXELD_TRY(check_bundle_file(connection, files[i]));
-    VOXELD_TRY(connection.run(
-        "INSERT INTO bundle_files (bundle, position, name, asset) VALUES ($1, $2, $3, $4)", bundle,
-        static_cast<int64_t>(i), files[i].name, files[i].asset));
+    VOXELD_TRY(check_bundle_file(connection, tenant, files[i]));
+    VOXELD_TRY(
+        connection.run("INSERT INTO bundle_files (tenant, bundle, position, name, asset)"
+                       " VALUES ($1, $2, $3, $4, $5)",
+                       tenant, bundle, static_cast<int64_t>(i), files[i].name, files[i].asset));
   }
   return {};
 }
 
 }  // namespace
 
-Status check_bundle(SqlConnection& connection, std::string_view id) {
-  VOXELD_ASSIGN(const auto files, load_bundle(connection, id));
-  for (const BundleFile& file : files) VOXELD_TRY(check_bundle_file(connection, file));
+Result<Asset> load_asset(SqlConnection& connection, const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement statement, select_asset(connection, caller, id));
+  VOXELD_ASSIGN(const bool found, statement.step());
+  if (!found) {
+    return Error{ErrorCode::kNotFound, "no such asset", "the id of an uploaded asset",
+                 std::string(id.substr(0, 80))};
+  }
+  if (statement.int64(kDeletedColumn) != 0) {
+    return Error{ErrorCode::kGone, "asset " + std::string(id) + " was deleted", "", ""};
+  }
+  return read_asset(statement);
+}
+
+Status check_bundle(SqlConnection& connection, std::string_view tenant, std::string_view id) {
+  VOXELD_ASSIGN(const auto files, load_bundle(connection, tenant, id));
+  for (const BundleFile& file : files) VOXELD_TRY(check_bundle_file(connection, tenant, file));
   return {};
 }
 
-Result<Asset> AssetStore::put(const BlobInfo& blob, const std::string& filename,
-                              const std::string& content_type) {
+Result<Asset> AssetStore::put(const Caller& caller, const BlobInfo& blob,
+                              const std::string& filename, const std::string& content_type) {
   std::optional<Asset> asset;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_TRY(put_row(connection, blobs_, blob, filename, content_type));
-    VOXELD_ASSIGN(asset, load_asset(connection, blob.id));
+    VOXELD_ASSIGN(const bool existed, is_owned(connection, caller, blob.id));
+    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, content_type));
+    VOXELD_ASSIGN(asset, load_own(connection, caller, blob.id));
+    asset->existed = existed;
     return {};
   });
   VOXELD_TRY(committed);
   return *std::move(asset);
 }
 
-Result<Asset> AssetStore::put_bundle(const BlobInfo& blob, const std::string& filename,
+Result<Asset> AssetStore::put_bundle(const Caller& caller, const BlobInfo& blob,
+                                     const std::string& filename,
                                      const std::vector<BundleFile>& files) {
   std::optional<Asset> asset;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_TRY(put_files(connection, blob.id, files));
-    VOXELD_TRY(put_row(connection, blobs_, blob, filename, kBundleMediaType));
-    VOXELD_ASSIGN(asset, load_asset(connection, blob.id));
+    VOXELD_ASSIGN(const bool existed, is_owned(connection, caller, blob.id));
+    VOXELD_TRY(put_files(connection, caller.tenant(), blob.id, files));
+    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, kBundleMediaType));
+    VOXELD_ASSIGN(asset, load_own(connection, caller, blob.id));
+    asset->existed = existed;
     return {};
   });
   VOXELD_TRY(committed);
   return *std::move(asset);
 }
 
-Result<std::vector<BundleFile>> AssetStore::bundle_files(std::string_view id) {
+Result<std::vector<BundleFile>> AssetStore::bundle_files(std::string_view tenant,
+                                                         std::string_view id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_bundle(*reader, id);
+  return load_bundle(*reader, tenant, id);
 }
 
-Result<Asset> AssetStore::get(std::string_view id) {
+Result<Asset> AssetStore::get(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_asset(*reader, id);
+  return load_asset(*reader, caller, id);
 }
 
-Result<std::vector<Asset>> AssetStore::list(int limit) {
-  static const std::string sql =
-      std::string(kSelect) + " WHERE deleted_ms = 0 ORDER BY created_ms DESC, id LIMIT $1";
+Result<std::vector<Asset>> AssetStore::list(const Caller& caller, int limit) {
+  static const std::string end = " AND deleted_ms = 0 ORDER BY created_ms DESC, id LIMIT $2";
+  static const std::string own = std::string(kSelect) + " WHERE tenant = $1" + end;
+  static const std::string any = std::string(kSelect) + " WHERE $1 = $1" + end;
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(SqlStatement rows, reader->query(sql, int64_t{limit}));
+  VOXELD_ASSIGN(SqlStatement rows,
+                reader->query(caller.sees_all() ? any : own, caller.tenant(), int64_t{limit}));
   std::vector<Asset> assets;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
@@ -167,10 +214,14 @@ Result<std::vector<Asset>> AssetStore::list(int limit) {
   }
 }
 
-Status AssetStore::mark_deleted(std::string_view id) {
+Status AssetStore::mark_deleted(const Caller& caller, std::string_view id) {
+  constexpr std::string_view kOwn =
+      "UPDATE assets SET deleted_ms = $2 WHERE id = $1 AND deleted_ms = 0 AND tenant = $3";
+  constexpr std::string_view kAny =
+      "UPDATE assets SET deleted_ms = $2 WHERE id = $1 AND deleted_ms = 0 AND $3 = $3";
   return database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_TRY(load_asset(connection, id));
-    return connection.run("UPDATE assets SET deleted_ms = $2 WHERE id = $1", id, unix_time_ms());
+    VOXELD_TRY(load_asset(connection, caller, id));
+    return connection.run(caller.sees_all() ? kAny : kOwn, id, unix_time_ms(), caller.tenant());
   });
 }
 
@@ -185,7 +236,9 @@ Result<int64_t> AssetStore::remove_unneeded() {
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto ids, unneeded(connection));
     for (const std::string& id : ids) {
-      if (Status gone = blobs_.remove(id); !gone && gone.error().code != ErrorCode::kNotFound) {
+      Status gone = blobs_.remove(id);
+      if (!gone && gone.error().code == ErrorCode::kConflict) continue;  // uploaded again just now
+      if (!gone && gone.error().code != ErrorCode::kNotFound) {
         log::warn("cannot remove the blob of a deleted asset",
                   {{"asset", id}, {"error", gone.error().message()}});
         continue;

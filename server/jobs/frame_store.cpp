@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "server/base/file.h"
+#include "server/jobs/visibility.h"
 
 namespace voxeld {
 namespace {
@@ -38,8 +39,9 @@ Result<bool> is_current(SqlConnection& connection, const TaskFrame& frame) {
 
 Status insert_frame(SqlConnection& connection, const TaskFrame& frame, std::string_view grid) {
   return connection.run(
-      "INSERT INTO frames (job_id, frame, time_s, grid, voxel_count, content_hash)"
-      " VALUES ($1, $2, $3, $4, $5, $6) ON CONFLICT (job_id, frame) DO UPDATE SET"
+      "INSERT INTO frames (job_id, frame, time_s, grid, voxel_count, content_hash, tenant)"
+      " VALUES ($1, $2, $3, $4, $5, $6, (SELECT tenant FROM jobs WHERE id = $1)) ON CONFLICT "
+      "(job_id, frame) DO UPDATE SET"
       " time_s = excluded.time_s, grid = excluded.grid, voxel_count = excluded.voxel_count,"
       " content_hash = excluded.content_hash",
       frame.task, frame.index, time_text(frame.time_s), grid,
@@ -89,14 +91,13 @@ Result<std::vector<ListedFrame>> FrameStore::of_job(std::string_view job) {
   }
 }
 
-Result<BlobInfo> FrameStore::stat(std::string_view sequence) {
+Result<BlobInfo> FrameStore::stat(const Caller& caller, std::string_view sequence) {
   {
     VOXELD_ASSIGN(Database::Lease reader, database_.read());
-    VOXELD_ASSIGN(SqlStatement found,
-                  reader->query("SELECT 1 FROM results WHERE sequence = $1 AND sequence <> ''"
-                                " LIMIT 1",
-                                sequence));
-    VOXELD_ASSIGN(const bool known, found.step());
+    VOXELD_ASSIGN(
+        const bool known,
+        sees_row(*reader, caller, "SELECT 1 FROM results WHERE sequence = $1 AND sequence <> ''",
+                 sequence));
     if (!known) return no_sequence(sequence);
   }
   auto blob = blobs_.stat(sequence);
@@ -104,8 +105,8 @@ Result<BlobInfo> FrameStore::stat(std::string_view sequence) {
   return blob;
 }
 
-Result<SequenceManifest> FrameStore::read(std::string_view sequence) {
-  VOXELD_TRY(stat(sequence));
+Result<SequenceManifest> FrameStore::read(const Caller& caller, std::string_view sequence) {
+  VOXELD_TRY(stat(caller, sequence));
   return read_blob(sequence);
 }
 

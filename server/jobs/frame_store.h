@@ -10,6 +10,7 @@
 
 #include "proto/sequence.h"
 #include "proto/task_api.h"
+#include "server/jobs/caller.h"
 #include "server/jobs/database.h"
 #include "server/jobs/job_service.h"
 #include "server/store/blob_store.h"
@@ -26,12 +27,12 @@ class FrameStore {
   // the job and nothing changed.
   Result<std::optional<int64_t>> add(const TaskFrame& frame, std::string_view grid,
                                      int64_t frames_total);
-  // By ascending index; those of earlier attempts count.
+  // By ascending index; those of earlier attempts count. Whoever asks may see the job.
   Result<std::vector<ListedFrame>> of_job(std::string_view job);
 
-  // Of a sequence that a finished job left. Errors: not-found.
-  Result<BlobInfo> stat(std::string_view sequence);
-  Result<SequenceManifest> read(std::string_view sequence);
+  // Of a sequence that a finished job of the caller left. Errors: not-found.
+  Result<BlobInfo> stat(const Caller& caller, std::string_view sequence);
+  Result<SequenceManifest> read(const Caller& caller, std::string_view sequence);
   // Whether a manifest that a worker brings names exactly the frames that its job lists, whose
   // number is returned. Errors: internal.
   Result<int64_t> check(std::string_view job, std::string_view sequence);

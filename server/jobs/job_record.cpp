@@ -11,7 +11,8 @@ using nlohmann::json;
 
 // In the order in which read_record takes them.
 constexpr std::string_view kSelect =
-    "SELECT j.seq, j.id, j.kind, j.state, j.asset, j.grid, j.filename, j.options_json,"
+    "SELECT j.tenant, j.asset_tenant, j.seq, j.id, j.kind, j.state, j.asset, j.grid, j.filename, "
+    "j.options_json,"
     " j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
     " j.attempt, j.fence, j.worker, j.lost_workers, j.upload_us, j.created_ms, j.started_ms,"
     " j.ended_ms, j.sequence, j.frames_total,"
@@ -73,6 +74,8 @@ JobRecord read_record(const SqlStatement& statement) {
   ColumnReader column(statement);
   JobRecord record;
   JobStatus& status = record.status;
+  record.tenant = column.text();
+  record.asset_tenant = column.text();
   record.seq = column.int64();
   status.id = column.text();
   status.kind = job_kind_from_name(column.text()).value_or(JobKind::kVoxelize);
@@ -143,11 +146,13 @@ int64_t unix_time_ms() {
   return std::chrono::duration_cast<milliseconds>(since).count();
 }
 
-Result<JobRecord> load_job(SqlConnection& connection, std::string_view id) {
-  static const std::string sql = std::string(kSelect) + " WHERE j.id = $1";
+Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std::string_view id) {
+  static const std::string any = std::string(kSelect) + " WHERE j.id = $1 AND $2 = $2";
+  static const std::string own = std::string(kSelect) + " WHERE j.id = $1 AND j.tenant = $2";
   JobRecord record;
   {
-    VOXELD_ASSIGN(SqlStatement statement, connection.query(sql, id));
+    VOXELD_ASSIGN(SqlStatement statement,
+                  connection.query(caller.sees_all() ? any : own, id, caller.tenant()));
     VOXELD_ASSIGN(const bool found, statement.step());
     if (!found) {
       return Error{ErrorCode::kNotFound, "no such job", "the id of a job",
@@ -159,17 +164,17 @@ Result<JobRecord> load_job(SqlConnection& connection, std::string_view id) {
   return record;
 }
 
-Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, int limit,
+Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, const Caller& caller, int limit,
                                          std::optional<JobState> state) {
-  static const std::string all = std::string(kSelect) + " ORDER BY j.seq DESC LIMIT $1";
-  static const std::string some =
-      std::string(kSelect) + " WHERE j.state = $2 ORDER BY j.seq DESC LIMIT $1";
+  std::string sql(kSelect);
+  sql += caller.sees_all() ? " WHERE $2 = $2" : " WHERE j.tenant = $2";
+  sql += state ? " AND j.state = $3" : " AND $3 = $3";
+  sql += " ORDER BY j.seq DESC LIMIT $1";
   std::vector<JobRecord> records;
   {
-    const int64_t rows = limit;
-    VOXELD_ASSIGN(SqlStatement statement, state
-                                              ? connection.query(some, rows, job_state_name(*state))
-                                              : connection.query(all, rows));
+    VOXELD_ASSIGN(SqlStatement statement,
+                  connection.query(sql, int64_t{limit}, caller.tenant(),
+                                   state ? job_state_name(*state) : std::string_view()));
     while (true) {
       VOXELD_ASSIGN(const bool row, statement.step());
       if (!row) break;

@@ -9,6 +9,7 @@
 
 #include "proto/job.h"
 #include "proto/result.h"
+#include "server/jobs/caller.h"
 #include "server/jobs/sqlite.h"
 
 namespace voxeld {
@@ -16,7 +17,9 @@ namespace voxeld {
 // What the public status leaves out.
 struct JobRecord {
   JobStatus status;
-  int64_t seq = 0;  // order of arrival
+  std::string tenant;        // whose job it is
+  std::string asset_tenant;  // whose asset it works on: the same, but for an admin's job
+  int64_t seq = 0;           // order of arrival
   int64_t fence = 0;
   std::string request_hash;  // see request_hash.h
   bool use_cache = true;
@@ -29,10 +32,10 @@ struct JobRecord {
 
 // Milliseconds since 1970.
 int64_t unix_time_ms();
-// Fills in queue_position too. Errors: not-found.
-Result<JobRecord> load_job(SqlConnection& connection, std::string_view id);
+// Fills in queue_position too. Errors: not-found, also for what the caller may not see.
+Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std::string_view id);
 // Newest first.
-Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, int limit,
+Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, const Caller& caller, int limit,
                                          std::optional<JobState> state);
 
 // Columns that hold lists.

@@ -58,33 +58,42 @@ class Service final : public JobService {
 
   Status start();
 
-  BlobStore& blobs() override { return blobs_; }
-  Result<Asset> put_asset(const BlobInfo& blob, std::string filename,
+  Result<BlobWriter> begin_upload(int64_t bytes_max) override { return blobs_.begin(bytes_max); }
+  Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
                           std::string content_type) override {
-    return assets_.put(blob, filename, content_type);
+    return assets_.put(caller, blob, filename, content_type);
   }
-  Result<Asset> put_bundle(const BlobInfo& blob, std::string filename,
+  Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
                            const std::vector<BundleFile>& files) override {
-    return assets_.put_bundle(blob, filename, files);
+    return assets_.put_bundle(caller, blob, filename, files);
   }
-  Result<Asset> get_asset(std::string_view id) override { return assets_.get(id); }
-  Result<std::vector<Asset>> list_assets(int limit) override { return assets_.list(limit); }
-  Status delete_asset(std::string_view id) override;
+  Result<Asset> get_asset(const Caller& caller, std::string_view id) override {
+    return assets_.get(caller, id);
+  }
+  Result<std::vector<Asset>> list_assets(const Caller& caller, int limit) override {
+    return assets_.list(caller, limit);
+  }
+  Status delete_asset(const Caller& caller, std::string_view id) override;
 
-  Result<JobStatus> submit(const JobRequest& request, const SubmitOptions& options) override;
-  Result<JobStatus> get(std::string_view id) override;
-  Result<std::vector<JobStatus>> list(int limit, std::optional<JobState> state) override;
-  Result<JobStatus> wait_change(std::string_view id, int64_t after_version,
+  Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
+                           const SubmitOptions& options) override;
+  Result<JobStatus> get(const Caller& caller, std::string_view id) override;
+  Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
+                                      std::optional<JobState> state) override;
+  Result<JobStatus> wait_change(const Caller& caller, std::string_view id, int64_t after_version,
                                 Clock::time_point deadline) override;
-  Result<JobStatus> wait_end(std::string_view id, Clock::time_point deadline,
+  Result<JobStatus> wait_end(const Caller& caller, std::string_view id, Clock::time_point deadline,
                              const std::function<bool()>& abandoned) override;
-  Result<std::vector<JobEvent>> wait_events(std::string_view id, int64_t after_id,
-                                            Clock::time_point deadline) override;
-  Result<JobStatus> cancel(std::string_view id) override;
+  Result<std::vector<JobEvent>> wait_events(const Caller& caller, std::string_view id,
+                                            int64_t after_id, Clock::time_point deadline) override;
+  Result<JobStatus> cancel(const Caller& caller, std::string_view id) override;
+  Result<StoredBlob> get_result(const Caller& caller, std::string_view job) override;
 
-  Result<BlobInfo> get_grid(std::string_view id) override;
-  Result<JobFrames> frames(std::string_view job) override;
-  Result<SequenceManifest> get_sequence(std::string_view id) override { return frames_.read(id); }
+  Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) override;
+  Result<JobFrames> frames(const Caller& caller, std::string_view job) override;
+  Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
+    return frames_.read(caller, id);
+  }
   std::vector<WorkerState> workers() override;
   int64_t queued_jobs() override;
   Status ready() override;
@@ -94,7 +103,9 @@ class Service final : public JobService {
   void job_changed(const JobRecord& record);
   void update_gauges();
   void start_supervisor();
-  Result<std::vector<JobEvent>> events_after(std::string_view id, int64_t after_id);
+  Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
+                                             int64_t after_id);
+  Result<StoredBlob> stored(std::string_view id);
 
   const JobServiceConfig config_;
   const UniqueFd lock_;
@@ -166,6 +177,7 @@ void Service::job_changed(const JobRecord& record) {
     board_.changed(status.id, status.version, false);
     metrics_.ended(status);
     log::info("job ended", {{"job", status.id},
+                            {"tenant", record.tenant},
                             {"kind", job_kind_name(status.kind)},
                             {"state", job_state_name(status.state)},
                             {"cached", status.cached ? 1 : 0},
@@ -191,18 +203,19 @@ void Service::update_gauges() {
   if (queued && running) metrics_.set_jobs(*queued, *running);
 }
 
-Status Service::delete_asset(std::string_view id) {
-  VOXELD_TRY(assets_.mark_deleted(id));
+Status Service::delete_asset(const Caller& caller, std::string_view id) {
+  VOXELD_TRY(assets_.mark_deleted(caller, id));
   VOXELD_TRY(assets_.remove_unneeded());
   return {};
 }
 
-Result<JobStatus> Service::submit(const JobRequest& request, const SubmitOptions& options) {
+Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& request,
+                                  const SubmitOptions& options) {
   if (draining_) {
     return Error{ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""};
   }
   VOXELD_ASSIGN(JobStore::Submitted submitted,
-                jobs_.submit(request, options, config_.queued_jobs_max));
+                jobs_.submit(caller, request, options, config_.queued_jobs_max));
   JobRecord& record = submitted.record;
   board_.overlay(record.status);
   if (submitted.existed) return record.status;
@@ -216,14 +229,15 @@ Result<JobStatus> Service::submit(const JobRequest& request, const SubmitOptions
   return record.status;
 }
 
-Result<JobStatus> Service::get(std::string_view id) {
-  VOXELD_ASSIGN(JobRecord record, jobs_.get(id));
+Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
   board_.overlay(record.status);
   return record.status;
 }
 
-Result<std::vector<JobStatus>> Service::list(int limit, std::optional<JobState> state) {
-  VOXELD_ASSIGN(const std::vector<JobRecord> records, jobs_.list(limit, state));
+Result<std::vector<JobStatus>> Service::list(const Caller& caller, int limit,
+                                             std::optional<JobState> state) {
+  VOXELD_ASSIGN(const std::vector<JobRecord> records, jobs_.list(caller, limit, state));
   std::vector<JobStatus> statuses;
   statuses.reserve(records.size());
   for (const JobRecord& record : records) {
@@ -233,11 +247,11 @@ Result<std::vector<JobStatus>> Service::list(int limit, std::optional<JobState> 
   return statuses;
 }
 
-Result<JobStatus> Service::wait_change(std::string_view id, int64_t after_version,
-                                       Clock::time_point deadline) {
+Result<JobStatus> Service::wait_change(const Caller& caller, std::string_view id,
+                                       int64_t after_version, Clock::time_point deadline) {
   JobBoard::Watch watch(board_, std::string(id));
   while (true) {
-    VOXELD_ASSIGN(JobStatus status, get(id));
+    VOXELD_ASSIGN(JobStatus status, get(caller, id));
     const auto now = Clock::now();
     if (status.version > after_version || status.ended() || now >= deadline || draining_) {
       return status;
@@ -246,27 +260,29 @@ Result<JobStatus> Service::wait_change(std::string_view id, int64_t after_versio
   }
 }
 
-Result<JobStatus> Service::wait_end(std::string_view id, Clock::time_point deadline,
+Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
+                                    Clock::time_point deadline,
                                     const std::function<bool()>& abandoned) {
   JobBoard::Watch watch(board_, std::string(id));
   while (true) {
-    VOXELD_ASSIGN(JobRecord record, jobs_.get(id));
+    VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
     board_.overlay(record.status);
     const auto now = Clock::now();
     if (record.status.ended() || now >= deadline) return record.status;
     if (abandoned && abandoned()) {
-      if (record.transient) return cancel(id);
+      if (record.transient) return cancel(caller, id);
       return record.status;
     }
     watch.wait(record.status.version, std::min(deadline, now + kWaitSlice));
   }
 }
 
-Result<std::vector<JobEvent>> Service::events_after(std::string_view id, int64_t after_id) {
+Result<std::vector<JobEvent>> Service::events_after(const Caller& caller, std::string_view id,
+                                                    int64_t after_id) {
   // The status first: a state change that comes after it is then in the list, and the older
   // progress is left out.
-  VOXELD_ASSIGN(const JobStatus status, get(id));
-  VOXELD_ASSIGN(std::vector<JobEvent> events, jobs_.events(id, after_id));
+  VOXELD_ASSIGN(const JobStatus status, get(caller, id));
+  VOXELD_ASSIGN(std::vector<JobEvent> events, jobs_.events(caller, id, after_id));
   const int64_t last = events.empty() ? after_id : events.back().id;
   if (status.state == JobState::kRunning && status.version > last) {
     events.push_back(
@@ -276,21 +292,21 @@ Result<std::vector<JobEvent>> Service::events_after(std::string_view id, int64_t
   return events;
 }
 
-Result<std::vector<JobEvent>> Service::wait_events(std::string_view id, int64_t after_id,
-                                                   Clock::time_point deadline) {
+Result<std::vector<JobEvent>> Service::wait_events(const Caller& caller, std::string_view id,
+                                                   int64_t after_id, Clock::time_point deadline) {
   JobBoard::Watch watch(board_, std::string(id));
   while (true) {
-    VOXELD_ASSIGN(std::vector<JobEvent> events, events_after(id, after_id));
+    VOXELD_ASSIGN(std::vector<JobEvent> events, events_after(caller, id, after_id));
     const auto now = Clock::now();
     if (!events.empty() || now >= deadline || draining_) return events;
     watch.wait(after_id, std::min(deadline, now + kWaitSlice));
   }
 }
 
-Result<JobStatus> Service::cancel(std::string_view id) {
-  VOXELD_ASSIGN(JobRecord before, jobs_.get(id));
+Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(JobRecord before, jobs_.get(caller, id));
   if (before.status.ended()) return before.status;
-  VOXELD_ASSIGN(JobRecord record, jobs_.cancel(id));
+  VOXELD_ASSIGN(JobRecord record, jobs_.cancel(caller, id));
   if (record.status.ended()) {
     job_changed(record);
   } else {
@@ -300,23 +316,35 @@ Result<JobStatus> Service::cancel(std::string_view id) {
   return record.status;
 }
 
-Result<BlobInfo> Service::get_grid(std::string_view id) {
-  VOXELD_ASSIGN(const bool known, jobs_.is_grid(id));
+Result<StoredBlob> Service::stored(std::string_view id) {
+  VOXELD_ASSIGN(BlobInfo blob, blobs_.stat(id));
+  return StoredBlob{std::move(blob.id), blob.bytes, blobs_.path_of(id)};
+}
+
+Result<StoredBlob> Service::get_result(const Caller& caller, std::string_view job) {
+  VOXELD_ASSIGN(const JobRecord record, jobs_.get(caller, job));
+  if (record.status.result) return stored(record.status.result->blob);
+  return Error{ErrorCode::kConflict, "the job " + record.status.id + " has no result", "done",
+               std::string(job_state_name(record.status.state))};
+}
+
+Result<StoredBlob> Service::get_grid(const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(const bool known, jobs_.is_grid(caller, id));
   if (!known) {
     return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
                  std::string(id.substr(0, 80))};
   }
-  return blobs_.stat(id);
+  return stored(id);
 }
 
-Result<JobFrames> Service::frames(std::string_view job) {
-  VOXELD_ASSIGN(const JobStatus status, get(job));
+Result<JobFrames> Service::frames(const Caller& caller, std::string_view job) {
+  VOXELD_ASSIGN(const JobStatus status, get(caller, job));
   JobFrames frames{
       status.id, status.result ? status.result->sequence : "", status.frames_total, {}};
   VOXELD_ASSIGN(frames.frames, frames_.of_job(job));
   if (!frames.frames.empty() || frames.sequence.empty()) return frames;
   // Answered from another job's result.
-  VOXELD_ASSIGN(SequenceManifest manifest, frames_.read(frames.sequence));
+  VOXELD_ASSIGN(SequenceManifest manifest, frames_.read(caller, frames.sequence));
   for (SequenceFrame& frame : manifest.frames) {
     frames.frames.push_back({static_cast<int64_t>(frames.frames.size()), std::move(frame)});
   }

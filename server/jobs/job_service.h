@@ -1,5 +1,8 @@
 // All that the HTTP side knows of jobs: assets, jobs, events, results. A facade over the job store
 // (SQLite), the blob store and the task server. Thread-safe; calls that wait say so.
+//
+// Every call on something that a tenant owns says in whose name (caller.h). What the caller may not
+// see is not-found, with the very words for what never was.
 #pragma once
 
 #include <chrono>
@@ -18,6 +21,7 @@
 #include "proto/result.h"
 #include "proto/sequence.h"
 #include "proto/task_api.h"
+#include "server/jobs/caller.h"
 #include "server/store/blob_store.h"
 
 namespace prometheus {
@@ -27,12 +31,21 @@ class Registry;
 namespace voxeld {
 
 struct Asset {
-  std::string id;        // content hash of the upload
+  std::string id;  // content hash of the upload
+  std::string tenant;
   std::string filename;  // as given; may be empty
   std::string content_type;
   int64_t bytes = 0;
   int64_t created_ms = 0;
   std::string description_json;  // object from the last inspect job; empty until inspected
+  bool existed = false;          // of put: the tenant had it already
+};
+
+// A stored file that the caller may read.
+struct StoredBlob {
+  std::string id;
+  int64_t bytes = 0;
+  std::filesystem::path path;
 };
 
 struct SubmitOptions {
@@ -76,48 +89,55 @@ class JobService {
   virtual ~JobService() = default;
 
   // --- assets
-  virtual BlobStore& blobs() = 0;
-  // Registers an upload that was written to blobs().
-  virtual Result<Asset> put_asset(const BlobInfo& blob, std::string filename,
+  // Where an upload is written to: at most `bytes_max` bytes.
+  virtual Result<BlobWriter> begin_upload(int64_t bytes_max) = 0;
+  // Registers what a writer of begin_upload() finished.
+  virtual Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
                                   std::string content_type) = 0;
   // The same for a manifest with these files. Errors: not-found and gone, naming the file whose
   // asset is not there; malformed-bundle for a bundle in a bundle.
-  virtual Result<Asset> put_bundle(const BlobInfo& blob, std::string filename,
+  virtual Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
                                    const std::vector<BundleFile>& files) = 0;
-  virtual Result<Asset> get_asset(std::string_view id) = 0;
-  virtual Result<std::vector<Asset>> list_assets(int limit) = 0;
+  virtual Result<Asset> get_asset(const Caller& caller, std::string_view id) = 0;
+  virtual Result<std::vector<Asset>> list_assets(const Caller& caller, int limit) = 0;
   // Results and grids stay; live jobs that need the asset, or a bundle with it, keep its blob until
-  // they end.
-  virtual Status delete_asset(std::string_view id) = 0;
+  // they end, as do other tenants who have the same bytes. An admin deletes it of every tenant.
+  virtual Status delete_asset(const Caller& caller, std::string_view id) = 0;
 
   // --- jobs
-  // Durable when it returns. Equal work that is done already (same input, canonical options and
-  // algorithm version) comes back at once with `cached` set, unless use_cache is off. Errors:
-  // not-found (asset, file of a bundle, grid, sequence), gone, invalid-option, queue-full,
-  // idempotency-mismatch, shutting-down.
-  virtual Result<JobStatus> submit(const JobRequest& request, const SubmitOptions& options) = 0;
-  virtual Result<JobStatus> get(std::string_view id) = 0;
-  virtual Result<std::vector<JobStatus>> list(int limit, std::optional<JobState> state) = 0;
+  // Durable when it returns. Equal work of the same tenant that is done already (same input,
+  // canonical options and algorithm version) comes back at once with `cached` set, unless use_cache
+  // is off. Errors: not-found (asset, file of a bundle, grid, sequence), gone, invalid-option,
+  // queue-full, idempotency-mismatch, shutting-down.
+  virtual Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
+                                   const SubmitOptions& options) = 0;
+  virtual Result<JobStatus> get(const Caller& caller, std::string_view id) = 0;
+  virtual Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
+                                              std::optional<JobState> state) = 0;
   // Blocks until the job's version exceeds `after_version` or the deadline; then as get().
-  virtual Result<JobStatus> wait_change(std::string_view id, int64_t after_version,
-                                        Clock::time_point deadline) = 0;
+  virtual Result<JobStatus> wait_change(const Caller& caller, std::string_view id,
+                                        int64_t after_version, Clock::time_point deadline) = 0;
   // Blocks until it ended, the deadline, or `abandoned()` (polled at least every 200 ms) is true.
-  virtual Result<JobStatus> wait_end(std::string_view id, Clock::time_point deadline,
+  virtual Result<JobStatus> wait_end(const Caller& caller, std::string_view id,
+                                     Clock::time_point deadline,
                                      const std::function<bool()>& abandoned) = 0;
   // Events after `after_id`, oldest first; blocks until there is one or the deadline.
-  virtual Result<std::vector<JobEvent>> wait_events(std::string_view id, int64_t after_id,
+  virtual Result<std::vector<JobEvent>> wait_events(const Caller& caller, std::string_view id,
+                                                    int64_t after_id,
                                                     Clock::time_point deadline) = 0;
   // Idempotent. A running job ends within a tile.
-  virtual Result<JobStatus> cancel(std::string_view id) = 0;
+  virtual Result<JobStatus> cancel(const Caller& caller, std::string_view id) = 0;
+  // The bytes that a finished job left. Errors: not-found; conflict before it is done.
+  virtual Result<StoredBlob> get_result(const Caller& caller, std::string_view job) = 0;
 
   // --- grids: native containers, by content id
-  virtual Result<BlobInfo> get_grid(std::string_view id) = 0;
+  virtual Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) = 0;
 
   // --- frames
   // While the job runs, too; those of a job that failed or was cancelled stay. Errors: not-found.
-  virtual Result<JobFrames> frames(std::string_view job) = 0;
+  virtual Result<JobFrames> frames(const Caller& caller, std::string_view job) = 0;
   // Errors: not-found.
-  virtual Result<SequenceManifest> get_sequence(std::string_view id) = 0;
+  virtual Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) = 0;
 
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;

@@ -10,6 +10,7 @@
 #include "server/jobs/asset_store.h"
 #include "server/jobs/request_hash.h"
 #include "server/jobs/scheduler.h"
+#include "server/jobs/visibility.h"
 
 namespace voxeld {
 namespace {
@@ -35,7 +36,7 @@ std::string new_job_id() {
 
 // Reads the job back after a change and writes the event of it.
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
-  VOXELD_ASSIGN(JobRecord record, load_job(connection, id));
+  VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
   const std::string data =
       job_status_json(record.status).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   VOXELD_TRY(
@@ -45,64 +46,56 @@ Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) 
   return record;
 }
 
-// The asset must be there; its name is the request's where the client gave none.
-Status check_asset(SqlConnection& connection, JobRequest& request) {
-  VOXELD_ASSIGN(
-      SqlStatement asset,
-      connection.query("SELECT filename, deleted_ms FROM assets WHERE id = $1", request.asset));
-  VOXELD_ASSIGN(const bool found, asset.step());
-  if (!found) {
-    return Error{ErrorCode::kNotFound, "no such asset", "the id of an uploaded asset",
-                 request.asset.substr(0, 80)};
-  }
-  if (asset.int64(1) != 0) {
-    return Error{ErrorCode::kGone, "asset " + request.asset + " was deleted", "", ""};
-  }
-  if (request.filename.empty()) request.filename = asset.text(0);
-  return check_bundle(connection, request.asset);
+// The asset must be there; its name is the request's where the client gave none. Returns whose it
+// is.
+Result<std::string> check_asset(SqlConnection& connection, const Caller& caller,
+                                JobRequest& request) {
+  VOXELD_ASSIGN(Asset asset, load_asset(connection, caller, request.asset));
+  if (request.filename.empty()) request.filename = std::move(asset.filename);
+  VOXELD_TRY(check_bundle(connection, asset.tenant, request.asset));
+  return std::move(asset.tenant);
 }
 
-Result<bool> has_row(SqlConnection& connection, std::string_view sql, std::string_view argument) {
-  VOXELD_ASSIGN(SqlStatement statement, connection.query(sql, argument));
-  return statement.step();
-}
-
-Result<bool> grid_exists(SqlConnection& connection, std::string_view id) {
+Result<bool> grid_exists(SqlConnection& connection, const Caller& caller, std::string_view id) {
   if (id.empty()) return false;
   VOXELD_ASSIGN(
       const bool is_result,
-      has_row(connection, "SELECT 1 FROM results WHERE grid = $1 AND grid <> '' LIMIT 1", id));
+      sees_row(connection, caller, "SELECT 1 FROM results WHERE grid = $1 AND grid <> ''", id));
   if (is_result) return true;
-  return has_row(connection, "SELECT 1 FROM frames WHERE grid = $1 LIMIT 1", id);
+  return sees_row(connection, caller, "SELECT 1 FROM frames WHERE grid = $1", id);
 }
 
 using IsStored = std::function<bool(std::string_view)>;
 
-Status check_grid(SqlConnection& connection, std::string_view id, const IsStored& is_stored) {
-  VOXELD_ASSIGN(const bool known, grid_exists(connection, id));
+Status check_grid(SqlConnection& connection, const Caller& caller, std::string_view id,
+                  const IsStored& is_stored) {
+  VOXELD_ASSIGN(const bool known, grid_exists(connection, caller, id));
   if (known && is_stored(id)) return {};
   return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
                std::string(id.substr(0, 80))};
 }
 
-Status check_sequence(SqlConnection& connection, std::string_view id, const IsStored& is_stored) {
-  VOXELD_ASSIGN(
-      const bool known,
-      has_row(connection, "SELECT 1 FROM results WHERE sequence = $1 AND sequence <> '' LIMIT 1",
-              id));
+Status check_sequence(SqlConnection& connection, const Caller& caller, std::string_view id,
+                      const IsStored& is_stored) {
+  VOXELD_ASSIGN(const bool known,
+                sees_row(connection, caller,
+                         "SELECT 1 FROM results WHERE sequence = $1 AND sequence <> ''", id));
   if (known && is_stored(id)) return {};
   return Error{ErrorCode::kNotFound, "no such sequence", "the id of a sequence",
                std::string(id.substr(0, 80))};
 }
 
-// The input is there.
-Status check_input(SqlConnection& connection, JobRequest& request, const IsStored& is_stored) {
-  if (!request.asset.empty()) VOXELD_TRY(check_asset(connection, request));
-  if (!request.grid.empty()) VOXELD_TRY(check_grid(connection, request.grid, is_stored));
-  if (!request.sequence.empty()) {
-    VOXELD_TRY(check_sequence(connection, request.sequence, is_stored));
+// The input is there. Returns whose asset it is; empty where it is none.
+Result<std::string> check_input(SqlConnection& connection, const Caller& caller,
+                                JobRequest& request, const IsStored& is_stored) {
+  if (!request.grid.empty()) {
+    VOXELD_TRY(check_grid(connection, caller, request.grid, is_stored));
   }
-  return {};
+  if (!request.sequence.empty()) {
+    VOXELD_TRY(check_sequence(connection, caller, request.sequence, is_stored));
+  }
+  if (request.asset.empty()) return std::string();
+  return check_asset(connection, caller, request);
 }
 
 Status check_queue(SqlConnection& connection, int queued_jobs_max) {
@@ -115,12 +108,12 @@ Status check_queue(SqlConnection& connection, int queued_jobs_max) {
 }
 
 // The job that used this key within a day, or an empty id.
-Result<std::string> job_of_key(SqlConnection& connection, std::string_view key,
-                               std::string_view hash, int64_t now_ms) {
+Result<std::string> job_of_key(SqlConnection& connection, std::string_view tenant,
+                               std::string_view key, std::string_view hash, int64_t now_ms) {
   VOXELD_ASSIGN(SqlStatement found,
                 connection.query("SELECT request_hash, job_id FROM idempotency_keys"
-                                 " WHERE idempotency_key = $1 AND created_ms > $2",
-                                 key, now_ms - kIdempotencyKeptMs));
+                                 " WHERE tenant = $1 AND idempotency_key = $2 AND created_ms > $3",
+                                 tenant, key, now_ms - kIdempotencyKeptMs));
   VOXELD_ASSIGN(const bool row, found.step());
   if (!row) return std::string();
   if (found.text(0) != hash) {
@@ -130,14 +123,14 @@ Result<std::string> job_of_key(SqlConnection& connection, std::string_view key,
   return found.text(1);
 }
 
-Status remember_key(SqlConnection& connection, std::string_view key, std::string_view hash,
-                    std::string_view id, int64_t now_ms) {
+Status remember_key(SqlConnection& connection, std::string_view tenant, std::string_view key,
+                    std::string_view hash, std::string_view id, int64_t now_ms) {
   return connection.run(
-      "INSERT INTO idempotency_keys (idempotency_key, request_hash, job_id, created_ms)"
-      " VALUES ($1, $2, $3, $4) ON CONFLICT (idempotency_key) DO UPDATE SET"
+      "INSERT INTO idempotency_keys (tenant, idempotency_key, request_hash, job_id, created_ms)"
+      " VALUES ($1, $2, $3, $4, $5) ON CONFLICT (tenant, idempotency_key) DO UPDATE SET"
       " request_hash = excluded.request_hash, job_id = excluded.job_id,"
       " created_ms = excluded.created_ms",
-      key, hash, id, now_ms);
+      tenant, key, hash, id, now_ms);
 }
 
 // Whether the container of every frame that the job listed is there.
@@ -152,13 +145,15 @@ Result<bool> frames_stored(SqlConnection& connection, std::string_view job,
   }
 }
 
-// The newest result of equal work whose bytes are all there; 0 when there is none.
-Result<int64_t> cached_result(SqlConnection& connection, std::string_view hash,
-                              const IsStored& is_stored) {
+// The newest result of the tenant's equal work whose bytes are all there; 0 when there is none.
+// What others had computed does not count: an answer without a wait would tell of it.
+Result<int64_t> cached_result(SqlConnection& connection, std::string_view tenant,
+                              std::string_view hash, const IsStored& is_stored) {
   VOXELD_ASSIGN(SqlStatement found,
                 connection.query("SELECT seq, blob, grid, sequence, job_id FROM results"
-                                 " WHERE request_hash = $1 ORDER BY seq DESC LIMIT 1",
-                                 hash));
+                                 " WHERE request_hash = $1 AND tenant = $2"
+                                 " ORDER BY seq DESC LIMIT 1",
+                                 hash, tenant));
   VOXELD_ASSIGN(const bool row, found.step());
   if (!row) return int64_t{0};
   for (const std::string& blob : {found.text(1), found.text(2), found.text(3)}) {
@@ -176,18 +171,25 @@ Status end_with_cached(SqlConnection& connection, std::string_view id, int64_t r
       id, result_seq, now_ms);
 }
 
-Status insert_job(SqlConnection& connection, const JobRequest& request,
-                  const SubmitOptions& options, std::string_view id, std::string_view hash,
-                  int64_t now_ms) {
+// A row of `jobs` to be.
+struct NewJob {
+  const JobRequest& request;
+  const SubmitOptions& options;
+  std::string_view id, hash, tenant, asset_tenant;
+};
+
+Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) {
   const auto flag = [](bool value) { return int64_t{value ? 1 : 0}; };
+  const JobRequest& request = job.request;
   return connection.run(
       "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
-      " use_cache, transient, upload_us, created_ms, sequence)"
-      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)",
-      id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
-      canonical_json(request.options, option_scope(request)), hash, flag(request.options.use_cache),
-      flag(options.transient), static_cast<int64_t>(options.upload_ms * 1000.0), now_ms,
-      request.sequence);
+      " use_cache, transient, upload_us, created_ms, sequence, tenant, asset_tenant)"
+      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)",
+      job.id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
+      canonical_json(request.options, option_scope(request)), job.hash,
+      flag(request.options.use_cache), flag(job.options.transient),
+      static_cast<int64_t>(job.options.upload_ms * 1000.0), now_ms, request.sequence, job.tenant,
+      job.asset_tenant);
 }
 
 // queue, upload, then what the worker measured.
@@ -203,7 +205,7 @@ StageTimes all_timings(const JobRecord& record, const StageTimes& of_worker) {
 // The job, when it is running with this fence.
 Result<std::optional<JobRecord>> fenced_job(SqlConnection& connection, std::string_view id,
                                             int64_t fence) {
-  VOXELD_ASSIGN(JobRecord record, load_job(connection, id));
+  VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
   if (record.status.state != JobState::kRunning || record.fence != fence) {
     return std::optional<JobRecord>();
   }
@@ -222,53 +224,55 @@ Status end_with_error(SqlConnection& connection, std::string_view id, const Erro
       unix_time_ms(), live_version);
 }
 
-Result<int64_t> insert_result(SqlConnection& connection, std::string_view hash,
+Result<int64_t> insert_result(SqlConnection& connection, const JobRecord& job,
                               const FinishedTask& task) {
   const JobResult& result = task.result;
-  VOXELD_ASSIGN(
-      SqlStatement inserted,
-      connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
-                       " filename, grid, meta_json, warnings_json, created_ms,"
-                       " sequence, frames, job_id)"
-                       " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12)"
-                       " RETURNING seq",
-                       hash, result.blob, result.bytes, result.media_type, result.filename,
-                       result.grid, result.meta_json, warnings_text(result.warnings),
-                       unix_time_ms(), result.sequence, task.frames, task.task));
+  VOXELD_ASSIGN(SqlStatement inserted,
+                connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
+                                 " filename, grid, meta_json, warnings_json, created_ms,"
+                                 " sequence, frames, job_id, tenant)"
+                                 " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)"
+                                 " RETURNING seq",
+                                 job.request_hash, result.blob, result.bytes, result.media_type,
+                                 result.filename, result.grid, result.meta_json,
+                                 warnings_text(result.warnings), unix_time_ms(), result.sequence,
+                                 task.frames, task.task, job.tenant));
   VOXELD_TRY(inserted.step());
   return inserted.int64(0);
 }
 
 }  // namespace
 
-Result<JobStore::Submitted> JobStore::submit(JobRequest request, const SubmitOptions& options,
-                                             int queued_jobs_max) {
+Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest request,
+                                             const SubmitOptions& options, int queued_jobs_max) {
   VOXELD_TRY(check_frame_options(request));
   const std::string id = new_job_id();
+  const std::string& tenant = caller.tenant();
   std::optional<Submitted> submitted;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     const int64_t now = unix_time_ms();
     const std::string key_hash = idempotency_hash(request);  // before the name is filled in
     if (!options.idempotency_key.empty()) {
       VOXELD_ASSIGN(const std::string earlier,
-                    job_of_key(connection, options.idempotency_key, key_hash, now));
+                    job_of_key(connection, tenant, options.idempotency_key, key_hash, now));
       if (!earlier.empty()) {
-        VOXELD_ASSIGN(JobRecord record, load_job(connection, earlier));
+        VOXELD_ASSIGN(JobRecord record, load_job(connection, caller, earlier));
         submitted = Submitted{std::move(record), true};
         return {};
       }
     }
-    VOXELD_TRY(check_input(connection, request, is_stored_));
+    VOXELD_ASSIGN(const std::string asset_tenant,
+                  check_input(connection, caller, request, is_stored_));
     const std::string hash = request_hash(request);
     int64_t cached = 0;
     if (request.options.use_cache) {
-      VOXELD_ASSIGN(cached, cached_result(connection, hash, is_stored_));
+      VOXELD_ASSIGN(cached, cached_result(connection, tenant, hash, is_stored_));
     }
     if (cached == 0) VOXELD_TRY(check_queue(connection, queued_jobs_max));
-    VOXELD_TRY(insert_job(connection, request, options, id, hash, now));
+    VOXELD_TRY(insert_job(connection, {request, options, id, hash, tenant, asset_tenant}, now));
     if (cached != 0) VOXELD_TRY(end_with_cached(connection, id, cached, now));
     if (!options.idempotency_key.empty()) {
-      VOXELD_TRY(remember_key(connection, options.idempotency_key, key_hash, id, now));
+      VOXELD_TRY(remember_key(connection, tenant, options.idempotency_key, key_hash, id, now));
     }
     VOXELD_ASSIGN(JobRecord record, record_change(connection, id));
     submitted = Submitted{std::move(record), false};
@@ -278,19 +282,22 @@ Result<JobStore::Submitted> JobStore::submit(JobRequest request, const SubmitOpt
   return *std::move(submitted);
 }
 
-Result<JobRecord> JobStore::get(std::string_view id) {
+Result<JobRecord> JobStore::get(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_job(*reader, id);
+  return load_job(*reader, caller, id);
 }
 
-Result<std::vector<JobRecord>> JobStore::list(int limit, std::optional<JobState> state) {
+Result<std::vector<JobRecord>> JobStore::list(const Caller& caller, int limit,
+                                              std::optional<JobState> state) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_jobs(*reader, limit, state);
+  return load_jobs(*reader, caller, limit, state);
 }
 
-Result<std::vector<JobEvent>> JobStore::events(std::string_view id, int64_t after_id) {
+Result<std::vector<JobEvent>> JobStore::events(const Caller& caller, std::string_view id,
+                                               int64_t after_id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(const bool known, has_row(*reader, "SELECT 1 FROM jobs WHERE id = $1", id));
+  VOXELD_ASSIGN(const bool known,
+                sees_row(*reader, caller, "SELECT 1 FROM jobs WHERE id = $1", id));
   if (!known) {
     return Error{ErrorCode::kNotFound, "no such job", "the id of a job",
                  std::string(id.substr(0, 80))};
@@ -312,10 +319,10 @@ Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker) {
     const int64_t now = unix_time_ms();
     VOXELD_ASSIGN(const std::optional<std::string> id, claim_next(connection, worker, now));
     if (!id) return {};
-    VOXELD_ASSIGN(const JobRecord taken, load_job(connection, *id));
+    VOXELD_ASSIGN(const JobRecord taken, load_job(connection, Caller::daemon(), *id));
     if (taken.use_cache) {
       VOXELD_ASSIGN(const int64_t cached,
-                    cached_result(connection, taken.request_hash, is_stored_));
+                    cached_result(connection, taken.tenant, taken.request_hash, is_stored_));
       if (cached != 0) VOXELD_TRY(end_with_cached(connection, *id, cached, now));
     }
     VOXELD_ASSIGN(claimed, record_change(connection, *id));
@@ -331,7 +338,7 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task,
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
     if (!running) return {};
-    VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, running->request_hash, task));
+    VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, *running, task));
     const int64_t now = unix_time_ms();
     VOXELD_TRY(connection.run(
         "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"
@@ -339,8 +346,9 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task,
         task.task, result_seq, now, timings_text(all_timings(*running, task.timings)),
         live_version));
     if (running->status.kind == JobKind::kInspect) {
-      VOXELD_TRY(connection.run("UPDATE assets SET description_json = $2 WHERE id = $1",
-                                running->status.asset, task.result.meta_json));
+      VOXELD_TRY(
+          connection.run("UPDATE assets SET description_json = $3 WHERE id = $1 AND tenant = $2",
+                         running->status.asset, running->asset_tenant, task.result.meta_json));
     }
     VOXELD_ASSIGN(ended, record_change(connection, task.task));
     return {};
@@ -394,10 +402,10 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
   return changed;
 }
 
-Result<JobRecord> JobStore::cancel(std::string_view id) {
+Result<JobRecord> JobStore::cancel(const Caller& caller, std::string_view id) {
   std::optional<JobRecord> result;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(JobRecord record, load_job(connection, id));
+    VOXELD_ASSIGN(JobRecord record, load_job(connection, caller, id));
     if (record.status.state == JobState::kQueued) {
       VOXELD_TRY(end_with_error(connection, id,
                                 {ErrorCode::kCancelled, "the job was cancelled", "", ""}, 0));
@@ -430,7 +438,7 @@ Result<int64_t> JobStore::recover() {
       }
     }
     for (const std::string& id : ids) {
-      VOXELD_ASSIGN(const JobRecord record, load_job(connection, id));
+      VOXELD_ASSIGN(const JobRecord record, load_job(connection, Caller::daemon(), id));
       const int64_t live_version = record.status.version + kVersionJump;
       if (record.cancel_requested || record.transient) {
         const Error error{ErrorCode::kCancelled,
@@ -454,9 +462,9 @@ Result<int64_t> JobStore::recover() {
   return touched;
 }
 
-Result<bool> JobStore::is_grid(std::string_view id) {
+Result<bool> JobStore::is_grid(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return grid_exists(*reader, id);
+  return grid_exists(*reader, caller, id);
 }
 
 Result<int64_t> JobStore::count(JobState state) {

@@ -19,6 +19,7 @@
 
 #include "proto/job.h"
 #include "proto/task_api.h"
+#include "server/jobs/caller.h"
 #include "server/jobs/database.h"
 #include "server/jobs/job_record.h"
 #include "server/jobs/job_service.h"
@@ -45,15 +46,17 @@ class JobStore {
     JobRecord record;
     bool existed = false;  // the idempotency key had been used for this request
   };
-  // Inserts a job: queued, or done at once when an equal one has a result and use_cache is on. An
-  // empty filename becomes the asset's. Errors: not-found (asset, file of a
+  // Inserts a job: queued, or done at once when an equal one of the same tenant has a result and
+  // use_cache is on. An empty filename becomes the asset's. Errors: not-found (asset, file of a
   // bundle, grid, sequence), gone, invalid-option, queue-full, idempotency-mismatch.
-  Result<Submitted> submit(JobRequest request, const SubmitOptions& options, int queued_jobs_max);
+  Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
+                           int queued_jobs_max);
 
-  Result<JobRecord> get(std::string_view id);
-  Result<std::vector<JobRecord>> list(int limit, std::optional<JobState> state);
+  Result<JobRecord> get(const Caller& caller, std::string_view id);
+  Result<std::vector<JobRecord>> list(const Caller& caller, int limit,
+                                      std::optional<JobState> state);
   // State changes after `after_id`, oldest first. Errors: not-found.
-  Result<std::vector<JobEvent>> events(std::string_view id, int64_t after_id);
+  Result<std::vector<JobEvent>> events(const Caller& caller, std::string_view id, int64_t after_id);
 
   // The next job for a worker, or nullopt when none waits. A job whose result an equal one has
   // left meanwhile ends as done without a worker: it comes back with that state.
@@ -69,15 +72,16 @@ class JobStore {
                                                std::string_view reason, bool counts,
                                                int64_t live_version);
   // Idempotent. Queued: cancelled. Running: marked; its worker is told. Errors: not-found.
-  Result<JobRecord> cancel(std::string_view id);
+  Result<JobRecord> cancel(const Caller& caller, std::string_view id);
 
   // At start, before any worker: running jobs are queued again (their attempt does not count),
   // cancelled ones and one-shot jobs, whose clients are gone, end as cancelled. Returns how many
   // jobs it touched.
   Result<int64_t> recover();
 
-  // True when a finished voxelization left this container, or one of its frames is in it.
-  Result<bool> is_grid(std::string_view id);
+  // True when a finished voxelization of the caller left this container, or one of its frames is in
+  // it.
+  Result<bool> is_grid(const Caller& caller, std::string_view id);
   Result<int64_t> count(JobState state);
 
  private:

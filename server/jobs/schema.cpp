@@ -20,7 +20,13 @@ namespace {
 // job whose rows they are, and their number), and the files of assets that are bundles of others.
 // frames.time_s is a decimal text of seconds that reads back exactly. Rows of frames stay as long
 // as their job: their grids can be asked for by id.
-constexpr std::array<std::string_view, 2> kSteps = {
+//
+// Step 3: everything has a tenant, '' where the daemon had no keys. Assets are rows of a tenant,
+// also those of the same bytes; so are the files of bundles, or uploading a manifest as a plain
+// file would tell whether someone else has it as a bundle. jobs.asset_tenant is whose asset it is:
+// an admin's job may work on another tenant's. Indexes that tenants are answered by end in
+// `tenant`.
+constexpr std::array<std::string_view, 3> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -128,6 +134,73 @@ CREATE TABLE bundle_files (
   PRIMARY KEY (bundle, position)
 );
 CREATE INDEX bundle_files_by_asset ON bundle_files (asset);
+)sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN tenant TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN asset_tenant TEXT NOT NULL DEFAULT '';
+CREATE INDEX jobs_by_tenant ON jobs (tenant, seq);
+
+ALTER TABLE results ADD COLUMN tenant TEXT NOT NULL DEFAULT '';
+DROP INDEX results_by_request;
+DROP INDEX results_by_grid;
+DROP INDEX results_by_sequence;
+CREATE INDEX results_by_request ON results (request_hash, tenant, seq);
+CREATE INDEX results_by_grid ON results (grid, tenant) WHERE grid <> '';
+CREATE INDEX results_by_sequence ON results (sequence, tenant) WHERE sequence <> '';
+
+ALTER TABLE frames ADD COLUMN tenant TEXT NOT NULL DEFAULT '';
+DROP INDEX frames_by_grid;
+CREATE INDEX frames_by_grid ON frames (grid, tenant);
+
+DROP INDEX assets_live;
+DROP INDEX assets_to_remove;
+ALTER TABLE assets RENAME TO assets_2;
+CREATE TABLE assets (
+  tenant TEXT NOT NULL,
+  id TEXT NOT NULL,
+  filename TEXT NOT NULL,
+  content_type TEXT NOT NULL,
+  bytes BIGINT NOT NULL,
+  created_ms BIGINT NOT NULL,
+  deleted_ms BIGINT NOT NULL DEFAULT 0,
+  description_json TEXT NOT NULL DEFAULT '',
+  PRIMARY KEY (id, tenant)
+);
+INSERT INTO assets
+  SELECT '', id, filename, content_type, bytes, created_ms, deleted_ms, description_json
+  FROM assets_2;
+DROP TABLE assets_2;
+CREATE INDEX assets_live ON assets (tenant, created_ms) WHERE deleted_ms = 0;
+CREATE INDEX assets_to_remove ON assets (deleted_ms) WHERE deleted_ms <> 0 AND bytes >= 0;
+
+DROP INDEX bundle_files_by_asset;
+ALTER TABLE bundle_files RENAME TO bundle_files_2;
+CREATE TABLE bundle_files (
+  tenant TEXT NOT NULL,
+  bundle TEXT NOT NULL,
+  position BIGINT NOT NULL,
+  name TEXT NOT NULL,
+  asset TEXT NOT NULL,
+  PRIMARY KEY (bundle, tenant, position)
+);
+INSERT INTO bundle_files SELECT '', bundle, position, name, asset FROM bundle_files_2;
+DROP TABLE bundle_files_2;
+CREATE INDEX bundle_files_by_asset ON bundle_files (asset);
+
+DROP INDEX idempotency_keys_by_time;
+ALTER TABLE idempotency_keys RENAME TO idempotency_keys_2;
+CREATE TABLE idempotency_keys (
+  tenant TEXT NOT NULL,
+  idempotency_key TEXT NOT NULL,
+  request_hash TEXT NOT NULL,
+  job_id TEXT NOT NULL,
+  created_ms BIGINT NOT NULL,
+  PRIMARY KEY (tenant, idempotency_key)
+);
+INSERT INTO idempotency_keys
+  SELECT '', idempotency_key, request_hash, job_id, created_ms FROM idempotency_keys_2;
+DROP TABLE idempotency_keys_2;
+CREATE INDEX idempotency_keys_by_time ON idempotency_keys (created_ms);
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {
@@ -142,13 +215,13 @@ int schema_version() {
   return static_cast<int>(kSteps.size());
 }
 
-Status migrate_schema(SqlConnection& connection) {
+Status migrate_schema(SqlConnection& connection, int last) {
   VOXELD_ASSIGN(const int64_t present, user_version(connection));
   if (present < 0 || present > schema_version()) {
     return Error{ErrorCode::kInternal, "job database was written by a newer voxeld: schema version",
                  "at most " + std::to_string(schema_version()), std::to_string(present)};
   }
-  for (auto step = static_cast<size_t>(present); step < kSteps.size(); ++step) {
+  for (auto step = static_cast<size_t>(present); step < static_cast<size_t>(last); ++step) {
     Status applied =
         connection.run_script("BEGIN IMMEDIATE;" + std::string(kSteps[step]) +
                               "PRAGMA user_version=" + std::to_string(step + 1) + "; COMMIT;");

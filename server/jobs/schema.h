@@ -9,7 +9,7 @@ namespace voxeld {
 // Number of the newest schema that this program knows (PRAGMA user_version).
 int schema_version();
 // Applies every step that the database lacks, each in a transaction of its own. Errors: internal
-// when it was written by a newer voxeld.
-Status migrate_schema(SqlConnection& connection);
+// when it was written by a newer voxeld. With a lower `last` it makes a database of an older one.
+Status migrate_schema(SqlConnection& connection, int last = schema_version());
 
 }  // namespace voxeld

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
@@ -296,14 +295,17 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
   task.input_path = context_.blobs.path_of(task.input_hash).string();
   task.filename = status.filename;
   task.options_json = status.options_json;
+  task.tenant = record.tenant;
   if (task.input_is_sequence) {
-    VOXELD_ASSIGN(const SequenceManifest manifest, context_.frames.read(status.sequence));
+    VOXELD_ASSIGN(const SequenceManifest manifest,
+                  context_.frames.read(Caller::daemon(), status.sequence));
     for (const SequenceFrame& frame : manifest.frames) {
       task.frame_paths.push_back(context_.blobs.path_of(frame.grid).string());
     }
   }
   if (!status.asset.empty()) {
-    VOXELD_ASSIGN(const auto files, context_.assets.bundle_files(status.asset));
+    VOXELD_ASSIGN(const auto files,
+                  context_.assets.bundle_files(record.asset_tenant, status.asset));
     for (const BundleFile& file : files) {
       task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
     }
@@ -326,7 +328,7 @@ Status TaskServer::send_task(Connection& connection, const JobRecord& record, co
   connection.set_task(status.id, record.fence);
   context_.board.start(status.id, status.version);
   // A cancel that came between the claim and the line above is in the database alone.
-  if (auto now = context_.jobs.get(status.id); now && now->cancel_requested) {
+  if (auto now = context_.jobs.get(Caller::daemon(), status.id); now && now->cancel_requested) {
     context_.board.request_cancel(status.id);
   }
   context_.job_changed(record);
@@ -413,15 +415,16 @@ Status TaskServer::take_frame(Connection& connection, const json& message) {
   return connection.socket.send(dump(to_json_message(reply)));
 }
 
+// `adopted` keeps them in the store until the database names them.
 Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
-                                            const TaskCompletion& completion) {
+                                            const TaskCompletion& completion,
+                                            std::map<std::string, BlobInfo>& adopted) {
   JobResult result;
   result.meta_json = completion.meta_json;
   result.warnings = completion.warnings;
-  std::map<std::string, BlobInfo> adopted;  // a native result is its own grid: one file, two roles
   for (const TaskOutput& output : completion.outputs) {
     VOXELD_TRY(check_output(connection.scratch, output.path));
-    if (!adopted.contains(output.path)) {
+    if (!adopted.contains(output.path)) {  // a native result is its own grid: one file, two roles
       VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(output.path));
     }
     const BlobInfo& blob = adopted[output.path];
@@ -441,7 +444,8 @@ Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& con
                                                            TaskCompletion completion) {
   const int64_t live_version = context_.board.live_version(completion.task);
   const Stopwatch watch;
-  auto result = adopt_outputs(connection, completion);
+  std::map<std::string, BlobInfo> adopted;
+  auto result = adopt_outputs(connection, completion, adopted);
   if (!result) {
     return context_.jobs.fail(completion.task, completion.fence, result.error(), live_version);
   }

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <list>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -81,7 +82,8 @@ class TaskServer {
   Status take_failure(Connection& connection, const nlohmann::json& message);
   Result<std::optional<JobRecord>> end_completed(const Connection& connection,
                                                  TaskCompletion completion);
-  Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion);
+  Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion,
+                                  std::map<std::string, BlobInfo>& adopted);
   void put_back(Connection& connection, const Error& why);
   void end_task(Connection& connection, const JobRecord& record);
   bool wait_for_work(uint64_t seen) EXCLUDES(mutex_);

@@ -51,17 +51,27 @@ Result<std::pair<UniqueFd, fs::path>> make_temporary(const fs::path& root) {
   return std::pair<UniqueFd, fs::path>(std::move(fd), fs::path(name));
 }
 
-// Moves a synced file to its place. The directories are synced in either case: whoever stored the
-// same bytes a moment ago may not have got that far.
-Result<BlobInfo> place(const fs::path& root, const fs::path& file, std::string id, int64_t bytes) {
+// The 256 folders that blobs lie in, made beforehand: the first blob of one must not take longer.
+Status make_fan_out(const fs::path& blobs) {
+  constexpr std::string_view kHex = "0123456789abcdef";
+  for (const char high : kHex) {
+    for (const char low : kHex) {
+      const fs::path folder = blobs / std::string{high, low};
+      if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
+        return errno_error("create directory", folder);
+      }
+    }
+  }
+  return sync_path(blobs);
+}
+
+// Moves a synced file to its place, also where the same bytes are already: their file is replaced,
+// and whoever reads it reads on.
+Result<BlobInfo> place(const fs::path& root, const std::shared_ptr<BlobPins>& pins,
+                       const fs::path& file, const std::string& id, int64_t bytes) {
   const fs::path target = blob_path(root, id);
-  VOXELD_TRY(make_directory(target.parent_path()));
-  BlobInfo info{std::move(id), bytes, false};
-  struct stat present {};
-  if (::stat(target.c_str(), &present) == 0 && present.st_size == bytes) {
-    info.existed = true;
-    if (::unlink(file.c_str()) != 0) return errno_error("remove", file);
-  } else if (::rename(file.c_str(), target.c_str()) != 0) {
+  BlobInfo info{id, bytes, BlobPins::pin(pins, id)};
+  if (::rename(file.c_str(), target.c_str()) != 0) {
     return errno_error("move into the store", file);
   }
   VOXELD_TRY(sync_path(target.parent_path()));
@@ -87,11 +97,36 @@ Result<std::pair<std::string, int64_t>> hash_file(int fd, const fs::path& path) 
 
 }  // namespace
 
-BlobWriter::BlobWriter(const fs::path& root, UniqueFd fd, fs::path temporary, int64_t bytes_max)
-    : root_(root), fd_(std::move(fd)), temporary_(std::move(temporary)), bytes_max_(bytes_max) {}
+std::shared_ptr<const void> BlobPins::pin(const std::shared_ptr<BlobPins>& pins, std::string id) {
+  {
+    const MutexLock lock(pins->mutex_);
+    pins->ids_.insert(id);
+  }
+  // The pointer owns nothing but the promise to take the id out again.
+  return {pins.get(), [pins, id = std::move(id)](const void*) {
+            const MutexLock lock(pins->mutex_);
+            pins->ids_.erase(pins->ids_.find(id));
+          }};
+}
+
+bool BlobPins::unless_pinned(std::string_view id, const std::function<void()>& remove) {
+  const MutexLock lock(mutex_);
+  if (ids_.contains(id)) return false;
+  remove();
+  return true;
+}
+
+BlobWriter::BlobWriter(const fs::path& root, std::shared_ptr<BlobPins> pins, UniqueFd fd,
+                       fs::path temporary, int64_t bytes_max)
+    : root_(root),
+      pins_(std::move(pins)),
+      fd_(std::move(fd)),
+      temporary_(std::move(temporary)),
+      bytes_max_(bytes_max) {}
 
 BlobWriter::BlobWriter(BlobWriter&& other) noexcept
     : root_(std::move(other.root_)),
+      pins_(std::move(other.pins_)),
       fd_(std::move(other.fd_)),
       temporary_(std::exchange(other.temporary_, fs::path())),
       bytes_max_(other.bytes_max_),
@@ -125,7 +160,7 @@ Result<BlobInfo> BlobWriter::finish() {
   VOXELD_CHECK(fd_.valid() && !broken_, "finish after a failed append or twice");
   if (::fsync(fd_.get()) != 0) return errno_error("sync", temporary_);
   fd_.reset();
-  VOXELD_ASSIGN(BlobInfo info, place(root_, temporary_, hash_.finish_id(), bytes_));
+  VOXELD_ASSIGN(BlobInfo info, place(root_, pins_, temporary_, hash_.finish_id(), bytes_));
   temporary_.clear();
   return info;
 }
@@ -139,6 +174,7 @@ Result<BlobStore> BlobStore::open(const fs::path& root) {
                  ""};
   }
   VOXELD_TRY(make_directory(root / kBlobs));
+  VOXELD_TRY(make_fan_out(root / kBlobs));
   VOXELD_TRY(make_directory(root / kTemporary));
   for (fs::directory_iterator it(root / kTemporary, failed), end; !failed && it != end;
        it.increment(failed)) {
@@ -150,7 +186,8 @@ Result<BlobStore> BlobStore::open(const fs::path& root) {
 
 Result<BlobWriter> BlobStore::begin(int64_t bytes_max) const {
   VOXELD_ASSIGN(auto temporary, make_temporary(root_));
-  return BlobWriter(root_, std::move(temporary.first), std::move(temporary.second), bytes_max);
+  return BlobWriter(root_, pins_, std::move(temporary.first), std::move(temporary.second),
+                    bytes_max);
 }
 
 Result<BlobInfo> BlobStore::adopt(const fs::path& file) const {
@@ -164,7 +201,7 @@ Result<BlobInfo> BlobStore::adopt(const fs::path& file) const {
   }
   VOXELD_ASSIGN(auto hashed, hash_file(fd.get(), file));
   if (::fsync(fd.get()) != 0) return errno_error("sync", file);
-  return place(root_, file, std::move(hashed.first), hashed.second);
+  return place(root_, pins_, file, hashed.first, hashed.second);
 }
 
 Result<BlobInfo> BlobStore::stat(std::string_view id) const {
@@ -175,7 +212,7 @@ Result<BlobInfo> BlobStore::stat(std::string_view id) const {
     if (errno == ENOENT) return not_found(id);
     return errno_error("stat", path);
   }
-  return BlobInfo{std::string(id), static_cast<int64_t>(info.st_size), true};
+  return BlobInfo{std::string(id), static_cast<int64_t>(info.st_size)};
 }
 
 fs::path BlobStore::path_of(std::string_view id) const {
@@ -185,11 +222,13 @@ fs::path BlobStore::path_of(std::string_view id) const {
 Status BlobStore::remove(std::string_view id) const {
   if (!is_sha256_id(id)) return not_found(id);
   const fs::path path = blob_path(root_, id);
-  if (::unlink(path.c_str()) != 0) {
-    if (errno == ENOENT) return not_found(id);
-    return errno_error("remove", path);
-  }
-  return {};
+  Status removed;
+  const bool is_free = pins_->unless_pinned(id, [&] {
+    if (::unlink(path.c_str()) == 0) return;
+    removed = errno == ENOENT ? not_found(id) : errno_error("remove", path);
+  });
+  if (is_free) return removed;
+  return Error{ErrorCode::kConflict, "blob " + std::string(id) + " is being registered", "", ""};
 }
 
 Result<std::vector<std::string>> BlobStore::list() const {

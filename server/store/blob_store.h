@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -13,13 +14,31 @@
 #include "proto/result.h"
 #include "server/base/file.h"
 #include "server/base/sha256.h"
+#include "server/base/thread_annotations.h"
 
 namespace voxeld {
 
+// Blobs that were stored and that nothing in the database names yet. Thread-safe.
+class BlobPins {
+ public:
+  // Until what comes back is destroyed, `id` is not removed.
+  static std::shared_ptr<const void> pin(const std::shared_ptr<BlobPins>& pins, std::string id);
+  // Calls `remove` unless the blob is pinned, and keeps it from being pinned meanwhile. False: it
+  // is pinned.
+  bool unless_pinned(std::string_view id, const std::function<void()>& remove) EXCLUDES(mutex_);
+
+ private:
+  Mutex mutex_;
+  std::multiset<std::string, std::less<>> ids_ GUARDED_BY(mutex_);
+};
+
+// What finish() and adopt() do not tell: whether the same bytes were there already. Somebody else
+// may have stored them, whom that is no business of.
 struct BlobInfo {
   std::string id;  // "sha256-…"
   int64_t bytes = 0;
-  bool existed = false;  // finish() and adopt(): the same bytes were there already
+  // Of finish() and adopt(): keeps the blob in the store as long as a copy of this lives.
+  std::shared_ptr<const void> pin = nullptr;
 };
 
 // Receives one blob while it is being hashed. Dropped without finish(), its file goes away.
@@ -31,14 +50,16 @@ class BlobWriter {
   // Errors: payload-too-large over the writer's cap, storage-full, internal.
   Status append(std::span<const uint8_t> bytes);
   int64_t bytes() const { return bytes_; }
-  // Syncs, renames, syncs the directory: the blob survives power loss when this returns.
+  // Syncs, renames, syncs the directory: the blob survives power loss when this returns. The same
+  // work is done where the same bytes were there already, so that its time does not tell.
   Result<BlobInfo> finish();
 
  private:
   friend class BlobStore;
-  BlobWriter(const std::filesystem::path& root, UniqueFd fd, std::filesystem::path temporary,
-             int64_t bytes_max);
+  BlobWriter(const std::filesystem::path& root, std::shared_ptr<BlobPins> pins, UniqueFd fd,
+             std::filesystem::path temporary, int64_t bytes_max);
   std::filesystem::path root_;
+  std::shared_ptr<BlobPins> pins_;
   UniqueFd fd_;
   std::filesystem::path temporary_;  // empty after finish()
   int64_t bytes_max_;
@@ -47,7 +68,7 @@ class BlobWriter {
   Sha256 hash_;
 };
 
-// Thread-safe: it holds no state besides its directory.
+// Thread-safe. Copies share their state, which is the directory and what is pinned in it.
 class BlobStore {
  public:
   // Makes the directories and removes what an earlier process left in tmp.
@@ -61,6 +82,7 @@ class BlobStore {
   // Where a blob is; for passing to a worker or opening. Check stat() first. Text that is not an id
   // gives the path of nothing, inside the store.
   std::filesystem::path path_of(std::string_view id) const;
+  // Errors: not-found; conflict while the blob is pinned.
   Status remove(std::string_view id) const;
   Result<std::vector<std::string>> list() const;
   const std::filesystem::path& root() const { return root_; }
@@ -68,8 +90,10 @@ class BlobStore {
   Result<int64_t> free_bytes() const;
 
  private:
-  explicit BlobStore(std::filesystem::path root) : root_(std::move(root)) {}
+  explicit BlobStore(std::filesystem::path root)
+      : root_(std::move(root)), pins_(std::make_shared<BlobPins>()) {}
   std::filesystem::path root_;
+  std::shared_ptr<BlobPins> pins_;
 };
 
 }  // namespace voxeld

@@ -15,4 +15,10 @@ Result<Engine::ChosenRenderer> Engine::choose_renderer(RendererChoice asked) {
   return ChosenRenderer{device.cpu_renderer.get(), &cache.cpu_resident_key, "cpu"};
 }
 
+void Engine::begin_task_of(const std::string& tenant) {
+  if (cache_tenant == tenant) return;
+  cache = {};
+  cache_tenant = tenant;
+}
+
 }  // namespace voxeld

@@ -56,10 +56,13 @@ struct Engine {
   // `auto` draws on the CPU where GL would run on the same cores, only slower
   // (tests/bench/render_bench). Errors: device-unavailable for gl without a GL context.
   Result<ChosenRenderer> choose_renderer(RendererChoice asked);
+  // Before each task: what is kept of another tenant's inputs goes (proto/task_api.h tells why).
+  void begin_task_of(const std::string& tenant);
 
   OpenedDevice device;  // its pipeline has gone to the voxelizer
   Voxelizer voxelizer;
   InputCache cache;
+  std::string cache_tenant;  // whose inputs the cache holds
   PictureLimits picture_limits;
 };
 

@@ -83,6 +83,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, const Task& t
   const Stopwatch watch;
   Result<TaskCompletion> completion = Error{};
   bool dropped = false;
+  engine.begin_task_of(task.tenant);
   {
     TaskMonitor monitor(client, task);
     completion = run_task(engine, task, scratch, monitor);

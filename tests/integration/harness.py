@@ -1,4 +1,5 @@
 """Starts voxeld on ports of its own, talks HTTP to it, and holds every response against openapi.json."""
+import copy
 import http.client
 import json
 import os
@@ -108,6 +109,7 @@ class Daemon:
         self.own_data = data_dir is None
         self.data_dir = data_dir or tempfile.mkdtemp(prefix="voxeld-test-")
         self.arguments = list(arguments)
+        self.key = None  # API key of every request
         self.openapi = OpenApi(json.loads(json.dumps(
             yaml.safe_load((ROOT / "proto/openapi.yaml").read_text()))))
         self.start()
@@ -140,10 +142,19 @@ class Daemon:
         with open(self.log.name, "rb") as file:
             return file.read()[-4000:].decode(errors="replace")
 
+    def holding(self, key):
+        """The same daemon as the holder of another key sees it."""
+        other = copy.copy(self)
+        other.key = key
+        return other
+
     def request(self, method, path, body=None, headers=None, port=None, timeout=120):
         connection = http.client.HTTPConnection("127.0.0.1", port or self.port, timeout=timeout)
+        headers = dict(headers or {})
+        if self.key is not None:
+            headers.setdefault("Authorization", "Bearer " + self.key)
         try:
-            connection.request(method, path, body=body, headers=headers or {})
+            connection.request(method, path, body=body, headers=headers)
             raw = connection.getresponse()
             response = Response(raw.status, raw.headers, raw.read())
         finally:

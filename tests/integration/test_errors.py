@@ -10,7 +10,7 @@ from harness import ROOT, Daemon, DaemonTest
 
 # Codes that no request to a healthy daemon on loopback can provoke, and where they are tested.
 TESTED_ELSEWHERE = {
-    "unauthorized": "reserved for API keys",
+    "unauthorized": "test_tenants",
     "internal": "unit_proto: the table alone; it means a bug or a driver that failed",
     "worker-crashed": "test_crash",
     "idempotency-mismatch": "test_jobs",

@@ -51,6 +51,8 @@ class VOXELD_CLIENT_API Error : public std::runtime_error {
 
 struct Settings {
   std::string url = "http://127.0.0.1:8080";
+  // API key ("vxk_…"), empty for a daemon that needs none. Sent to `url` alone, with every request.
+  std::string key;
   std::chrono::seconds connect_timeout{10};
   // For one exchange with the daemon (the upload, one look at the job, the download); zero: none.
   std::chrono::seconds timeout{0};

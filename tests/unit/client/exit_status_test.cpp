@@ -19,7 +19,7 @@ TEST(ExitStatus, every_code_of_the_api_has_its_number) {
   const std::map<std::string_view, int> numbers = {{"bad-request", 1},
                                                    {"unknown-option", 2},
                                                    {"invalid-option", 2},
-                                                   {"unauthorized", 1},
+                                                   {"unauthorized", 2},
                                                    {"not-found", 2},
                                                    {"method-not-allowed", 1},
                                                    {"not-acceptable", 1},

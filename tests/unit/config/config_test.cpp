@@ -98,18 +98,57 @@ TEST(Config, what_is_not_understood_ends_with_the_usage_status_and_help_with_0) 
   EXPECT_EQ(std::get<ExitCommand>(parse({"serve", "--help"})).status, 0);
 }
 
-TEST(Config, other_addresses_than_loopback_need_a_flag_and_the_reason_is_told) {
+TEST(Config, keys_are_added_listed_and_revoked_in_a_data_directory) {
+  Variable data("VOXELD_DATA", "/state/elsewhere");
+  using Action = KeysCommand::Action;
+  const auto add = std::get<KeysCommand>(parse({"keys", "add", "lab"}));
+  EXPECT_EQ(add.action, Action::kAdd);
+  EXPECT_EQ(add.tenant, "lab");
+  EXPECT_EQ(add.data_dir, "/state/elsewhere");
+  EXPECT_FALSE(add.is_admin);
+  EXPECT_EQ(add.weight, 1);
+  EXPECT_EQ(add.expires, "");
+  const auto all = std::get<KeysCommand>(parse(
+      {"keys", "add", "boss", "--admin", "--expires", "30d", "--weight", "5", "--data", "/d"}));
+  EXPECT_TRUE(all.is_admin);
+  EXPECT_EQ(all.expires, "30d");
+  EXPECT_EQ(all.weight, 5);
+  EXPECT_EQ(all.data_dir, "/d");
+  const auto list = std::get<KeysCommand>(parse({"keys", "list", "--json", "--data", "/d"}));
+  EXPECT_EQ(list.action, Action::kList);
+  EXPECT_TRUE(list.json);
+  EXPECT_EQ(list.data_dir, "/d");
+  const auto revoke = std::get<KeysCommand>(parse({"keys", "revoke", "abcdefgh"}));
+  EXPECT_EQ(revoke.action, Action::kRevoke);
+  EXPECT_EQ(revoke.id, "abcdefgh");
+  for (const std::vector<const char*>& wrong : {std::vector<const char*>{"keys"},
+                                                {"keys", "add"},
+                                                {"keys", "revoke"},
+                                                {"keys", "delete"},
+                                                {"keys", "add", "lab", "--weight", "0"},
+                                                {"keys", "add", "lab", "--weight", "1001"},
+                                                {"keys", "list", "lab"}}) {
+    EXPECT_EQ(std::get<ExitCommand>(parse(wrong)).status, 64);
+  }
+}
+
+TEST(Config, other_addresses_than_loopback_need_keys_or_a_flag_and_the_reason_is_told) {
   for (const char* address : {"127.0.0.1:8080", "127.1.2.3:0", "localhost:80", "[::1]:8080"}) {
-    EXPECT_TRUE(check_listen_address("--listen", address, false)) << address;
+    EXPECT_TRUE(check_listen_address("--listen", address, false, Guard::kNoKeys)) << address;
   }
   for (const char* address : {"0.0.0.0:8080", "[::]:8080", "192.168.0.1:80", "example.org:80"}) {
-    const Status refused = check_listen_address("--listen", address, false);
+    const Status refused = check_listen_address("--listen", address, false, Guard::kNoKeys);
     ASSERT_FALSE(refused) << address;
-    EXPECT_NE(refused.error().detail.find("voxeld has no access control"), std::string::npos);
+    EXPECT_NE(refused.error().detail.find("there are no API keys"), std::string::npos);
+    EXPECT_NE(refused.error().detail.find("voxeld keys add"), std::string::npos);
     EXPECT_NE(refused.error().detail.find("--allow-remote"), std::string::npos);
-    EXPECT_TRUE(check_listen_address("--listen", address, true));
+    EXPECT_TRUE(check_listen_address("--listen", address, true, Guard::kNoKeys));
+    EXPECT_TRUE(check_listen_address("--listen", address, false, Guard::kKeys));
+    const Status admin = check_listen_address("--admin-listen", address, false, Guard::kNone);
+    ASSERT_FALSE(admin) << address;
+    EXPECT_NE(admin.error().detail.find("needs no API key"), std::string::npos);
   }
-  EXPECT_EQ(check_listen_address("--listen", "8080", true).error().message(),
+  EXPECT_EQ(check_listen_address("--listen", "8080", true, Guard::kKeys).error().message(),
             "--listen: expected HOST:PORT, got 8080");
 }
 

@@ -129,7 +129,7 @@ TEST_F(JobsApi, a_one_shot_job_is_cancelled_when_its_client_leaves) {
   ASSERT_TRUE(comes_true([&] { return jobs_->queued_jobs() == 1; }));
   client.close();
   EXPECT_TRUE(comes_true([&] {
-    const auto jobs = jobs_->list(1, JobState::kCancelled);
+    const auto jobs = jobs_->list(Caller::open(), 1, JobState::kCancelled);
     return jobs.ok() && jobs->size() == 1;
   }));
 }

@@ -102,7 +102,7 @@ TEST_F(ResultsTest, equal_work_is_answered_from_the_cache) {
 
 TEST_F(ResultsTest, a_result_that_vanished_from_the_store_is_not_found) {
   const std::string blob = get(result_).header("x-voxeld-grid");
-  ASSERT_TRUE(jobs_->blobs().remove(blob));
+  ASSERT_TRUE(blobs().remove(blob));
   EXPECT_EQ(get(result_).code(), "not-found");
 }
 

@@ -265,7 +265,7 @@ TEST_F(BundlesApi, a_bundle_is_an_asset_that_a_job_works_on) {
   ASSERT_TRUE(task);
   EXPECT_EQ(task->filename, "knight.bundle.json");
   EXPECT_EQ(task->bundle_paths,
-            (std::vector<std::string>{jobs_->blobs().path_of(mesh), jobs_->blobs().path_of(anim)}));
+            (std::vector<std::string>{blobs().path_of(mesh), blobs().path_of(anim)}));
 }
 
 TEST_F(BundlesApi, a_one_shot_request_takes_a_bundle_as_its_body) {
@@ -298,7 +298,7 @@ TEST_F(BundlesApi, a_manifest_is_checked_before_anything_is_stored) {
   EXPECT_EQ(request("DELETE", "/v1/assets/" + mesh).status, 204);
   EXPECT_EQ(post_bundle(manifest({{"bob", mesh}})).code(), "gone");
   EXPECT_EQ(json(get("/v1/assets"))["assets"].size(), 0u);
-  EXPECT_TRUE(jobs_->blobs().list().value().empty());
+  EXPECT_TRUE(blobs().list().value().empty());
 }
 
 TEST_F(BundlesApi, work_on_a_bundle_without_one_of_its_files_names_it) {

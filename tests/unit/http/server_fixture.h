@@ -42,10 +42,15 @@ class ServerTest : public ::testing::Test {
     ASSERT_TRUE(service) << service.error().message();
     jobs_ = *std::move(service);
     config.listen = config.admin_listen = "127.0.0.1:0";
-    auto server = start_server(config, *jobs_, registry_);
+    auto keys = KeyRing::open(dir_.path() / "data");
+    ASSERT_TRUE(keys) << keys.error().message();
+    keys_ = *std::move(keys);
+    auto server = start_server(config, *jobs_, *keys_, registry_);
     ASSERT_TRUE(server) << server.error().message();
     server_ = *std::move(server);
   }
+  // As it is on the disk.
+  BlobStore blobs() { return BlobStore::open(dir_.path() / "data").value(); }
   FakeWorker connect_worker() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }
 
   // One request on a connection of its own.
@@ -93,6 +98,7 @@ class ServerTest : public ::testing::Test {
   testing::TemporaryDir dir_;
   std::shared_ptr<prometheus::Registry> registry_;
   std::unique_ptr<JobService> jobs_;
+  std::unique_ptr<KeyRing> keys_;
   std::unique_ptr<Server> server_;
 };
 

@@ -17,7 +17,7 @@ class BundlesTest : public testing::ServiceTest {
   std::string put_bundle() {
     mesh_ = put_asset("mesh", "bob.md5mesh");
     anim_ = put_asset("anim", "walk.md5anim");
-    const auto asset = service_->put_bundle(put_blob("manifest"), "bob.bundle.json",
+    const auto asset = service_->put_bundle(Caller::open(), put_blob("manifest"), "bob.bundle.json",
                                             {{"bob.md5mesh", mesh_}, {"walk.md5anim", anim_}});
     EXPECT_TRUE(asset) << asset.error().message();
     return asset ? asset->id : "";
@@ -27,13 +27,13 @@ class BundlesTest : public testing::ServiceTest {
     request.asset = asset;
     return request;
   }
-  std::string path(const std::string& id) { return service_->blobs().path_of(id).string(); }
+  std::string path(const std::string& id) { return blobs().path_of(id).string(); }
   std::string mesh_, anim_;
 };
 
 TEST_F(BundlesTest, a_task_names_where_each_file_is) {
   const std::string bundle = put_bundle();
-  EXPECT_EQ(service_->get_asset(bundle).value().content_type, kBundleMediaType);
+  EXPECT_EQ(service_->get_asset(Caller::open(), bundle).value().content_type, kBundleMediaType);
   submit(request(bundle));
   FakeWorker worker = connect();
   const auto task = worker.claim();
@@ -50,18 +50,20 @@ TEST_F(BundlesTest, a_file_that_is_not_there_is_named) {
   const std::string mesh = put_asset("mesh");
   const std::string nothing = sha256_id("nothing");
   const BlobInfo manifest = put_blob("manifest");
-  const auto refused = service_->put_bundle(manifest, "b", {{"bob", mesh}, {"walk", nothing}});
+  const auto refused =
+      service_->put_bundle(Caller::open(), manifest, "b", {{"bob", mesh}, {"walk", nothing}});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kNotFound);
   EXPECT_EQ(
       refused.error().message(),
       "bundle file \"walk\": no such asset: expected the id of an uploaded asset, got " + nothing);
-  EXPECT_EQ(service_->get_asset(manifest.id).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(service_->get_asset(Caller::open(), manifest.id).error().code, ErrorCode::kNotFound);
 }
 
 TEST_F(BundlesTest, a_bundle_in_a_bundle_is_refused) {
   const std::string bundle = put_bundle();
-  const auto refused = service_->put_bundle(put_blob("outer"), "o", {{"inner", bundle}});
+  const auto refused =
+      service_->put_bundle(Caller::open(), put_blob("outer"), "o", {{"inner", bundle}});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kMalformedBundle);
   EXPECT_EQ(refused.error().detail, "bundle file \"inner\": it is a bundle itself");
@@ -69,15 +71,15 @@ TEST_F(BundlesTest, a_bundle_in_a_bundle_is_refused) {
 
 TEST_F(BundlesTest, work_on_a_bundle_of_which_a_file_was_deleted_is_refused_until_it_is_back) {
   const std::string bundle = put_bundle();
-  ASSERT_TRUE(service_->delete_asset(anim_));
-  const auto refused = service_->submit(request(bundle), {});
+  ASSERT_TRUE(service_->delete_asset(Caller::open(), anim_));
+  const auto refused = service_->submit(Caller::open(), request(bundle), {});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kGone);
   EXPECT_EQ(refused.error().detail,
             "bundle file \"walk.md5anim\": asset " + anim_ + " was deleted");
-  EXPECT_FALSE(service_->blobs().stat(anim_));
+  EXPECT_FALSE(blobs().stat(anim_));
   put_asset("anim", "walk.md5anim");
-  EXPECT_TRUE(service_->submit(request(bundle), {}));
+  EXPECT_TRUE(service_->submit(Caller::open(), request(bundle), {}));
 }
 
 TEST_F(BundlesTest, files_of_a_live_job_stay_until_it_has_ended) {
@@ -87,19 +89,19 @@ TEST_F(BundlesTest, files_of_a_live_job_stay_until_it_has_ended) {
   const auto task = worker.claim();
   ASSERT_TRUE(task);
   for (const std::string& asset : {mesh_, anim_, bundle}) {
-    ASSERT_TRUE(service_->delete_asset(asset));
-    EXPECT_TRUE(service_->blobs().stat(asset)) << asset;
+    ASSERT_TRUE(service_->delete_asset(Caller::open(), asset));
+    EXPECT_TRUE(blobs().stat(asset)) << asset;
   }
   ASSERT_TRUE(worker.complete(*task, "x"));
   EXPECT_EQ(wait_end(id).state, JobState::kDone);
   for (const std::string& asset : {mesh_, anim_, bundle}) {
-    EXPECT_FALSE(service_->blobs().stat(asset)) << asset;
+    EXPECT_FALSE(blobs().stat(asset)) << asset;
   }
 }
 
 TEST_F(BundlesTest, the_same_manifest_is_one_asset) {
   EXPECT_EQ(put_bundle(), put_bundle());
-  EXPECT_EQ(service_->list_assets(100).value().size(), 3u);
+  EXPECT_EQ(service_->list_assets(Caller::open(), 100).value().size(), 3u);
 }
 
 }  // namespace

@@ -44,11 +44,11 @@ TEST_F(CrashTest, no_acknowledged_job_is_lost) {
   std::string asset;
   {
     auto service = open();
-    auto writer = service->blobs().begin(100);
+    auto writer = service->begin_upload(100);
     ASSERT_TRUE(writer);
     const std::vector<uint8_t> bytes = {1, 2, 3};
     ASSERT_TRUE(writer->append(bytes));
-    asset = service->put_asset(writer->finish().value(), "a.ply", "").value().id;
+    asset = service->put_asset(Caller::open(), writer->finish().value(), "a.ply", "").value().id;
   }
   const std::string command = std::string("exec ") + VOXELD_JOBS_HELPER + " submit " +
                               (dir_.path() / "data").string() + " " + asset + " >> " +
@@ -69,7 +69,7 @@ TEST_F(CrashTest, no_acknowledged_job_is_lost) {
     before = ids.size();
     auto service = open();
     for (const std::string& id : ids) {
-      const auto status = service->get(id);
+      const auto status = service->get(Caller::open(), id);
       ASSERT_TRUE(status) << "round " << i << ": lost " << id;
       EXPECT_EQ(status->state, JobState::kQueued);
     }

@@ -29,7 +29,7 @@ class FramesTest : public testing::ServiceTest {
   }
   std::vector<std::string> grids(const std::string& job) {
     std::vector<std::string> ids;
-    const auto frames = service_->frames(job);
+    const auto frames = service_->frames(Caller::open(), job);
     EXPECT_TRUE(frames) << frames.error().message();
     for (const ListedFrame& listed : frames->frames) ids.push_back(listed.frame.grid);
     return ids;
@@ -57,7 +57,7 @@ TEST_F(FramesTest, a_frame_is_listed_and_can_be_fetched_while_its_job_runs) {
   EXPECT_TRUE(std::filesystem::exists(reply.path));
   EXPECT_FALSE(std::filesystem::exists(worker.scratch() / "frame.voxg"));
   worker.frame(task, 1, "second");
-  const auto frames = service_->frames(id_);
+  const auto frames = service_->frames(Caller::open(), id_);
   ASSERT_TRUE(frames) << frames.error().message();
   EXPECT_EQ(frames->job, id_);
   EXPECT_EQ(frames->sequence, "");
@@ -69,8 +69,8 @@ TEST_F(FramesTest, a_frame_is_listed_and_can_be_fetched_while_its_job_runs) {
   EXPECT_EQ(frames->frames[1].frame.grid, second.grid);
   EXPECT_EQ(frames->frames[1].frame.voxel_count, second.voxel_count);
   EXPECT_EQ(frames->frames[1].frame.content_hash, second.content_hash);
-  EXPECT_EQ(service_->get_grid(second.grid).value().bytes, 6);
-  const JobStatus status = service_->get(id_).value();
+  EXPECT_EQ(service_->get_grid(Caller::open(), second.grid).value().bytes, 6);
+  const JobStatus status = service_->get(Caller::open(), id_).value();
   EXPECT_EQ(status.state, JobState::kRunning);
   EXPECT_EQ(status.frames_done, 2);
   EXPECT_EQ(status.frames_total, 3);
@@ -80,7 +80,8 @@ TEST_F(FramesTest, events_count_frames) {
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
   worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 1, 8, 2, 9}));
-  const auto events = service_->wait_events(id_, 0, Clock::now() + seconds(10)).value();
+  const auto events =
+      service_->wait_events(Caller::open(), id_, 0, Clock::now() + seconds(10)).value();
   ASSERT_FALSE(events.empty());
   EXPECT_EQ(events.back().type, "progress");
   const json data = json::parse(events.back().data_json);
@@ -92,17 +93,17 @@ TEST_F(FramesTest, a_cancel_reaches_the_worker_with_its_next_frame_and_keeps_wha
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
   EXPECT_FALSE(worker.frame(task, 0, "first", 9).cancel);
-  ASSERT_TRUE(service_->cancel(id_));
+  ASSERT_TRUE(service_->cancel(Caller::open(), id_));
   const TaskFrameReply reply = worker.frame(task, 1, "second", 9);
   EXPECT_TRUE(reply.cancel);
   EXPECT_FALSE(reply.fenced);
   ASSERT_TRUE(worker.fail(task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
   EXPECT_EQ(wait_end(id_).state, JobState::kCancelled);
   EXPECT_EQ(grids(id_), (std::vector{sha256_id("first"), sha256_id("second")}));
-  EXPECT_TRUE(service_->get_grid(sha256_id("second")));
-  EXPECT_EQ(service_->get(id_).value().frames_done, 2);
+  EXPECT_TRUE(service_->get_grid(Caller::open(), sha256_id("second")));
+  EXPECT_EQ(service_->get(Caller::open(), id_).value().frames_done, 2);
   // Told by the frames alone: no progress came before the cancel.
-  EXPECT_EQ(service_->frames(id_).value().frames_total, 9);
+  EXPECT_EQ(service_->frames(Caller::open(), id_).value().frames_total, 9);
 }
 
 TEST_F(FramesTest, a_failure_keeps_what_is_done) {
@@ -122,9 +123,9 @@ TEST_F(FramesTest, a_restart_keeps_frames_and_the_next_attempt_lists_them_again)
     worker.frame(task, 2, "third");
     start();
   }
-  EXPECT_EQ(service_->get(id_).value().state, JobState::kQueued);
+  EXPECT_EQ(service_->get(Caller::open(), id_).value().state, JobState::kQueued);
   EXPECT_EQ(grids(id_), (std::vector{sha256_id("first"), sha256_id("third")}));
-  EXPECT_TRUE(service_->get_grid(sha256_id("third")));
+  EXPECT_TRUE(service_->get_grid(Caller::open(), sha256_id("third")));
   FakeWorker worker = connect();
   const auto task = worker.claim();
   ASSERT_TRUE(task);
@@ -145,7 +146,7 @@ TEST_F(FramesTest, frames_of_another_task_or_fence_are_dropped) {
   wrong.id = "j-other";
   EXPECT_TRUE(worker.frame(wrong, 0, "zombie").fenced);
   EXPECT_TRUE(grids(id_).empty());
-  EXPECT_FALSE(service_->get_grid(sha256_id("zombie")));
+  EXPECT_FALSE(service_->get_grid(Caller::open(), sha256_id("zombie")));
   EXPECT_FALSE(worker.frame(task, 0, "good").fenced);
 }
 
@@ -171,15 +172,16 @@ TEST_F(FramesTest, a_finished_job_is_a_sequence) {
   ASSERT_TRUE(status.result);
   EXPECT_EQ(status.result->filename, "bob.voxs");
   EXPECT_NE(status.result->sequence, "");
-  const auto manifest = service_->get_sequence(status.result->sequence);
+  const auto manifest = service_->get_sequence(Caller::open(), status.result->sequence);
   ASSERT_TRUE(manifest) << manifest.error().message();
   ASSERT_EQ(manifest->frames.size(), 3u);
   EXPECT_EQ(manifest->frames[0].grid, manifest->frames[2].grid);
-  EXPECT_EQ(service_->frames(status.id).value().sequence, status.result->sequence);
-  EXPECT_EQ(service_->get_sequence("sha256-1").error().message(),
+  EXPECT_EQ(service_->frames(Caller::open(), status.id).value().sequence, status.result->sequence);
+  EXPECT_EQ(service_->get_sequence(Caller::open(), "sha256-1").error().message(),
             "no such sequence: expected the id of a sequence, got sha256-1");
   // A blob that is no sequence is none.
-  EXPECT_EQ(service_->get_sequence(sha256_id("a")).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(service_->get_sequence(Caller::open(), sha256_id("a")).error().code,
+            ErrorCode::kNotFound);
 }
 
 TEST_F(FramesTest, an_equal_request_is_answered_with_the_sequence_and_its_frames) {
@@ -194,7 +196,7 @@ TEST_F(FramesTest, an_equal_request_is_answered_with_the_sequence_and_its_frames
 
 TEST_F(FramesTest, a_sequence_of_which_a_frame_is_lost_is_made_again) {
   finished();
-  ASSERT_TRUE(service_->blobs().remove(sha256_id("b")));
+  ASSERT_TRUE(blobs().remove(sha256_id("b")));
   const JobStatus again = submit(moving());
   EXPECT_FALSE(again.cached);
   EXPECT_EQ(again.state, JobState::kQueued);
@@ -232,11 +234,10 @@ TEST_F(FramesTest, a_task_on_a_sequence_names_its_manifest_and_its_frames) {
     EXPECT_TRUE(task.input_is_sequence);
     EXPECT_FALSE(task.input_is_grid);
     EXPECT_EQ(task.input_hash, sequence);
-    EXPECT_EQ(task.input_path, service_->blobs().path_of(sequence));
-    const std::string a = service_->blobs().path_of(sha256_id("a"));
-    EXPECT_EQ(task.frame_paths,
-              (std::vector<std::string>{a, service_->blobs().path_of(sha256_id("b")), a}));
-    EXPECT_EQ(service_->get(id_).value().sequence, sequence);
+    EXPECT_EQ(task.input_path, blobs().path_of(sequence));
+    const std::string a = blobs().path_of(sha256_id("a"));
+    EXPECT_EQ(task.frame_paths, (std::vector<std::string>{a, blobs().path_of(sha256_id("b")), a}));
+    EXPECT_EQ(service_->get(Caller::open(), id_).value().sequence, sequence);
     ASSERT_TRUE(worker.complete(task, "exported"));
   }
 }
@@ -247,7 +248,7 @@ TEST_F(FramesTest, a_task_whose_manifest_cannot_be_read_fails_and_the_worker_goe
   request.kind = JobKind::kExport;
   request.sequence = sequence;
   const std::string broken = submit(request).id;
-  ASSERT_TRUE(service_->blobs().remove(sequence));
+  ASSERT_TRUE(blobs().remove(sequence));
   const std::string next = submit(moving("another")).id;
   FakeWorker worker = connect();
   const auto task = worker.claim();
@@ -263,28 +264,28 @@ TEST_F(FramesTest, a_request_on_a_sequence_is_checked) {
   JobRequest request;
   request.kind = JobKind::kRender;
   request.sequence = sha256_id("nothing");
-  EXPECT_EQ(service_->submit(request, {}).error().detail, "no such sequence");
+  EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().detail, "no such sequence");
   request.sequence = sequence;
   request.options.render.picture = PictureKind::kGif;
   request.options.render.turntable = 9;
-  EXPECT_EQ(service_->submit(request, {}).error().message(),
+  EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().message(),
             "turntable: expected a grid as input, got a sequence");
   request.options.render.turntable = 0;
-  EXPECT_TRUE(service_->submit(request, {}));
+  EXPECT_TRUE(service_->submit(Caller::open(), request, {}));
   request.sequence.clear();
   request.grid = sha256_id("a");
-  EXPECT_EQ(service_->submit(request, {}).error().code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().code, ErrorCode::kInvalidOption);
 }
 
 TEST_F(FramesTest, an_upload_that_is_also_a_frame_or_manifest_stays_when_the_asset_is_deleted) {
   const JobStatus status = finished();
-  const auto manifest = service_->blobs().path_of(status.result->sequence);
-  ASSERT_TRUE(service_->put_asset(service_->blobs().stat(sha256_id("a")).value(), "a", ""));
+  const auto manifest = blobs().path_of(status.result->sequence);
+  ASSERT_TRUE(service_->put_asset(Caller::open(), blobs().stat(sha256_id("a")).value(), "a", ""));
   ASSERT_TRUE(
-      service_->put_asset(service_->blobs().stat(status.result->sequence).value(), "m", ""));
-  ASSERT_TRUE(service_->delete_asset(sha256_id("a")));
-  ASSERT_TRUE(service_->delete_asset(status.result->sequence));
-  EXPECT_TRUE(service_->get_grid(sha256_id("a")));
+      service_->put_asset(Caller::open(), blobs().stat(status.result->sequence).value(), "m", ""));
+  ASSERT_TRUE(service_->delete_asset(Caller::open(), sha256_id("a")));
+  ASSERT_TRUE(service_->delete_asset(Caller::open(), status.result->sequence));
+  EXPECT_TRUE(service_->get_grid(Caller::open(), sha256_id("a")));
   EXPECT_TRUE(std::filesystem::exists(manifest));
 }
 

@@ -22,7 +22,7 @@ int submit_main(const std::string& data_dir, const std::string& asset) {
   voxeld::JobRequest request;
   request.asset = asset;
   while (true) {
-    const auto job = (*service)->submit(request, {});
+    const auto job = (*service)->submit(voxeld::Caller::open(), request, {});
     if (!job) return 2;
     const std::string line = job->id + "\n";
     if (::write(STDOUT_FILENO, line.data(), line.size()) < 0) return 0;

@@ -32,24 +32,28 @@ class JobServiceTest : public ::testing::Test {
     service_ = *std::move(service);
   }
   std::string submit(const std::string& filename) {
-    auto writer = service_->blobs().begin(1 << 20);
+    auto writer = service_->begin_upload(1 << 20);
     EXPECT_TRUE(writer);
     EXPECT_TRUE(
         writer->append({reinterpret_cast<const uint8_t*>(filename.data()), filename.size()}));
     JobRequest request;
-    request.asset = service_->put_asset(writer->finish().value(), filename, "").value().id;
-    auto status = service_->submit(request, {});
+    request.asset =
+        service_->put_asset(Caller::open(), writer->finish().value(), filename, "").value().id;
+    auto status = service_->submit(Caller::open(), request, {});
     EXPECT_TRUE(status) << status.error().message();
     return status->id;
   }
   JobStatus wait_end(const std::string& id) {
-    return service_->wait_end(id, Clock::now() + seconds(60), nullptr).value();
+    return service_->wait_end(Caller::open(), id, Clock::now() + seconds(60), nullptr).value();
   }
   JobStatus wait_running(const std::string& id) {
     const auto deadline = Clock::now() + seconds(30);
-    JobStatus status = service_->get(id).value();
+    JobStatus status = service_->get(Caller::open(), id).value();
     while (status.state != JobState::kRunning && Clock::now() < deadline) {
-      status = service_->wait_change(id, status.version, Clock::now() + milliseconds(100)).value();
+      status =
+          service_
+              ->wait_change(Caller::open(), id, status.version, Clock::now() + milliseconds(100))
+              .value();
     }
     return status;
   }
@@ -87,12 +91,12 @@ TEST_F(JobServiceTest, a_worker_killed_in_a_job_is_restarted_and_the_job_still_e
   ASSERT_GT(pid, 0);
   ASSERT_EQ(::kill(static_cast<pid_t>(pid), SIGKILL), 0);
   const auto deadline = Clock::now() + seconds(30);
-  while (service_->get(id).value().attempt < 2 && Clock::now() < deadline) {
+  while (service_->get(Caller::open(), id).value().attempt < 2 && Clock::now() < deadline) {
     std::this_thread::sleep_for(milliseconds(10));
   }
   EXPECT_EQ(wait_running(id).attempt, 2);
   EXPECT_NE(worker_pid(), pid);
-  ASSERT_TRUE(service_->cancel(id));
+  ASSERT_TRUE(service_->cancel(Caller::open(), id));
   EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
   EXPECT_EQ(service_->workers()[0].restarts, 1);
 }
@@ -116,7 +120,7 @@ TEST_F(JobServiceTest, a_worker_that_ignores_a_cancel_is_ended_and_the_job_is_ca
   start();
   const std::string id = submit("deaf.ply");
   wait_running(id);
-  ASSERT_TRUE(service_->cancel(id));
+  ASSERT_TRUE(service_->cancel(Caller::open(), id));
   EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
   EXPECT_EQ(wait_end(submit("bunny.ply")).state, JobState::kDone);
 }
@@ -139,7 +143,7 @@ TEST_F(JobServiceTest, a_restarted_service_finishes_what_was_running) {
   wait_running(id);
   start();
   EXPECT_EQ(wait_running(id).attempt, 1);
-  ASSERT_TRUE(service_->cancel(id));
+  ASSERT_TRUE(service_->cancel(Caller::open(), id));
   EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
 }
 
@@ -159,7 +163,7 @@ TEST_F(JobServiceTest, workers_of_several_devices_share_the_queue) {
   const std::string slow = submit("slow.ply");
   wait_running(slow);
   EXPECT_EQ(wait_end(submit("bunny.ply")).state, JobState::kDone);
-  EXPECT_EQ(service_->get(slow).value().state, JobState::kRunning);
+  EXPECT_EQ(service_->get(Caller::open(), slow).value().state, JobState::kRunning);
 }
 
 TEST_F(JobServiceTest, a_second_daemon_on_the_same_data_is_refused) {

@@ -44,7 +44,8 @@ class JobStoreTest : public ::testing::Test {
   }
   std::string put_asset(const std::string& text, const std::string& filename = "bunny.ply") {
     const std::string id = put_blob(text);
-    EXPECT_TRUE(assets_->put({id, static_cast<int64_t>(text.size()), false}, filename, ""));
+    EXPECT_TRUE(
+        assets_->put(Caller::open(), {id, static_cast<int64_t>(text.size())}, filename, ""));
     return id;
   }
   JobRequest request(const std::string& asset) {
@@ -53,7 +54,7 @@ class JobStoreTest : public ::testing::Test {
     return request;
   }
   JobRecord submit(const JobRequest& request, const SubmitOptions& options = {}) {
-    auto submitted = store_->submit(request, options, kQueueMax);
+    auto submitted = store_->submit(Caller::open(), request, options, kQueueMax);
     EXPECT_TRUE(submitted) << submitted.error().message();
     return submitted->record;
   }
@@ -75,7 +76,7 @@ class JobStoreTest : public ::testing::Test {
     task.timings = {{"parse", 1.0}, {"voxelize", 2.0}};
     return task;
   }
-  JobStatus get(const std::string& id) { return store_->get(id).value().status; }
+  JobStatus get(const std::string& id) { return store_->get(Caller::open(), id).value().status; }
 
   testing::TemporaryDir dir_;
   std::optional<BlobStore> blobs_;
@@ -127,13 +128,13 @@ TEST_F(JobStoreTest, queued_running_done_keeps_result_timings_and_events) {
   EXPECT_EQ(status.timings[1], (std::pair<std::string, double>("upload", 12.5)));
   EXPECT_EQ(status.timings[3], (std::pair<std::string, double>("voxelize", 2.0)));
   EXPECT_FALSE(status.error);
-  const auto events = store_->events(id, 0).value();
+  const auto events = store_->events(Caller::open(), id, 0).value();
   ASSERT_EQ(events.size(), 3u);
   EXPECT_EQ(events[0].id, 1);
   EXPECT_EQ(events[1].id, 2);
   EXPECT_EQ(events[2].id, 10);
   EXPECT_NE(events[2].data_json.find("\"done\""), std::string::npos);
-  EXPECT_EQ(store_->events(id, 2).value().size(), 1u);
+  EXPECT_EQ(store_->events(Caller::open(), id, 2).value().size(), 1u);
 }
 
 TEST_F(JobStoreTest, jobs_are_claimed_in_the_order_of_their_arrival) {
@@ -228,18 +229,18 @@ TEST_F(JobStoreTest, a_daemon_that_stops_does_not_cost_an_attempt) {
 
 TEST_F(JobStoreTest, cancelling_a_queued_job_ends_it_and_again_changes_nothing) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
-  const JobStatus status = store_->cancel(id).value().status;
+  const JobStatus status = store_->cancel(Caller::open(), id).value().status;
   EXPECT_EQ(status.state, JobState::kCancelled);
   EXPECT_EQ(status.error->code, ErrorCode::kCancelled);
   EXPECT_EQ(status.error->detail, "the job was cancelled");
-  EXPECT_EQ(store_->cancel(id).value().status.version, status.version);
+  EXPECT_EQ(store_->cancel(Caller::open(), id).value().status.version, status.version);
   EXPECT_FALSE(store_->claim("w").value().has_value());
 }
 
 TEST_F(JobStoreTest, cancelling_a_running_job_marks_it_and_it_ends_as_cancelled) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
   const JobRecord running = claim();
-  EXPECT_TRUE(store_->cancel(id).value().cancel_requested);
+  EXPECT_TRUE(store_->cancel(Caller::open(), id).value().cancel_requested);
   EXPECT_EQ(get(id).state, JobState::kRunning);
   ASSERT_TRUE(
       store_->fail(id, running.fence, {ErrorCode::kCancelled, "the job was cancelled", "", ""}, 0)
@@ -250,28 +251,28 @@ TEST_F(JobStoreTest, cancelling_a_running_job_marks_it_and_it_ends_as_cancelled)
 TEST_F(JobStoreTest, a_cancelled_job_whose_worker_dies_is_not_queued_again) {
   const std::string id = submit(request(put_asset("mesh"))).status.id;
   const JobRecord running = claim();
-  ASSERT_TRUE(store_->cancel(id));
+  ASSERT_TRUE(store_->cancel(Caller::open(), id));
   ASSERT_TRUE(store_->lose_worker(id, running.fence, "signal 9 (Killed)", true, 0).value());
   EXPECT_EQ(get(id).state, JobState::kCancelled);
 }
 
 TEST_F(JobStoreTest, unknown_jobs_assets_and_grids_are_not_found) {
-  EXPECT_EQ(store_->get("j-nothing").error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(store_->cancel("j-nothing").error().detail, "no such job");
-  EXPECT_EQ(store_->events("j-nothing", 0).error().code, ErrorCode::kNotFound);
-  const auto no_asset = store_->submit(request(sha256_id("never")), {}, kQueueMax);
+  EXPECT_EQ(store_->get(Caller::open(), "j-nothing").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(store_->cancel(Caller::open(), "j-nothing").error().detail, "no such job");
+  EXPECT_EQ(store_->events(Caller::open(), "j-nothing", 0).error().code, ErrorCode::kNotFound);
+  const auto no_asset = store_->submit(Caller::open(), request(sha256_id("never")), {}, kQueueMax);
   EXPECT_EQ(no_asset.error().code, ErrorCode::kNotFound);
   EXPECT_EQ(no_asset.error().detail, "no such asset");
   JobRequest render;
   render.kind = JobKind::kRender;
   render.grid = put_asset("an asset is not a grid");
-  EXPECT_EQ(store_->submit(render, {}, kQueueMax).error().detail, "no such grid");
+  EXPECT_EQ(store_->submit(Caller::open(), render, {}, kQueueMax).error().detail, "no such grid");
 }
 
 TEST_F(JobStoreTest, a_finished_grid_can_be_rendered) {
   submit(request(put_asset("mesh")));
   ASSERT_TRUE(store_->complete(finished(claim()), 0).value());
-  EXPECT_TRUE(store_->is_grid(sha256_id("result")).value());
+  EXPECT_TRUE(store_->is_grid(Caller::open(), sha256_id("result")).value());
   JobRequest render;
   render.kind = JobKind::kRender;
   render.grid = sha256_id("result");
@@ -280,8 +281,8 @@ TEST_F(JobStoreTest, a_finished_grid_can_be_rendered) {
 
 TEST_F(JobStoreTest, a_full_queue_refuses_with_the_limit) {
   const std::string asset = put_asset("mesh");
-  for (int i = 0; i < 3; ++i) ASSERT_TRUE(store_->submit(request(asset), {}, 3));
-  const auto refused = store_->submit(request(asset), {}, 3);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(store_->submit(Caller::open(), request(asset), {}, 3));
+  const auto refused = store_->submit(Caller::open(), request(asset), {}, 3);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kQueueFull);
   EXPECT_EQ(refused.error().message(),
@@ -326,15 +327,15 @@ TEST_F(JobStoreTest, an_idempotency_key_gives_the_same_job_and_refuses_another_r
   SubmitOptions options;
   options.idempotency_key = "key-1";
   JobRequest first = request(put_asset("mesh"));
-  const auto one = store_->submit(first, options, kQueueMax);
+  const auto one = store_->submit(Caller::open(), first, options, kQueueMax);
   open();
-  const auto two = store_->submit(first, options, kQueueMax);
+  const auto two = store_->submit(Caller::open(), first, options, kQueueMax);
   ASSERT_TRUE(one && two);
   EXPECT_FALSE(one->existed);
   EXPECT_TRUE(two->existed);
   EXPECT_EQ(one->record.status.id, two->record.status.id);
   first.options.voxelize.placement.size = 64;
-  const auto other = store_->submit(first, options, kQueueMax);
+  const auto other = store_->submit(Caller::open(), first, options, kQueueMax);
   ASSERT_FALSE(other);
   EXPECT_EQ(other.error().code, ErrorCode::kIdempotencyMismatch);
   EXPECT_EQ(other.error().detail, "this Idempotency-Key was used for another request");
@@ -367,7 +368,7 @@ TEST_F(JobStoreTest, recovery_ends_one_shot_jobs_and_those_that_were_being_cance
   const std::string cancelled = submit(request(asset)).status.id;
   const std::string left = submit(request(asset), one_shot).status.id;
   claim();
-  ASSERT_TRUE(store_->cancel(cancelled));
+  ASSERT_TRUE(store_->cancel(Caller::open(), cancelled));
   open();
   EXPECT_EQ(store_->recover().value(), 2);
   EXPECT_EQ(get(cancelled).state, JobState::kCancelled);
@@ -380,11 +381,11 @@ TEST_F(JobStoreTest, jobs_are_listed_newest_first_and_by_state) {
   const std::string first = submit(request(asset)).status.id;
   const std::string second = submit(request(asset)).status.id;
   claim();
-  const auto all = store_->list(10, std::nullopt).value();
+  const auto all = store_->list(Caller::open(), 10, std::nullopt).value();
   ASSERT_EQ(all.size(), 2u);
   EXPECT_EQ(all[0].status.id, second);
-  EXPECT_EQ(store_->list(1, std::nullopt).value().size(), 1u);
-  const auto running = store_->list(10, JobState::kRunning).value();
+  EXPECT_EQ(store_->list(Caller::open(), 1, std::nullopt).value().size(), 1u);
+  const auto running = store_->list(Caller::open(), 10, JobState::kRunning).value();
   ASSERT_EQ(running.size(), 1u);
   EXPECT_EQ(running[0].status.id, first);
   EXPECT_EQ(store_->count(JobState::kQueued).value(), 1);
@@ -395,27 +396,29 @@ TEST_F(JobStoreTest, an_inspection_becomes_the_assets_description) {
   inspect.kind = JobKind::kInspect;
   submit(inspect);
   ASSERT_TRUE(store_->complete(finished(claim()), 0).value());
-  EXPECT_EQ(assets_->get(inspect.asset).value().description_json, R"({"voxel_count":7})");
+  EXPECT_EQ(assets_->get(Caller::open(), inspect.asset).value().description_json,
+            R"({"voxel_count":7})");
 }
 
 TEST_F(JobStoreTest, a_deleted_asset_is_gone_and_comes_back_with_an_upload) {
   const std::string id = put_asset("mesh");
-  ASSERT_TRUE(assets_->mark_deleted(id));
-  EXPECT_EQ(assets_->get(id).error().code, ErrorCode::kGone);
-  EXPECT_EQ(assets_->mark_deleted(id).error().code, ErrorCode::kGone);
-  EXPECT_EQ(store_->submit(request(id), {}, kQueueMax).error().code, ErrorCode::kGone);
-  EXPECT_TRUE(assets_->list(10).value().empty());
+  ASSERT_TRUE(assets_->mark_deleted(Caller::open(), id));
+  EXPECT_EQ(assets_->get(Caller::open(), id).error().code, ErrorCode::kGone);
+  EXPECT_EQ(assets_->mark_deleted(Caller::open(), id).error().code, ErrorCode::kGone);
+  EXPECT_EQ(store_->submit(Caller::open(), request(id), {}, kQueueMax).error().code,
+            ErrorCode::kGone);
+  EXPECT_TRUE(assets_->list(Caller::open(), 10).value().empty());
   EXPECT_EQ(assets_->remove_unneeded().value(), 1);
   EXPECT_FALSE(blobs_->stat(id));
   put_asset("mesh");
-  EXPECT_EQ(assets_->get(id).value().filename, "bunny.ply");
-  EXPECT_EQ(assets_->get(id).value().bytes, 4);
+  EXPECT_EQ(assets_->get(Caller::open(), id).value().filename, "bunny.ply");
+  EXPECT_EQ(assets_->get(Caller::open(), id).value().bytes, 4);
 }
 
 TEST_F(JobStoreTest, an_asset_whose_blob_went_away_during_the_upload_must_be_sent_again) {
   const std::string id = put_blob("mesh");
   ASSERT_TRUE(blobs_->remove(id));
-  const auto refused = assets_->put({id, 4, true}, "a.ply", "");
+  const auto refused = assets_->put(Caller::open(), {id, 4}, "a.ply", "");
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kConflict);
 }
@@ -423,7 +426,7 @@ TEST_F(JobStoreTest, an_asset_whose_blob_went_away_during_the_upload_must_be_sen
 TEST_F(JobStoreTest, the_blob_of_a_deleted_asset_stays_while_a_live_job_or_a_result_needs_it) {
   const std::string asset = put_asset("mesh");
   submit(request(asset));
-  ASSERT_TRUE(assets_->mark_deleted(asset));
+  ASSERT_TRUE(assets_->mark_deleted(Caller::open(), asset));
   EXPECT_EQ(assets_->remove_unneeded().value(), 0);
   const JobRecord running = claim();
   EXPECT_EQ(assets_->remove_unneeded().value(), 0);
@@ -431,7 +434,7 @@ TEST_F(JobStoreTest, the_blob_of_a_deleted_asset_stays_while_a_live_job_or_a_res
   EXPECT_EQ(assets_->remove_unneeded().value(), 1);
   // Somebody uploads the result as an asset and deletes it: the job's result stays.
   const std::string result = put_asset("result", "");
-  ASSERT_TRUE(assets_->mark_deleted(result));
+  ASSERT_TRUE(assets_->mark_deleted(Caller::open(), result));
   EXPECT_EQ(assets_->remove_unneeded().value(), 0);
   EXPECT_TRUE(blobs_->stat(result));
 }
@@ -462,8 +465,8 @@ TEST_F(JobStoreTest, frames_of_an_earlier_claim_are_void) {
   EXPECT_EQ(now->at(0).frame.voxel_count, 7u);
   EXPECT_EQ(get(id).frames_done, 1);
   EXPECT_EQ(get(id).frames_total, 9);
-  ASSERT_TRUE(store_->is_grid("sha256-3").value());
-  EXPECT_FALSE(store_->is_grid("sha256-1").value());
+  ASSERT_TRUE(store_->is_grid(Caller::open(), "sha256-3").value());
+  EXPECT_FALSE(store_->is_grid(Caller::open(), "sha256-1").value());
 }
 
 }  // namespace

@@ -30,17 +30,19 @@ class ServiceTest : public ::testing::Test {
     service_ = *std::move(service);
   }
   FakeWorker connect() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }
+  // As it is on the disk.
+  BlobStore blobs() { return BlobStore::open(dir_.path() / "data").value(); }
   BlobInfo put_blob(const std::string& text) {
-    auto writer = service_->blobs().begin(1 << 20);
+    auto writer = service_->begin_upload(1 << 20);
     EXPECT_TRUE(writer);
     EXPECT_TRUE(writer->append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
     return writer->finish().value();
   }
   std::string put_asset(const std::string& text, const std::string& filename = "bob.md5mesh") {
-    return service_->put_asset(put_blob(text), filename, "").value().id;
+    return service_->put_asset(Caller::open(), put_blob(text), filename, "").value().id;
   }
   JobStatus submit(const JobRequest& request) {
-    auto status = service_->submit(request, {});
+    auto status = service_->submit(Caller::open(), request, {});
     EXPECT_TRUE(status) << status.error().message();
     return status ? *status : JobStatus{};
   }
@@ -52,7 +54,8 @@ class ServiceTest : public ::testing::Test {
     return request;
   }
   JobStatus wait_end(const std::string& id) {
-    return service_->wait_end(id, Clock::now() + std::chrono::seconds(20), nullptr).value();
+    return service_->wait_end(Caller::open(), id, Clock::now() + std::chrono::seconds(20), nullptr)
+        .value();
   }
 
   TemporaryDir dir_;

@@ -39,27 +39,32 @@ class TaskServerTest : public ::testing::Test {
   std::filesystem::path socket() const { return dir_.path() / "data/run/tasks.sock"; }
   FakeWorker connect(const std::string& device = "llvmpipe") { return {socket(), device}; }
   std::string put_asset(const std::string& text) {
-    auto writer = service_->blobs().begin(1 << 20);
+    auto writer = service_->begin_upload(1 << 20);
     EXPECT_TRUE(writer);
     EXPECT_TRUE(writer->append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
-    return service_->put_asset(writer->finish().value(), "bunny.ply", "").value().id;
+    return service_->put_asset(Caller::open(), writer->finish().value(), "bunny.ply", "")
+        .value()
+        .id;
   }
   std::string submit(const std::string& text = "mesh") {
     JobRequest request;
     request.asset = put_asset(text);
     request.options.use_cache = false;
-    auto status = service_->submit(request, {});
+    auto status = service_->submit(Caller::open(), request, {});
     EXPECT_TRUE(status) << status.error().message();
     return status->id;
   }
   JobStatus wait_end(const std::string& id) {
-    return service_->wait_end(id, Clock::now() + seconds(20), nullptr).value();
+    return service_->wait_end(Caller::open(), id, Clock::now() + seconds(20), nullptr).value();
   }
   JobStatus wait_for(const std::string& id, JobState state) {
     const auto deadline = Clock::now() + seconds(20);
-    JobStatus status = service_->get(id).value();
+    JobStatus status = service_->get(Caller::open(), id).value();
     while (status.state != state && Clock::now() < deadline) {
-      status = service_->wait_change(id, status.version, Clock::now() + milliseconds(100)).value();
+      status =
+          service_
+              ->wait_change(Caller::open(), id, status.version, Clock::now() + milliseconds(100))
+              .value();
     }
     EXPECT_EQ(status.state, state);
     return status;
@@ -86,8 +91,9 @@ TEST_F(TaskServerTest, a_task_names_its_input_and_ends_with_the_outputs_in_the_s
   ASSERT_EQ(status.state, JobState::kDone);
   EXPECT_EQ(status.result->blob, sha256_id("voxels"));
   EXPECT_EQ(status.result->grid, sha256_id("voxels"));
-  EXPECT_EQ(service_->get_grid(sha256_id("voxels")).value().bytes, 6);
-  EXPECT_EQ(service_->get_grid(sha256_id("mesh")).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(service_->get_grid(Caller::open(), sha256_id("voxels")).value().bytes, 6);
+  EXPECT_EQ(service_->get_grid(Caller::open(), sha256_id("mesh")).error().code,
+            ErrorCode::kNotFound);
   EXPECT_EQ(status.timings.back().first, "store");
   EXPECT_TRUE(std::filesystem::is_empty(worker.scratch()));
 }
@@ -149,7 +155,7 @@ TEST_F(TaskServerTest, a_worker_that_died_while_it_waited_costs_no_attempt) {
   const std::string id = submit();
   FakeWorker next = connect();
   EXPECT_EQ(next.claim()->attempt, 1);
-  EXPECT_EQ(service_->get(id).value().attempt, 1);
+  EXPECT_EQ(service_->get(Caller::open(), id).value().attempt, 1);
 }
 
 TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
@@ -162,19 +168,22 @@ TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
     std::this_thread::sleep_for(milliseconds(50));
     EXPECT_FALSE(worker.progress(*task, "voxelize", 2, 8).cancel);
   });
-  const JobStatus status = service_->wait_change(id, version, Clock::now() + seconds(10)).value();
+  const JobStatus status =
+      service_->wait_change(Caller::open(), id, version, Clock::now() + seconds(10)).value();
   reporter.join();
   EXPECT_EQ(status.version, version + 1);
   EXPECT_EQ(status.stage, "voxelize");
   EXPECT_EQ(status.tiles_done, 2);
-  const auto events = service_->wait_events(id, 0, Clock::now() + seconds(10)).value();
+  const auto events =
+      service_->wait_events(Caller::open(), id, 0, Clock::now() + seconds(10)).value();
   ASSERT_EQ(events.size(), 3u);
   EXPECT_EQ(events[0].type, "state");
   EXPECT_EQ(events[2].type, "progress");
   EXPECT_EQ(events[2].id, version + 1);
   EXPECT_EQ(json::parse(events[2].data_json)["id"], id);
   ASSERT_TRUE(worker.complete(*task, "x"));
-  const auto last = service_->wait_events(id, events[2].id, Clock::now() + seconds(10)).value();
+  const auto last =
+      service_->wait_events(Caller::open(), id, events[2].id, Clock::now() + seconds(10)).value();
   ASSERT_EQ(last.size(), 1u);
   EXPECT_EQ(last[0].type, "state");
   EXPECT_GT(last[0].id, events[2].id);
@@ -182,7 +191,9 @@ TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
 
 TEST_F(TaskServerTest, waiting_for_events_that_do_not_come_ends_at_the_deadline) {
   const std::string id = submit();
-  EXPECT_TRUE(service_->wait_events(id, 1, Clock::now() + milliseconds(50)).value().empty());
+  EXPECT_TRUE(service_->wait_events(Caller::open(), id, 1, Clock::now() + milliseconds(50))
+                  .value()
+                  .empty());
 }
 
 TEST_F(TaskServerTest, a_cancel_reaches_the_worker_with_its_next_report) {
@@ -191,11 +202,11 @@ TEST_F(TaskServerTest, a_cancel_reaches_the_worker_with_its_next_report) {
   const auto task = worker.claim();
   ASSERT_TRUE(task);
   EXPECT_FALSE(worker.progress(*task, "voxelize", 1, 8).cancel);
-  EXPECT_EQ(service_->cancel(id).value().state, JobState::kRunning);
+  EXPECT_EQ(service_->cancel(Caller::open(), id).value().state, JobState::kRunning);
   EXPECT_TRUE(worker.progress(*task, "voxelize", 2, 8).cancel);
   EXPECT_TRUE(worker.fail(*task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
   EXPECT_EQ(wait_end(id).state, JobState::kCancelled);
-  EXPECT_EQ(service_->cancel(id).value().state, JobState::kCancelled);
+  EXPECT_EQ(service_->cancel(Caller::open(), id).value().state, JobState::kCancelled);
 }
 
 TEST_F(TaskServerTest, a_worker_that_falls_silent_loses_its_task) {
@@ -217,13 +228,16 @@ TEST_F(TaskServerTest, an_abandoned_one_shot_job_is_cancelled_and_an_abandoned_w
   request.asset = put_asset("mesh");
   SubmitOptions transient;
   transient.transient = true;
-  const std::string one_shot = service_->submit(request, transient).value().id;
+  const std::string one_shot = service_->submit(Caller::open(), request, transient).value().id;
   const std::string kept = submit();
   const auto abandoned = [] { return true; };
-  EXPECT_EQ(service_->wait_end(one_shot, Clock::now() + seconds(20), abandoned).value().state,
+  EXPECT_EQ(service_->wait_end(Caller::open(), one_shot, Clock::now() + seconds(20), abandoned)
+                .value()
+                .state,
             JobState::kCancelled);
-  EXPECT_EQ(service_->wait_end(kept, Clock::now() + seconds(20), abandoned).value().state,
-            JobState::kQueued);
+  EXPECT_EQ(
+      service_->wait_end(Caller::open(), kept, Clock::now() + seconds(20), abandoned).value().state,
+      JobState::kQueued);
 }
 
 TEST_F(TaskServerTest, reports_about_another_task_or_fence_are_fenced) {
@@ -330,7 +344,7 @@ TEST_F(TaskServerTest, a_draining_service_takes_no_new_jobs) {
   JobRequest request;
   request.asset = put_asset("mesh");
   service_->drain();
-  EXPECT_EQ(service_->submit(request, {}).error().code, ErrorCode::kShuttingDown);
+  EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().code, ErrorCode::kShuttingDown);
 }
 
 TEST_F(TaskServerTest, a_stopping_service_puts_running_tasks_back_uncounted) {
@@ -338,7 +352,7 @@ TEST_F(TaskServerTest, a_stopping_service_puts_running_tasks_back_uncounted) {
   FakeWorker worker = connect();
   ASSERT_TRUE(worker.claim());
   start();
-  const JobStatus status = service_->get(id).value();
+  const JobStatus status = service_->get(Caller::open(), id).value();
   EXPECT_EQ(status.state, JobState::kQueued);
   EXPECT_EQ(status.attempt, 0);
 }

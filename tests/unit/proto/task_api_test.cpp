@@ -30,6 +30,7 @@ Task task() {
   task.bundle_paths = {"/data/b0"};
   task.filename = "b.ply";
   task.options_json = R"({"width":5})";
+  task.tenant = "lab";
   return task;
 }
 TaskProgress progress() {
@@ -98,6 +99,7 @@ TEST(TaskApi, a_task_comes_back) {
   EXPECT_EQ(back->bundle_paths, task().bundle_paths);
   EXPECT_EQ(back->filename, "b.ply");
   EXPECT_EQ(back->options_json, R"({"width":5})");
+  EXPECT_EQ(back->tenant, "lab");
 }
 
 TEST(TaskApi, progress_comes_back) {

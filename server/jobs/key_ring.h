@@ -1,0 +1,66 @@
+// The API keys of a running daemon, as their file says now.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "server/base/thread_annotations.h"
+#include "server/jobs/api_key.h"
+#include "server/jobs/caller.h"
+
+namespace voxeld {
+
+// Thread-safe. Every call looks at the file's stat(2) and reads it where it has changed, so that
+// keys count, or no longer do, from the next request on. A daemon that once had keys never becomes
+// open again before its next start: without its file, or with one that it cannot read, it admits
+// nobody.
+class KeyRing {
+ public:
+  // Without a file: open. Errors: those of read_keys().
+  static Result<std::unique_ptr<KeyRing>> open(const std::filesystem::path& data_dir);
+
+  struct Holder {
+    Caller caller;
+    std::string key_id;  // empty where no key is needed
+  };
+  // Whose key this is; without any key in the file everybody is Caller::open(). nullopt for one
+  // that is malformed, unknown, wrong, expired or revoked, after the same work in each case.
+  std::optional<Holder> admit(std::string_view presented) const;
+  // Whether the key of that id would still be admitted.
+  bool is_live(std::string_view key_id) const;
+
+  bool needs_keys() const { return !current()->is_open; }
+  // Why nobody is admitted, where that is not what the file says.
+  Status status() const EXCLUDES(mutex_);
+
+ private:
+  struct Keys {
+    bool is_open = false;
+    std::map<std::string, ApiKey, std::less<>> by_id;
+    const ApiKey* find(std::string_view id) const;
+  };
+  // Tells a file that was replaced from the one before.
+  struct FileMark {
+    bool exists = false;
+    uint64_t inode = 0;
+    int64_t bytes = 0, changed_s = 0, changed_ns = 0;
+    bool operator==(const FileMark&) const = default;
+  };
+  explicit KeyRing(std::filesystem::path file) : file_(std::move(file)) {}
+  static FileMark mark_of(const std::filesystem::path& file);
+  std::shared_ptr<const Keys> current() const EXCLUDES(mutex_);
+  Status load() const REQUIRES(mutex_);
+
+  const std::filesystem::path file_;
+  mutable Mutex mutex_;
+  mutable FileMark seen_ GUARDED_BY(mutex_);
+  mutable std::shared_ptr<const Keys> keys_ GUARDED_BY(mutex_);
+  mutable Status status_ GUARDED_BY(mutex_);
+};
+
+}  // namespace voxeld

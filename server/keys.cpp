@@ -1,0 +1,134 @@
+#include "server/keys.h"
+
+#include <time.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "server/jobs/job_record.h"
+#include "server/jobs/key_file.h"
+
+namespace voxeld {
+namespace {
+
+constexpr int kExitFailure = 1, kExitUsage = 64;
+
+// "2026-12-31 23:59", UTC; "-" for never.
+std::string time_text(int64_t ms) {
+  if (ms == 0) return "-";
+  const time_t seconds = ms / 1000;
+  tm date{};
+  ::gmtime_r(&seconds, &date);
+  std::array<char, 32> text{};
+  const size_t length = std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M", &date);
+  return {text.data(), length};
+}
+
+std::string_view state_of(const ApiKey& key) {
+  if (key.revoked_ms != 0) return "revoked";
+  return key.is_live(unix_time_ms()) ? "live" : "expired";
+}
+
+Status add(const KeysCommand& command) {
+  VOXELD_TRY(check_tenant_name(command.tenant));
+  ApiKey key;
+  key.tenant = command.tenant;
+  key.created_ms = unix_time_ms();
+  key.weight = command.weight;
+  key.is_admin = command.is_admin;
+  if (!command.expires.empty()) {
+    VOXELD_ASSIGN(key.expires_ms, parse_expiry(command.expires, key.created_ms));
+  }
+  KeySecret secret;
+  VOXELD_TRY(change_keys(command.data_dir, [&](KeyList& keys) -> Status {
+    do {
+      secret = make_key_secret();
+    } while (std::ranges::count(keys, secret.id, &ApiKey::id) != 0);
+    key.id = secret.id;
+    key.secret_hash = secret.hash();
+    keys.push_back(key);
+    return {};
+  }));
+  const std::string until =
+      key.expires_ms == 0 ? "" : ", until " + time_text(key.expires_ms) + " UTC";
+  std::fprintf(stderr, "key %s of %s %s%s; it cannot be shown again:\n", key.id.c_str(),
+               key.is_admin ? "admin" : "tenant", key.tenant.c_str(), until.c_str());
+  std::printf("%s\n", secret.text().c_str());
+  return {};
+}
+
+void print_table(const KeyList& keys) {
+  std::printf("%-9s %-24s %-7s %6s %-16s %-16s %s\n", "ID", "NAME", "ROLE", "WEIGHT", "CREATED",
+              "EXPIRES", "STATE");
+  for (const ApiKey& key : keys) {
+    std::printf("%-9s %-24s %-7s %6lld %-16s %-16s %s\n", key.id.c_str(), key.tenant.c_str(),
+                key.is_admin ? "admin" : "tenant", static_cast<long long>(key.weight),
+                time_text(key.created_ms).c_str(), time_text(key.expires_ms).c_str(),
+                std::string(state_of(key)).c_str());
+  }
+}
+
+Status list(const KeysCommand& command) {
+  VOXELD_ASSIGN(const auto keys, read_keys(key_file_path(command.data_dir)));
+  if (!command.json) {
+    print_table(keys.value_or(KeyList()));
+    return {};
+  }
+  nlohmann::json out = nlohmann::json::array();
+  for (const ApiKey& key : keys.value_or(KeyList())) {
+    out.push_back({{"id", key.id},
+                   {"name", key.tenant},
+                   {"admin", key.is_admin},
+                   {"weight", key.weight},
+                   {"created_ms", key.created_ms},
+                   {"expires_ms", key.expires_ms},
+                   {"revoked_ms", key.revoked_ms},
+                   {"state", state_of(key)}});
+  }
+  std::printf("%s\n", out.dump(2).c_str());
+  return {};
+}
+
+Status revoke(const KeysCommand& command) {
+  if (!is_key_id(command.id)) {
+    // Not what was given: it may be a whole key.
+    return Error{ErrorCode::kInvalidOption, "ID", "8 of a-z and 2-7, as voxeld keys list shows",
+                 ""};
+  }
+  return change_keys(command.data_dir, [&](KeyList& keys) -> Status {
+    const auto key = std::ranges::find(keys, command.id, &ApiKey::id);
+    if (key == keys.end()) {
+      return Error{ErrorCode::kInvalidOption, "there is no such key", "an id of voxeld keys list",
+                   command.id};
+    }
+    if (key->revoked_ms == 0) key->revoked_ms = unix_time_ms();
+    return {};
+  });
+}
+
+Status run(const KeysCommand& command) {
+  switch (command.action) {
+    case KeysCommand::Action::kAdd:
+      return add(command);
+    case KeysCommand::Action::kList:
+      return list(command);
+    case KeysCommand::Action::kRevoke:
+      return revoke(command);
+  }
+  return {};
+}
+
+}  // namespace
+
+int keys_main(const KeysCommand& command) {
+  const Status status = run(command);
+  if (status) return 0;
+  std::fprintf(stderr, "voxeld: %s\n", status.error().message().c_str());
+  return status.error().code == ErrorCode::kInvalidOption ? kExitUsage : kExitFailure;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,1 @@
+voxeld_fuzzer(keys jobs_keys.cpp voxeld_jobs)

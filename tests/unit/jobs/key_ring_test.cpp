@@ -1,0 +1,139 @@
+#include "server/jobs/key_ring.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "server/jobs/job_record.h"
+#include "server/jobs/key_file.h"
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+class KeyRingTest : public ::testing::Test {
+ protected:
+  // Returns the key's text.
+  std::string add(const std::string& tenant, bool is_admin = false, int64_t expires_ms = 0) {
+    const KeySecret secret = make_key_secret();
+    EXPECT_TRUE(change_keys(dir_.path(), [&](KeyList& keys) -> Status {
+      ApiKey key;
+      key.id = secret.id;
+      key.tenant = tenant;
+      key.secret_hash = secret.hash();
+      key.expires_ms = expires_ms;
+      key.is_admin = is_admin;
+      keys.push_back(key);
+      return {};
+    }));
+    return secret.text();
+  }
+  void revoke(const std::string& text) {
+    EXPECT_TRUE(change_keys(dir_.path(), [&](KeyList& keys) -> Status {
+      for (ApiKey& key : keys) {
+        if (key.id == split_key(text).id) key.revoked_ms = 1;
+      }
+      return {};
+    }));
+  }
+  std::unique_ptr<KeyRing> open() {
+    auto ring = KeyRing::open(dir_.path());
+    EXPECT_TRUE(ring) << ring.error().message();
+    return *std::move(ring);
+  }
+  testing::TemporaryDir dir_;
+};
+
+TEST_F(KeyRingTest, without_a_file_everybody_is_the_tenant_of_the_open_daemon) {
+  const auto ring = open();
+  EXPECT_FALSE(ring->needs_keys());
+  for (const char* text : {"", "anything"}) {
+    const auto holder = ring->admit(text);
+    ASSERT_TRUE(holder);
+    EXPECT_EQ(holder->caller.tenant(), "");
+    EXPECT_FALSE(holder->caller.sees_all());
+    EXPECT_EQ(holder->key_id, "");
+  }
+  EXPECT_TRUE(ring->is_live(""));
+}
+
+TEST_F(KeyRingTest, a_key_tells_its_tenant_and_whether_it_is_an_admins) {
+  const std::string lab = add("lab"), second = add("lab"), boss = add("boss", true);
+  const auto ring = open();
+  EXPECT_TRUE(ring->needs_keys());
+  for (const std::string& text : {lab, second}) {
+    const auto holder = ring->admit(text);
+    ASSERT_TRUE(holder);
+    EXPECT_EQ(holder->caller.tenant(), "lab");
+    EXPECT_FALSE(holder->caller.sees_all());
+    EXPECT_EQ(holder->key_id, split_key(text).id);
+  }
+  ASSERT_TRUE(ring->admit(boss));
+  EXPECT_EQ(ring->admit(boss)->caller.tenant(), "boss");
+  EXPECT_TRUE(ring->admit(boss)->caller.sees_all());
+}
+
+TEST_F(KeyRingTest, keys_that_are_wrong_malformed_unknown_or_expired_are_not_admitted) {
+  const std::string good = add("lab"), other = add("other");
+  const std::string expired = add("lab", false, unix_time_ms() - 1);
+  const auto ring = open();
+  std::string wrong = good;
+  wrong.back() = wrong.back() == 'a' ? 'q' : 'a';
+  const std::string mixed =
+      "vxk_" + std::string(split_key(good).id) + "_" + std::string(split_key(other).secret);
+  for (const std::string& text : {std::string(), std::string("vxk_"), wrong, mixed, expired,
+                                  make_key_secret().text(), good.substr(1), good + "a"}) {
+    EXPECT_FALSE(ring->admit(text)) << text;
+  }
+  EXPECT_TRUE(ring->admit(good));
+  EXPECT_FALSE(ring->is_live(split_key(expired).id));
+  EXPECT_FALSE(ring->is_live(""));
+}
+
+TEST_F(KeyRingTest, added_and_revoked_keys_count_at_once) {
+  const auto ring = open();
+  const std::string first = add("lab");
+  EXPECT_FALSE(ring->admit("")) << "the daemon is open no more";
+  EXPECT_TRUE(ring->admit(first));
+  const std::string second = add("lab");
+  EXPECT_TRUE(ring->admit(second));
+  revoke(first);
+  EXPECT_FALSE(ring->admit(first));
+  EXPECT_FALSE(ring->is_live(split_key(first).id));
+  EXPECT_TRUE(ring->admit(second));
+  revoke(second);
+  EXPECT_FALSE(ring->admit("")) << "without any live key it does not become open";
+  EXPECT_TRUE(open()->needs_keys());
+}
+
+TEST_F(KeyRingTest, a_file_that_breaks_or_goes_while_the_daemon_runs_admits_nobody) {
+  const std::string key = add("lab");
+  const auto ring = open();
+  const std::string text = keys_text(*read_keys(key_file_path(dir_.path())).value());
+  std::ofstream(key_file_path(dir_.path())) << "broken\n";
+  EXPECT_FALSE(ring->admit(key));
+  EXPECT_FALSE(ring->admit(""));
+  EXPECT_NE(ring->status().error().detail.find("line 1"), std::string::npos);
+  std::filesystem::remove(key_file_path(dir_.path()));
+  EXPECT_FALSE(ring->admit(""));
+  EXPECT_TRUE(ring->needs_keys());
+  EXPECT_NE(ring->status().error().detail.find("is gone"), std::string::npos);
+  std::ofstream(key_file_path(dir_.path())) << text;
+  std::filesystem::permissions(key_file_path(dir_.path()), std::filesystem::perms::owner_all);
+  EXPECT_TRUE(ring->admit(key));
+  EXPECT_TRUE(ring->status());
+}
+
+TEST_F(KeyRingTest, a_broken_file_is_refused_at_start_with_its_line) {
+  add("lab");
+  std::ofstream(key_file_path(dir_.path()), std::ios::app) << "half a li";
+  const auto ring = KeyRing::open(dir_.path());
+  ASSERT_FALSE(ring);
+  EXPECT_EQ(ring.error().message(), key_file_path(dir_.path()).string() +
+                                        " line 3: it ends here: expected a line feed, got "
+                                        "\"half a li\"");
+}
+
+}  // namespace
+}  // namespace voxeld

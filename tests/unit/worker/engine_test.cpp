@@ -1,0 +1,40 @@
+#include "server/worker/engine.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace voxeld {
+namespace {
+
+TEST(Engine, what_is_kept_of_one_tenants_inputs_does_not_serve_another) {
+  Engine engine(open_device(gpu::DeviceId{.kind = gpu::DeviceKind::kCpu}, "").value());
+  const auto fill = [&] {
+    InputCache& cache = engine.cache;
+    cache.scene_key = cache.topology_key = cache.grid_key = cache.picture_key = "key";
+    cache.gl_resident_key = cache.cpu_resident_key = "key";
+    cache.scene = std::make_shared<const AnimatedScene>();
+    cache.topology.emplace();
+    cache.grid = cache.picture = std::make_shared<const LoadedGrid>();
+  };
+  const auto is_kept = [&] {
+    const InputCache& cache = engine.cache;
+    const bool has_keys = !(cache.scene_key + cache.topology_key + cache.grid_key +
+                            cache.picture_key + cache.gl_resident_key + cache.cpu_resident_key)
+                               .empty();
+    return has_keys || cache.scene || cache.topology || cache.grid || cache.picture;
+  };
+  fill();
+  engine.begin_task_of("");
+  EXPECT_TRUE(is_kept());
+  engine.begin_task_of("lab");
+  EXPECT_FALSE(is_kept());
+  fill();
+  engine.begin_task_of("lab");
+  EXPECT_TRUE(is_kept());
+  engine.begin_task_of("studio");
+  EXPECT_FALSE(is_kept());
+}
+
+}  // namespace
+}  // namespace voxeld
