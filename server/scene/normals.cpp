@@ -1,7 +1,5 @@
 #include "server/scene/normals.h"
 
-#include "server/scene/mesh_error.h"
-
 namespace voxeld {
 
 void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,
@@ -12,10 +10,8 @@ void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint3
       if (normals[corner[c]] != glm::vec3(0.0f)) continue;
       const glm::dvec3& a = positions[corner[0]];
       const glm::dvec3 n = glm::cross(positions[corner[1]] - a, positions[corner[2]] - a);
-      const double length = glm::length(n);
-      normals[corner[c]] = length > 0.0 && length <= kCoordinateAbsMax * kCoordinateAbsMax
-                               ? glm::vec3(n / length)
-                               : glm::vec3(0.0f, 0.0f, 1.0f);
+      const glm::vec3 normal = direction_of(n);
+      normals[corner[c]] = normal != glm::vec3(0.0f) ? normal : glm::vec3(0.0f, 0.0f, 1.0f);
     }
   }
 }

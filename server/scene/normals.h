@@ -1,8 +1,10 @@
 // Directions of surfaces under transforms.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/mat3x3.hpp>
 #include <glm/mat4x4.hpp>
@@ -22,11 +24,17 @@ inline glm::dvec3 world_normal(const glm::dmat4& world_from_mesh, const glm::dve
   return glm::determinant(m) < 0.0 ? -out : out;
 }
 
-// Unit length; (0, 0, 0) for directions that are none, which repair_normals() replaces.
+// Unit length, of any finite vector; (0, 0, 0) for directions that are none, which
+// repair_normals() replaces.
 inline glm::vec3 direction_of(const glm::dvec3& v) {
   const double length = glm::length(v);
-  if (!(length > 0.0) || !std::isfinite(length)) return glm::vec3(0.0f);
-  return glm::vec3(v / length);
+  if (length > 1e-140 && length < 1e140) return glm::vec3(v / length);
+  // Squares of such small or large numbers are not exact any more, or none.
+  const glm::dvec3 sizes = glm::abs(v);
+  const double largest = std::max(sizes.x, std::max(sizes.y, sizes.z));
+  const bool is_finite = std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+  if (!is_finite || largest == 0.0) return glm::vec3(0.0f);
+  return glm::vec3(glm::normalize(v / largest));
 }
 
 // Replaces normals of (0, 0, 0) by that of a triangle of theirs; (0, 0, 1) where that has none.
