@@ -32,6 +32,40 @@ Status read_paths(const Json* list, std::string_view what, std::vector<std::stri
   return {};
 }
 
+Json done_frames_json(const std::vector<TaskDoneFrame>& frames) {
+  Json list = Json::array();
+  for (const TaskDoneFrame& frame : frames) {
+    list.push_back({{"grid", frame.grid},
+                    {"path", frame.path},
+                    {"time_s", frame.time_s},
+                    {"voxel_count", frame.voxel_count},
+                    {"content_hash", frame.content_hash}});
+  }
+  return list;
+}
+
+Status read_done_frames(const Json* list, std::vector<TaskDoneFrame>& frames) {
+  if (list == nullptr) return {};
+  if (!list->is_array()) {
+    return Error{ErrorCode::kBadRequest, "task.done_frames", "an array", list->type_name()};
+  }
+  for (const Json& member : *list) {
+    TaskDoneFrame& frame = frames.emplace_back();
+    int64_t voxel_count = 0;
+    JsonFields fields(member, "task.done_frames");
+    fields.require({"grid", "path", "time_s", "voxel_count", "content_hash"});
+    fields.read("grid", frame.grid);
+    fields.read("path", frame.path);
+    fields.read("time_s", frame.time_s);
+    fields.read("voxel_count", voxel_count);
+    fields.read("content_hash", frame.content_hash);
+    if (voxel_count < 0) fields.fail("voxel_count", "0 or more", std::to_string(voxel_count));
+    VOXELD_TRY(fields.finish());
+    frame.voxel_count = static_cast<uint64_t>(voxel_count);
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<Json> parse_task_message(std::string_view text) {
@@ -75,6 +109,8 @@ Json to_json_message(const Task& task) {
           {"input_is_sequence", task.input_is_sequence},
           {"frame_paths", task.frame_paths},
           {"bundle_paths", task.bundle_paths},
+          {"part_paths", task.part_paths},
+          {"done_frames", done_frames_json(task.done_frames)},
           {"filename", task.filename},
           {"options_json", task.options_json},
           {"tenant", task.tenant}};
@@ -96,6 +132,8 @@ Result<Task> parse_task(const Json& message) {
   fields.read("input_is_sequence", task.input_is_sequence);
   const Json* frame_paths = fields.member("frame_paths");
   const Json* bundle_paths = fields.member("bundle_paths");
+  const Json* part_paths = fields.member("part_paths");
+  const Json* done_frames = fields.member("done_frames");
   fields.read("filename", task.filename);
   fields.read("options_json", task.options_json);
   fields.read("tenant", task.tenant);
@@ -104,6 +142,8 @@ Result<Task> parse_task(const Json& message) {
   VOXELD_TRY(fields.finish());
   VOXELD_TRY(read_paths(frame_paths, "task.frame_paths", task.frame_paths));
   VOXELD_TRY(read_paths(bundle_paths, "task.bundle_paths", task.bundle_paths));
+  VOXELD_TRY(read_paths(part_paths, "task.part_paths", task.part_paths));
+  VOXELD_TRY(read_done_frames(done_frames, task.done_frames));
   task.kind = *known;
   return task;
 }
@@ -192,6 +232,30 @@ Result<TaskFrameReply> parse_task_frame_reply(const Json& message) {
   fields.read("path", reply.path);
   VOXELD_TRY(fields.finish());
   return reply;
+}
+
+Json to_json_message(const TaskPart& part) {
+  return {{"type", "part"},
+          {"task", part.task},
+          {"fence", part.fence},
+          {"position", part.position},
+          {"path", part.path}};
+}
+
+Result<TaskPart> parse_task_part(const Json& message) {
+  VOXELD_TRY(check_type(message, "part"));
+  TaskPart part;
+  JsonFields fields(message, "part");
+  fields.require({"task", "fence", "position", "path"});
+  fields.read("task", part.task);
+  fields.read("fence", part.fence);
+  fields.read("position", part.position);
+  fields.read("path", part.path);
+  if (part.position < 0 || part.position >= kPartsMax) {
+    fields.fail("position", "0 to " + std::to_string(kPartsMax - 1), std::to_string(part.position));
+  }
+  VOXELD_TRY(fields.finish());
+  return part;
 }
 
 Json to_json_message(const TaskCompletion& completion) {

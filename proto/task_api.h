@@ -8,6 +8,7 @@
 //   claim {}                         ->   {task: Task}            (blocks until there is one)
 //   progress {task, fence, …}        ->   {cancel: bool, fenced: bool}
 //   frame {task, fence, frame…}      ->   {cancel, fenced, grid, path}
+//   part {task, fence, part…}        ->   {cancel, fenced}
 //   complete {task, fence, outputs…} ->   {ok} | {fenced}
 //   fail {task, fence, error}        ->   {ok} | {fenced}
 //
@@ -30,6 +31,8 @@ namespace voxeld {
 
 inline constexpr int kTaskProtocolVersion = 1;
 inline constexpr uint32_t kTaskFrameBytesMax = 16u << 20;
+// Parts of a job; more are not asked for.
+inline constexpr int64_t kPartsMax = 4096;
 
 struct WorkerHello {
   int protocol = kTaskProtocolVersion;
@@ -38,6 +41,15 @@ struct WorkerHello {
   std::string renderer;     // GL_RENDERER
   std::string driver;       // GL_VERSION
   std::string device_json;  // object: limits, for /readyz, metrics and grid-too-large
+};
+
+// A frame that an earlier attempt at the job left in the store.
+struct TaskDoneFrame {
+  std::string grid;  // id of its container
+  std::string path;  // where that is, read-only
+  double time_s = 0;
+  uint64_t voxel_count = 0;
+  std::string content_hash;
 };
 
 // One attempt at one job.
@@ -57,6 +69,10 @@ struct Task {
   std::vector<std::string> bundle_paths;
   std::string filename;
   std::string options_json;  // canonical JSON in the scope of the kind
+  // What earlier attempts at the job left, read-only: its first tiles in their order, and its first
+  // frames. The worker goes on after them.
+  std::vector<std::string> part_paths;
+  std::vector<TaskDoneFrame> done_frames;
   // Whose task it is. What a worker keeps between tasks must not serve another tenant's: the time
   // that it saves would tell who else has the same input.
   std::string tenant;
@@ -101,6 +117,19 @@ struct TaskFrameReply {
   std::string path;  // where it is now, read-only
 };
 
+// Tiles of one grid that are done, after those of the parts before. The gateway keeps the container
+// with them, whose meta tells how far they reach, until the job ends: another attempt goes on there.
+struct TaskPart {
+  std::string task;
+  int64_t fence = 0;
+  int64_t position = 0;  // among the job's parts; it replaces those that were at and after this
+  std::string path;      // in scratch_dir: a native container
+};
+struct TaskPartReply {
+  bool cancel = false;
+  bool fenced = false;
+};
+
 struct TaskCompletion {
   std::string task;
   int64_t fence = 0;
@@ -124,6 +153,7 @@ nlohmann::json to_json_message(const Task& task);
 nlohmann::json to_json_message(const TaskProgress& progress);
 nlohmann::json to_json_message(const TaskFrame& frame);
 nlohmann::json to_json_message(const TaskFrameReply& reply);
+nlohmann::json to_json_message(const TaskPart& part);
 nlohmann::json to_json_message(const TaskCompletion& completion);
 nlohmann::json to_json_message(const TaskFailure& failure);
 Result<WorkerHello> parse_worker_hello(const nlohmann::json& message);
@@ -131,6 +161,7 @@ Result<Task> parse_task(const nlohmann::json& message);
 Result<TaskProgress> parse_task_progress(const nlohmann::json& message);
 Result<TaskFrame> parse_task_frame(const nlohmann::json& message);
 Result<TaskFrameReply> parse_task_frame_reply(const nlohmann::json& message);
+Result<TaskPart> parse_task_part(const nlohmann::json& message);
 Result<TaskCompletion> parse_task_completion(const nlohmann::json& message);
 Result<TaskFailure> parse_task_failure(const nlohmann::json& message);
 

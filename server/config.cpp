@@ -88,6 +88,13 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->envname("VOXELD_DRAIN_SECONDS")
       ->capture_default_str();
   serve
+      ->add_option("--part-seconds", config.part_seconds,
+                   "How often the finished tiles of a long job are kept, for going on there after "
+                   "a restart")
+      ->check(CLI::Range(0.0, 3600.0))
+      ->envname("VOXELD_PART_SECONDS")
+      ->capture_default_str();
+  serve
       ->add_option("--shader-dir", config.shader_dir,
                    "Read shaders from here instead of the ones built in")
       ->check(CLI::ExistingDirectory)
@@ -104,6 +111,8 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
       ->required();
   worker->add_option("--shader-dir", command.shader_dir, "As of serve");
   worker->add_option("--data", command.data_dir, "Directory of calibration.json");
+  worker->add_option("--part-seconds", command.part_seconds, "As of serve")
+      ->check(CLI::Range(0.0, 3600.0));
   add_log_level(*worker, command.log_level);
   return worker;
 }

@@ -23,6 +23,7 @@ struct ServeConfig {
   int queued_jobs_max = limits::kQueuedJobsMax;
   int request_threads = 64;
   double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
+  double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
   std::string shader_dir;
   log::Level log_level = log::Level::kInfo;
 };
@@ -32,6 +33,7 @@ struct WorkerCommand {
   std::string device;
   std::string shader_dir;
   std::string data_dir;
+  double part_seconds = 5.0;
   log::Level log_level = log::Level::kInfo;
 };
 

@@ -121,6 +121,8 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.worker_executable = self_executable;
   jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level)), "--data",
                            config.data_dir.string()};
+  jobs.worker_arguments.insert(jobs.worker_arguments.end(),
+                               {"--part-seconds", std::to_string(config.part_seconds)});
   if (!config.shader_dir.empty()) {
     jobs.worker_arguments.insert(jobs.worker_arguments.end(), {"--shader-dir", config.shader_dir});
   }

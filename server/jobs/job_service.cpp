@@ -44,13 +44,14 @@ Result<UniqueFd> prepare_data_dir(const fs::path& dir) {
 // Everything below runs on HTTP threads and on the task server's connection threads.
 class Service final : public JobService {
  public:
-  Service(const JobServiceConfig& config, UniqueFd lock, BlobStore blobs,
+  Service(const JobServiceConfig& config, UniqueFd lock, BlobStore blobs, PartStore parts,
           std::unique_ptr<Database> database, std::shared_ptr<prometheus::Registry> registry)
       : config_(config),
         lock_(std::move(lock)),
         blobs_(std::move(blobs)),
         database_(std::move(database)),
         jobs_(*database_, [this](std::string_view id) { return blobs_.stat(id).ok(); }),
+        parts_(std::move(parts)),
         assets_(*database_, blobs_),
         frames_(*database_, blobs_),
         metrics_(std::move(registry)) {}
@@ -112,6 +113,7 @@ class Service final : public JobService {
   BlobStore blobs_;
   std::unique_ptr<Database> database_;
   JobStore jobs_;
+  PartStore parts_;
   AssetStore assets_;
   FrameStore frames_;
   JobBoard board_;
@@ -127,6 +129,10 @@ Status Service::start() {
   VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
   if (recovered > 0) log::info("jobs of an earlier process recovered", {{"jobs", recovered}});
   VOXELD_TRY(assets_.remove_unneeded());
+  parts_.remove_unless([this](std::string_view id) {
+    const auto job = jobs_.get(Caller::daemon(), id);
+    return job && !job->status.ended();
+  });
   update_gauges();
 
   TaskServerConfig server;
@@ -144,7 +150,7 @@ Status Service::start() {
   };
   VOXELD_ASSIGN(tasks_,
                 TaskServer::start(std::move(server),
-                                  {jobs_, assets_, frames_, blobs_, board_, metrics_,
+                                  {jobs_, assets_, frames_, blobs_, parts_, board_, metrics_,
                                    [this](const JobRecord& record) { job_changed(record); }}));
   if (config_.start_workers) start_supervisor();
   return {};
@@ -174,6 +180,7 @@ Service::~Service() {
 void Service::job_changed(const JobRecord& record) {
   const JobStatus& status = record.status;
   if (status.ended()) {
+    parts_.remove(status.id);
     board_.changed(status.id, status.version, false);
     metrics_.ended(status);
     log::info("job ended", {{"job", status.id},
@@ -393,9 +400,11 @@ Result<std::unique_ptr<JobService>> start_job_service(
     const JobServiceConfig& config, std::shared_ptr<prometheus::Registry> metrics) {
   VOXELD_ASSIGN(UniqueFd lock, prepare_data_dir(config.data_dir));
   VOXELD_ASSIGN(BlobStore blobs, BlobStore::open(config.data_dir));
+  VOXELD_ASSIGN(PartStore parts, PartStore::open(config.data_dir));
   VOXELD_ASSIGN(auto database, Database::open(config.data_dir / "jobs.sqlite"));
-  auto service = std::make_unique<Service>(config, std::move(lock), std::move(blobs),
-                                           std::move(database), std::move(metrics));
+  auto service =
+      std::make_unique<Service>(config, std::move(lock), std::move(blobs), std::move(parts),
+                                std::move(database), std::move(metrics));
   VOXELD_TRY(service->start());
   return std::unique_ptr<JobService>(std::move(service));
 }

@@ -231,9 +231,11 @@ Status TaskServer::answer(Connection& connection, const std::string& frame) {
   if (type == "claim") return give_task(connection);
   if (type == "progress") return take_progress(connection, message);
   if (type == "frame") return take_frame(connection, message);
+  if (type == "part") return take_part(connection, message);
   if (type == "complete") return take_completion(connection, message);
   if (type == "fail") return take_failure(connection, message);
-  return protocol_error("unknown task message", "claim, progress, frame, complete or fail", type);
+  return protocol_error("unknown task message", "claim, progress, frame, part, complete or fail",
+                        type);
 }
 
 bool TaskServer::wait_for_work(uint64_t seen) {
@@ -310,7 +312,23 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
       task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
     }
   }
+  VOXELD_TRY(add_done(record, task));
   return task;
+}
+
+// What earlier attempts left: parts, and frames from the first one on.
+Status TaskServer::add_done(const JobRecord& record, Task& task) {
+  for (const fs::path& path : context_.parts.of_job(task.id)) task.part_paths.push_back(path);
+  if (record.status.frames_total == 0) return {};
+  VOXELD_ASSIGN(const std::vector<ListedFrame> frames, context_.frames.of_job(task.id));
+  for (const ListedFrame& listed : frames) {
+    const SequenceFrame& frame = listed.frame;
+    const bool follows = listed.index == static_cast<int64_t>(task.done_frames.size());
+    if (!follows || !context_.blobs.stat(frame.grid)) break;
+    task.done_frames.push_back({frame.grid, context_.blobs.path_of(frame.grid).string(),
+                                frame.time_s, frame.voxel_count, frame.content_hash});
+  }
+  return {};
 }
 
 // A job whose task cannot be told ends as failed, before any worker has it.
@@ -413,6 +431,20 @@ Status TaskServer::take_frame(Connection& connection, const json& message) {
     }
   }
   return connection.socket.send(dump(to_json_message(reply)));
+}
+
+Status TaskServer::take_part(Connection& connection, const json& message) {
+  VOXELD_ASSIGN(const TaskPart part, parse_task_part(message));
+  if (part.task != connection.task() || part.fence != connection.fence) {
+    return connection.socket.send(dump({{"cancel", false}, {"fenced", true}}));
+  }
+  Status kept = check_output(connection.scratch, part.path);
+  if (kept) kept = context_.parts.add(part.task, part.position, part.path);
+  connection.since_progress.lap();
+  const bool cancel = context_.board.cancel_age_seconds(part.task) >= 0;
+  json reply = {{"cancel", cancel}, {"fenced", false}};
+  if (!kept) reply["error"] = kept.error().message();
+  return connection.socket.send(dump(reply));
 }
 
 // `adopted` keeps them in the store until the database names them.

@@ -23,6 +23,7 @@
 #include "server/jobs/job_service.h"
 #include "server/jobs/job_store.h"
 #include "server/store/blob_store.h"
+#include "server/store/part_store.h"
 
 namespace voxeld {
 
@@ -41,6 +42,7 @@ struct TaskServerContext {
   AssetStore& assets;
   FrameStore& frames;
   BlobStore& blobs;
+  PartStore& parts;
   JobBoard& board;
   JobMetrics& metrics;
   std::function<void(const JobRecord&)> job_changed;  // after each durable change
@@ -72,12 +74,14 @@ class TaskServer {
   Status answer(Connection& connection, const std::string& frame);
   Status give_task(Connection& connection);
   Result<Task> make_task(const JobRecord& record);
+  Status add_done(const JobRecord& record, Task& task);
   Status send_task(Connection& connection, const JobRecord& record, const Task& task);
   Status refuse_task(const JobRecord& record, const Error& error);
   std::string overdue(Connection& connection, const TaskProgress& progress, double cancel_age);
   Status take_progress(Connection& connection, const nlohmann::json& message);
   Status take_frame(Connection& connection, const nlohmann::json& message);
   Result<std::optional<BlobInfo>> adopt_frame(Connection& connection, const TaskFrame& frame);
+  Status take_part(Connection& connection, const nlohmann::json& message);
   Status take_completion(Connection& connection, const nlohmann::json& message);
   Status take_failure(Connection& connection, const nlohmann::json& message);
   Result<std::optional<JobRecord>> end_completed(const Connection& connection,

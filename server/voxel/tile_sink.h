@@ -21,6 +21,13 @@ class TileSink {
   virtual Status add(std::vector<SparseTile> tiles) = 0;
   // Whether tiles stay in memory, so that all of them have to fit.
   virtual bool keeps_tiles() const = 0;
+
+  // Of surfaces, whose tiles are final when they come, after begin(): a sink that has the tiles of
+  // the first n of so many steps from an earlier attempt returns n; the first tiles that are added
+  // come after them. Equal requests have equal steps.
+  virtual Result<size_t> resume(size_t /*steps*/) { return size_t{0}; }
+  // All tiles of the first so many steps were added.
+  virtual Status reached(size_t /*steps_done*/) { return {}; }
 };
 
 class GridSink : public TileSink {

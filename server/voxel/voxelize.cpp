@@ -52,23 +52,25 @@ Result<std::vector<IdChannel>> id_channels(const Scene& scene, const VoxelizeOpt
   return list;
 }
 
-using TakeTiles = std::function<Status(std::vector<SparseTile>)>;
+// Tiles as the pipeline made them, and how many bins are done with them.
+using TakeTiles = std::function<Status(std::vector<SparseTile>, size_t done)>;
 
-// Tiles are handed over as they come, as the pipeline made them. `finisher`: of a device.
+// Tiles are handed over as they come, from those of bin `done` on. `finisher`: of a device.
 Status run_tiles(TilePipeline& pipeline, CpuPipeline* finisher, const VoxelizePlan& plan,
-                 std::span<const TileBin> bins, const Steps& steps, VoxelizeStats& stats,
-                 const TakeTiles& take) {
+                 std::span<const TileBin> bins, size_t done, const Steps& steps,
+                 VoxelizeStats& stats, const TakeTiles& take) {
   VOXELD_TRY(pipeline.begin_job(plan, stats));
   if (finisher != nullptr) VOXELD_TRY(finisher->begin_job(plan, stats));
-  for (size_t done = 0;;) {
+  stats.tiles += static_cast<int64_t>(done);
+  for (;;) {
     VOXELD_TRY(steps.surface_done(done));
     if (done == bins.size()) return {};
     const size_t count = std::min(pipeline.batch_tiles(), bins.size() - done);
     std::vector<SparseTile> tiles;
     VOXELD_TRY(pipeline.run_tiles(bins.subspan(done, count), tiles));
     if (finisher != nullptr) finisher->finish_tiles(bins.subspan(done, count), tiles);
-    VOXELD_TRY(take(std::move(tiles)));
     done += count;
+    VOXELD_TRY(take(std::move(tiles), done));
   }
 }
 
@@ -111,10 +113,10 @@ struct Voxelizer::Impl {
   // The plan's tiles.
   Status run_plan(const VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
                   const TileProgress& progress, VoxelizeStats& stats);
-  // One job of the pipeline. `take` gets the tiles as they come.
+  // One job of the pipeline, from bin `first` on. `take` gets the tiles as they come.
   Status run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
-                     std::span<const TileBin> bins, const Steps& steps, VoxelizeStats& stats,
-                     const TakeTiles& take);
+                     std::span<const TileBin> bins, size_t first, const Steps& steps,
+                     VoxelizeStats& stats, const TakeTiles& take);
   Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
                    TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
   // What fills beside a surface by this pipeline; null: the CPU does, always where it was `auto` on
@@ -242,10 +244,10 @@ Result<Pipeline> Voxelizer::Impl::choose(const VoxelizePlan& plan, std::span<con
 }
 
 Status Voxelizer::Impl::run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
-                                    std::span<const TileBin> bins, const Steps& steps,
+                                    std::span<const TileBin> bins, size_t first, const Steps& steps,
                                     VoxelizeStats& stats, const TakeTiles& take) {
   CpuPipeline* finisher = &pipeline != &cpu && plan.finishes_on_cpu() ? &cpu : nullptr;
-  Status done = run_tiles(pipeline, finisher, plan, bins, steps, stats, take);
+  Status done = run_tiles(pipeline, finisher, plan, bins, first, steps, stats, take);
   pipeline.end_job();
   if (finisher != nullptr) finisher->end_job();
   return done;
@@ -259,8 +261,8 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
   const std::vector<TileBin>& surface = plan.options.rule == Rule::kNone ? no_bins : bins.bins();
   const Steps steps(progress, surface.size(), tile_column_count(plan.spec.dims));
   std::vector<SparseTile> tiles;
-  VOXELD_TRY(run_surface(surface_pipeline, plan, surface, steps, stats,
-                         [&](std::vector<SparseTile> made) -> Status {
+  VOXELD_TRY(run_surface(surface_pipeline, plan, surface, 0, steps, stats,
+                         [&](std::vector<SparseTile> made, size_t) -> Status {
                            std::ranges::move(made, std::back_inserter(tiles));
                            return {};
                          }));
@@ -288,10 +290,13 @@ Status Voxelizer::Impl::run_plan(const VoxelizePlan& plan, SharedFrames* frames,
   if (needs_all_tiles(plan.options, plan.channels)) {
     return run_solid(*pipeline(chosen), plan, bins, sink, progress, stats);
   }
-  return run_surface(*pipeline(chosen), plan, bins.bins(), Steps(progress, bins.bins().size(), 0),
-                     stats, [&](std::vector<SparseTile> tiles) {
+  const size_t steps = bins.bins().size();
+  VOXELD_ASSIGN(const size_t first, sink.resume(steps));
+  return run_surface(*pipeline(chosen), plan, bins.bins(), first, Steps(progress, steps, 0), stats,
+                     [&](std::vector<SparseTile> tiles, size_t done) -> Status {
                        for (SparseTile& tile : tiles) canonicalize(tile);
-                       return sink.add(std::move(tiles));
+                       VOXELD_TRY(sink.add(std::move(tiles)));
+                       return sink.reached(done);
                      });
 }
 

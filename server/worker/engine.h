@@ -2,6 +2,7 @@
 // the next task is likely to ask for again.
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,6 +22,9 @@ namespace voxeld {
 
 // Scenes above this are not kept: memory is for the task that runs.
 inline constexpr size_t kCachedSceneBytesMax = size_t{512} << 20;
+
+// What a lost worker may cost, beside the tile at work.
+inline constexpr std::chrono::milliseconds kPartInterval{5000};
 
 // A grid with what is costly to learn of it.
 struct LoadedGrid {
@@ -64,6 +68,8 @@ struct Engine {
   InputCache cache;
   std::string cache_tenant;  // whose inputs the cache holds
   PictureLimits picture_limits;
+  // How often the tiles of a long job that are done go to the gateway (TileParts).
+  std::chrono::milliseconds part_interval = kPartInterval;
 };
 
 }  // namespace voxeld

@@ -3,10 +3,12 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <system_error>
 
 #include "server/base/stopwatch.h"
+#include "server/worker/tile_parts.h"
 
 namespace voxeld {
 namespace {
@@ -26,10 +28,11 @@ Result<UniqueFd> create(const std::filesystem::path& path) {
   return fd;
 }
 
-// All of `from`, from its first byte, to the end of `to`.
-Status copy_all(const UniqueFd& from, const UniqueFd& to, const std::filesystem::path& path) {
+// All of `from`, from byte `at` on, to the end of `to`.
+Status copy_rest(const UniqueFd& from, off_t at, const UniqueFd& to,
+                 const std::filesystem::path& path) {
   std::vector<uint8_t> buffer(kCopyBytes);
-  for (off_t at = 0;;) {
+  for (;;) {
     const ssize_t count = ::pread(from.get(), buffer.data(), buffer.size(), at);
     if (count < 0 && errno == EINTR) continue;
     if (count < 0) return errno_error("read", path);
@@ -49,7 +52,8 @@ GridFile::~GridFile() {
 Status GridFile::begin(const Grid& grid) {
   GridHeader header = container_header(grid);
   header.codecs = StreamCodecs::all(codec_);
-  VOXELD_ASSIGN(writer_, GridWriter::open(std::move(header)));
+  VOXELD_ASSIGN(writer_, GridWriter::open(header));
+  VOXELD_ASSIGN(part_, GridWriter::open(std::move(header)));
   return {};
 }
 
@@ -61,6 +65,7 @@ Status GridFile::add(std::span<const SparseTile> tiles) {
 
 Status GridFile::store(const EncodedTile& tile) {
   VOXELD_TRY(writer_->add(tile));
+  VOXELD_TRY(part_->add(tile));
   tile.append_to(pending_);
   return pending_.size() < pending_bytes_max_ ? Status() : spill();
 }
@@ -70,15 +75,34 @@ Status GridFile::spill() {
     VOXELD_ASSIGN(spilled_, create(spill_path()));
   }
   VOXELD_TRY(write_all(spilled_.get(), pending_));
+  spilled_bytes_ += pending_.size();
   pending_.clear();
   return {};
+}
+
+Status GridFile::begin_parts() {
+  part_begin_ = spilled_bytes_ + pending_.size();
+  VOXELD_ASSIGN(part_, GridWriter::open(writer_->header()));
+  return {};
+}
+
+Status GridFile::write_part(const std::filesystem::path& path, const std::string& meta_json) {
+  VOXELD_ASSIGN(const std::vector<uint8_t> front, part_->finish(meta_json));
+  VOXELD_ASSIGN(const UniqueFd file, create(path));
+  VOXELD_TRY(write_all(file.get(), front));
+  if (part_begin_ < spilled_bytes_) {
+    VOXELD_TRY(copy_rest(spilled_, static_cast<off_t>(part_begin_), file, spill_path()));
+  }
+  const uint64_t of_pending = std::max(part_begin_, spilled_bytes_) - spilled_bytes_;
+  VOXELD_TRY(write_all(file.get(), std::span(pending_).subspan(of_pending)));
+  return begin_parts();
 }
 
 Status GridFile::finish(const std::string& meta_json) {
   VOXELD_ASSIGN(const std::vector<uint8_t> front, writer_->finish(meta_json));
   VOXELD_ASSIGN(const UniqueFd file, create(path_));
   VOXELD_TRY(write_all(file.get(), front));
-  if (spilled_.valid()) VOXELD_TRY(copy_all(spilled_, file, spill_path()));
+  if (spilled_.valid()) VOXELD_TRY(copy_rest(spilled_, 0, file, spill_path()));
   return write_all(file.get(), pending_);
 }
 
@@ -104,6 +128,20 @@ Status GridOutput::add(std::vector<SparseTile> tiles) {
   if (!has_tiles_) return {};
   for (SparseTile& tile : tiles) grid_.tiles.push_back(std::move(tile));
   return {};
+}
+
+Result<size_t> GridOutput::resume(size_t steps) {
+  if (parts_ == nullptr) return size_t{0};
+  VOXELD_ASSIGN(const size_t done, parts_->load(steps, files_.front()->header(),
+                                                [this](std::vector<SparseTile> tiles) {
+                                                  return add(std::move(tiles));
+                                                }));
+  VOXELD_TRY(files_.front()->begin_parts());
+  return done;
+}
+
+Status GridOutput::reached(size_t steps_done) {
+  return parts_ == nullptr ? Status() : parts_->reached(*files_.front(), steps_done);
 }
 
 }  // namespace voxeld

@@ -17,6 +17,8 @@
 
 namespace voxeld {
 
+class TileParts;
+
 // Tiles are kept beside what is written of them up to this: who has voxelized a mesh mostly looks
 // at it next.
 inline constexpr size_t kKeptTileBytesMax = size_t{512} << 20;
@@ -38,6 +40,11 @@ class GridFile {
   Status add(std::span<const SparseTile> tiles);
   // Writes the file at path().
   Status finish(const std::string& meta_json);
+  // Parts begin with the next tile.
+  Status begin_parts();
+  // Writes a container of the tiles that were added since the last part.
+  Status write_part(const std::filesystem::path& path, const std::string& meta_json);
+  const GridHeader& header() const { return writer_->header(); }
 
   const std::filesystem::path& path() const { return path_; }
   uint64_t voxel_count() const { return writer_->voxel_count(); }
@@ -50,9 +57,11 @@ class GridFile {
   std::filesystem::path path_;
   Codec codec_;
   size_t pending_bytes_max_;
-  std::optional<GridWriter> writer_;
+  std::optional<GridWriter> writer_, part_;
   std::vector<uint8_t> pending_;  // after those in the file
   UniqueFd spilled_;
+  uint64_t spilled_bytes_ = 0;
+  uint64_t part_begin_ = 0;  // of the tiles' bytes
 };
 
 // The sink of a voxelize task: containers in one or two codecs, the content hash, and the grid
@@ -60,12 +69,16 @@ class GridFile {
 class GridOutput : public TileSink {
  public:
   // keep: all tiles, whatever they need; else as long as they need no more than kept_bytes_max.
-  GridOutput(std::vector<GridFile*> files, bool keep, size_t kept_bytes_max = kKeptTileBytesMax)
-      : files_(std::move(files)), keep_(keep), kept_bytes_max_(kept_bytes_max) {}
+  // parts: where the first file's tiles are kept for another attempt; null: nowhere.
+  GridOutput(std::vector<GridFile*> files, bool keep, size_t kept_bytes_max = kKeptTileBytesMax,
+             TileParts* parts = nullptr)
+      : files_(std::move(files)), keep_(keep), kept_bytes_max_(kept_bytes_max), parts_(parts) {}
 
   Status begin(const Grid& grid) override;
   Status add(std::vector<SparseTile> tiles) override;
   bool keeps_tiles() const override { return keep_; }
+  Result<size_t> resume(size_t steps) override;
+  Status reached(size_t steps_done) override;
   // Once after the last tile.
   std::string finish_hash() { return hasher_->finish(); }
 
@@ -79,6 +92,7 @@ class GridOutput : public TileSink {
   std::vector<GridFile*> files_;
   bool keep_;
   size_t kept_bytes_max_;
+  TileParts* parts_;
   Grid grid_;
   std::optional<ContentHasher> hasher_;
   size_t kept_bytes_ = 0;

@@ -1,8 +1,12 @@
 #include "server/worker/make_frames.h"
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
+#include "proto/grid_format.h"
+#include "server/base/algorithm_version.h"
+#include "server/base/file.h"
 #include "server/grid/grid_spec.h"
 #include "server/voxel/shared_frames.h"
 #include "server/worker/asset_input.h"
@@ -23,6 +27,15 @@ size_t bytes_of(const std::vector<SparseTile>& tiles) {
   size_t bytes = 0;
   for (const SparseTile& tile : tiles) bytes += tile_bytes(tile);
   return bytes;
+}
+
+// Whether this program would make the same container.
+bool is_of_this_version(const std::string& path) {
+  const auto file = MappedFile::open(path);
+  const auto reader = file ? GridReader::open(file->bytes()) : file.error();
+  if (!reader) return false;
+  const json meta = json::parse(reader->header().meta_json, nullptr, false);
+  return meta.is_object() && meta.value("algorithm_version", 0) == kAlgorithmVersion;
 }
 
 // What the containers of all frames say.
@@ -112,8 +125,9 @@ class FrameLoop {
     if (listener != nullptr) VOXELD_TRY(listener->begin(made.manifest));
     // Declared after what it writes to.
     SideThread side(kWaitingBytesMax), moving(0);
-    VOXELD_TRY(move_later(moving, 0));
-    for (size_t k = 0; k < times_s.size(); ++k) {
+    VOXELD_ASSIGN(const size_t first, take_done(made, listener));
+    VOXELD_TRY(move_later(moving, first));
+    for (size_t k = first; k < times_s.size(); ++k) {
       VOXELD_TRY(run_.monitor.check());
       VOXELD_TRY(moving.wait());
       show_next();
@@ -134,6 +148,23 @@ class FrameLoop {
     FrameVertices vertices;
     bool has_vertices = false;
   };
+
+  // Frames that an earlier attempt at the job left; returns how many. One is left to make, whose
+  // making the answer tells of.
+  Result<size_t> take_done(MadeSequence& made, FrameListener* listener) {
+    const auto& times_s = clip_.times.times_s;
+    const std::vector<TaskDoneFrame>& done = run_.task.done_frames;
+    const size_t count = std::min(done.size(), times_s.size() - 1);
+    for (size_t k = 0; k < count; ++k) {
+      if (done[k].time_s != times_s[k] || !is_of_this_version(done[k].path)) return k;
+      made.manifest.frames.push_back(
+          {done[k].time_s, done[k].grid, done[k].voxel_count, done[k].content_hash});
+      made.paths.emplace_back(done[k].path);
+      if (listener != nullptr) VOXELD_TRY(listener->frame(done[k].time_s, made.paths.back()));
+      run_.monitor.set_frames(static_cast<int64_t>(k) + 1, static_cast<int64_t>(times_s.size()));
+    }
+    return count;
+  }
 
   Status move_later(SideThread& moving, size_t k) {
     next_.has_vertices = !shared_.device_moves();

@@ -53,6 +53,14 @@ Result<TaskFrameReply> TaskClient::frame(const TaskFrame& frame) {
   return parse_task_frame_reply(reply);
 }
 
+Result<TaskPartReply> TaskClient::part(const TaskPart& part) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(part)));
+  if (const auto error = reply.find("error"); error != reply.end() && error->is_string()) {
+    return Error{ErrorCode::kInternal, "the gateway: " + error->get<std::string>(), "", ""};
+  }
+  return TaskPartReply{reply.value("cancel", false), reply.value("fenced", false)};
+}
+
 Result<bool> TaskClient::complete(const TaskCompletion& completion) {
   VOXELD_ASSIGN(const json reply, call(to_json_message(completion)));
   return reply.value("ok", false);

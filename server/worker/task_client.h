@@ -25,6 +25,7 @@ class TaskClient {
   Result<Task> claim();
   Result<TaskProgressReply> progress(const TaskProgress& progress);
   Result<TaskFrameReply> frame(const TaskFrame& frame);
+  Result<TaskPartReply> part(const TaskPart& part);
   // True when the report counted; false when another worker owns the task.
   Result<bool> complete(const TaskCompletion& completion);
   Result<bool> fail(const TaskFailure& failure);

@@ -65,6 +65,15 @@ Result<TaskFrameReply> TaskMonitor::report_frame(TaskFrame frame) {
   return reply;
 }
 
+Status TaskMonitor::report_part(int64_t position, const std::filesystem::path& path) {
+  VOXELD_TRY(check());
+  const auto reply = client_.part({task_, fence_, position, path.string()});
+  if (reply && reply->fenced) dropped_ = true;
+  if (dropped_ || (reply && reply->cancel)) cancelled_ = true;
+  if (!reply) return reply.error();
+  return check();
+}
+
 Status TaskMonitor::check() const {
   if (!cancelled_) return {};
   return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};

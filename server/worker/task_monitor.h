@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <filesystem>
 #include <string>
 #include <thread>
 
@@ -29,6 +30,8 @@ class TaskMonitor {
   // thread. Errors: cancelled, also where the task belongs to another worker by now; the gateway's
   // words.
   Result<TaskFrameReply> report_frame(TaskFrame frame) EXCLUDES(mutex_);
+  // Hands a part (TaskPart) to the gateway. Errors: as report_frame().
+  Status report_part(int64_t position, const std::filesystem::path& path);
   // Errors: cancelled.
   Status check() const;
   // True when nobody waits for a report on this task any more: fenced, or the gateway is gone.

@@ -9,8 +9,7 @@
 #include "proto/option_frames.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
-#include "server/base/mapped_pages.h"
-#include "server/base/sha256.h"
+#include "server/base/sha256_file.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/region.h"
@@ -22,6 +21,7 @@
 #include "server/worker/host_estimate.h"
 #include "server/worker/inspect.h"
 #include "server/worker/mesh_report.h"
+#include "server/worker/tile_parts.h"
 
 namespace voxeld {
 namespace {
@@ -68,20 +68,6 @@ json answer_meta(json meta) {
     meta[std::string(name) + "_total"] = total;
   }
   return meta;
-}
-
-// sha256_id() of a file that need not fit into memory.
-Result<std::string> file_id(const fs::path& path) {
-  constexpr size_t kPieceBytes = size_t{8} << 20;
-  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
-  Sha256 hash;
-  for (std::span<const uint8_t> rest = file.bytes(); !rest.empty();) {
-    const auto piece = rest.first(std::min(rest.size(), kPieceBytes));
-    hash.update(piece);
-    drop_mapped_pages(piece);
-    rest = rest.subspan(piece.size());
-  }
-  return hash.finish_id();
 }
 
 // Where the grid lies: as the mesh does, or as all frames.
@@ -192,7 +178,8 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   GridFile result(path.string() + "-result", asked.codec);
   std::vector<GridFile*> files = {&file};
   if (is_native && !is_selection && !is_result) files.push_back(&result);
-  GridOutput output(files, !is_native && !is_selection);
+  TileParts parts(run);
+  GridOutput output(files, !is_native && !is_selection, kKeptTileBytesMax, &parts);
   const Stopwatch watch;
   run.monitor.set_stage("voxelize");
   VOXELD_ASSIGN(const Placed placed, place(input, options.voxelize));
@@ -218,7 +205,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   if (files.size() > 1) list_output(run, result.path(), "result", type, extension);
   WrittenGrid written;
   written.path = file.path();
-  VOXELD_ASSIGN(written.id, file_id(file.path()));
+  VOXELD_ASSIGN(written.id, sha256_file_id(file.path()));
   if (output.has_tiles()) {
     written.kept = LoadedGrid{output.take_grid(), hash};
     written.kept->grid.meta_json = meta;

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <exception>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -141,6 +142,8 @@ Result<int> run_worker(const WorkerConfig& config) {
   auto device = open_device(config.device, config.shader_dir);
   if (!device) return report_unavailable(*client, config.device, device.error());
   Engine engine(*std::move(device));
+  engine.part_interval =
+      std::chrono::milliseconds(static_cast<int64_t>(config.part_seconds * 1000.0));
   const gpu::DeviceInfo& info = engine.device.info;
   if (!config.data_dir.empty()) use_calibration(config.data_dir, engine);
   WorkerHello hello = make_hello(config.device);

@@ -10,8 +10,9 @@ namespace voxeld {
 struct WorkerConfig {
   std::string gateway;  // "unix:/path/to/tasks.sock"
   gpu::DeviceId device;
-  std::string shader_dir;  // empty: embedded
-  std::string data_dir;    // where calibration.json is looked for; empty: nowhere
+  std::string shader_dir;   // empty: embedded
+  std::string data_dir;     // where calibration.json is looked for; empty: nowhere
+  double part_seconds = 5;  // how often finished tiles are kept (Engine::part_interval)
 };
 
 // Connects, then claims and runs tasks until the gateway goes away or SIGTERM. Exit status: 0 after

@@ -13,6 +13,7 @@
 
 #include "proto/sequence.h"
 #include "proto/sequence_format.h"
+#include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/base/sha256.h"
 #include "server/grid/content_hash.h"
@@ -293,6 +294,53 @@ TEST_F(FramesTest, a_cancel_keeps_the_frames_that_are_done_and_makes_no_more) {
   ASSERT_FALSE(completion.ok());
   EXPECT_EQ(completion.error().code, ErrorCode::kCancelled);
   EXPECT_EQ(frames_.size(), 2u);
+}
+
+TEST_F(FramesTest, another_attempt_goes_on_after_the_frames_of_the_one_before) {
+  for (const std::string format : {"native", "npz"}) {
+    json options = small("walk");
+    options["format"] = format;
+    const auto whole = done(task(JobKind::kVoxelize, "worm.md5.zip", options));
+    const std::string expected = id_of(output(whole, "result"));
+    const SequenceManifest manifest = manifest_of(whole);
+    for (const size_t kept : {size_t{1}, size_t{4}, size_t{6}}) {
+      Task again = task(JobKind::kVoxelize, "worm.md5.zip", options);
+      for (size_t k = 0; k < kept; ++k) {
+        const SequenceFrame& frame = manifest.frames[k];
+        again.done_frames.push_back({frame.grid, (dir_.path() / (frame.grid + ".voxg")).string(),
+                                     frame.time_s, frame.voxel_count, frame.content_hash});
+      }
+      const auto resumed = done(again);
+      // Of those that are all there, the last one is made again: the answer tells how.
+      EXPECT_EQ(frames_.size(), 6 - std::min<size_t>(kept, 5));
+      EXPECT_EQ(frames_.front()["index"], std::min<size_t>(kept, 5));
+      EXPECT_EQ(id_of(output(resumed, "result")), expected) << format << kept;
+      EXPECT_EQ(sequence_json(manifest_of(resumed)), sequence_json(manifest));
+    }
+  }
+}
+
+TEST_F(FramesTest, frames_of_other_times_or_versions_are_made_again) {
+  const auto whole = done(task(JobKind::kVoxelize, "worm.md5.zip", small("walk")));
+  const SequenceFrame frame = manifest_of(whole).frames[0];
+  const fs::path path = dir_.path() / (frame.grid + ".voxg");
+  const auto made_again = [&](const fs::path& from, double time_s) {
+    Task again = task(JobKind::kVoxelize, "worm.md5.zip", small("walk"));
+    again.done_frames.push_back(
+        {frame.grid, from.string(), time_s, frame.voxel_count, frame.content_hash});
+    (void)done(again);
+    return frames_.size();
+  };
+  EXPECT_EQ(made_again(path, frame.time_s), 5u);
+  EXPECT_EQ(made_again(path, frame.time_s + 0.01), 6u);
+  EXPECT_EQ(made_again(dir_.path() / "nothing", frame.time_s), 6u);
+  std::string other = "\"algorithm_version\":" + std::to_string(kAlgorithmVersion);
+  auto bytes = read_file(path).value();
+  const auto at = std::search(bytes.begin(), bytes.end(), other.begin(), other.end());
+  ASSERT_NE(at, bytes.end());
+  at[static_cast<std::ptrdiff_t>(other.size()) - 1] = '0';
+  ASSERT_TRUE(write_file(dir_.path() / "old", bytes).ok());
+  EXPECT_EQ(made_again(dir_.path() / "old", frame.time_s), 6u);
 }
 
 TEST_F(FramesTest, a_cancel_leaves_no_half_sequence) {

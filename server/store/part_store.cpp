@@ -1,0 +1,126 @@
+#include "server/store/part_store.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <map>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "server/base/file.h"
+#include "server/base/log.h"
+#include "server/base/sha256_file.h"
+
+namespace voxeld {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Job ids are file names; what is not one has no folder.
+bool is_plain_name(std::string_view name) {
+  return !name.empty() && name.size() <= 64 && !name.starts_with('.') &&
+         name.find('/') == std::string_view::npos;
+}
+
+struct Part {
+  int64_t position = 0;
+  std::string hash;
+};
+
+// "12.sha256-…"
+std::optional<Part> parse_name(std::string_view name) {
+  Part part;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), part.position);
+  const auto digits = static_cast<size_t>(end - name.data());
+  if (error != std::errc() || part.position < 0 || digits == name.size() || name[digits] != '.') {
+    return std::nullopt;
+  }
+  part.hash = name.substr(digits + 1);
+  return part;
+}
+
+std::map<int64_t, fs::path> parts_in(const fs::path& folder) {
+  std::map<int64_t, fs::path> parts;
+  std::error_code failed;
+  for (fs::directory_iterator it(folder, failed), end; !failed && it != end; it.increment(failed)) {
+    const auto part = parse_name(it->path().filename().native());
+    if (part) parts[part->position] = it->path();
+  }
+  return parts;
+}
+
+Status check_plain_file(const fs::path& file) {
+  struct stat info {};
+  if (::lstat(file.c_str(), &info) != 0) return errno_error("stat", file);
+  if (S_ISREG(info.st_mode) && info.st_nlink == 1) return {};
+  return Error{ErrorCode::kInternal, file.filename().string() + " is not a plain file", "", ""};
+}
+
+Status make_folder(const fs::path& path) {
+  if (::mkdir(path.c_str(), 0700) == 0) return sync_path(path.parent_path());
+  return errno == EEXIST ? Status() : errno_error("create directory", path);
+}
+
+}  // namespace
+
+Result<PartStore> PartStore::open(const fs::path& root) {
+  VOXELD_TRY(make_folder(root / "parts"));
+  return PartStore(root / "parts");
+}
+
+Status PartStore::add(std::string_view job, int64_t position, const fs::path& file) const {
+  if (!is_plain_name(job)) {
+    return Error{ErrorCode::kInternal, "parts of a job", "its id", std::string(job.substr(0, 80))};
+  }
+  VOXELD_TRY(check_plain_file(file));
+  VOXELD_ASSIGN(const std::string hash, sha256_file_id(file));
+  VOXELD_TRY(sync_path(file));
+  const fs::path folder = folder_ / job;
+  VOXELD_TRY(make_folder(folder));
+  // From the last one on: whatever ends this halfway leaves parts that follow on each other.
+  const auto parts = parts_in(folder);
+  for (auto it = parts.rbegin(); it != parts.rend() && it->first >= position; ++it) {
+    std::error_code failed;
+    if (!fs::remove(it->second, failed) && failed) return errno_error("remove", it->second);
+  }
+  const fs::path target = folder / (std::to_string(position) + "." + hash);
+  if (std::rename(file.c_str(), target.c_str()) != 0) return errno_error("move", file);
+  return sync_path(folder);
+}
+
+std::vector<fs::path> PartStore::of_job(std::string_view job) const {
+  std::vector<fs::path> paths;
+  if (!is_plain_name(job)) return paths;
+  for (const auto& [position, path] : parts_in(folder_ / job)) {
+    if (position != static_cast<int64_t>(paths.size())) break;
+    const auto hash = sha256_file_id(path);
+    if (!hash || *hash != parse_name(path.filename().native())->hash) {
+      log::warn("a part has other bytes than were stored", {{"job", job}, {"position", position}});
+      break;
+    }
+    paths.push_back(path);
+  }
+  return paths;
+}
+
+void PartStore::remove(std::string_view job) const {
+  std::error_code ignored;  // the next start tries again
+  if (is_plain_name(job)) fs::remove_all(folder_ / job, ignored);
+}
+
+void PartStore::remove_unless(const std::function<bool(std::string_view job)>& wanted) const {
+  std::vector<std::string> unwanted;
+  std::error_code failed;
+  for (fs::directory_iterator it(folder_, failed), end; !failed && it != end;
+       it.increment(failed)) {
+    std::string job = it->path().filename().string();
+    if (!wanted(job)) unwanted.push_back(std::move(job));
+  }
+  for (const std::string& job : unwanted) remove(job);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,93 @@
+#include "server/worker/tile_parts.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+
+#include "proto/task_api.h"
+#include "server/base/algorithm_version.h"
+#include "server/base/file.h"
+#include "server/base/log.h"
+#include "server/grid/tile_source.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+// How many steps all parts up to this one are; 0 where it is not a part of this work.
+size_t steps_of(const GridHeader& part, size_t steps, const GridHeader& header) {
+  const json meta = json::parse(part.meta_json, nullptr, false);
+  if (!meta.is_object() || meta.value("algorithm_version", 0) != kAlgorithmVersion ||
+      meta.value("steps", size_t{0}) != steps) {
+    return 0;
+  }
+  const bool is_same = part.dims == header.dims && part.origin == header.origin &&
+                       part.voxel_size == header.voxel_size && part.channels == header.channels;
+  const size_t done = meta.value("steps_done", size_t{0});
+  return is_same && done <= steps ? done : 0;
+}
+
+}  // namespace
+
+// All are looked at before the first tile goes anywhere.
+bool TileParts::fits(size_t steps, const GridHeader& header, size_t& steps_done) const {
+  steps_done = 0;
+  for (const std::string& path : run_.task.part_paths) {
+    const auto file = MappedFile::open(path);
+    const auto reader = file ? GridReader::open(file->bytes()) : file.error();
+    const size_t done = reader ? steps_of(reader->header(), steps, header) : 0;
+    if (done <= steps_done) return false;
+    steps_done = done;
+  }
+  return true;
+}
+
+Result<size_t> TileParts::load(size_t steps, const GridHeader& header, const Take& take) {
+  steps_ = steps;
+  since_last_.lap();
+  size_t steps_done = 0;
+  if (run_.task.part_paths.empty()) return size_t{0};
+  if (!fits(steps, header, steps_done)) {
+    log::warn("parts of an earlier attempt are of other work", {{"job", run_.task.id}});
+    return size_t{0};
+  }
+  for (const std::string& path : run_.task.part_paths) {
+    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
+    VOXELD_ASSIGN(GridReader reader, GridReader::open(file.bytes()));
+    const ContainerTiles tiles(std::move(reader), [this] { return run_.monitor.check(); });
+    VOXELD_TRY(for_each_batch(tiles, take));
+  }
+  position_ = static_cast<int64_t>(run_.task.part_paths.size());
+  log::info("goes on after an earlier attempt",
+            {{"job", run_.task.id}, {"steps_done", steps_done}, {"steps", steps}});
+  since_last_.lap();
+  return steps_done;
+}
+
+Status TileParts::reached(GridFile& file, size_t steps_done) {
+  const bool is_time = since_last_.ms() >= static_cast<double>(run_.engine.part_interval.count());
+  if (!is_time || steps_done == steps_ || position_ >= kPartsMax) return {};
+  const std::filesystem::path path =
+      run_.scratch / (run_.task.id + "-part-" + std::to_string(position_));
+  const json meta = {
+      {"algorithm_version", kAlgorithmVersion}, {"steps_done", steps_done}, {"steps", steps_}};
+  Status kept = file.write_part(path, meta.dump());
+  if (kept) kept = run_.monitor.report_part(position_, path);
+  since_last_.lap();
+  if (kept) {
+    ++position_;
+    return {};
+  }
+  // Without this part the later ones would not follow on those before.
+  position_ = kPartsMax;
+  if (kept.error().code == ErrorCode::kCancelled) return kept;
+  log::warn("a part cannot be kept", {{"job", run_.task.id}, {"error", kept.error().message()}});
+  std::error_code ignored;
+  std::filesystem::remove(path, ignored);
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,100 @@
+// Parts of jobs on disk: what is there after restarts and accidents.
+#include "server/store/part_store.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "server/base/file.h"
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+namespace fs = std::filesystem;
+
+class PartStoreTest : public ::testing::Test {
+ protected:
+  PartStore open() { return PartStore::open(dir_.path()).value(); }
+  fs::path scratch(const std::string& text) {
+    const fs::path path = dir_.path() / ("scratch-" + std::to_string(++files_));
+    std::ofstream(path) << text;
+    return path;
+  }
+  static std::vector<std::string> texts(const PartStore& store, const std::string& job) {
+    std::vector<std::string> texts;
+    for (const fs::path& path : store.of_job(job)) {
+      const auto bytes = read_file(path).value();
+      texts.emplace_back(bytes.begin(), bytes.end());
+    }
+    return texts;
+  }
+  using Texts = std::vector<std::string>;
+
+  testing::TemporaryDir dir_;
+  int files_ = 0;
+};
+
+TEST_F(PartStoreTest, parts_come_back_in_their_order_after_a_restart) {
+  const PartStore store = open();
+  for (int i = 0; i < 12; ++i) {
+    ASSERT_TRUE(store.add("j-1", i, scratch("part " + std::to_string(i))).ok());
+  }
+  const Texts found = texts(open(), "j-1");
+  ASSERT_EQ(found.size(), 12u);
+  EXPECT_EQ(found[2], "part 2");
+  EXPECT_EQ(found[11], "part 11");
+  EXPECT_EQ(texts(store, "j-2"), Texts());
+}
+
+TEST_F(PartStoreTest, a_part_replaces_those_at_and_after_its_position) {
+  const PartStore store = open();
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(store.add("j-1", i, scratch("old")).ok());
+  ASSERT_TRUE(store.add("j-1", 1, scratch("new")).ok());
+  EXPECT_EQ(texts(store, "j-1"), (Texts{"old", "new"}));
+}
+
+TEST_F(PartStoreTest, a_part_with_other_bytes_ends_what_is_given) {
+  const PartStore store = open();
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(store.add("j-1", i, scratch("abc")).ok());
+  const auto paths = store.of_job("j-1");
+  ASSERT_EQ(paths.size(), 3u);
+  std::ofstream(paths[1]) << "abd";
+  EXPECT_EQ(texts(store, "j-1"), Texts{"abc"});
+  fs::remove(paths[0]);
+  EXPECT_EQ(texts(store, "j-1"), Texts());
+}
+
+TEST_F(PartStoreTest, the_parts_of_a_job_go_with_it) {
+  const PartStore store = open();
+  for (const std::string job : {"j-1", "j-2", "j-3"}) {
+    ASSERT_TRUE(store.add(job, 0, scratch(job)).ok());
+  }
+  store.remove("j-1");
+  EXPECT_EQ(texts(store, "j-1"), Texts());
+  store.remove_unless([](std::string_view job) { return job == "j-3"; });
+  EXPECT_EQ(texts(store, "j-2"), Texts());
+  EXPECT_EQ(texts(store, "j-3"), Texts{"j-3"});
+  EXPECT_FALSE(fs::exists(dir_.path() / "parts" / "j-2"));
+}
+
+TEST_F(PartStoreTest, links_and_odd_names_are_refused) {
+  const PartStore store = open();
+  const fs::path secret = scratch("somebody else's"), link = dir_.path() / "link";
+  fs::create_symlink(secret, link);
+  EXPECT_EQ(store.add("j-1", 0, link).error().detail, "link is not a plain file");
+  fs::create_hard_link(secret, dir_.path() / "twin");
+  EXPECT_FALSE(store.add("j-1", 0, dir_.path() / "twin").ok());
+  for (const std::string job : {"..", "", "a/b", ".hidden"}) {
+    EXPECT_FALSE(store.add(job, 0, scratch("x")).ok()) << job;
+    EXPECT_EQ(texts(store, job), Texts());
+  }
+  store.remove("..");
+  EXPECT_TRUE(fs::exists(secret));
+}
+
+}  // namespace
+}  // namespace voxeld
