@@ -50,6 +50,20 @@ Result<JobResult> parse_result(const Json& body) {
   return result;
 }
 
+Result<JobEstimate> parse_estimate(const Json& body) {
+  JobEstimate estimate;
+  JsonFields fields(body, "estimate");
+  fields.read("seconds", estimate.seconds);
+  fields.read("seconds_low", estimate.seconds_low);
+  fields.read("seconds_high", estimate.seconds_high);
+  fields.read("device_seconds", estimate.device_seconds);
+  fields.read("result_bytes", estimate.result_bytes);
+  fields.read("host_bytes", estimate.host_bytes);
+  fields.read("learned_from", estimate.learned_from);
+  VOXELD_TRY(fields.finish());
+  return estimate;
+}
+
 constexpr std::array<std::string_view, 6> kMembers = {"kind",     "asset",    "grid",
                                                       "sequence", "filename", "options"};
 
@@ -178,6 +192,13 @@ Status check_frame_options(const JobRequest& request) {
   return {};
 }
 
+Json job_estimate_json(const JobEstimate& estimate) {
+  return {{"seconds", estimate.seconds},           {"seconds_low", estimate.seconds_low},
+          {"seconds_high", estimate.seconds_high}, {"device_seconds", estimate.device_seconds},
+          {"result_bytes", estimate.result_bytes}, {"host_bytes", estimate.host_bytes},
+          {"learned_from", estimate.learned_from}};
+}
+
 Json job_status_json(const JobStatus& status) {
   Json out = {{"id", status.id},
               {"kind", job_kind_name(status.kind)},
@@ -204,6 +225,9 @@ Json job_status_json(const JobStatus& status) {
   out["timings"] = timings;
   if (status.result) out["result"] = result_json(*status.result);
   if (status.error) out["error"] = error_json(*status.error);
+  if (status.estimate) out["estimate"] = job_estimate_json(*status.estimate);
+  if (status.expected_start_ms > 0) out["expected_start_ms"] = status.expected_start_ms;
+  if (status.expected_end_ms > 0) out["expected_end_ms"] = status.expected_end_ms;
   return out;
 }
 
@@ -230,6 +254,9 @@ Result<JobStatus> parse_job_status(const Json& body) {
   fields.read("started_ms", status.started_ms);
   fields.read("ended_ms", status.ended_ms);
   fields.read("cached", status.cached);
+  fields.read("expected_start_ms", status.expected_start_ms);
+  fields.read("expected_end_ms", status.expected_end_ms);
+  const Json* estimate = fields.member("estimate");
   const auto known_kind = job_kind_from_name(kind);
   const auto known_state = job_state_from_name(state);
   if (!known_kind) fields.fail("kind", "a kind of job", kind);
@@ -252,6 +279,9 @@ Result<JobStatus> parse_job_status(const Json& body) {
   }
   if (error != nullptr) {
     status.error = parse_error_json(*error);
+  }
+  if (estimate != nullptr) {
+    VOXELD_ASSIGN(status.estimate, parse_estimate(*estimate));
   }
   return status;
 }

@@ -62,6 +62,15 @@ struct JobResult {
   std::vector<Warning> warnings;
 };
 
+// What work of this kind has cost so far, scaled to the size of this one. Of `seconds` four of five
+// jobs are between low and high.
+struct JobEstimate {
+  double seconds = 0, seconds_low = 0, seconds_high = 0;  // of a worker, from claim to end
+  double device_seconds = 0;                              // of these, on the device
+  int64_t result_bytes = 0, host_bytes = 0;               // host: the worker's peak
+  int64_t learned_from = 0;                               // jobs; 0: a guess
+};
+
 struct JobStatus {
   std::string id;  // "j-" + 32 hex digits
   JobKind kind = JobKind::kVoxelize;
@@ -78,7 +87,11 @@ struct JobStatus {
   StageTimes timings;
   std::optional<JobResult> result;  // kDone
   std::optional<Error> error;       // kFailed, kCancelled
-  bool cached = false;              // answered from an earlier job's result
+  // Until it ends: what it is expected to cost, and when it is expected to start and to end (Unix
+  // time; 0: not known), as the queue is now.
+  std::optional<JobEstimate> estimate;
+  int64_t expected_start_ms = 0, expected_end_ms = 0;
+  bool cached = false;  // answered from an earlier job's result
 
   bool ended() const {
     return state == JobState::kDone || state == JobState::kFailed || state == JobState::kCancelled;
@@ -96,6 +109,7 @@ Result<JobRequest> parse_job_request(const nlohmann::json& body);
 // What of frames and views its input cannot give: frames of a grid, a turntable of a sequence.
 // Part of parse_job_request(). Errors: invalid-option.
 Status check_frame_options(const JobRequest& request);
+nlohmann::json job_estimate_json(const JobEstimate& estimate);
 nlohmann::json job_status_json(const JobStatus& status);
 Result<JobStatus> parse_job_status(const nlohmann::json& body);
 

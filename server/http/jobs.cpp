@@ -22,41 +22,28 @@ Result<JobRequest> read_job_request(Request& request) {
   return parse_job_request(body);
 }
 
-// What the request is understood as, without queueing it.
-Response dry_run(const JobRequest& job, Api& api) {
+// What the request is understood as and what it would cost, without queueing it.
+Response dry_run(Request& request, const JobRequest& job, Api& api) {
+  const auto price = api.jobs.price(request.caller, job);
+  if (!price) return problem(request, price.error());
   const Json options = Json::parse(canonical_json(job.options, option_scope(job)));
   return Response::json(200, Json{{"kind", job_kind_name(job.kind)},
                                   {"asset", job.asset},
                                   {"grid", job.grid},
                                   {"sequence", job.sequence},
                                   {"options", options},
-                                  {"queue_position", api.jobs.queued_jobs() + 1}}
+                                  {"cached", price->cached},
+                                  {"queue_position", price->queue_position},
+                                  {"estimate", job_estimate_json(*price->estimate)},
+                                  {"expected_start_ms", price->expected_start_ms},
+                                  {"expected_end_ms", price->expected_end_ms}}
                                  .dump());
-}
-
-// The input exists: a dry run tells what submit() would.
-Status check_input(const Caller& caller, const JobRequest& job, Api& api) {
-  if (!job.asset.empty()) {
-    if (auto asset = api.jobs.get_asset(caller, job.asset); !asset) return asset.error();
-  }
-  if (!job.grid.empty()) {
-    if (auto grid = api.jobs.get_grid(caller, job.grid); !grid) return grid.error();
-  }
-  if (!job.sequence.empty()) {
-    if (auto known = api.jobs.get_sequence(caller, job.sequence); !known) return known.error();
-  }
-  return {};
 }
 
 Response post_job(Request& request, Api& api) {
   auto job = read_job_request(request);
   if (!job) return problem(request, job.error());
-  if (request.query("dry_run").value_or("0") == "1") {
-    if (const Status status = check_input(request.caller, *job, api); !status) {
-      return problem(request, status.error());
-    }
-    return dry_run(*job, api);
-  }
+  if (request.query("dry_run").value_or("0") == "1") return dry_run(request, *job, api);
   SubmitOptions submit;
   submit.idempotency_key = request.head.header("Idempotency-Key");
   auto status = api.jobs.submit(request.caller, *job, submit);

@@ -14,6 +14,7 @@
 #include "server/jobs/job_board.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_store.h"
+#include "server/jobs/queue_forecast.h"
 #include "server/jobs/supervisor.h"
 #include "server/jobs/task_server.h"
 
@@ -54,7 +55,11 @@ class Service final : public JobService {
         parts_(std::move(parts)),
         assets_(*database_, blobs_),
         frames_(*database_, blobs_),
-        metrics_(std::move(registry)) {}
+        metrics_(std::move(registry)),
+        costs_(config.data_dir / "costs"),
+        forecast_(
+            costs_, static_cast<int>(config.devices.size()), [](const std::string&) { return 1.0; },
+            [this](JobStatus& status) { board_.overlay(status); }) {}
   ~Service() override;
 
   Status start();
@@ -78,6 +83,7 @@ class Service final : public JobService {
 
   Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                            const SubmitOptions& options) override;
+  Result<JobStatus> price(const Caller& caller, const JobRequest& request) override;
   Result<JobStatus> get(const Caller& caller, std::string_view id) override;
   Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
                                       std::optional<JobState> state) override;
@@ -103,6 +109,11 @@ class Service final : public JobService {
  private:
   void job_changed(const JobRecord& record);
   void update_gauges();
+  // Of the asset with its files, or the grid; 0 where it cannot be told.
+  int64_t input_bytes(const std::string& tenant, const std::string& asset, const std::string& grid);
+  void forecast_waiting();
+  // Adds what the database does not know: progress, estimate.
+  void complete(JobStatus& status);
   void start_supervisor();
   Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
                                              int64_t after_id);
@@ -118,6 +129,8 @@ class Service final : public JobService {
   FrameStore frames_;
   JobBoard board_;
   JobMetrics metrics_;
+  JobCosts costs_;
+  QueueForecast forecast_;
   std::atomic<bool> draining_{false};
   // Read by connection threads, which run before the supervisor is there.
   std::atomic<Supervisor*> supervising_{nullptr};
@@ -134,6 +147,7 @@ Status Service::start() {
     return job && !job->status.ended();
   });
   update_gauges();
+  forecast_waiting();
 
   TaskServerConfig server;
   server.socket = config_.data_dir / "run" / "tasks.sock";
@@ -179,6 +193,7 @@ Service::~Service() {
 
 void Service::job_changed(const JobRecord& record) {
   const JobStatus& status = record.status;
+  forecast_.changed(record, 0);
   if (status.ended()) {
     parts_.remove(status.id);
     board_.changed(status.id, status.version, false);
@@ -210,6 +225,48 @@ void Service::update_gauges() {
   if (queued && running) metrics_.set_jobs(*queued, *running);
 }
 
+int64_t Service::input_bytes(const std::string& tenant, const std::string& asset,
+                             const std::string& grid) {
+  const auto bytes_of = [this](const std::string& id) {
+    const auto blob = blobs_.stat(id);
+    return blob ? blob->bytes : int64_t{0};
+  };
+  if (asset.empty()) return bytes_of(grid);
+  int64_t bytes = bytes_of(asset);
+  if (const auto files = assets_.bundle_files(tenant, asset)) {
+    for (const BundleFile& file : *files) bytes += bytes_of(file.asset);
+  }
+  return bytes;
+}
+
+// At start: the jobs that an earlier process left.
+void Service::forecast_waiting() {
+  const auto records = jobs_.list(Caller::daemon(), config_.queued_jobs_max, JobState::kQueued);
+  if (!records) return;
+  for (const JobRecord& record : *records) {
+    const JobStatus& status = record.status;
+    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
+  }
+}
+
+void Service::complete(JobStatus& status) {
+  board_.overlay(status);
+  forecast_.fill(status);
+}
+
+Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request) {
+  JobRequest filled = request;
+  VOXELD_ASSIGN(const bool cached, jobs_.has_result(caller, filled));
+  JobStatus priced = forecast_.price(caller.tenant(), filled,
+                                     input_bytes(caller.tenant(), filled.asset, filled.grid));
+  if (!cached) return priced;
+  priced.cached = true;
+  priced.queue_position = 0;
+  priced.estimate = JobEstimate{};
+  priced.expected_start_ms = priced.expected_end_ms = unix_time_ms();
+  return priced;
+}
+
 Status Service::delete_asset(const Caller& caller, std::string_view id) {
   VOXELD_TRY(assets_.mark_deleted(caller, id));
   VOXELD_TRY(assets_.remove_unneeded());
@@ -224,21 +281,26 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
   VOXELD_ASSIGN(JobStore::Submitted submitted,
                 jobs_.submit(caller, request, options, config_.queued_jobs_max));
   JobRecord& record = submitted.record;
-  board_.overlay(record.status);
-  if (submitted.existed) return record.status;
+  if (submitted.existed) {
+    complete(record.status);
+    return record.status;
+  }
   metrics_.submitted(record.status);
   if (record.status.ended()) {
     job_changed(record);
   } else {
+    const JobStatus& status = record.status;
+    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
     update_gauges();
     tasks_->notify_work();
   }
+  complete(record.status);
   return record.status;
 }
 
 Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
-  board_.overlay(record.status);
+  complete(record.status);
   return record.status;
 }
 
@@ -249,7 +311,7 @@ Result<std::vector<JobStatus>> Service::list(const Caller& caller, int limit,
   statuses.reserve(records.size());
   for (const JobRecord& record : records) {
     statuses.push_back(record.status);
-    board_.overlay(statuses.back());
+    complete(statuses.back());
   }
   return statuses;
 }
@@ -273,7 +335,7 @@ Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
   JobBoard::Watch watch(board_, std::string(id));
   while (true) {
     VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
-    board_.overlay(record.status);
+    complete(record.status);
     const auto now = Clock::now();
     if (record.status.ended() || now >= deadline) return record.status;
     if (abandoned && abandoned()) {

@@ -111,6 +111,9 @@ class JobService {
   // queue-full, idempotency-mismatch, shutting-down.
   virtual Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                                    const SubmitOptions& options) = 0;
+  // What submit() would answer now, without a job: estimate, place in the queue and expected times;
+  // `cached` where a result is there already. Errors: those of the input.
+  virtual Result<JobStatus> price(const Caller& caller, const JobRequest& request) = 0;
   virtual Result<JobStatus> get(const Caller& caller, std::string_view id) = 0;
   virtual Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
                                               std::optional<JobState> state) = 0;

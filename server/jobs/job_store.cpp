@@ -282,6 +282,16 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
   return *std::move(submitted);
 }
 
+Result<bool> JobStore::has_result(const Caller& caller, JobRequest& request) {
+  VOXELD_TRY(check_frame_options(request));
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_TRY(check_input(*reader, caller, request, is_stored_));
+  if (!request.options.use_cache) return false;
+  VOXELD_ASSIGN(const int64_t cached,
+                cached_result(*reader, caller.tenant(), request_hash(request), is_stored_));
+  return cached != 0;
+}
+
 Result<JobRecord> JobStore::get(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
   return load_job(*reader, caller, id);

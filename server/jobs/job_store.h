@@ -52,6 +52,10 @@ class JobStore {
   Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
                            int queued_jobs_max);
 
+  // Whether submit() would answer from a result that is there. Fills in what submit() fills in.
+  // Errors: those of the input.
+  Result<bool> has_result(const Caller& caller, JobRequest& request);
+
   Result<JobRecord> get(const Caller& caller, std::string_view id);
   Result<std::vector<JobRecord>> list(const Caller& caller, int limit,
                                       std::optional<JobState> state);

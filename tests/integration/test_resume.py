@@ -1,0 +1,160 @@
+"""Jobs go on after the tiles and frames of an earlier attempt, and the queue tells what to expect."""
+import os
+import re
+import time
+import unittest
+
+from harness import Daemon, DaemonTest
+
+# Some hundred tiles.
+LARGE = {"size": 3000, "channels": "occupancy,color", "cache": "no"}
+
+
+class Resume(DaemonTest):
+    device = "cpu"
+    arguments = ("--part-seconds", "0")
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.asset = cls.daemon.upload(cls.fixtures / "sample.glb")
+        cls.worm = cls.daemon.upload(cls.fixtures / "worm.md5.zip")
+
+    def parts(self, daemon, job):
+        folder = os.path.join(daemon.data_dir, "parts", job)
+        return sorted(os.listdir(folder)) if os.path.isdir(folder) else []
+
+    def wait_for(self, condition, seconds=60):
+        deadline = time.monotonic() + seconds
+        while not condition():
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.002)
+
+    def started_after(self, daemon, job):
+        """Steps that attempts after the first one found done."""
+        with open(daemon.data_dir.rstrip("/") + ".log", encoding="utf-8") as log:
+            return [int(n) for n in re.findall(
+                rf"goes on after an earlier attempt job={job} steps_done=(\d+)", log.read())]
+
+    def whole(self, daemon, **options):
+        status = daemon.wait(daemon.submit(kind="voxelize", asset=self.asset,
+                                           options={**LARGE, **options}))
+        self.assertEqual(status["state"], "done", status)
+        return status["result"]
+
+    def check(self, daemon, interrupt, **options):
+        job = daemon.submit(kind="voxelize", asset=self.asset, options={**LARGE, **options})
+        self.wait_for(lambda: len(self.parts(daemon, job)) >= 4)
+        interrupt()
+        status = daemon.wait(job, 300)
+        self.assertEqual(status["state"], "done", status)
+        steps = self.started_after(daemon, job)
+        self.assertEqual(len(steps), 1)
+        self.assertGreaterEqual(steps[0], 4)
+        self.assertEqual(self.parts(daemon, job), [], "parts stay after the job's end")
+        # The container that an uninterrupted job leaves, byte by byte.
+        self.assertEqual(status["result"]["grid"], self.whole(daemon, **options)["grid"])
+
+    def test_after_the_death_of_its_worker(self):
+        self.check(self.daemon, self.daemon.kill_worker, padding=1)
+
+    def test_after_the_death_of_the_gateway_and_its_worker(self):
+        daemon = Daemon(device="cpu", arguments=self.arguments)
+        try:
+            daemon.upload(self.fixtures / "sample.glb")
+
+            def restart():
+                daemon.kill_gateway()
+                daemon.start()
+            self.check(daemon, restart, padding=2)
+        finally:
+            daemon.stop()
+
+    def test_a_cancelled_job_leaves_no_parts(self):
+        job = self.daemon.submit(kind="voxelize", asset=self.asset, options={**LARGE, "padding": 3})
+        self.wait_for(lambda: self.parts(self.daemon, job))
+        self.daemon.request("DELETE", f"/v1/jobs/{job}")
+        self.assertEqual(self.daemon.wait(job)["state"], "cancelled")
+        self.assertEqual(self.parts(self.daemon, job), [])
+
+    def test_frames_that_are_listed_are_not_made_again(self):
+        options = {"animation": "walk", "size": 700, "fps": 60, "cache": "no"}
+        job = self.daemon.submit(kind="voxelize", asset=self.worm, options=options)
+
+        def grids():
+            return [f["grid"] for f in self.daemon.get(f"/v1/jobs/{job}/frames").json()["frames"]]
+        self.wait_for(lambda: len(grids()) >= 3)
+        self.daemon.kill_worker()
+        before = grids()
+        status = self.daemon.wait(job, 300)
+        self.assertEqual(status["state"], "done", status)
+        self.assertEqual(grids()[:len(before)], before)
+        again = self.daemon.wait(self.daemon.submit(kind="voxelize", asset=self.worm,
+                                                    options=options), 300)
+        self.assertEqual(again["result"]["sequence"], status["result"]["sequence"])
+        self.assertEqual(again["result"]["blob"], status["result"]["blob"])
+
+
+class Estimates(DaemonTest):
+    device = "cpu"
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.asset = cls.daemon.upload(cls.fixtures / "sample.glb")
+
+    def price(self, daemon=None, **options):
+        response = (daemon or self.daemon).post("/v1/jobs?dry_run=1", {
+            "kind": "voxelize", "asset": self.asset, "options": options})
+        self.assertEqual(response.status, 200, response.body)
+        return response.json()
+
+    def test_a_dry_run_learns_what_jobs_cost(self):
+        daemon = Daemon(device="cpu")
+        try:
+            daemon.upload(self.fixtures / "sample.glb")
+            fresh = self.price(daemon, size=640)
+            self.assertEqual(fresh["estimate"]["learned_from"], 0)
+            for size in range(200, 1100, 75):
+                daemon.wait(daemon.submit(kind="voxelize", asset=self.asset,
+                                          options={"size": size, "cache": "no"}))
+            learned = self.price(daemon, size=640)["estimate"]
+            self.assertEqual(learned["learned_from"], 12)
+            fresh = fresh["estimate"]
+            self.assertLess(learned["seconds_high"] / learned["seconds_low"],
+                            fresh["seconds_high"] / fresh["seconds_low"])
+            job = daemon.wait(daemon.submit(kind="voxelize", asset=self.asset, options={"size": 640}))
+            measured = sum(ms for stage, ms in job["timings"].items() if stage != "queue") / 1000
+            # Machines are shared: within a factor of four of what it took this time.
+            self.assertLess(measured / 4, learned["seconds"])
+            self.assertGreater(measured * 4, learned["seconds"])
+            self.assertLess(abs(learned["result_bytes"] / job["result"]["bytes"] - 1), 0.5)
+            self.assertTrue(self.price(daemon, size=640)["cached"])
+            daemon.kill_gateway()  # what was learned less than half a minute ago may be lost
+            daemon.start()
+            daemon.stop()
+            daemon.start()
+            self.assertGreaterEqual(self.price(daemon, size=300)["estimate"]["learned_from"], 0)
+        finally:
+            daemon.stop()
+
+    def test_waiting_jobs_tell_when_they_are_expected(self):
+        first = self.daemon.submit(kind="voxelize", asset=self.asset, options={**LARGE, "padding": 5})
+        jobs = [self.daemon.submit(kind="voxelize", asset=self.asset,
+                                   options={**LARGE, "padding": 6 + i}) for i in range(3)]
+        self.daemon.wait_state(first, "running")
+        ends = [self.daemon.get(f"/v1/jobs/{job}").json() for job in jobs]
+        for earlier, later in zip(ends, ends[1:]):
+            self.assertLess(earlier["expected_end_ms"], later["expected_end_ms"])
+            self.assertLessEqual(earlier["expected_start_ms"], later["expected_start_ms"])
+        priced = self.price(size=64)
+        self.assertGreaterEqual(priced["expected_end_ms"], ends[-1]["created_ms"])
+        self.assertGreaterEqual(priced["queue_position"], 4)
+        for job in [first, *jobs]:
+            self.daemon.request("DELETE", f"/v1/jobs/{job}")
+            ended = self.daemon.wait(job)
+            self.assertNotIn("estimate", ended)
+
+
+if __name__ == "__main__":
+    unittest.main()
