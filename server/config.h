@@ -22,7 +22,10 @@ struct ServeConfig {
   int64_t upload_bytes_max = limits::kUploadBytesMax;
   int queued_jobs_max = limits::kQueuedJobsMax;
   int request_threads = 64;
-  double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
+  int workers_per_device = 3;
+  bool is_fair = true;           // --scheduler fair
+  int64_t memory_bytes_max = 0;  // 0: three quarters of what the machine has
+  double drain_seconds = 10.0;   // how long running answers may go on after SIGTERM
   std::string shader_dir;
   log::Level log_level = log::Level::kInfo;
 };
