@@ -64,14 +64,14 @@ Result<JobEstimate> parse_estimate(const Json& body) {
   return estimate;
 }
 
-constexpr std::array<std::string_view, 6> kMembers = {"kind",     "asset",    "grid",
-                                                      "sequence", "filename", "options"};
+constexpr std::array<std::string_view, 8> kMembers = {
+    "kind", "asset", "grid", "sequence", "filename", "options", "priority", "deadline_ms"};
 
 Status check_members(const Json& body) {
   for (const auto& [name, value] : body.items()) {
     if (std::ranges::find(kMembers, name) == kMembers.end()) {
       return Error{ErrorCode::kBadRequest, "job: no such member",
-                   "kind, asset, grid, sequence, filename, options",
+                   "kind, asset, grid, sequence, filename, options, priority, deadline_ms",
                    "\"" + name.substr(0, 40) + "\""};
     }
   }
@@ -159,7 +159,10 @@ Result<JobRequest> parse_job_request(const Json& body) {
   fields.read("grid", request.grid);
   fields.read("sequence", request.sequence);
   fields.read("filename", request.filename);
+  if (body.contains("priority")) fields.read("priority", request.priority.emplace(0));
+  if (body.contains("deadline_ms")) fields.read("deadline_ms", request.deadline_ms.emplace(0));
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_urgency(request));
   const auto known = job_kind_from_name(kind);
   if (!known) {
     return Error{ErrorCode::kBadRequest, "job.kind", "voxelize | render | export | inspect",
@@ -173,6 +176,23 @@ Result<JobRequest> parse_job_request(const Json& body) {
   VOXELD_TRY(check_frame_options(request));
   if (request.filename.empty()) request.filename = request.options.filename;
   return request;
+}
+
+Status check_urgency(const JobRequest& request) {
+  const int priority = request.priority.value_or(0);
+  if (priority < -limits::kPriorityMax || priority > limits::kPriorityMax) {
+    return Error{
+        ErrorCode::kInvalidOption, "priority",
+        "-" + std::to_string(limits::kPriorityMax) + " to " + std::to_string(limits::kPriorityMax),
+        std::to_string(priority)};
+  }
+  const int64_t deadline_ms = request.deadline_ms.value_or(1);
+  if (deadline_ms < 1 || deadline_ms > limits::kDeadlineMsMax) {
+    return Error{ErrorCode::kInvalidOption, "deadline_ms",
+                 "1 to " + std::to_string(limits::kDeadlineMsMax) + " milliseconds from now",
+                 std::to_string(deadline_ms)};
+  }
+  return {};
 }
 
 Status check_frame_options(const JobRequest& request) {
@@ -219,6 +239,10 @@ Json job_status_json(const JobStatus& status) {
               {"created_ms", status.created_ms},
               {"started_ms", status.started_ms},
               {"ended_ms", status.ended_ms},
+              {"priority", status.priority},
+              {"deadline_at_ms", status.deadline_at_ms},
+              {"device_ms", status.device_ms},
+              {"waiting_for", status.waiting_for},
               {"cached", status.cached}};
   Json timings = Json::object();
   for (const auto& [stage, ms] : status.timings) timings[stage] = ms;
@@ -253,6 +277,10 @@ Result<JobStatus> parse_job_status(const Json& body) {
   fields.read("created_ms", status.created_ms);
   fields.read("started_ms", status.started_ms);
   fields.read("ended_ms", status.ended_ms);
+  fields.read("priority", status.priority);
+  fields.read("deadline_at_ms", status.deadline_at_ms);
+  fields.read("device_ms", status.device_ms);
+  fields.read("waiting_for", status.waiting_for);
   fields.read("cached", status.cached);
   fields.read("expected_start_ms", status.expected_start_ms);
   fields.read("expected_end_ms", status.expected_end_ms);

@@ -17,6 +17,12 @@
 
 namespace voxeld {
 
+namespace limits {
+inline constexpr int kPriorityMax = 100;     // and -100: invalid-option
+inline constexpr int kOneShotPriority = 10;  // of jobs that a client waits for
+inline constexpr int64_t kDeadlineMsMax = int64_t{366} * 24 * 3600 * 1000;  // invalid-option
+}  // namespace limits
+
 enum class JobKind {
   kVoxelize,  // asset -> grid or sequence, and that in the format asked for
   kRender,    // asset, grid or sequence -> PNG or animated picture
@@ -38,6 +44,10 @@ struct JobRequest {
   std::string sequence;  // id of a sequence, or empty
   std::string filename;  // of the asset, as uploaded or overridden; names its format
   RequestOptions options;
+  // Among the tenant's own jobs. Neither is part of what the result is.
+  std::optional<int> priority;  // -kPriorityMax to kPriorityMax, the highest first; default: 0, or
+                                // kOneShotPriority where a client waits
+  std::optional<int64_t> deadline_ms;  // from acceptance on
 };
 
 struct Warning {
@@ -84,6 +94,10 @@ struct JobStatus {
   std::string stage;                          // "parse", "voxelize", …, while running
   int64_t queue_position = 0;                 // 0 when it is running or ended
   int64_t created_ms = 0, started_ms = 0, ended_ms = 0;  // Unix time
+  int priority = 0;
+  int64_t deadline_at_ms = 0;  // Unix time; 0: none
+  double device_ms = 0;        // for which it has had its device, of all attempts
+  std::string waiting_for;     // "a worker", "a turn on egl:0: 2 tenants before", "memory: …"
   StageTimes timings;
   std::optional<JobResult> result;  // kDone
   std::optional<Error> error;       // kFailed, kCancelled
@@ -106,6 +120,8 @@ OptionScope option_scope(const JobRequest& request);
 
 // Validates completely: unknown members, kinds, more or less than one input, options.
 Result<JobRequest> parse_job_request(const nlohmann::json& body);
+// Errors: invalid-option.
+Status check_urgency(const JobRequest& request);
 // What of frames and views its input cannot give: frames of a grid, a turntable of a sequence.
 // Part of parse_job_request(). Errors: invalid-option.
 Status check_frame_options(const JobRequest& request);

@@ -1,6 +1,7 @@
 #include "proto/task_api.h"
 
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "proto/job_json.h"
@@ -11,6 +12,8 @@ namespace voxeld {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr std::array<std::string_view, 3> kTurnActions = {"turn_take", "turn_renew", "turn_give"};
 
 Status check_type(const Json& message, std::string_view expected) {
   std::string type;
@@ -323,6 +326,77 @@ Result<TaskFailure> parse_task_failure(const Json& message) {
   VOXELD_TRY(fields.finish());
   failure.error = parse_error_json(*error);
   return failure;
+}
+
+Json to_json_message(const TurnsHello& hello) {
+  return {{"type", "turns"},
+          {"protocol", hello.protocol},
+          {"pid", hello.pid},
+          {"device", hello.device}};
+}
+
+Result<TurnsHello> parse_turns_hello(const Json& message) {
+  VOXELD_TRY(check_type(message, "turns"));
+  TurnsHello hello;
+  JsonFields fields(message, "turns");
+  fields.require({"protocol", "pid", "device"});
+  fields.read("protocol", hello.protocol);
+  fields.read("pid", hello.pid);
+  fields.read("device", hello.device);
+  VOXELD_TRY(fields.finish());
+  return hello;
+}
+
+Json to_json_message(const TurnRequest& request) {
+  Json message = {{"type", kTurnActions[static_cast<size_t>(request.action)]},
+                  {"task", request.task},
+                  {"fence", request.fence}};
+  if (request.action == TurnAction::kTake) {
+    message["host_bytes"] = request.host_bytes;
+    message["device_bytes"] = request.device_bytes;
+  }
+  return message;
+}
+
+Result<TurnRequest> parse_turn_request(const Json& message) {
+  TurnRequest request;
+  std::string type;
+  JsonFields fields(message, "turn");
+  fields.require({"type", "task", "fence"});
+  fields.read("type", type);
+  fields.read("task", request.task);
+  fields.read("fence", request.fence);
+  fields.read("host_bytes", request.host_bytes);
+  fields.read("device_bytes", request.device_bytes);
+  const auto action = std::ranges::find(kTurnActions, type);
+  if (action == kTurnActions.end()) {
+    fields.fail("type", "turn_take, turn_renew or turn_give", type);
+  }
+  if (request.host_bytes < 0 || request.device_bytes < 0) {
+    fields.fail("host_bytes and device_bytes", "0 or more", "less");
+  }
+  VOXELD_TRY(fields.finish());
+  request.action = static_cast<TurnAction>(action - kTurnActions.begin());
+  return request;
+}
+
+Json to_json_message(const TurnReply& reply) {
+  Json message = {{"granted", reply.granted}, {"cancel", reply.cancel}, {"fenced", reply.fenced}};
+  if (reply.error) message["error"] = error_json(*reply.error);
+  return message;
+}
+
+Result<TurnReply> parse_turn_reply(const Json& message) {
+  TurnReply reply;
+  JsonFields fields(message, "reply");
+  fields.require({"granted", "cancel", "fenced"});
+  fields.read("granted", reply.granted);
+  fields.read("cancel", reply.cancel);
+  fields.read("fenced", reply.fenced);
+  const Json* error = fields.member("error");
+  VOXELD_TRY(fields.finish());
+  if (error != nullptr) reply.error = parse_error_json(*error);
+  return reply;
 }
 
 }  // namespace voxeld

@@ -12,6 +12,17 @@
 //   complete {task, fence, outputs…} ->   {ok} | {fenced}
 //   fail {task, fence, error}        ->   {ok} | {fenced}
 //
+// A device works for one task at a time. Its workers ask for turns on it on a second connection
+// each, so that waiting for one holds up none of the above:
+//
+//   turns {protocol, pid, device}    ->   {ok}
+//   turn_take {task, fence, bytes…}  ->   TurnReply               (blocks until it is its turn)
+//   turn_renew {task, fence}         ->   TurnReply               (gives it back, takes the next)
+//   turn_give {task, fence}          ->   (no reply)
+//
+// How long a turn was held is what the gateway measures: a worker that a hostile file has taken
+// over cannot say less. A connection that ends gives its turn back.
+//
 // A worker that sees `fenced` drops the task: another one owns it. A connection that ends means
 // that the worker died: its task is put back at once.
 #pragma once
@@ -144,6 +155,28 @@ struct TaskFailure {
   Error error;
 };
 
+// The first message of a connection for turns.
+struct TurnsHello {
+  int protocol = kTaskProtocolVersion;
+  int64_t pid = 0;
+  std::string device;
+};
+enum class TurnAction { kTake, kRenew, kGive };
+struct TurnRequest {
+  TurnAction action = TurnAction::kTake;
+  std::string task;
+  int64_t fence = 0;
+  // Upper estimates of what the task needs from here to its end, with what its process has already;
+  // of kTake. Those of a task's first turn count.
+  int64_t host_bytes = 0, device_bytes = 0;
+};
+struct TurnReply {
+  bool granted = false;
+  bool cancel = false;         // nobody wants the task's result
+  bool fenced = false;         // another worker owns the task
+  std::optional<Error> error;  // it cannot have one: the task fails with this
+};
+
 // The JSON of a frame of the socket, of at most kTaskFrameBytesMax: the paths of a long sequence
 // are more than fits into the body of a request. Errors: as parse_json_bounded().
 Result<nlohmann::json> parse_task_message(std::string_view text);
@@ -156,6 +189,12 @@ nlohmann::json to_json_message(const TaskFrameReply& reply);
 nlohmann::json to_json_message(const TaskPart& part);
 nlohmann::json to_json_message(const TaskCompletion& completion);
 nlohmann::json to_json_message(const TaskFailure& failure);
+nlohmann::json to_json_message(const TurnsHello& hello);
+nlohmann::json to_json_message(const TurnRequest& request);
+nlohmann::json to_json_message(const TurnReply& reply);
+Result<TurnsHello> parse_turns_hello(const nlohmann::json& message);
+Result<TurnRequest> parse_turn_request(const nlohmann::json& message);
+Result<TurnReply> parse_turn_reply(const nlohmann::json& message);
 Result<WorkerHello> parse_worker_hello(const nlohmann::json& message);
 Result<Task> parse_task(const nlohmann::json& message);
 Result<TaskProgress> parse_task_progress(const nlohmann::json& message);

@@ -28,6 +28,9 @@ std::filesystem::path default_data_dir() {
          ".local/state/voxeld";
 }
 
+// More would wait for one another, and each has its memory.
+constexpr int kWorkersPerDeviceMax = 64;
+
 // Loopback by its number or name; a name that only resolves to it does not count.
 bool is_loopback(std::string_view host) {
   return host == "localhost" || host == "[::1]" || host == "::1" || host.starts_with("127.");
@@ -39,9 +42,32 @@ void add_log_level(CLI::App& command, log::Level& level) {
       ->envname("VOXELD_LOG_LEVEL");
 }
 
+void add_scheduling(CLI::App& serve, ServeConfig& config) {
+  static const std::map<std::string, bool> schedulers = {{"fair", true}, {"fifo", false}};
+  serve
+      .add_option("--workers-per-device", config.workers_per_device,
+                  "Worker processes of a device: one works on it while others read and write")
+      ->check(CLI::Range(1, kWorkersPerDeviceMax))
+      ->envname("VOXELD_WORKERS_PER_DEVICE")
+      ->capture_default_str();
+  serve
+      .add_option("--scheduler", config.is_fair,
+                  "fair: tenants share devices by their weights; fifo: whole jobs as they arrived")
+      ->transform(CLI::CheckedTransformer(schedulers))
+      ->envname("VOXELD_SCHEDULER")
+      ->default_str("fair");
+  serve
+      .add_option("--memory-max", config.memory_bytes_max,
+                  "What jobs may need of the machine's memory at a time, as they are estimated, "
+                  "with an optional unit; default: three quarters of it")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::PositiveNumber)
+      ->envname("VOXELD_MEMORY_MAX");
+}
+
 CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   CLI::App* serve = app.add_subcommand(
-      "serve", "Answer HTTP and run jobs on one worker process per device (the default)");
+      "serve", "Answer HTTP and run jobs on worker processes of each device (the default)");
   serve->add_option("--listen", config.listen, "HOST:PORT of the API; port 0 takes a free one")
       ->envname("VOXELD_LISTEN")
       ->capture_default_str();
@@ -59,8 +85,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->capture_default_str();
   serve
       ->add_option("--device", config.devices,
-                   "auto, egl:N, llvmpipe, lavapipe, osmesa or cpu (no OpenGL); several give one "
-                   "worker each")
+                   "auto, egl:N, llvmpipe, lavapipe, osmesa or cpu (no OpenGL), or several")
       ->delimiter(',')
       ->envname("VOXELD_DEVICE")
       ->capture_default_str();
@@ -81,6 +106,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->check(CLI::Range(1, 4096))
       ->envname("VOXELD_REQUEST_THREADS")
       ->capture_default_str();
+  add_scheduling(*serve, config);
   serve
       ->add_option("--drain-seconds", config.drain_seconds,
                    "How long running answers may go on after SIGTERM")

@@ -22,8 +22,11 @@ struct ServeConfig {
   int64_t upload_bytes_max = limits::kUploadBytesMax;
   int queued_jobs_max = limits::kQueuedJobsMax;
   int request_threads = 64;
-  double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
-  double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
+  int workers_per_device = 3;
+  bool is_fair = true;           // --scheduler fair
+  int64_t memory_bytes_max = 0;  // 0: three quarters of what the machine has
+  double drain_seconds = 10.0;   // how long running answers may go on after SIGTERM
+  double part_seconds = 5.0;     // how often finished tiles of long jobs are kept
   std::string shader_dir;
   log::Level log_level = log::Level::kInfo;
 };

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "server/base/host_memory.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
 #include "server/gpu/device.h"
@@ -113,8 +114,11 @@ Result<int> wait_for_worker(JobService& jobs) {
   return 0;
 }
 
+// The rest is for the gateway, the system and its caches.
+constexpr int64_t kMemoryShareMax = 4, kMemoryShare = 3;
+
 JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> devices,
-                            const std::string& self_executable) {
+                            const KeyRing& keys, const std::string& self_executable) {
   JobServiceConfig jobs;
   jobs.data_dir = config.data_dir;
   jobs.devices = std::move(devices);
@@ -127,6 +131,13 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
     jobs.worker_arguments.insert(jobs.worker_arguments.end(), {"--shader-dir", config.shader_dir});
   }
   jobs.queued_jobs_max = config.queued_jobs_max;
+  jobs.workers_per_device = config.workers_per_device;
+  jobs.is_fair = config.is_fair;
+  jobs.memory_bytes_max = config.memory_bytes_max;
+  if (jobs.memory_bytes_max == 0) {
+    jobs.memory_bytes_max = machine_memory_bytes() / kMemoryShareMax * kMemoryShare;
+  }
+  jobs.weight_of = [&keys](const std::string& tenant) { return keys.weight_of(tenant); };
   return jobs;
 }
 
@@ -140,7 +151,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   block_ending_signals();
   auto metrics = std::make_shared<prometheus::Registry>();
   VOXELD_ASSIGN(const auto jobs,
-                start_job_service(job_config(config, devices, self_executable), metrics));
+                start_job_service(job_config(config, devices, *keys, self_executable), metrics));
   http::ServerConfig http_config;
   http_config.listen = config.listen;
   http_config.admin_listen = config.admin_listen;

@@ -8,6 +8,10 @@ namespace voxeld {
 // Resident bytes now; 0 if unknown.
 int64_t resident_bytes();
 
+// What this machine has for processes like this one: its memory, or less where a control group says
+// so (a container, a systemd unit). 0 if unknown.
+int64_t machine_memory_bytes();
+
 // The most resident bytes that are remembered; 0 if unknown.
 int64_t peak_resident_bytes();
 

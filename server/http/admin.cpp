@@ -16,6 +16,7 @@ Response ready_response(JobService& jobs, const KeyRing& keys) {
   Json workers = Json::array();
   for (const WorkerState& worker : jobs.workers()) {
     workers.push_back({{"device", worker.device},
+                       {"slot", worker.slot},
                        {"renderer", worker.renderer},
                        {"driver", worker.driver},
                        {"pid", worker.pid},

@@ -1,20 +1,40 @@
 // POST /v1/voxelize and /v1/render: a mesh in, a grid or a picture out, no job to manage. Behind it
 // is a job like any other; it is cancelled when the client leaves.
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <optional>
+
 #include "server/http/api.h"
 #include "server/http/body_reader.h"
 
 namespace voxeld::http {
 namespace {
 
-// The query without the members that name the input.
+// The query without the members that are the job's, and not its options.
 OptionPairs option_pairs(const Request& request) {
+  constexpr std::array<std::string_view, 5> kOfJob = {"asset", "grid", "sequence", "priority",
+                                                      "deadline_ms"};
   OptionPairs pairs;
   for (const auto& pair : request.head.query) {
-    const bool names_input =
-        pair.first == "asset" || pair.first == "grid" || pair.first == "sequence";
-    if (!names_input) pairs.push_back(pair);
+    if (std::ranges::find(kOfJob, pair.first) == kOfJob.end()) pairs.push_back(pair);
   }
   return pairs;
+}
+
+// A member of the query that is an integer; what is out of the range of T is none.
+template <typename T>
+Status read_integer(const Request& request, std::string_view name, std::optional<T>& out) {
+  const std::optional<std::string> text = request.query(name);
+  if (!text) return {};
+  T value = 0;
+  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), value);
+  if (error != std::errc() || end != text->data() + text->size()) {
+    return Error{ErrorCode::kInvalidOption, std::string(name), "an integer",
+                 "\"" + text->substr(0, 40) + "\""};
+  }
+  out = value;
+  return {};
 }
 
 Result<JobRequest> parse_request(const Request& request, JobKind kind) {
@@ -35,6 +55,9 @@ Result<JobRequest> parse_request(const Request& request, JobKind kind) {
   }
   VOXELD_ASSIGN(job.options, parse_options(option_pairs(request), option_scope(job)));
   job.filename = job.options.filename;
+  VOXELD_TRY(read_integer(request, "priority", job.priority));
+  VOXELD_TRY(read_integer(request, "deadline_ms", job.deadline_ms));
+  VOXELD_TRY(check_urgency(job));
   return job;
 }
 

@@ -73,11 +73,14 @@ JobWork work_of(JobKind kind, const RequestOptions& options, int64_t input_bytes
 
 MeasuredSeconds measured_seconds(const JobStatus& status) {
   MeasuredSeconds seconds;
+  double staged = 0;  // on the device, with the waits for it
   for (const auto& [stage, ms] : status.timings) {
-    if (stage == "queue" || stage == "upload" || stage == "wait") continue;
-    seconds.worker += ms / 1000;
-    if (stage == "voxelize" || stage == "render") seconds.device += ms / 1000;
+    if (stage == "queue" || stage == "upload") continue;
+    const bool is_on_device = stage == "voxelize" || stage == "render";
+    (is_on_device ? staged : seconds.worker) += ms / 1000;
   }
+  seconds.device = status.device_ms > 0 ? std::min(staged, status.device_ms / 1000) : staged;
+  seconds.worker += seconds.device;
   return seconds;
 }
 

@@ -64,8 +64,20 @@ struct JobMetrics::Impl {
                      .Register(*registry)),
         worker_up(BuildGauge()
                       .Name("voxeld_worker_up")
-                      .Help("1 while a worker is connected, by device.")
-                      .Register(*registry)) {}
+                      .Help("Worker processes that are connected, by device.")
+                      .Register(*registry)),
+        device_seconds(BuildCounter()
+                           .Name("voxeld_device_seconds_total")
+                           .Help("Time for which tasks have had a device, by device and tenant.")
+                           .Register(*registry)),
+        queue_wait(BuildHistogram()
+                       .Name("voxeld_queue_wait_seconds")
+                       .Help("Time from acceptance to the first start, by tenant.")
+                       .Register(*registry)),
+        turn_seconds(BuildHistogram()
+                         .Name("voxeld_turn_seconds")
+                         .Help("Length of turns on a device, which end between tiles, by device.")
+                         .Register(*registry)) {}
 
   std::shared_ptr<prometheus::Registry> registry;
   Family<Gauge>& jobs;
@@ -77,6 +89,9 @@ struct JobMetrics::Impl {
   Counter& frames_done;
   Family<Counter>& restarts;
   Family<Gauge>& worker_up;
+  Family<Counter>& device_seconds;
+  Family<Histogram>& queue_wait;
+  Family<Histogram>& turn_seconds;
 };
 
 JobMetrics::JobMetrics(std::shared_ptr<prometheus::Registry> registry) {
@@ -92,6 +107,16 @@ void JobMetrics::claimed(const JobStatus& status) {
   if (!impl_ || status.attempt != 1) return;
   impl_->queue_seconds.Add({{"kind", kind_of(status)}}, seconds_buckets())
       .Observe(static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
+}
+
+void JobMetrics::waited(const std::string& tenant, double seconds) {
+  if (impl_) impl_->queue_wait.Add({{"tenant", tenant}}, seconds_buckets()).Observe(seconds);
+}
+
+void JobMetrics::had_turn(const std::string& device, const std::string& tenant, double seconds) {
+  if (!impl_) return;
+  impl_->device_seconds.Add({{"device", device}, {"tenant", tenant}}).Increment(seconds);
+  impl_->turn_seconds.Add({{"device", device}}, seconds_buckets()).Observe(seconds);
 }
 
 void JobMetrics::requeued(const JobStatus& status) {
@@ -123,8 +148,8 @@ void JobMetrics::worker_restarted(const std::string& device) {
   if (impl_) impl_->restarts.Add({{"device", device}}).Increment();
 }
 
-void JobMetrics::set_worker_up(const std::string& device, bool up) {
-  if (impl_) impl_->worker_up.Add({{"device", device}}).Set(up ? 1 : 0);
+void JobMetrics::add_worker_up(const std::string& device, int workers) {
+  if (impl_) impl_->worker_up.Add({{"device", device}}).Increment(workers);
 }
 
 }  // namespace voxeld

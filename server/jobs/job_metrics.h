@@ -22,6 +22,10 @@ class JobMetrics {
   void submitted(const JobStatus& status);
   // A worker took it: observes how long it waited.
   void claimed(const JobStatus& status);
+  // Since it was queued, at its first start.
+  void waited(const std::string& tenant, double seconds);
+  // A task of the tenant had a turn on the device.
+  void had_turn(const std::string& device, const std::string& tenant, double seconds);
   // Its worker was lost and it waits again.
   void requeued(const JobStatus& status);
   // Counts by kind and outcome, and observes each stage.
@@ -30,7 +34,8 @@ class JobMetrics {
   void frame_done();
   void set_jobs(int64_t queued, int64_t running);
   void worker_restarted(const std::string& device);
-  void set_worker_up(const std::string& device, bool up);
+  // Counts the device's workers that are connected.
+  void add_worker_up(const std::string& device, int workers);
 
  private:
   struct Impl;

@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "server/jobs/scheduler.h"
+
 namespace voxeld {
 namespace {
 
@@ -15,7 +17,7 @@ constexpr std::string_view kSelect =
     "j.options_json,"
     " j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
     " j.attempt, j.fence, j.worker, j.lost_workers, j.upload_us, j.created_ms, j.started_ms,"
-    " j.ended_ms, j.sequence, j.frames_total,"
+    " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.sequence, j.frames_total,"
     " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id),"
     " j.timings_json, j.error_code, j.error_detail, j.error_expected, j.error_got,"
     " j.result_seq, r.blob, r.bytes, r.media_type, r.filename, r.grid, r.meta_json,"
@@ -98,6 +100,10 @@ JobRecord read_record(const SqlStatement& statement) {
   status.created_ms = column.int64();
   status.started_ms = column.int64();
   status.ended_ms = column.int64();
+  status.priority = static_cast<int>(column.int64());
+  const int64_t deadline_ms = column.int64();
+  status.deadline_at_ms = deadline_ms == kNoDeadline ? 0 : deadline_ms;
+  status.device_ms = static_cast<double>(column.int64()) / 1000.0;
   status.sequence = column.text();
   status.frames_total = column.int64();
   status.frames_done = column.int64();
@@ -139,6 +145,10 @@ Status fill_queue_position(SqlConnection& connection, JobRecord& record) {
 }
 
 }  // namespace
+
+Error deadline_error() {
+  return {ErrorCode::kDeadlineExceeded, "the job's deadline has passed", "", ""};
+}
 
 int64_t unix_time_ms() {
   using std::chrono::milliseconds;

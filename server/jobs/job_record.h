@@ -30,6 +30,8 @@ struct JobRecord {
   double upload_ms = 0;
 };
 
+// What a job ends with whose deadline has passed.
+Error deadline_error();
 // Milliseconds since 1970.
 int64_t unix_time_ms();
 // Fills in queue_position too. Errors: not-found, also for what the caller may not see.

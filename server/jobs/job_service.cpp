@@ -10,6 +10,8 @@
 #include "server/base/log.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/database.h"
+#include "server/jobs/deadline_watch.h"
+#include "server/jobs/device_turns.h"
 #include "server/jobs/frame_store.h"
 #include "server/jobs/job_board.h"
 #include "server/jobs/job_metrics.h"
@@ -58,8 +60,12 @@ class Service final : public JobService {
         metrics_(std::move(registry)),
         costs_(config.data_dir / "costs"),
         forecast_(
-            costs_, static_cast<int>(config.devices.size()), [](const std::string&) { return 1.0; },
-            [this](JobStatus& status) { board_.overlay(status); }) {}
+            costs_, static_cast<int>(config.devices.size()),
+            [this](const std::string& tenant) {
+              return config_.weight_of ? static_cast<double>(config_.weight_of(tenant)) : 1.0;
+            },
+            [this](JobStatus& status) { board_.overlay(status); }),
+        turns_(turns_config()) {}
   ~Service() override;
 
   Status start();
@@ -112,8 +118,10 @@ class Service final : public JobService {
   // Of the asset with its files, or the grid; 0 where it cannot be told.
   int64_t input_bytes(const std::string& tenant, const std::string& asset, const std::string& grid);
   void forecast_waiting();
-  // Adds what the database does not know: progress, estimate.
-  void complete(JobStatus& status);
+  TurnsConfig turns_config();
+  // Adds what the database does not know to a status.
+  void overlay(JobStatus& status);
+  TaskServerConfig server_config();
   void start_supervisor();
   Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
                                              int64_t after_id);
@@ -131,12 +139,34 @@ class Service final : public JobService {
   JobMetrics metrics_;
   JobCosts costs_;
   QueueForecast forecast_;
+  DeviceTurns turns_;
   std::atomic<bool> draining_{false};
   // Read by connection threads, which run before the supervisor is there.
   std::atomic<Supervisor*> supervising_{nullptr};
   std::unique_ptr<TaskServer> tasks_;
   std::unique_ptr<Supervisor> supervisor_;
+  std::unique_ptr<DeadlineWatch> deadlines_;  // last: its thread uses the others
 };
+
+TurnsConfig Service::turns_config() {
+  TurnsConfig config;
+  config.is_fair = config_.is_fair;
+  config.host_bytes_max = config_.memory_bytes_max;
+  config.weight_of = config_.weight_of;
+  config.charged = [this](const TurnTask& task, double seconds) {
+    metrics_.had_turn(task.device, task.tenant, seconds);
+  };
+  return config;
+}
+
+void Service::overlay(JobStatus& status) {
+  board_.overlay(status);
+  forecast_.fill(status);
+  if (status.state == JobState::kQueued) status.waiting_for = "a worker";
+  if (status.state != JobState::kRunning) return;
+  status.waiting_for = turns_.waiting_for(status.id);
+  status.device_ms += static_cast<double>(turns_.device_us(status.id)) / 1000.0;
+}
 
 Status Service::start() {
   VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
@@ -149,7 +179,19 @@ Status Service::start() {
   update_gauges();
   forecast_waiting();
 
+  VOXELD_ASSIGN(
+      tasks_, TaskServer::start(server_config(),
+                                {jobs_, assets_, frames_, blobs_, parts_, board_, metrics_, turns_,
+                                 [this](const JobRecord& record) { job_changed(record); }}));
+  deadlines_ = std::make_unique<DeadlineWatch>(
+      jobs_, [this](const JobRecord& record) { job_changed(record); });
+  if (config_.start_workers) start_supervisor();
+  return {};
+}
+
+TaskServerConfig Service::server_config() {
   TaskServerConfig server;
+  server.is_fair = config_.is_fair;
   server.socket = config_.data_dir / "run" / "tasks.sock";
   server.scratch_root = config_.data_dir / "run" / "scratch";
   server.limits = config_.limits;
@@ -162,12 +204,14 @@ Status Service::start() {
   server.kill_worker = [this](int64_t pid) {
     if (Supervisor* supervisor = supervising_) supervisor->kill_worker(pid);
   };
-  VOXELD_ASSIGN(tasks_,
-                TaskServer::start(std::move(server),
-                                  {jobs_, assets_, frames_, blobs_, parts_, board_, metrics_,
-                                   [this](const JobRecord& record) { job_changed(record); }}));
-  if (config_.start_workers) start_supervisor();
-  return {};
+  server.slot_of = [this](int64_t pid) {
+    Supervisor* supervisor = supervising_;
+    return supervisor == nullptr ? 0 : supervisor->slot_of(pid).value_or(0);
+  };
+  server.on_connected = [this](const std::string& device) {
+    if (Supervisor* supervisor = supervising_) supervisor->start_others(device);
+  };
+  return server;
 }
 
 void Service::start_supervisor() {
@@ -175,16 +219,22 @@ void Service::start_supervisor() {
   config.executable = config_.worker_executable;
   config.gateway = "unix:" + (config_.data_dir / "run" / "tasks.sock").string();
   config.devices = config_.devices;
+  config.workers_per_device = config_.is_fair ? config_.workers_per_device : 1;
   config.arguments = config_.worker_arguments;
   config.on_exit = [this](const std::string& device, const ExitReason&) {
     metrics_.worker_restarted(device);
   };
   supervisor_ = std::make_unique<Supervisor>(std::move(config));
   supervising_ = supervisor_.get();
+  // Workers that were connected before that line.
+  for (const WorkerState& state : tasks_->workers()) {
+    if (state.connected) supervisor_->start_others(state.device);
+  }
 }
 
 Service::~Service() {
   draining_ = true;
+  deadlines_.reset();
   // First the connections: their tasks go back to the queue, and workers end when theirs closes.
   if (tasks_ != nullptr) tasks_->stop();
   supervising_ = nullptr;
@@ -249,11 +299,6 @@ void Service::forecast_waiting() {
   }
 }
 
-void Service::complete(JobStatus& status) {
-  board_.overlay(status);
-  forecast_.fill(status);
-}
-
 Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request) {
   JobRequest filled = request;
   VOXELD_ASSIGN(const bool cached, jobs_.has_result(caller, filled));
@@ -282,7 +327,7 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
                 jobs_.submit(caller, request, options, config_.queued_jobs_max));
   JobRecord& record = submitted.record;
   if (submitted.existed) {
-    complete(record.status);
+    overlay(record.status);
     return record.status;
   }
   metrics_.submitted(record.status);
@@ -292,15 +337,16 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
     const JobStatus& status = record.status;
     forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
     update_gauges();
+    if (record.status.deadline_at_ms != 0) deadlines_->look();
     tasks_->notify_work();
   }
-  complete(record.status);
+  overlay(record.status);
   return record.status;
 }
 
 Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
-  complete(record.status);
+  overlay(record.status);
   return record.status;
 }
 
@@ -311,7 +357,7 @@ Result<std::vector<JobStatus>> Service::list(const Caller& caller, int limit,
   statuses.reserve(records.size());
   for (const JobRecord& record : records) {
     statuses.push_back(record.status);
-    complete(statuses.back());
+    overlay(statuses.back());
   }
   return statuses;
 }
@@ -335,7 +381,7 @@ Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
   JobBoard::Watch watch(board_, std::string(id));
   while (true) {
     VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
-    complete(record.status);
+    overlay(record.status);
     const auto now = Clock::now();
     if (record.status.ended() || now >= deadline) return record.status;
     if (abandoned && abandoned()) {
@@ -380,7 +426,7 @@ Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
     job_changed(record);
   } else {
     board_.request_cancel(record.status.id);
-    board_.overlay(record.status);
+    overlay(record.status);
   }
   return record.status;
 }
@@ -432,8 +478,16 @@ std::vector<WorkerState> Service::workers() {
     states.push_back(std::move(state));
   }
   if (Supervisor* supervisor = supervising_) {
-    for (WorkerState& state : states) state.restarts = supervisor->restarts(state.device);
+    for (WorkerState& state : states) {
+      state.restarts = supervisor->restarts(state.device, state.slot);
+    }
   }
+  const auto place = [this](const WorkerState& state) {
+    const auto& devices = config_.devices;
+    return std::pair(std::find(devices.begin(), devices.end(), state.device), state.slot);
+  };
+  std::stable_sort(states.begin(), states.end(),
+                   [&](const WorkerState& a, const WorkerState& b) { return place(a) < place(b); });
   return states;
 }
 

@@ -75,6 +75,7 @@ struct JobFrames {
 
 struct WorkerState {
   std::string device, renderer, driver;
+  int slot = 0;  // among the processes of the device
   int64_t pid = 0;
   bool connected = false;
   int64_t restarts = 0;
@@ -163,11 +164,18 @@ struct TaskLimits {
 
 struct JobServiceConfig {
   std::filesystem::path data_dir;
-  std::vector<std::string> devices;           // one worker each
+  std::vector<std::string> devices;
+  int workers_per_device = 1;                 // processes; one works at a time
   std::string worker_executable;              // argv[0] of the daemon itself
   std::vector<std::string> worker_arguments;  // extra, e.g. --shader-dir
   int queued_jobs_max = limits::kQueuedJobsMax;
   bool start_workers = true;  // tests connect their own
+  // False: jobs one after the other as they arrived, by one worker for each device.
+  bool is_fair = true;
+  // Bytes that started jobs may need in all, as they are estimated; 0: not limited.
+  int64_t memory_bytes_max = 0;
+  // A tenant's share beside the others'; null: all have the same. Thread-safe.
+  std::function<int64_t(const std::string& tenant)> weight_of;
   TaskLimits limits;
 };
 

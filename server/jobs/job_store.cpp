@@ -183,13 +183,16 @@ Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) 
   const JobRequest& request = job.request;
   return connection.run(
       "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
-      " use_cache, transient, upload_us, created_ms, sequence, tenant, asset_tenant)"
-      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)",
+      " use_cache, transient, upload_us, created_ms, sequence, tenant, asset_tenant, priority,"
+      " deadline_ms)"
+      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16)",
       job.id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
       canonical_json(request.options, option_scope(request)), job.hash,
       flag(request.options.use_cache), flag(job.options.transient),
       static_cast<int64_t>(job.options.upload_ms * 1000.0), now_ms, request.sequence, job.tenant,
-      job.asset_tenant);
+      job.asset_tenant,
+      int64_t{request.priority.value_or(job.options.transient ? limits::kOneShotPriority : 0)},
+      request.deadline_ms ? now_ms + *request.deadline_ms : kNoDeadline);
 }
 
 // queue, upload, then what the worker measured.
@@ -213,15 +216,30 @@ Result<std::optional<JobRecord>> fenced_job(SqlConnection& connection, std::stri
 }
 
 Status end_with_error(SqlConnection& connection, std::string_view id, const Error& error,
-                      int64_t live_version) {
+                      const LiveJob& live) {
   const JobState state =
       error.code == ErrorCode::kCancelled ? JobState::kCancelled : JobState::kFailed;
   return connection.run(
       "UPDATE jobs SET state = $2, error_code = $3, error_detail = $4, error_expected = $5,"
       " error_got = $6, ended_ms = $7,"
-      " version = CASE WHEN version > $8 THEN version ELSE $8 END + 1 WHERE id = $1",
+      " version = CASE WHEN version > $8 THEN version ELSE $8 END + 1,"
+      " device_us = device_us + $9 WHERE id = $1",
       id, job_state_name(state), info_of(error.code).name, error.detail, error.expected, error.got,
-      unix_time_ms(), live_version);
+      unix_time_ms(), live.version, live.device_us);
+}
+
+// The queued job whose deadline is next; deadline_ms 0: none has one.
+struct Due {
+  std::string id;
+  int64_t deadline_ms = 0;
+};
+Result<Due> next_due(SqlConnection& connection) {
+  VOXELD_ASSIGN(SqlStatement row,
+                connection.query("SELECT id, deadline_ms FROM jobs WHERE state = 'queued'"
+                                 " ORDER BY deadline_ms LIMIT 1"));
+  VOXELD_ASSIGN(const bool found, row.step());
+  if (!found || row.int64(1) == kNoDeadline) return Due();
+  return Due{row.text(0), row.int64(1)};
 }
 
 Result<int64_t> insert_result(SqlConnection& connection, const JobRecord& job,
@@ -246,6 +264,7 @@ Result<int64_t> insert_result(SqlConnection& connection, const JobRecord& job,
 Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest request,
                                              const SubmitOptions& options, int queued_jobs_max) {
   VOXELD_TRY(check_frame_options(request));
+  VOXELD_TRY(check_urgency(request));
   const std::string id = new_job_id();
   const std::string& tenant = caller.tenant();
   std::optional<Submitted> submitted;
@@ -323,11 +342,11 @@ Result<std::vector<JobEvent>> JobStore::events(const Caller& caller, std::string
   }
 }
 
-Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker) {
+Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker, const PickHead& pick) {
   std::optional<JobRecord> claimed;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     const int64_t now = unix_time_ms();
-    VOXELD_ASSIGN(const std::optional<std::string> id, claim_next(connection, worker, now));
+    VOXELD_ASSIGN(const std::optional<std::string> id, claim_next(connection, worker, now, pick));
     if (!id) return {};
     VOXELD_ASSIGN(const JobRecord taken, load_job(connection, Caller::daemon(), *id));
     if (taken.use_cache) {
@@ -342,8 +361,7 @@ Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker) {
   return claimed;
 }
 
-Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task,
-                                                    int64_t live_version) {
+Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task, const LiveJob& live) {
   std::optional<JobRecord> ended;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
@@ -352,9 +370,10 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task,
     const int64_t now = unix_time_ms();
     VOXELD_TRY(connection.run(
         "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"
-        " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1 WHERE id = $1",
-        task.task, result_seq, now, timings_text(all_timings(*running, task.timings)),
-        live_version));
+        " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1,"
+        " device_us = device_us + $6 WHERE id = $1",
+        task.task, result_seq, now, timings_text(all_timings(*running, task.timings)), live.version,
+        live.device_us));
     if (running->status.kind == JobKind::kInspect) {
       VOXELD_TRY(
           connection.run("UPDATE assets SET description_json = $3 WHERE id = $1 AND tenant = $2",
@@ -368,12 +387,12 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task,
 }
 
 Result<std::optional<JobRecord>> JobStore::fail(std::string_view id, int64_t fence,
-                                                const Error& error, int64_t live_version) {
+                                                const Error& error, const LiveJob& live) {
   std::optional<JobRecord> ended;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
     if (!running) return {};
-    VOXELD_TRY(end_with_error(connection, id, error, live_version));
+    VOXELD_TRY(end_with_error(connection, id, error, live));
     VOXELD_ASSIGN(ended, record_change(connection, id));
     return {};
   });
@@ -383,7 +402,7 @@ Result<std::optional<JobRecord>> JobStore::fail(std::string_view id, int64_t fen
 
 Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int64_t fence,
                                                        std::string_view reason, bool counts,
-                                                       int64_t live_version) {
+                                                       const LiveJob& live) {
   std::optional<JobRecord> changed;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
@@ -391,19 +410,20 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
     std::string lost = running->lost_workers;
     if (counts) lost += (lost.empty() ? "" : ", ") + std::string(reason);
     if (running->cancel_requested) {
-      VOXELD_TRY(end_with_error(
-          connection, id, {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live_version));
+      VOXELD_TRY(end_with_error(connection, id,
+                                {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
     } else if (counts && running->status.attempt >= limits::kJobAttemptsMax) {
       const Error error{
           ErrorCode::kWorkerCrashed,
           "the job ended " + std::to_string(running->status.attempt) + " workers: " + lost, "", ""};
-      VOXELD_TRY(end_with_error(connection, id, error, live_version));
+      VOXELD_TRY(end_with_error(connection, id, error, live));
     } else {
       VOXELD_TRY(connection.run(
           "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - $2, lost_workers = "
           "$3,"
-          " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1 WHERE id = $1",
-          id, int64_t{counts ? 0 : 1}, lost, live_version));
+          " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1,"
+          " device_us = device_us + $5 WHERE id = $1",
+          id, int64_t{counts ? 0 : 1}, lost, live.version, live.device_us));
     }
     VOXELD_ASSIGN(changed, record_change(connection, id));
     return {};
@@ -429,6 +449,29 @@ Result<JobRecord> JobStore::cancel(const Caller& caller, std::string_view id) {
   });
   VOXELD_TRY(committed);
   return *std::move(result);
+}
+
+Result<JobStore::Expired> JobStore::expire(int64_t now_ms) {
+  Expired expired;
+  {
+    // Mostly there is nothing to write.
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    VOXELD_ASSIGN(const Due due, next_due(*reader));
+    expired.next_ms = due.deadline_ms;
+    if (due.deadline_ms == 0 || due.deadline_ms > now_ms) return expired;
+  }
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    while (true) {
+      VOXELD_ASSIGN(const Due due, next_due(connection));
+      expired.next_ms = due.deadline_ms;
+      if (due.deadline_ms == 0 || due.deadline_ms > now_ms) return {};
+      VOXELD_TRY(end_with_error(connection, due.id, deadline_error(), 0));
+      VOXELD_ASSIGN(JobRecord record, record_change(connection, due.id));
+      expired.ended.push_back(std::move(record));
+    }
+  });
+  VOXELD_TRY(committed);
+  return expired;
 }
 
 Result<int64_t> JobStore::recover() {

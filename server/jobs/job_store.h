@@ -3,7 +3,8 @@
 //   submit ──> queued ──claim──> running ──complete──> done
 //                │ ^                │ └────fail──────> failed | cancelled (error `cancelled`)
 //                │ └──lose_worker───┤                  (the third time: failed worker-crashed)
-//                └─cancel─> cancelled <──lose_worker, recover after cancel of a running job
+//                ├─cancel─> cancelled <──lose_worker, recover after cancel of a running job
+//                └─expire─> failed (deadline-exceeded)
 //
 // A report on a running job carries the fence that its claim gave; one with an older fence changes
 // nothing and comes back as nullopt.
@@ -23,6 +24,7 @@
 #include "server/jobs/database.h"
 #include "server/jobs/job_record.h"
 #include "server/jobs/job_service.h"
+#include "server/jobs/scheduler.h"
 
 namespace voxeld {
 
@@ -33,6 +35,15 @@ struct FinishedTask {
   JobResult result;
   StageTimes timings;  // of the worker
   int64_t frames = 0;  // of result.sequence
+};
+
+// What is known of a running job and not yet in the database.
+struct LiveJob {
+  // NOLINTNEXTLINE(google-explicit-constructor): most know the version alone
+  LiveJob(int64_t version_seen = 0, int64_t device_held_us = 0)
+      : version(version_seen), device_us(device_held_us) {}
+  int64_t version;    // the highest that clients have seen, progress included
+  int64_t device_us;  // for which this attempt has had its device
 };
 
 // Thread-safe; holds no state of its own.
@@ -64,19 +75,25 @@ class JobStore {
 
   // The next job for a worker, or nullopt when none waits. A job whose result an equal one has
   // left meanwhile ends as done without a worker: it comes back with that state.
-  Result<std::optional<JobRecord>> claim(std::string_view worker);
+  Result<std::optional<JobRecord>> claim(std::string_view worker, const PickHead& pick = {});
 
-  // `live_version` in what follows: the highest version that clients have seen, progress included.
-  Result<std::optional<JobRecord>> complete(const FinishedTask& task, int64_t live_version);
+  Result<std::optional<JobRecord>> complete(const FinishedTask& task, const LiveJob& live);
   Result<std::optional<JobRecord>> fail(std::string_view id, int64_t fence, const Error& error,
-                                        int64_t live_version);
+                                        const LiveJob& live);
   // The job's worker is gone. `counts`: it is the job's fault, perhaps; a daemon that stops puts
   // jobs back without counting.
   Result<std::optional<JobRecord>> lose_worker(std::string_view id, int64_t fence,
                                                std::string_view reason, bool counts,
-                                               int64_t live_version);
+                                               const LiveJob& live);
   // Idempotent. Queued: cancelled. Running: marked; its worker is told. Errors: not-found.
   Result<JobRecord> cancel(const Caller& caller, std::string_view id);
+
+  // Ends queued jobs whose deadline has passed.
+  struct Expired {
+    std::vector<JobRecord> ended;
+    int64_t next_ms = 0;  // the earliest deadline of those that still wait; 0: none has one
+  };
+  Result<Expired> expire(int64_t now_ms);
 
   // At start, before any worker: running jobs are queued again (their attempt does not count),
   // cancelled ones and one-shot jobs, whose clients are gone, end as cancelled. Returns how many

@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "server/base/log.h"
@@ -42,6 +43,16 @@ bool KeyRing::is_live(std::string_view key_id) const {
   if (keys->is_open || key_id.empty()) return keys->is_open;
   const ApiKey* key = keys->find(key_id);
   return key != nullptr && key->is_live(unix_time_ms());
+}
+
+int64_t KeyRing::weight_of(std::string_view tenant) const {
+  const std::shared_ptr<const Keys> keys = current();
+  const int64_t now_ms = unix_time_ms();
+  int64_t weight = 1;
+  for (const auto& [id, key] : keys->by_id) {
+    if (key.tenant == tenant && key.is_live(now_ms)) weight = std::max(weight, key.weight);
+  }
+  return weight;
 }
 
 Status KeyRing::status() const {

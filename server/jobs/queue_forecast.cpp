@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <tuple>
 
 namespace voxeld {
 namespace {
@@ -77,8 +79,13 @@ std::vector<std::pair<std::string, ForecastJob>> QueueForecast::queue() {
   const int64_t now_ms = unix_time_ms();
   std::vector<const Live*> order;
   for (const auto& [id, live] : live_) order.push_back(&live);
+  const auto place = [](const Live* live) {
+    const int64_t deadline = live->status.deadline_at_ms;
+    return std::tuple(-live->status.priority,
+                      deadline > 0 ? deadline : std::numeric_limits<int64_t>::max(), live->seq);
+  };
   std::sort(order.begin(), order.end(),
-            [](const Live* a, const Live* b) { return a->seq < b->seq; });
+            [&](const Live* a, const Live* b) { return place(a) < place(b); });
   std::vector<std::pair<std::string, ForecastJob>> queue;
   queue.reserve(order.size());
   for (const Live* live : order) {

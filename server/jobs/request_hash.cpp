@@ -46,6 +46,9 @@ std::string idempotency_hash(const JobRequest& request) {
   add_part(hash, request_hash(request));
   add_part(hash, request.filename);
   add_part(hash, request.options.use_cache ? "cache" : "no-cache");
+  // Only where they are given: keys that were used before there were any still count.
+  if (request.priority) add_part(hash, "priority " + std::to_string(*request.priority));
+  if (request.deadline_ms) add_part(hash, "deadline " + std::to_string(*request.deadline_ms));
   return hash.finish_id();
 }
 

@@ -1,18 +1,35 @@
-// Which job runs next: first come, first served.
+// Which queued job runs next.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "proto/result.h"
 #include "server/jobs/sqlite.h"
 
 namespace voxeld {
 
-// Moves the oldest queued job to running and raises its attempt and fence, inside the caller's
-// transaction. Returns its id, or nullopt when none waits.
+// In the database, of a job without a deadline: it sorts behind all others.
+inline constexpr int64_t kNoDeadline = INT64_MAX;
+
+// A tenant's first queued job: of the highest priority, then of the earliest deadline, then that
+// which arrived first.
+struct QueueHead {
+  std::string tenant;
+  int64_t seq = 0;  // order of arrival
+  int priority = 0;
+};
+
+// Which of them is claimed; nullopt: none now. Without one, jobs are claimed as they arrived.
+using PickHead = std::function<std::optional<size_t>(const std::vector<QueueHead>& heads)>;
+
+// Moves a queued job to running and raises its attempt and fence, inside the caller's transaction.
+// Returns its id, or nullopt when none waits or is picked. Takes a few look-ups in an index for
+// each tenant that has jobs in the queue, however many.
 Result<std::optional<std::string>> claim_next(SqlConnection& connection, std::string_view worker,
-                                              int64_t now_ms);
+                                              int64_t now_ms, const PickHead& pick);
 
 }  // namespace voxeld

@@ -26,7 +26,10 @@ namespace {
 // file would tell whether someone else has it as a bundle. jobs.asset_tenant is whose asset it is:
 // an admin's job may work on another tenant's. Indexes that tenants are answered by end in
 // `tenant`.
-constexpr std::array<std::string_view, 3> kSteps = {
+//
+// Step 4: what the queue is sorted by within a tenant. jobs.deadline_ms is Unix time, the largest
+// number where there is none (kNoDeadline). jobs.device_us is for how long it has had its device.
+constexpr std::array<std::string_view, 4> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -201,6 +204,14 @@ INSERT INTO idempotency_keys
   SELECT '', idempotency_key, request_hash, job_id, created_ms FROM idempotency_keys_2;
 DROP TABLE idempotency_keys_2;
 CREATE INDEX idempotency_keys_by_time ON idempotency_keys (created_ms);
+)sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN priority BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN deadline_ms BIGINT NOT NULL DEFAULT 9223372036854775807;
+ALTER TABLE jobs ADD COLUMN device_us BIGINT NOT NULL DEFAULT 0;
+CREATE INDEX jobs_queue_by_tenant ON jobs (tenant, priority DESC, deadline_ms, seq)
+  WHERE state = 'queued';
+CREATE INDEX jobs_queue_by_deadline ON jobs (deadline_ms) WHERE state = 'queued';
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

@@ -17,10 +17,14 @@ constexpr size_t kExitsKept = 64;
 }  // namespace
 
 Supervisor::Supervisor(SupervisorConfig config) : config_(std::move(config)) {
-  for (const std::string& device : config_.devices) {
-    auto slot = std::make_unique<Slot>();
-    slot->device = device;
-    slots_.push_back(std::move(slot));
+  for (int number = 0; number < config_.workers_per_device; ++number) {
+    for (const std::string& device : config_.devices) {
+      auto slot = std::make_unique<Slot>();
+      slot->device = device;
+      slot->number = number;
+      slot->may_start = number == 0;
+      slots_.push_back(std::move(slot));
+    }
   }
   for (auto& slot : slots_) slot->thread = std::thread([this, &slot = *slot] { run(slot); });
 }
@@ -34,6 +38,7 @@ void Supervisor::run(Slot& slot) {
                                         slot.device};
   arguments.insert(arguments.end(), config_.arguments.begin(), config_.arguments.end());
   double backoff = kBackoffSecondsMin;
+  if (!wait_to_start(slot)) return;
   while (true) {
     {
       // Under the lock: stop() either prevents this start or sees the child.
@@ -48,7 +53,8 @@ void Supervisor::run(Slot& slot) {
     const Stopwatch watch;
     ExitReason reason;
     if (slot.child.pid() != 0) {
-      log::info("worker started", {{"device", slot.device}, {"pid", slot.child.pid()}});
+      log::info("worker started",
+                {{"device", slot.device}, {"slot", slot.number}, {"pid", slot.child.pid()}});
       reason = slot.child.wait();
       note_exit(slot, reason);
     }
@@ -73,6 +79,28 @@ void Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
   log::write(stopping ? log::Level::kInfo : log::Level::kWarn, "worker ended",
              {{"device", slot.device}, {"pid", reason.pid}, {"reason", reason.text()}});
   if (!stopping && config_.on_exit) config_.on_exit(slot.device, reason);
+}
+
+bool Supervisor::wait_to_start(const Slot& slot) {
+  MutexLock lock(mutex_);
+  while (!slot.may_start && !stopping_) changed_.wait(lock);
+  return !stopping_;
+}
+
+void Supervisor::start_others(const std::string& device) {
+  MutexLock lock(mutex_);
+  for (auto& slot : slots_) {
+    if (slot->device == device) slot->may_start = true;
+  }
+  changed_.notify_all();
+}
+
+std::optional<int> Supervisor::slot_of(int64_t pid) const {
+  MutexLock lock(mutex_);
+  for (const auto& slot : slots_) {
+    if (slot->pid == pid) return slot->number;
+  }
+  return std::nullopt;
 }
 
 bool Supervisor::pause(double seconds) {
@@ -134,13 +162,12 @@ bool Supervisor::kill_worker(int64_t pid) {
   return false;
 }
 
-int64_t Supervisor::restarts(const std::string& device) const {
+int64_t Supervisor::restarts(const std::string& device, int slot) const {
   MutexLock lock(mutex_);
-  int64_t total = 0;
-  for (const auto& slot : slots_) {
-    if (slot->device == device) total += slot->restarts;
+  for (const auto& known : slots_) {
+    if (known->device == device && known->number == slot) return known->restarts;
   }
-  return total;
+  return 0;
 }
 
 }  // namespace voxeld

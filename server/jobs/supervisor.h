@@ -1,4 +1,4 @@
-// One worker process per device, started again whenever it ends.
+// Worker processes for each device, started again whenever they end.
 #pragma once
 
 #include <chrono>
@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -20,13 +21,16 @@ struct SupervisorConfig {
   std::string executable;  // run as: executable worker --gateway G --device D …
   std::string gateway;     // "unix:/…/tasks.sock"
   std::vector<std::string> devices;
+  int workers_per_device = 1;
   std::vector<std::string> arguments;  // appended
   // Called after a worker has ended and before the next one starts.
   std::function<void(const std::string& device, const ExitReason& reason)> on_exit;
 };
 
-// Thread-safe. Each device has a thread that starts its worker, waits for it and starts the next
-// one, after a pause that doubles while workers end within kHealthySeconds.
+// Thread-safe. Each slot of a device has a thread that starts its worker, waits for it and starts
+// the next one, after a pause that doubles while workers end within kHealthySeconds. Slots other
+// than 0 begin when start_others() was called: the first worker is ready as soon as if it was
+// alone, and where a device cannot be opened that is tried once.
 class Supervisor {
  public:
   static constexpr double kBackoffSecondsMin = 0.05;
@@ -41,25 +45,33 @@ class Supervisor {
   // reaped.
   void stop(double grace_seconds);
 
+  // A worker of the device is connected.
+  void start_others(const std::string& device);
+  // The slot of a worker that is ours; nullopt for others.
+  std::optional<int> slot_of(int64_t pid) const;
+
   // How a worker that was ours ended, waiting up to `wait` for that. nullopt: it runs still, or it
   // was never ours.
   std::optional<ExitReason> exit_reason(int64_t pid, std::chrono::milliseconds wait);
   // SIGKILL, if the process is a worker of ours. A worker that ignores a cancel ends like this.
   bool kill_worker(int64_t pid);
-  int64_t restarts(const std::string& device) const;
+  int64_t restarts(const std::string& device, int slot) const;
 
  private:
   struct Slot {
     std::string device;
+    int number = 0;
     ChildProcess child;
     // Guarded by the supervisor's mutex_. The number stays until the exit is on record, so that
     // exit_reason() sees one or the other.
     int64_t pid = 0;
     int64_t restarts = 0;
+    bool may_start = false;
     std::thread thread;
   };
   void run(Slot& slot);
   // False when stopping.
+  bool wait_to_start(const Slot& slot) EXCLUDES(mutex_);
   bool pause(double seconds) EXCLUDES(mutex_);
   bool is_ours(int64_t pid) const REQUIRES(mutex_);
   void note_exit(Slot& slot, const ExitReason& reason) EXCLUDES(mutex_);

@@ -1,4 +1,3 @@
-#include "server/jobs/task_server.h"
 
 #include <sys/socket.h>
 #include <unistd.h>
@@ -13,6 +12,8 @@
 
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
+#include "server/jobs/task_connection.h"
+#include "server/jobs/turn_server.h"
 
 namespace voxeld {
 namespace {
@@ -21,13 +22,25 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr double kHelloSecondsMax = 10.0;
-// A worker that waits for work is looked at so often, to notice that it has died.
-constexpr std::chrono::milliseconds kIdlePoll{200};
-// Waiting workers look into the queue so often even when nobody told them of work.
-constexpr int kIdlePollsPerClaim = 10;
+// Of what a device says of its memory, for tasks; drivers and the rest of the machine need some.
+constexpr double kDeviceMemoryShare = 0.75;
 
 std::string dump(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+// Empty where it has none.
+std::string type_of(const json& message) {
+  const auto type = message.is_object() ? message.find("type") : message.end();
+  return type != message.end() && type->is_string() ? type->get<std::string>() : std::string();
+}
+
+// What the worker found; 0 where the device does not tell.
+int64_t device_memory(const std::string& device_json) {
+  const json device = json::parse(device_json, nullptr, false);
+  const auto bytes = device.is_object() ? device.find("memory_bytes") : device.end();
+  if (bytes == device.end() || !bytes->is_number_integer()) return 0;
+  return static_cast<int64_t>(bytes->get<double>() * kDeviceMemoryShare);
 }
 
 Error protocol_error(std::string detail, std::string expected, std::string got) {
@@ -43,35 +56,6 @@ Status check_output(const fs::path& scratch, const std::string& output) {
 }
 
 }  // namespace
-
-// Owned by its thread, but for `state`, which workers() reads.
-struct TaskServer::Connection {
-  Connection(UniqueFd fd, fs::path scratch_dir)
-      : socket(std::move(fd), kTaskFrameBytesMax), scratch(std::move(scratch_dir)) {}
-
-  void set_task(std::string id, int64_t new_fence) {
-    fence = new_fence;
-    MutexLock lock(mutex);
-    state.task = std::move(id);
-  }
-  std::string task() {
-    MutexLock lock(mutex);
-    return state.task;
-  }
-
-  FrameSocket socket;
-  const fs::path scratch;
-  int64_t fence = 0;
-  std::string device;
-  int64_t pid = 0;
-  TaskProgress progress;     // the last report that said something new …
-  Stopwatch since_progress;  // … and its age
-  std::string kill_reason;   // why the worker was killed from here, once it was
-  std::atomic<bool> ended{false};
-  std::thread thread;
-  Mutex mutex;
-  WorkerState state GUARDED_BY(mutex);
-};
 
 Result<std::unique_ptr<TaskServer>> TaskServer::start(TaskServerConfig config,
                                                       TaskServerContext context) {
@@ -143,8 +127,9 @@ void TaskServer::accept_loop() {
 
 void TaskServer::add_connection(UniqueFd fd) {
   MutexLock lock(mutex_);
-  const fs::path scratch = config_.scratch_root / ("w" + std::to_string(++connections_made_));
-  connections_.push_back(std::make_unique<Connection>(std::move(fd), scratch));
+  const int64_t number = ++connections_made_;
+  const fs::path scratch = config_.scratch_root / ("w" + std::to_string(number));
+  connections_.push_back(std::make_unique<Connection>(number, std::move(fd), scratch));
   Connection& connection = *connections_.back();
   connection.thread = std::thread([this, &connection] {
     serve(connection);
@@ -167,30 +152,50 @@ void TaskServer::join_ended(bool all) {
 }
 
 void TaskServer::serve(Connection& connection) {
-  Status status = greet(connection);
-  while (status && !stopping_) {
-    auto frame = connection.socket.receive();
-    status = frame ? answer(connection, *frame) : Status(std::move(frame).error());
+  auto first = receive_first(connection);
+  Status status = first ? Status() : Status(first.error());
+  if (first && type_of(*first) == "turns") {
+    status = serve_turns(connection.socket, *first, {context_.turns, context_.board, stopping_});
+  } else if (first) {
+    status = serve_tasks(connection, *first);
   }
   if (!status && status.error().code != ErrorCode::kGone && !stopping_) {
     log::warn("worker connection ends",
               {{"device", connection.device}, {"error", status.error().message()}});
   }
-  put_back(connection, status ? Error{} : status.error());
   connection.socket.shutdown();  // a worker that broke the protocol must notice
-  if (!connection.device.empty()) context_.metrics.set_worker_up(connection.device, false);
-  {
-    MutexLock lock(connection.mutex);
-    connection.state.connected = false;
-  }
-  std::error_code ignored;  // the next start removes what stays
-  fs::remove_all(connection.scratch, ignored);
 }
 
-Status TaskServer::greet(Connection& connection) {
+Result<json> TaskServer::receive_first(Connection& connection) {
   VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
   VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
-  VOXELD_ASSIGN(const json message, parse_json_bounded(frame));
+  return parse_json_bounded(frame);
+}
+
+Status TaskServer::serve_tasks(Connection& connection, const json& hello) {
+  Status status = greet(connection, hello);
+  while (status && !stopping_) {
+    auto frame = connection.socket.receive();
+    status = frame ? answer(connection, *frame) : Status(std::move(frame).error());
+  }
+  put_back(connection, status ? Error{} : status.error());
+  bool was_connected = false;
+  {
+    MutexLock lock(connection.mutex);
+    was_connected = std::exchange(connection.state.connected, false);
+  }
+  {
+    MutexLock lock(mutex_);
+    connection.started.reset();
+    connection.idle.connection = 0;
+  }
+  if (was_connected) context_.metrics.add_worker_up(connection.device, -1);
+  std::error_code ignored;  // the next start removes what stays
+  fs::remove_all(connection.scratch, ignored);
+  return status;
+}
+
+Status TaskServer::greet(Connection& connection, const json& message) {
   VOXELD_ASSIGN(const WorkerHello hello, parse_worker_hello(message));
   if (hello.protocol != kTaskProtocolVersion) {
     return protocol_error("worker speaks another version of the task protocol",
@@ -203,31 +208,43 @@ Status TaskServer::greet(Connection& connection) {
   }
   connection.device = hello.device;
   connection.pid = hello.pid;
-  const bool opened = !hello.renderer.empty();
-  {
-    MutexLock lock(connection.mutex);
-    WorkerState& state = connection.state;
-    state.device = hello.device;
-    state.renderer = hello.renderer;
-    state.driver = hello.driver;
-    state.pid = hello.pid;
-    state.device_json = hello.device_json;
-    state.connected = opened;
-  }
-  if (opened) {
-    context_.metrics.set_worker_up(hello.device, true);
-    log::info("worker connected", {{"device", hello.device},
-                                   {"pid", hello.pid},
-                                   {"renderer", hello.renderer},
-                                   {"driver", hello.driver}});
-  }
+  if (!hello.renderer.empty()) note_connected(connection, hello);
   VOXELD_TRY(connection.socket.set_receive_timeout(0));
   return connection.socket.send(dump({{"ok", true}, {"scratch_dir", connection.scratch.string()}}));
 }
 
+// Of a worker that has opened its device.
+void TaskServer::note_connected(Connection& connection, const WorkerHello& hello) {
+  const int slot = config_.slot_of ? config_.slot_of(hello.pid) : 0;
+  {
+    MutexLock lock(connection.mutex);
+    WorkerState& state = connection.state;
+    state.device = hello.device;
+    state.slot = slot;
+    state.renderer = hello.renderer;
+    state.driver = hello.driver;
+    state.pid = hello.pid;
+    state.device_json = hello.device_json;
+    state.connected = true;
+  }
+  {
+    MutexLock lock(mutex_);
+    connection.idle.connection = connection.number;
+    connection.idle.slot = slot;
+  }
+  context_.turns.set_device_bytes(hello.device, device_memory(hello.device_json));
+  context_.metrics.add_worker_up(hello.device, 1);
+  log::info("worker connected", {{"device", hello.device},
+                                 {"slot", slot},
+                                 {"pid", hello.pid},
+                                 {"renderer", hello.renderer},
+                                 {"driver", hello.driver}});
+  if (config_.on_connected) config_.on_connected(hello.device);
+}
+
 Status TaskServer::answer(Connection& connection, const std::string& frame) {
   VOXELD_ASSIGN(const json message, parse_task_message(frame));
-  const std::string type = message.is_object() ? message.value("type", "") : "";
+  const std::string type = type_of(message);
   if (type == "claim") return give_task(connection);
   if (type == "progress") return take_progress(connection, message);
   if (type == "frame") return take_frame(connection, message);
@@ -236,125 +253,6 @@ Status TaskServer::answer(Connection& connection, const std::string& frame) {
   if (type == "fail") return take_failure(connection, message);
   return protocol_error("unknown task message", "claim, progress, frame, part, complete or fail",
                         type);
-}
-
-bool TaskServer::wait_for_work(uint64_t seen) {
-  MutexLock lock(mutex_);
-  if (work_epoch_ == seen && !stopping_) work_.wait_for(lock, kIdlePoll);
-  return work_epoch_ != seen;
-}
-
-Status TaskServer::give_task(Connection& connection) {
-  if (!connection.task().empty()) {
-    return protocol_error("claim while a task runs", "complete or fail", "claim");
-  }
-  while (!stopping_) {
-    uint64_t seen = 0;
-    {
-      MutexLock lock(mutex_);
-      seen = work_epoch_;
-    }
-    // A worker that died while it waited must not cost the next job an attempt.
-    if (connection.socket.peer_closed()) {
-      return Error{ErrorCode::kGone, "connection closed", "", ""};
-    }
-    auto claimed = context_.jobs.claim(connection.device);
-    if (!claimed) {
-      log::error("cannot claim a job", {{"error", claimed.error().message()}});
-      std::this_thread::sleep_for(std::chrono::seconds(1));
-      continue;
-    }
-    if (claimed->has_value() && (*claimed)->status.ended()) {  // an equal job's result was there
-      context_.job_changed(**claimed);
-      continue;
-    }
-    if (claimed->has_value()) {
-      const JobRecord& record = **claimed;
-      const auto task = make_task(record);
-      if (task) return send_task(connection, record, *task);
-      VOXELD_TRY(refuse_task(record, task.error()));
-      continue;
-    }
-    for (int polls = 0; polls < kIdlePollsPerClaim && !stopping_; ++polls) {
-      if (wait_for_work(seen) || connection.socket.peer_closed()) break;
-    }
-  }
-  return Error{ErrorCode::kGone, "the gateway stops", "", ""};
-}
-
-Result<Task> TaskServer::make_task(const JobRecord& record) {
-  const JobStatus& status = record.status;
-  Task task;
-  task.id = status.id;
-  task.fence = record.fence;
-  task.attempt = status.attempt;
-  task.kind = status.kind;
-  task.input_is_grid = !status.grid.empty();
-  task.input_is_sequence = !status.sequence.empty();
-  task.input_hash = task.input_is_grid       ? status.grid
-                    : task.input_is_sequence ? status.sequence
-                                             : status.asset;
-  task.input_path = context_.blobs.path_of(task.input_hash).string();
-  task.filename = status.filename;
-  task.options_json = status.options_json;
-  task.tenant = record.tenant;
-  if (task.input_is_sequence) {
-    VOXELD_ASSIGN(const SequenceManifest manifest,
-                  context_.frames.read(Caller::daemon(), status.sequence));
-    for (const SequenceFrame& frame : manifest.frames) {
-      task.frame_paths.push_back(context_.blobs.path_of(frame.grid).string());
-    }
-  }
-  if (!status.asset.empty()) {
-    VOXELD_ASSIGN(const auto files,
-                  context_.assets.bundle_files(record.asset_tenant, status.asset));
-    for (const BundleFile& file : files) {
-      task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
-    }
-  }
-  VOXELD_TRY(add_done(record, task));
-  return task;
-}
-
-// What earlier attempts left: parts, and frames from the first one on.
-Status TaskServer::add_done(const JobRecord& record, Task& task) {
-  for (const fs::path& path : context_.parts.of_job(task.id)) task.part_paths.push_back(path);
-  if (record.status.frames_total == 0) return {};
-  VOXELD_ASSIGN(const std::vector<ListedFrame> frames, context_.frames.of_job(task.id));
-  for (const ListedFrame& listed : frames) {
-    const SequenceFrame& frame = listed.frame;
-    const bool follows = listed.index == static_cast<int64_t>(task.done_frames.size());
-    if (!follows || !context_.blobs.stat(frame.grid)) break;
-    task.done_frames.push_back({frame.grid, context_.blobs.path_of(frame.grid).string(),
-                                frame.time_s, frame.voxel_count, frame.content_hash});
-  }
-  return {};
-}
-
-// A job whose task cannot be told ends as failed, before any worker has it.
-Status TaskServer::refuse_task(const JobRecord& record, const Error& error) {
-  VOXELD_ASSIGN(const auto ended,
-                context_.jobs.fail(record.status.id, record.fence, error, record.status.version));
-  if (!ended) return {};
-  context_.board.changed(ended->status.id, ended->status.version, false);
-  context_.job_changed(*ended);
-  return {};
-}
-
-Status TaskServer::send_task(Connection& connection, const JobRecord& record, const Task& task) {
-  const JobStatus& status = record.status;
-  connection.set_task(status.id, record.fence);
-  context_.board.start(status.id, status.version);
-  // A cancel that came between the claim and the line above is in the database alone.
-  if (auto now = context_.jobs.get(Caller::daemon(), status.id); now && now->cancel_requested) {
-    context_.board.request_cancel(status.id);
-  }
-  context_.job_changed(record);
-  connection.progress = {};
-  connection.since_progress.lap();
-  connection.kill_reason.clear();
-  VOXELD_TRY(connection.socket.set_receive_timeout(config_.limits.silence_seconds_max));
-  return connection.socket.send(dump({{"task", to_json_message(task)}}));
 }
 
 // Why a worker that still reports has to go; empty while all is well.
@@ -371,6 +269,8 @@ std::string TaskServer::overdue(Connection& connection, const TaskProgress& prog
   if (cancel_age > config_.limits.cancel_seconds_max) {
     return "ignored a cancel for " + seconds(cancel_age);
   }
+  // Who waits for a turn or for memory says the same all the while, and so does who prepares.
+  if (context_.turns.is_waiting(progress.task)) connection.since_progress.lap();
   if (connection.since_progress.ms() > config_.limits.stall_seconds_max * 1000.0) {
     return "no progress in stage " + progress.stage + " for " +
            seconds(connection.since_progress.ms() / 1000.0);
@@ -378,10 +278,22 @@ std::string TaskServer::overdue(Connection& connection, const TaskProgress& prog
   return "";
 }
 
+// For how long nobody has wanted the task's result any more; negative: it is wanted.
+double TaskServer::stop_age_seconds(Connection& connection) {
+  const double cancelled = context_.board.cancel_age_seconds(connection.task());
+  const int64_t late_ms = unix_time_ms() - connection.deadline_at_ms;
+  if (connection.deadline_at_ms == 0 || late_ms < 0) return cancelled;
+  return std::max(cancelled, static_cast<double>(late_ms) / 1000.0);
+}
+
+LiveJob TaskServer::live(const std::string& task) const {
+  return {context_.board.live_version(task), context_.turns.device_us(task)};
+}
+
 Status TaskServer::take_progress(Connection& connection, const json& message) {
   VOXELD_ASSIGN(const TaskProgress progress, parse_task_progress(message));
   const bool fenced = progress.task != connection.task() || progress.fence != connection.fence;
-  const double cancel_age = fenced ? -1.0 : context_.board.cancel_age_seconds(progress.task);
+  const double cancel_age = fenced ? -1.0 : stop_age_seconds(connection);
   if (!fenced) {
     context_.board.progress(progress.task, progress.stage, progress.tiles_done,
                             progress.tiles_total, progress.frames_done, progress.frames_total);
@@ -421,12 +333,12 @@ Status TaskServer::take_frame(Connection& connection, const json& message) {
     const auto blob = adopt_frame(connection, frame);
     reply.fenced = !blob || !*blob;
     if (blob && *blob) {
-      reply.cancel = context_.board.cancel_age_seconds(frame.task) >= 0;
+      reply.cancel = stop_age_seconds(connection) >= 0;
       reply.grid = (*blob)->id;
       reply.path = context_.blobs.path_of((*blob)->id).string();
     } else if (!blob) {  // the disk is full, for one: the job cannot end well
-      VOXELD_ASSIGN(const auto ended, context_.jobs.fail(frame.task, frame.fence, blob.error(),
-                                                         context_.board.live_version(frame.task)));
+      VOXELD_ASSIGN(const auto ended,
+                    context_.jobs.fail(frame.task, frame.fence, blob.error(), live(frame.task)));
       if (ended) end_task(connection, *ended);
     }
   }
@@ -474,24 +386,24 @@ Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
 // Stores what a worker made and ends the job: done, or failed when that cannot be stored.
 Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& connection,
                                                            TaskCompletion completion) {
-  const int64_t live_version = context_.board.live_version(completion.task);
+  const LiveJob seen = live(completion.task);
   const Stopwatch watch;
   std::map<std::string, BlobInfo> adopted;
   auto result = adopt_outputs(connection, completion, adopted);
   if (!result) {
-    return context_.jobs.fail(completion.task, completion.fence, result.error(), live_version);
+    return context_.jobs.fail(completion.task, completion.fence, result.error(), seen);
   }
   Result<int64_t> frames = int64_t{0};
   if (!result->sequence.empty()) frames = context_.frames.check(completion.task, result->sequence);
   if (!frames) {
-    return context_.jobs.fail(completion.task, completion.fence, frames.error(), live_version);
+    return context_.jobs.fail(completion.task, completion.fence, frames.error(), seen);
   }
   add_stage(completion.timings, "store", watch.ms());
   auto ended = context_.jobs.complete({completion.task, completion.fence, *std::move(result),
                                        std::move(completion.timings), *frames},
-                                      live_version);
+                                      seen);
   if (ended) return ended;
-  return context_.jobs.fail(completion.task, completion.fence, ended.error(), live_version);
+  return context_.jobs.fail(completion.task, completion.fence, ended.error(), seen);
 }
 
 Status TaskServer::take_completion(Connection& connection, const json& message) {
@@ -506,7 +418,7 @@ Status TaskServer::take_completion(Connection& connection, const json& message) 
 }
 
 Status TaskServer::take_failure(Connection& connection, const json& message) {
-  VOXELD_ASSIGN(const TaskFailure failure, parse_task_failure(message));
+  VOXELD_ASSIGN(TaskFailure failure, parse_task_failure(message));
   if (failure.task.empty()) {  // it could not open its device; the process ends next
     WorkerState state;
     state.device = connection.device;
@@ -523,15 +435,29 @@ Status TaskServer::take_failure(Connection& connection, const json& message) {
   if (failure.task != connection.task() || failure.fence != connection.fence) {
     return connection.socket.send(dump({{"fenced", true}}));
   }
-  VOXELD_ASSIGN(const auto ended, context_.jobs.fail(failure.task, failure.fence, failure.error,
-                                                     context_.board.live_version(failure.task)));
+  const bool is_stopped = failure.error.code == ErrorCode::kCancelled;
+  if (is_stopped && context_.board.cancel_age_seconds(failure.task) < 0 &&
+      stop_age_seconds(connection) >= 0) {
+    failure.error = deadline_error();
+  }
+  VOXELD_ASSIGN(const auto ended,
+                context_.jobs.fail(failure.task, failure.fence, failure.error, live(failure.task)));
   if (!ended) return connection.socket.send(dump({{"fenced", true}}));
   end_task(connection, *ended);
   return connection.socket.send(dump({{"ok", true}}));
 }
 
 void TaskServer::end_task(Connection& connection, const JobRecord& record) {
+  context_.turns.end_task(record.status.id, connection.fence);
   connection.set_task("", 0);
+  {
+    MutexLock lock(mutex_);
+    connection.started.reset();
+    connection.idle.tenant = record.tenant;
+    connection.idle.has = {connection.input};
+    if (record.status.result) connection.idle.has.push_back(record.status.result->grid);
+    connection.idle.ended_at = ++tasks_ended_;
+  }
   context_.board.changed(record.status.id, record.status.version, false);
   context_.job_changed(record);
   if (Status status = connection.socket.set_receive_timeout(0); !status) {
@@ -557,8 +483,7 @@ void TaskServer::put_back(Connection& connection, const Error& why) {
   }
   // The database may be full or slow for a moment; a job must not hang in `running` for that.
   for (int tries = 0; tries < 10; ++tries) {
-    auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts,
-                                          context_.board.live_version(task));
+    auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts, live(task));
     if (lost) {
       if (lost->has_value()) end_task(connection, **lost);
       notify_work();

@@ -1,4 +1,4 @@
-// The gateway's side of the task API: a Unix socket, one thread for each connected worker.
+// The gateway's side of the task API: a Unix socket, one thread for each connection of a worker.
 #pragma once
 
 #include <atomic>
@@ -13,15 +13,19 @@
 #include <thread>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "proto/task_api.h"
 #include "server/base/frame_socket.h"
 #include "server/base/thread_annotations.h"
 #include "server/jobs/asset_store.h"
+#include "server/jobs/device_turns.h"
 #include "server/jobs/frame_store.h"
 #include "server/jobs/job_board.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/job_store.h"
+#include "server/jobs/slots.h"
 #include "server/store/blob_store.h"
 #include "server/store/part_store.h"
 
@@ -33,6 +37,10 @@ struct TaskServerConfig {
   // How the process ended ("signal 9 (Killed)"), waiting a moment for it; empty: unknown.
   std::function<std::string(int64_t pid)> exit_reason;
   std::function<void(int64_t pid)> kill_worker;
+  std::function<int(int64_t pid)> slot_of;  // among the device's processes; null: 0
+  // A worker that has opened its device is there.
+  std::function<void(const std::string& device)> on_connected;
+  bool is_fair = true;  // false: jobs are claimed as they arrived
   TaskLimits limits;
 };
 
@@ -45,6 +53,7 @@ struct TaskServerContext {
   PartStore& parts;
   JobBoard& board;
   JobMetrics& metrics;
+  DeviceTurns& turns;
   std::function<void(const JobRecord&)> job_changed;  // after each durable change
 };
 
@@ -70,13 +79,31 @@ class TaskServer {
   void join_ended(bool all);
 
   void serve(Connection& connection);
-  Status greet(Connection& connection);
+  Result<nlohmann::json> receive_first(Connection& connection);
+  Status serve_tasks(Connection& connection, const nlohmann::json& hello);
+  Status greet(Connection& connection, const nlohmann::json& message);
+  void note_connected(Connection& connection, const WorkerHello& hello) EXCLUDES(mutex_);
   Status answer(Connection& connection, const std::string& frame);
+  // --- task_claims.cpp
   Status give_task(Connection& connection);
+  uint64_t work_epoch() const EXCLUDES(mutex_);
+  void begin_waiting(Connection& connection) EXCLUDES(mutex_);
+  void end_waiting(Connection& connection) EXCLUDES(mutex_);
+  std::optional<JobRecord> take_assigned(Connection& connection) EXCLUDES(mutex_);
+  void wait_for_work(const Connection& connection, uint64_t seen) EXCLUDES(mutex_);
+  // Claims jobs for those workers of the device that wait. is_poll: also where nothing changed.
+  void assign_jobs(const std::string& device, bool is_poll) EXCLUDES(claim_mutex_, mutex_);
+  std::vector<IdleSlot> slots_of(const std::string& device, std::vector<StartedJob>& started) const
+      EXCLUDES(mutex_);
+  void assign(const std::vector<IdleSlot>& idle, JobRecord record) EXCLUDES(mutex_);
+  // Puts a job back that no worker has heard of.
+  void unclaim(const JobRecord& record);
   Result<Task> make_task(const JobRecord& record);
   Status add_done(const JobRecord& record, Task& task);
   Status send_task(Connection& connection, const JobRecord& record, const Task& task);
   Status refuse_task(const JobRecord& record, const Error& error);
+  double stop_age_seconds(Connection& connection);
+  LiveJob live(const std::string& task) const;
   std::string overdue(Connection& connection, const TaskProgress& progress, double cancel_age);
   Status take_progress(Connection& connection, const nlohmann::json& message);
   Status take_frame(Connection& connection, const nlohmann::json& message);
@@ -90,7 +117,6 @@ class TaskServer {
                                   std::map<std::string, BlobInfo>& adopted);
   void put_back(Connection& connection, const Error& why);
   void end_task(Connection& connection, const JobRecord& record);
-  bool wait_for_work(uint64_t seen) EXCLUDES(mutex_);
 
   const TaskServerConfig config_;
   const TaskServerContext context_;
@@ -98,10 +124,16 @@ class TaskServer {
   std::atomic<bool> stopping_{false};
   std::thread accept_thread_;
 
+  // One thread claims at a time, before mutex_.
+  Mutex claim_mutex_;
+  // By device: the work_epoch_ after which its workers have looked into the queue.
+  std::map<std::string, uint64_t> claimed_epoch_ GUARDED_BY(claim_mutex_);
+
   mutable Mutex mutex_;
   CondVar work_;
   uint64_t work_epoch_ GUARDED_BY(mutex_) = 0;
   int64_t connections_made_ GUARDED_BY(mutex_) = 0;
+  int64_t tasks_ended_ GUARDED_BY(mutex_) = 0;
   std::list<std::unique_ptr<Connection>> connections_ GUARDED_BY(mutex_);
   std::vector<WorkerState> failed_devices_ GUARDED_BY(mutex_);
 };

@@ -138,9 +138,11 @@ int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOpti
          int64_t{16} * render.width * render.height + kSoftwareDeviceBytes / 2;
 }
 
-void expect_bytes(TaskRun& run, int64_t more) {
-  add_meta(run,
-           {{"host_bytes_estimate", std::max(peak_resident_bytes(), resident_bytes() + more)}});
+void expect_bytes(TaskRun& run, int64_t more, int64_t device_bytes) {
+  const int64_t now = resident_bytes();
+  add_meta(run, {{"host_bytes_estimate", std::max(peak_resident_bytes(), now + more)}});
+  // Not the peak, which may have been another task's.
+  run.turn.expect(now + more, device_bytes);
 }
 
 }  // namespace voxeld

@@ -29,7 +29,8 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
 // The tiles and tables of a picture, at most picture_limits, and the picture.
 int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOptions& render);
 
-// Meta: host_bytes_estimate, the resident bytes now and `more`, but no less than the peak so far.
-void expect_bytes(TaskRun& run, int64_t more);
+// Meta: host_bytes_estimate, the resident bytes now and `more`, but no less than the peak so far;
+// that is what the task's turn asks for, with so many bytes on the device.
+void expect_bytes(TaskRun& run, int64_t more, int64_t device_bytes = 0);
 
 }  // namespace voxeld

@@ -127,6 +127,8 @@ class FrameLoop {
     SideThread side(kWaitingBytesMax), moving(0);
     VOXELD_ASSIGN(const size_t first, take_done(made, listener));
     VOXELD_TRY(move_later(moving, first));
+    VOXELD_TRY(run_.turn.begin());
+    const DeviceTurn::Scope turn(run_.turn);  // of all frames: a turn is longer than most of them
     for (size_t k = first; k < times_s.size(); ++k) {
       VOXELD_TRY(run_.monitor.check());
       VOXELD_TRY(moving.wait());
@@ -136,6 +138,7 @@ class FrameLoop {
       VOXELD_TRY(voxelize(*output));
       VOXELD_TRY(output->finish(meta, stats_.fill, made, listener));
     }
+    run_.turn.end();
     VOXELD_TRY(side.wait());
     add_making_meta(run_, made.manifest.meta_json, stats_);
     return made;
@@ -184,7 +187,9 @@ class FrameLoop {
     stats_.fill.reset();
     return run_.engine.voxelizer.voxelize(
         clip_.moving.scene(), options_.voxelize, &shared_, sink,
-        [this](int64_t done, int64_t total) { return run_.monitor.set_progress(done, total); },
+        [this](int64_t done, int64_t total) {
+          return run_.monitor.set_progress(done, total) && run_.turn.boundary();
+        },
         &stats_);
   }
 

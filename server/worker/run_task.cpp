@@ -151,8 +151,9 @@ Status run_kind(TaskRun& run) {
 }  // namespace
 
 Result<TaskCompletion> run_task(Engine& engine, const Task& task,
-                                const std::filesystem::path& scratch, TaskMonitor& monitor) {
-  TaskRun run{engine, task, scratch, monitor, {}};
+                                const std::filesystem::path& scratch, TaskMonitor& monitor,
+                                TurnClient* turns) {
+  TaskRun run{engine, task, scratch, monitor, {}, DeviceTurn(turns, task)};
   run.completion.task = task.id;
   run.completion.fence = task.fence;
   // What a large task before this one freed is not this one's.

@@ -10,12 +10,16 @@ namespace {
 constexpr std::string_view kUnixScheme = "unix:";
 }  // namespace
 
-Result<std::unique_ptr<TaskClient>> TaskClient::connect(const std::string& gateway) {
+Result<UniqueFd> connect_gateway(const std::string& gateway) {
   if (!gateway.starts_with(kUnixScheme)) {
     return Error{ErrorCode::kInvalidOption, "cannot reach this gateway", "unix:/path/to/tasks.sock",
                  gateway};
   }
-  VOXELD_ASSIGN(UniqueFd fd, connect_unix(gateway.substr(kUnixScheme.size())));
+  return connect_unix(gateway.substr(kUnixScheme.size()));
+}
+
+Result<std::unique_ptr<TaskClient>> TaskClient::connect(const std::string& gateway) {
+  VOXELD_ASSIGN(UniqueFd fd, connect_gateway(gateway));
   return std::unique_ptr<TaskClient>(new TaskClient(std::move(fd)));
 }
 

@@ -12,11 +12,14 @@
 
 namespace voxeld {
 
+// `gateway` is "unix:/path". Errors: invalid-option for other forms, internal.
+Result<UniqueFd> connect_gateway(const std::string& gateway);
+
 // One connection to the gateway. Thread-safe: each call is one request and its reply. All calls
 // give the error `gone` once the gateway has closed the connection.
 class TaskClient {
  public:
-  // `gateway` is "unix:/path". Errors: invalid-option for other forms, internal.
+  // Errors: those of connect_gateway().
   static Result<std::unique_ptr<TaskClient>> connect(const std::string& gateway);
 
   // Returns the directory for outputs.

@@ -77,7 +77,9 @@ Result<Placed> place(const SceneInput& input, const VoxelizeOptions& options) {
 }
 
 TileProgress progress_of(TaskRun& run) {
-  return [&run](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); };
+  return [&run](int64_t done, int64_t total) {
+    return run.monitor.set_progress(done, total) && run.turn.boundary();
+  };
 }
 
 }  // namespace
@@ -188,8 +190,12 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed));
   MeshReport mesh(run.engine.cache, input.key, scene);
   VoxelizeStats stats;
-  VOXELD_TRY(run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
-                                           progress_of(run), &stats));
+  {
+    VOXELD_TRY(run.turn.begin());
+    const DeviceTurn::Scope turn(run.turn);
+    VOXELD_TRY(run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
+                                             progress_of(run), &stats));
+  }
   add_stage(run.completion.timings, "voxelize", watch.ms() - output.encode_ms());
   add_stage(run.completion.timings, "encode", output.encode_ms());
   const StageTimer stage(run, "encode");
@@ -228,14 +234,15 @@ Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::
                                const RenderOptions& options) {
   const StageTimer stage(run, "render");
   VOXELD_ASSIGN(const Engine::ChosenRenderer by, run.engine.choose_renderer(options.renderer));
+  VOXELD_TRY(run.turn.begin());
+  const DeviceTurn::Scope turn(run.turn);
   if (*by.resident_key != grid_key) {
     by.resident_key->clear();
     VOXELD_TRY(by.renderer->set_grid(grid.grid));
     *by.resident_key = grid_key;
   }
   add_meta(run, {{"drawn_by", by.name}});
-  return by.renderer->render(
-      options, [&](int64_t done, int64_t total) { return run.monitor.set_progress(done, total); });
+  return by.renderer->render(options, progress_of(run));
 }
 
 fs::path next_output(const TaskRun& run) {

@@ -13,6 +13,7 @@
 #include "proto/options.h"
 #include "proto/task_api.h"
 #include "server/base/stopwatch.h"
+#include "server/worker/device_turn.h"
 #include "server/worker/engine.h"
 #include "server/worker/task_monitor.h"
 
@@ -25,6 +26,7 @@ struct TaskRun {
   const std::filesystem::path& scratch;
   TaskMonitor& monitor;
   TaskCompletion completion;  // filled in step by step
+  DeviceTurn turn;            // for passes over the device; not for reading and encoding
 };
 
 // Measures one stage and tells the monitor of it.

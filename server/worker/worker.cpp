@@ -14,6 +14,7 @@
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
 #include "server/worker/calibration_key.h"
+#include "server/worker/device_turn.h"
 #include "server/worker/engine.h"
 #include "server/worker/run_task.h"
 #include "server/worker/task_client.h"
@@ -29,17 +30,19 @@ constexpr int kExitNoGateway = 2;
 constexpr int kExitDeviceUnavailable = 3;  // Supervisor::kExitDeviceUnavailable
 constexpr int kExitContextLost = 4;
 
-// The gateway's socket, for the signal handler.
-std::atomic<int> gateway_fd{-1};
+// The sockets to the gateway, for the signal handler.
+std::atomic<int> gateway_fd{-1}, turns_fd{-1};
 
 // SIGTERM closes the connection: a claim that waits returns, a task that runs is cancelled by its
 // monitor, and the gateway puts it back.
 extern "C" void close_gateway(int) {
   ::shutdown(gateway_fd.load(), SHUT_RDWR);
+  ::shutdown(turns_fd.load(), SHUT_RDWR);
 }
 
-void handle_signals(int fd) {
+void handle_signals(int fd, int fd_of_turns) {
   gateway_fd = fd;
+  turns_fd = fd_of_turns;
   struct sigaction action {};
   action.sa_handler = close_gateway;
   action.sa_flags = SA_RESTART;
@@ -79,15 +82,15 @@ int report_unavailable(TaskClient& client, const gpu::DeviceId& device, const Er
 }
 
 // Runs one task and reports on it. Returns an exit status when the process should end.
-std::optional<int> handle_task(Engine& engine, TaskClient& client, const Task& task,
-                               const std::filesystem::path& scratch) {
+std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient& turns,
+                               const Task& task, const std::filesystem::path& scratch) {
   const Stopwatch watch;
   Result<TaskCompletion> completion = Error{};
   bool dropped = false;
   engine.begin_task_of(task.tenant);
   {
     TaskMonitor monitor(client, task);
-    completion = run_task(engine, task, scratch, monitor);
+    completion = run_task(engine, task, scratch, monitor, &turns);
     dropped = monitor.dropped();
   }
   log::info(completion ? "task done" : "task failed",
@@ -108,7 +111,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, const Task& t
   return kExitContextLost;
 }
 
-int serve_tasks(Engine& engine, TaskClient& client, const std::string& scratch) {
+int serve_tasks(Engine& engine, TaskClient& client, TurnClient& turns, const std::string& scratch) {
   while (true) {
     const auto task = client.claim();
     if (!task) {
@@ -116,7 +119,7 @@ int serve_tasks(Engine& engine, TaskClient& client, const std::string& scratch) 
       if (!gone) log::error("cannot claim", {{"error", task.error().message()}});
       return gone ? kExitClean : kExitNoGateway;
     }
-    if (const auto exit = handle_task(engine, client, *task, scratch)) return *exit;
+    if (const auto exit = handle_task(engine, client, turns, *task, scratch)) return *exit;
   }
 }
 
@@ -138,7 +141,9 @@ void use_calibration(const std::filesystem::path& data_dir, Engine& engine) {
 
 Result<int> run_worker(const WorkerConfig& config) {
   VOXELD_ASSIGN(const auto client, TaskClient::connect(config.gateway));
-  handle_signals(client->fd());
+  VOXELD_ASSIGN(const auto turns, TurnClient::connect(config.gateway));
+  handle_signals(client->fd(), turns->fd());
+  VOXELD_TRY(turns->hello({kTaskProtocolVersion, ::getpid(), gpu::device_name(config.device)}));
   auto device = open_device(config.device, config.shader_dir);
   if (!device) return report_unavailable(*client, config.device, device.error());
   Engine engine(*std::move(device));
@@ -151,7 +156,7 @@ Result<int> run_worker(const WorkerConfig& config) {
   hello.driver = info.version;
   hello.device_json = device_json(info).dump(-1, ' ', false, json::error_handler_t::replace);
   VOXELD_ASSIGN(const std::string scratch, client->hello(hello));
-  return serve_tasks(engine, *client, scratch);
+  return serve_tasks(engine, *client, *turns, scratch);
 }
 
 }  // namespace

@@ -202,7 +202,9 @@ class Daemon:
 
     def worker_pid(self):
         workers = self.request("GET", "/readyz", port=self.admin_port).json()["workers"]
-        return workers[0]["pid"] if workers and workers[0]["connected"] else None
+        connected = [worker for worker in workers if worker["connected"]]
+        busy = [worker for worker in connected if worker["task"]]  # the one that matters
+        return (busy or connected)[0]["pid"] if connected else None
 
     def kill_worker(self):
         pid = self.worker_pid()

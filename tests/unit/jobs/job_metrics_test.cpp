@@ -36,7 +36,7 @@ TEST(JobMetrics, live_jobs_waits_and_workers_are_shown) {
   auto registry = std::make_shared<prometheus::Registry>();
   JobMetrics metrics(registry);
   metrics.set_jobs(3, 1);
-  metrics.set_worker_up("llvmpipe", true);
+  metrics.add_worker_up("llvmpipe", 1);
   metrics.worker_restarted("llvmpipe");
   metrics.frame_done();
   metrics.frame_done();

@@ -70,5 +70,15 @@ TEST(RequestHash, whether_the_cache_is_used_does_not_name_another_result_but_ano
   EXPECT_NE(idempotency_hash(other), idempotency_hash(request()));
 }
 
+TEST(RequestHash, priority_and_deadline_do_not_name_another_result_but_another_request) {
+  JobRequest urgent = request(), due = request();
+  urgent.priority = 0;
+  due.deadline_ms = 1000;
+  for (const JobRequest& other : {urgent, due}) {
+    EXPECT_EQ(request_hash(other), request_hash(request()));
+    EXPECT_NE(idempotency_hash(other), idempotency_hash(request()));
+  }
+}
+
 }  // namespace
 }  // namespace voxeld

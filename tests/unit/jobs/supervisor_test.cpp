@@ -44,8 +44,8 @@ TEST(Supervisor, a_worker_that_ends_is_started_again_and_its_end_is_reported) {
   };
   Supervisor supervisor(config);
   wait_until([&] { return exits >= 3; });
-  EXPECT_GE(supervisor.restarts("llvmpipe"), 3);
-  EXPECT_EQ(supervisor.restarts("egl:0"), 0);
+  EXPECT_GE(supervisor.restarts("llvmpipe", 0), 3);
+  EXPECT_EQ(supervisor.restarts("egl:0", 0), 0);
   const auto reason = supervisor.exit_reason(first_pid, milliseconds(0));
   ASSERT_TRUE(reason);
   EXPECT_EQ(reason->status, 7);

@@ -38,6 +38,10 @@ JobStatus finished() {
   status.created_ms = 1'700'000'000'000;
   status.started_ms = 1'700'000'000'001;
   status.ended_ms = 1'700'000'000'002;
+  status.priority = -3;
+  status.deadline_at_ms = 1'700'000'000'009;
+  status.device_ms = 12.5;
+  status.waiting_for = "a worker";
   status.timings = {{"parse", 1.5}, {"render", 20}};
   status.cached = true;
   status.result =
@@ -140,7 +144,8 @@ TEST(JobRequest, members_are_checked_by_name_and_type) {
   EXPECT_EQ(refused("[]").message(), "job: expected an object, got array");
   EXPECT_EQ(
       refused(R"({"kind":"voxelize","asset":"a","size":5})").message(),
-      "job: no such member: expected kind, asset, grid, sequence, filename, options, got \"size\"");
+      "job: no such member: expected kind, asset, grid, sequence, filename, options, priority, "
+      "deadline_ms, got \"size\"");
   EXPECT_EQ(refused(R"({"kind":7})").message(), "job.kind: expected a text, got number");
   EXPECT_EQ(refused(R"({"kind":"voxelize","asset":null})").message(),
             "job.asset: expected a text, got null");
@@ -154,6 +159,23 @@ TEST(JobRequest, members_are_checked_by_name_and_type) {
             "size: expected an integer from 1 to 16384, got \"0\"");
   EXPECT_EQ(refused(R"({"kind":"export","grid":"g","options":{"size":5}})").code,
             ErrorCode::kUnknownOption);
+}
+
+TEST(JobRequest, priority_and_deadline_are_kept_within_their_ranges) {
+  const auto request = parse_job_request(
+      Json::parse(R"({"kind":"voxelize","asset":"a","priority":-100,"deadline_ms":1})"));
+  ASSERT_TRUE(request) << request.error().message();
+  EXPECT_EQ(request->priority, -100);
+  EXPECT_EQ(request->deadline_ms, 1);
+  const auto plain = parse_job_request(Json::parse(R"({"kind":"voxelize","asset":"a"})"));
+  EXPECT_FALSE(plain->priority);
+  EXPECT_FALSE(plain->deadline_ms);
+  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","priority":101})").message(),
+            "priority: expected -100 to 100, got 101");
+  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","deadline_ms":0})").message(),
+            "deadline_ms: expected 1 to 31622400000 milliseconds from now, got 0");
+  EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","priority":1.5})").message(),
+            "job.priority: expected an integer, got number");
 }
 
 TEST(JobRequest, the_filename_may_stand_in_the_options) {

@@ -51,6 +51,13 @@ TaskFailure failure() {
   return {"j-1", 7, {ErrorCode::kMalformedMesh, "b.ply line 3: x", "a number", "\"y\""}};
 }
 
+TurnsHello turns() {
+  return {1, 4711, "egl:0"};
+}
+TurnRequest turn() {
+  return {TurnAction::kTake, "j-1", 7, 12'345'678'901, 5};
+}
+
 // The messages and, for each, how it is read.
 struct Message {
   std::string type;
@@ -71,6 +78,40 @@ std::vector<Message> messages() {
           {"frame", to_json_message(frame()), with(parse_task_frame)},
           {"complete", to_json_message(completion()), with(parse_task_completion)},
           {"fail", to_json_message(failure()), with(parse_task_failure)}};
+}
+
+TEST(TaskApi, turns_come_back) {
+  const auto hello = parse_turns_hello(to_json_message(turns()));
+  ASSERT_TRUE(hello) << hello.error().message();
+  EXPECT_EQ(hello->pid, 4711);
+  EXPECT_EQ(hello->device, "egl:0");
+  EXPECT_FALSE(parse_turns_hello(to_json_message(turn())));
+  const auto request = parse_turn_request(to_json_message(turn()));
+  ASSERT_TRUE(request) << request.error().message();
+  EXPECT_EQ(request->action, TurnAction::kTake);
+  EXPECT_EQ(request->task, "j-1");
+  EXPECT_EQ(request->fence, 7);
+  EXPECT_EQ(request->host_bytes, 12'345'678'901);
+  EXPECT_EQ(request->device_bytes, 5);
+  for (const TurnAction action : {TurnAction::kRenew, TurnAction::kGive}) {
+    TurnRequest other = turn();
+    other.action = action;
+    EXPECT_EQ(parse_turn_request(to_json_message(other))->action, action);
+  }
+  EXPECT_EQ(parse_turn_request(to_json_message(turns())).error().message(),
+            "turn.task: expected it to be there, got nothing");
+  Json odd = to_json_message(turn());
+  odd["type"] = "turn_steal";
+  EXPECT_EQ(parse_turn_request(odd).error().message(),
+            "turn.type: expected turn_take, turn_renew or turn_give, got turn_steal");
+  const auto refusal = parse_turn_reply(
+      to_json_message(TurnReply{false, true, true, Error{ErrorCode::kGridTooLarge, "x", "", ""}}));
+  ASSERT_TRUE(refusal) << refusal.error().message();
+  EXPECT_FALSE(refusal->granted);
+  EXPECT_TRUE(refusal->cancel);
+  EXPECT_TRUE(refusal->fenced);
+  EXPECT_EQ(refusal->error->code, ErrorCode::kGridTooLarge);
+  EXPECT_FALSE(parse_turn_reply(to_json_message(TurnReply{true, false, false, {}}))->error);
 }
 
 TEST(TaskApi, a_hello_comes_back) {

@@ -1,0 +1,43 @@
+// Which job a device takes, and which of its worker processes gets it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/jobs/scheduler.h"
+
+namespace voxeld {
+
+// A worker process of a device, as it waits for a task.
+struct IdleSlot {
+  int64_t connection = 0;
+  int slot = 0;
+  std::string tenant;            // of the task that it ran last; what it keeps is of this tenant
+  std::vector<std::string> has;  // hashes of that task's input and of the grid that it made
+  int64_t ended_at = 0;          // the number of that task among all that ended
+};
+
+// A task that a worker of the device runs or prepares.
+struct StartedJob {
+  std::string tenant;
+  int priority = 0;
+};
+
+// The tenant's head whose start tag is the smallest, at equal tags the one that arrived first.
+// The last free slot is kept from tenants that have started jobs on the device, unless the head is
+// more urgent than all of them: however many long jobs one has, the others find a worker.
+std::optional<size_t> pick_head(const std::vector<QueueHead>& heads, size_t free_slots,
+                                const std::vector<StartedJob>& started,
+                                const std::function<double(const std::string&)>& start_tag);
+
+// The slot that has the input in its cache, else the one that worked for the tenant last, else that
+// of the smallest number: without contention one process has all caches. At least one is idle.
+size_t pick_slot(const std::vector<IdleSlot>& idle, std::string_view tenant,
+                 std::string_view input);
+
+}  // namespace voxeld

@@ -1,0 +1,236 @@
+// The task server's claims: a worker waits, a job is claimed for it, its task is told.
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "server/base/log.h"
+#include "server/jobs/task_connection.h"
+
+namespace voxeld {
+namespace {
+
+// A worker that waits for work is looked at so often, to notice that it has died.
+constexpr std::chrono::milliseconds kIdlePoll{200};
+// Waiting workers look into the queue so often even when nobody told them of work.
+constexpr int kIdlePollsPerClaim = 10;
+
+}  // namespace
+
+Status TaskServer::give_task(Connection& connection) {
+  if (!connection.task().empty()) {
+    return Error{ErrorCode::kBadRequest, "claim while a task runs", "complete or fail", "claim"};
+  }
+  begin_waiting(connection);
+  for (int polls = 0;; ++polls) {
+    const uint64_t seen = work_epoch();
+    // A worker that died while it waited must not cost the next job an attempt.
+    if (stopping_ || connection.socket.peer_closed()) {
+      end_waiting(connection);
+      return Error{ErrorCode::kGone, "connection closed, or the gateway stops", "", ""};
+    }
+    assign_jobs(connection.device, polls % kIdlePollsPerClaim == 0);
+    const std::optional<JobRecord> record = take_assigned(connection);
+    if (!record) {
+      wait_for_work(connection, seen);
+      continue;
+    }
+    const auto task = make_task(*record);
+    if (task) return send_task(connection, *record, *task);
+    VOXELD_TRY(refuse_task(*record, task.error()));
+    begin_waiting(connection);
+  }
+}
+
+uint64_t TaskServer::work_epoch() const {
+  MutexLock lock(mutex_);
+  return work_epoch_;
+}
+
+void TaskServer::begin_waiting(Connection& connection) {
+  MutexLock lock(mutex_);
+  connection.is_idle = true;
+  connection.started.reset();
+  ++work_epoch_;  // one more slot is free, which may let others' jobs in
+  work_.notify_all();
+}
+
+void TaskServer::end_waiting(Connection& connection) {
+  std::optional<JobRecord> record;
+  {
+    MutexLock lock(mutex_);
+    connection.is_idle = false;
+    connection.started.reset();
+    record = std::exchange(connection.assigned, std::nullopt);
+  }
+  if (record) unclaim(*record);
+}
+
+std::optional<JobRecord> TaskServer::take_assigned(Connection& connection) {
+  MutexLock lock(mutex_);
+  return std::exchange(connection.assigned, std::nullopt);
+}
+
+void TaskServer::wait_for_work(const Connection& connection, uint64_t seen) {
+  MutexLock lock(mutex_);
+  if (work_epoch_ == seen && !connection.assigned && !stopping_) work_.wait_for(lock, kIdlePoll);
+}
+
+void TaskServer::assign_jobs(const std::string& device, bool is_poll) {
+  const MutexLock claims(claim_mutex_);
+  const uint64_t epoch = work_epoch();
+  // Another worker of the device has looked since something changed.
+  if (!is_poll && claimed_epoch_[device] == epoch) return;
+  while (!stopping_) {
+    std::vector<StartedJob> started;
+    const std::vector<IdleSlot> idle = slots_of(device, started);
+    if (idle.empty()) break;
+    const auto pick = [&](const std::vector<QueueHead>& heads) {
+      return pick_head(heads, idle.size(), started, [&](const std::string& tenant) {
+        return context_.turns.start_tag(device, tenant);
+      });
+    };
+    auto claimed = context_.jobs.claim(device, config_.is_fair ? PickHead(pick) : PickHead());
+    if (!claimed) {
+      log::error("cannot claim a job", {{"error", claimed.error().message()}});
+      std::this_thread::sleep_for(std::chrono::seconds(1));
+      return;
+    }
+    if (!claimed->has_value()) break;
+    if ((*claimed)->status.ended()) {  // an equal job's result was there
+      context_.job_changed(**claimed);
+      continue;
+    }
+    assign(idle, **std::move(claimed));
+  }
+  claimed_epoch_[device] = epoch;
+}
+
+std::vector<IdleSlot> TaskServer::slots_of(const std::string& device,
+                                           std::vector<StartedJob>& started) const {
+  MutexLock lock(mutex_);
+  std::vector<IdleSlot> idle;
+  for (const auto& connection : connections_) {
+    if (connection->idle.connection == 0 || connection->device != device) continue;
+    if (connection->started) started.push_back(*connection->started);
+    if (connection->is_idle && !connection->socket.peer_closed()) idle.push_back(connection->idle);
+  }
+  return idle;
+}
+
+void TaskServer::assign(const std::vector<IdleSlot>& idle, JobRecord record) {
+  const JobStatus& status = record.status;
+  const std::string& input = !status.grid.empty()       ? status.grid
+                             : !status.sequence.empty() ? status.sequence
+                                                        : status.asset;
+  const int64_t wanted = idle[pick_slot(idle, record.tenant, input)].connection;
+  {
+    MutexLock lock(mutex_);
+    for (const auto& connection : connections_) {
+      if (connection->number != wanted || !connection->is_idle) continue;
+      connection->is_idle = false;
+      connection->started = StartedJob{record.tenant, status.priority};
+      connection->assigned = std::move(record);
+      work_.notify_all();
+      return;
+    }
+  }
+  unclaim(record);  // it has gone meanwhile
+}
+
+void TaskServer::unclaim(const JobRecord& record) {
+  const auto back = context_.jobs.lose_worker(record.status.id, record.fence, "", false, 0);
+  if (!back) {
+    log::error("cannot put a job back", {{"error", back.error().message()}});
+    return;
+  }
+  if (*back) context_.job_changed(**back);
+  notify_work();
+}
+
+Result<Task> TaskServer::make_task(const JobRecord& record) {
+  const JobStatus& status = record.status;
+  Task task;
+  task.id = status.id;
+  task.fence = record.fence;
+  task.attempt = status.attempt;
+  task.kind = status.kind;
+  task.input_is_grid = !status.grid.empty();
+  task.input_is_sequence = !status.sequence.empty();
+  task.input_hash = task.input_is_grid       ? status.grid
+                    : task.input_is_sequence ? status.sequence
+                                             : status.asset;
+  task.input_path = context_.blobs.path_of(task.input_hash).string();
+  task.filename = status.filename;
+  task.options_json = status.options_json;
+  task.tenant = record.tenant;
+  if (task.input_is_sequence) {
+    VOXELD_ASSIGN(const SequenceManifest manifest,
+                  context_.frames.read(Caller::daemon(), status.sequence));
+    for (const SequenceFrame& frame : manifest.frames) {
+      task.frame_paths.push_back(context_.blobs.path_of(frame.grid).string());
+    }
+  }
+  if (!status.asset.empty()) {
+    VOXELD_ASSIGN(const auto files,
+                  context_.assets.bundle_files(record.asset_tenant, status.asset));
+    for (const BundleFile& file : files) {
+      task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
+    }
+  }
+  VOXELD_TRY(add_done(record, task));
+  return task;
+}
+
+// What earlier attempts left: parts, and frames from the first one on.
+Status TaskServer::add_done(const JobRecord& record, Task& task) {
+  for (const std::filesystem::path& path : context_.parts.of_job(task.id))
+    task.part_paths.push_back(path);
+  if (record.status.frames_total == 0) return {};
+  VOXELD_ASSIGN(const std::vector<ListedFrame> frames, context_.frames.of_job(task.id));
+  for (const ListedFrame& listed : frames) {
+    const SequenceFrame& frame = listed.frame;
+    const bool follows = listed.index == static_cast<int64_t>(task.done_frames.size());
+    if (!follows || !context_.blobs.stat(frame.grid)) break;
+    task.done_frames.push_back({frame.grid, context_.blobs.path_of(frame.grid).string(),
+                                frame.time_s, frame.voxel_count, frame.content_hash});
+  }
+  return {};
+}
+
+// A job whose task cannot be told ends as failed, before any worker has it.
+Status TaskServer::refuse_task(const JobRecord& record, const Error& error) {
+  VOXELD_ASSIGN(const auto ended,
+                context_.jobs.fail(record.status.id, record.fence, error, record.status.version));
+  if (!ended) return {};
+  context_.board.changed(ended->status.id, ended->status.version, false);
+  context_.job_changed(*ended);
+  return {};
+}
+
+Status TaskServer::send_task(Connection& connection, const JobRecord& record, const Task& task) {
+  const JobStatus& status = record.status;
+  connection.set_task(status.id, record.fence);
+  connection.input = task.input_hash;
+  connection.deadline_at_ms = status.deadline_at_ms;
+  context_.turns.begin_task({status.id, record.fence, connection.device, record.tenant,
+                             status.priority, status.deadline_at_ms, record.seq});
+  if (status.attempt == 1) {
+    context_.metrics.waited(record.tenant,
+                            static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
+  }
+  context_.board.start(status.id, status.version);
+  // A cancel that came between the claim and the line above is in the database alone.
+  if (auto now = context_.jobs.get(Caller::daemon(), status.id); now && now->cancel_requested) {
+    context_.board.request_cancel(status.id);
+  }
+  context_.job_changed(record);
+  connection.progress = {};
+  connection.since_progress.lap();
+  connection.kill_reason.clear();
+  VOXELD_TRY(connection.socket.set_receive_timeout(config_.limits.silence_seconds_max));
+  const nlohmann::json reply = {{"task", to_json_message(task)}};
+  return connection.socket.send(
+      reply.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+}  // namespace voxeld

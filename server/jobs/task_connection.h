@@ -1,0 +1,57 @@
+// A connection of the task server.
+#pragma once
+
+#include <atomic>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "server/base/stopwatch.h"
+#include "server/jobs/slots.h"
+#include "server/jobs/task_server.h"
+
+namespace voxeld {
+
+// Owned by its thread, but for what is said to be guarded.
+struct TaskServer::Connection {
+  Connection(int64_t its_number, UniqueFd fd, std::filesystem::path scratch_dir)
+      : number(its_number),
+        socket(std::move(fd), kTaskFrameBytesMax),
+        scratch(std::move(scratch_dir)) {}
+
+  void set_task(std::string id, int64_t new_fence) {
+    fence = new_fence;
+    MutexLock lock(mutex);
+    state.task = std::move(id);
+  }
+  std::string task() {
+    MutexLock lock(mutex);
+    return state.task;
+  }
+
+  const int64_t number;
+  FrameSocket socket;
+  const std::filesystem::path scratch;
+  int64_t fence = 0;
+  std::string device;
+  int64_t pid = 0;
+  std::string input;           // hash, of the task
+  int64_t deadline_at_ms = 0;  // of the task; 0: none
+  TaskProgress progress;       // the last report that said something new …
+  Stopwatch since_progress;    // … and its age
+  std::string kill_reason;     // why the worker was killed from here, once it was
+  std::atomic<bool> ended{false};
+  std::thread thread;
+  Mutex mutex;
+  WorkerState state GUARDED_BY(mutex);
+
+  // Guarded by the server's mutex_: jobs are claimed for a worker on any connection's thread.
+  bool is_idle = false;
+  IdleSlot idle;                      // what is known of it while it waits
+  std::optional<JobRecord> assigned;  // claimed for it; its thread has not seen it yet
+  std::optional<StartedJob> started;  // from the claim on until the task ended
+};
+
+}  // namespace voxeld

@@ -1,0 +1,26 @@
+// The gateway's side of a connection for turns on a device (proto/task_api.h).
+#pragma once
+
+#include <atomic>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/result.h"
+#include "server/base/frame_socket.h"
+#include "server/jobs/device_turns.h"
+#include "server/jobs/job_board.h"
+
+namespace voxeld {
+
+struct TurnServerContext {
+  DeviceTurns& turns;
+  const JobBoard& board;  // knows of cancels
+  const std::atomic<bool>& stopping;
+};
+
+// Answers until the worker closes the connection or breaks the protocol; then what it had is given
+// back. Errors: gone, bad-request.
+Status serve_turns(FrameSocket& socket, const nlohmann::json& hello,
+                   const TurnServerContext& context);
+
+}  // namespace voxeld

@@ -1,0 +1,83 @@
+#include "server/worker/device_turn.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "server/worker/task_client.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+std::string dump(const json& message) {
+  return message.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<TurnClient>> TurnClient::connect(const std::string& gateway) {
+  VOXELD_ASSIGN(UniqueFd fd, connect_gateway(gateway));
+  return std::unique_ptr<TurnClient>(new TurnClient(std::move(fd)));
+}
+
+Status TurnClient::hello(const TurnsHello& hello) {
+  VOXELD_TRY(socket_.send(dump(to_json_message(hello))));
+  VOXELD_TRY(socket_.receive());
+  return {};
+}
+
+Result<TurnReply> TurnClient::ask(const TurnRequest& request) {
+  VOXELD_TRY(socket_.send(dump(to_json_message(request))));
+  VOXELD_ASSIGN(const std::string frame, socket_.receive());
+  VOXELD_ASSIGN(const json message, parse_task_message(frame));
+  return parse_turn_reply(message);
+}
+
+Status TurnClient::give(const TurnRequest& request) {
+  return socket_.send(dump(to_json_message(request)));
+}
+
+DeviceTurn::DeviceTurn(TurnClient* client, const Task& task) : client_(client) {
+  request_.task = task.id;
+  request_.fence = task.fence;
+}
+
+void DeviceTurn::expect(int64_t host_bytes, int64_t device_bytes) {
+  request_.host_bytes = std::max(request_.host_bytes, host_bytes);
+  request_.device_bytes = std::max(request_.device_bytes, device_bytes);
+}
+
+Status DeviceTurn::begin() {
+  return ask(is_held_ ? TurnAction::kRenew : TurnAction::kTake);
+}
+
+void DeviceTurn::end() {
+  if (!is_held_) return;
+  is_held_ = false;
+  if (client_ == nullptr) return;
+  request_.action = TurnAction::kGive;
+  // A gateway that is gone has no turns to give back to.
+  (void)client_->give(request_).ok();
+}
+
+bool DeviceTurn::boundary() {
+  if (!is_held_ || client_ == nullptr || Clock::now() - since_ < kQuantum) return true;
+  return ask(TurnAction::kRenew).ok();
+}
+
+Status DeviceTurn::ask(TurnAction action) {
+  if (client_ != nullptr) {
+    request_.action = action;
+    is_held_ = false;
+    VOXELD_ASSIGN(const TurnReply reply, client_->ask(request_));
+    if (reply.error) return *reply.error;
+    if (!reply.granted) return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};
+  }
+  is_held_ = true;
+  since_ = Clock::now();
+  return {};
+}
+
+}  // namespace voxeld

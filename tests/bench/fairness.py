@@ -1,0 +1,61 @@
+#!/usr/bin/env python3
+"""How tenants share one device: their shares by weight, and small jobs beside another's giant ones.
+
+  VOXELD_BIN_DIR=build/dev/bin /usr/bin/python3 tests/bench/fairness.py [--device cpu] [--seconds 60]
+                                                [--giant-size 3072] [--only shares|waits]
+
+Shares: three tenants of weights 1, 2 and 4 with a giant job each, for so many seconds; the exit status
+is 1 where one's share is more than 5 % off its weight's. Waits: one tenant has three giant jobs queued,
+another submits a small one every quarter of a second; time from acceptance to its end, by --scheduler
+fair and fifo of the same build.
+"""
+import argparse
+import pathlib
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
+from fairness_load import GIANT, percentile, shares, waits  # noqa: E402
+
+OFF_MAX = 0.05
+
+
+def measure_shares(seconds, device):
+    weights = {"one": 1, "two": 2, "four": 4}
+    had = shares(weights, seconds, device)
+    total, all_weights = sum(had.values()), sum(weights.values())
+    print(f"\nShares of {device} over {seconds:g} s\n")
+    print(f"{'tenant':8}{'weight':>8}{'device s':>12}{'share':>10}{'of weight':>12}{'off':>9}")
+    worst = 0.0
+    for name, weight in weights.items():
+        share, due = had[name] / total, weight / all_weights
+        worst = max(worst, abs(share / due - 1))
+        print(f"{name:8}{weight:8}{had[name] / 1000:12.2f}{share:10.2%}{due:12.2%}{share / due - 1:9.2%}")
+    return worst <= OFF_MAX
+
+
+def measure_waits(seconds, device, size):
+    print(f"\nSmall jobs beside three giant ones ({size} voxels to a side) of another tenant\n")
+    print(f"{'scheduler':10}{'jobs':>6}{'p50 s':>10}{'p99 s':>10}{'max s':>10}{'giants s':>10}")
+    for scheduler in ("fair", "fifo"):
+        ended, giants = waits(scheduler, seconds, {**GIANT, "size": size}, device=device)
+        print(f"{scheduler:10}{len(ended):6}{percentile(ended, 0.5):10.3f}"
+              f"{percentile(ended, 0.99):10.3f}{ended[-1]:10.3f}{giants:10.1f}", flush=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--seconds", type=float, default=60)
+    parser.add_argument("--giant-size", type=int, default=3072)
+    parser.add_argument("--only", choices=("shares", "waits"))
+    args = parser.parse_args()
+    good = True
+    if args.only != "waits":
+        good = measure_shares(args.seconds, args.device)
+    if args.only != "shares":
+        measure_waits(args.seconds / 4, args.device, args.giant_size)
+    sys.exit(0 if good else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""Tenants that contend for one device: what test_fairness asserts shortly and tests/bench/fairness.py measures."""
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import time
+
+from harness import BIN, Daemon, make_fixtures
+
+# Long on any machine, in many tiles, each of a few milliseconds; cancelled when it is not needed any more.
+GIANT = {"size": 6144, "channels": "occupancy", "cache": "no"}
+SMALL = {"size": 48, "cache": "no"}
+
+
+class Contention:
+    """A daemon with a key for each tenant."""
+
+    def __init__(self, weights, device="cpu", arguments=()):
+        self.data_dir = tempfile.mkdtemp(prefix="voxeld-fairness-")
+        self.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
+        make_fixtures(self.fixtures)
+        keys = {name: self.add_key(name, weight) for name, weight in weights.items()}
+        self.daemon = Daemon(device=device, data_dir=self.data_dir, arguments=arguments)
+        self.tenants = {name: self.daemon.holding(key) for name, key in keys.items()}
+        self.assets = {name: tenant.upload(self.fixtures / "sample.ply")
+                       for name, tenant in self.tenants.items()}
+
+    def add_key(self, name, weight):
+        made = subprocess.run([BIN / "voxeld", "keys", "add", name, "--weight", str(weight),
+                               "--data", self.data_dir], check=True, capture_output=True, text=True)
+        return made.stdout.strip()
+
+    def close(self):
+        self.daemon.stop()
+        for directory in (self.data_dir, self.fixtures):
+            shutil.rmtree(directory, ignore_errors=True)
+        pathlib.Path(self.data_dir + ".log").unlink(missing_ok=True)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def submit(self, tenant, options, **job):
+        return self.tenants[tenant].submit(kind="voxelize", asset=self.assets[tenant],
+                                           options=options, **job)
+
+    def status(self, tenant, job):
+        return self.tenants[tenant].get(f"/v1/jobs/{job}").json()
+
+    def cancel(self, tenant, job):
+        self.tenants[tenant].request("DELETE", f"/v1/jobs/{job}")
+
+    def wait_for_device(self, tenant, job, seconds=60):
+        """Until the job has had a turn."""
+        deadline = time.monotonic() + seconds
+        while self.status(tenant, job)["device_ms"] == 0:
+            assert time.monotonic() < deadline, self.status(tenant, job)
+            time.sleep(0.01)
+
+
+def shares(weights, seconds, device="cpu", arguments=()):
+    """Milliseconds of the device that each tenant's giant job had while all of them wanted it."""
+    with Contention(weights, device, arguments) as load:
+        jobs = {name: load.submit(name, GIANT) for name in weights}
+        for name, job in jobs.items():
+            load.wait_for_device(name, job)
+        before = {name: load.status(name, job)["device_ms"] for name, job in jobs.items()}
+        time.sleep(seconds)
+        states = {name: load.status(name, job) for name, job in jobs.items()}
+        for name, state in states.items():
+            assert state["state"] == "running", (name, state)  # else there was no contention
+        for name, job in jobs.items():
+            load.cancel(name, job)
+        return {name: state["device_ms"] - before[name] for name, state in states.items()}
+
+
+def waits(scheduler, seconds, giant, small_every_s=0.25, device="cpu", arguments=()):
+    """Seconds from acceptance to the end of small jobs of one tenant while another has three giant
+    ones, and until those had ended."""
+    arguments = ["--scheduler", scheduler, *arguments]
+    with Contention({"giants": 1, "small": 1}, device, arguments) as load:
+        giants = [load.submit("giants", {**giant, "padding": i}) for i in range(3)]
+        load.wait_for_device("giants", giants[0])
+        begin = time.monotonic()
+        small = []
+        while time.monotonic() < begin + seconds:
+            small.append(load.submit("small", {**SMALL, "padding": len(small) % 8}))
+            time.sleep(max(0.0, begin + len(small) * small_every_s - time.monotonic()))
+        ended = []
+        for job in small:
+            status = load.tenants["small"].wait(job, 3600)
+            assert status["state"] == "done", status
+            ended.append((status["ended_ms"] - status["created_ms"]) / 1000)
+        last = [load.tenants["giants"].wait(job, 3600) for job in giants]
+        assert all(status["state"] == "done" for status in last), last
+        took = max(status["ended_ms"] for status in last) - min(s["created_ms"] for s in last)
+        return sorted(ended), took / 1000
+
+
+def percentile(ordered, share):
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]

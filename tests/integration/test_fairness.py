@@ -1,0 +1,132 @@
+"""Tenants share a device by their weights, and nobody's giant job keeps others out. The long form, which
+measures, is tests/bench/fairness.py."""
+import http.client
+import time
+import unittest
+
+from fairness_load import GIANT, SMALL, Contention, shares
+
+
+class Shares(unittest.TestCase):
+    def test_tenants_with_giant_jobs_have_the_device_by_their_weights(self):
+        weights = {"one": 1, "two": 2, "four": 4}
+        had = shares(weights, seconds=5)
+        total = sum(had.values())
+        for name, weight in weights.items():
+            # Turns are 50 ms and more; on a busy machine single ones are much longer.
+            self.assertAlmostEqual(had[name] / total, weight / 7, delta=0.08, msg=str(had))
+
+
+class Contended(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.load = Contention({"a": 1, "b": 1})
+        cls.giants = [cls.load.submit("a", GIANT) for _ in range(3)]
+        cls.load.wait_for_device("a", cls.giants[0])
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.load.close()
+
+    def workers(self):
+        daemon = self.load.daemon
+        return daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
+
+    def wait_for(self, condition, seconds=30):
+        deadline = time.monotonic() + seconds
+        while not condition():
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.02)
+
+    def test_a_small_job_ends_while_anothers_giants_run_and_wait(self):
+        for _ in range(3):
+            job = self.load.submit("b", SMALL)
+            status = self.load.tenants["b"].wait(job, 60)
+            self.assertEqual(status["state"], "done", status)
+        states = [self.load.status("a", job)["state"] for job in self.giants]
+        self.assertEqual(states.count("done"), 0, states)
+        self.assertEqual(states.count("queued"), 1, states)  # the last worker is not theirs
+
+    def test_the_workers_of_a_device_are_told_apart(self):
+        self.wait_for(lambda: len(self.workers()) == 3)
+        workers = self.workers()
+        self.assertEqual([worker["slot"] for worker in workers], [0, 1, 2])
+        self.assertEqual(len({worker["pid"] for worker in workers}), 3)
+        self.assertEqual({worker["device"] for worker in workers}, {"cpu"})
+
+    def test_who_waits_is_told_for_what(self):
+        self.wait_for(lambda: "running" in [self.load.status("a", self.giants[1])["state"]])
+        self.assertEqual(self.load.status("a", self.giants[2])["waiting_for"], "a worker")
+        self.wait_for(lambda: self.load.status("a", self.giants[1])["waiting_for"]
+                      == "a turn on cpu: another job of the tenant before")
+
+    def test_a_cancel_reaches_a_job_that_waits_for_its_turn(self):
+        self.load.wait_for_device("a", self.giants[0])
+        job = self.load.submit("b", GIANT)
+        self.load.wait_for_device("b", job)
+        self.load.cancel("b", job)
+        started = time.monotonic()
+        self.assertEqual(self.load.tenants["b"].wait(job)["state"], "cancelled")
+        self.assertLess(time.monotonic() - started, 10)
+
+    def test_a_deadline_ends_a_job_in_the_queue_and_one_at_work(self):
+        queued = self.load.submit("a", GIANT, deadline_ms=300, priority=-5)
+        status = self.load.tenants["a"].wait(queued)
+        self.assertEqual((status["state"], status["error"]["code"], status["attempt"]),
+                         ("failed", "deadline-exceeded", 0))
+        running = self.load.submit("b", GIANT, deadline_ms=1500)
+        status = self.load.tenants["b"].wait(running)
+        self.assertEqual((status["state"], status["error"]["code"]),
+                         ("failed", "deadline-exceeded"), status)
+        self.assertEqual(status["attempt"], 1)
+        self.assertLess(status["ended_ms"] - status["created_ms"], 10_000)
+
+    def test_one_shot_requests_take_a_priority_and_a_deadline(self):
+        b = self.load.tenants["b"]
+        body = (self.load.fixtures / "sample.ply").read_bytes()
+        late = b.post("/v1/voxelize?size=6144&cache=no&deadline_ms=400", body)
+        self.assertEqual((late.status, late.json()["code"]), (504, "deadline-exceeded"))
+        self.assertEqual(b.post("/v1/voxelize?size=20&priority=-7", body).status, 200)
+        newest = b.get("/v1/jobs?limit=1").json()["jobs"][0]
+        self.assertEqual(newest["priority"], -7)
+        for query, got in (("priority=101", "101"), ("priority=x", "x"), ("deadline_ms=0", "0"),
+                           ("deadline_ms=99999999999999999999", "9999")):
+            answer = b.post("/v1/voxelize?size=20&" + query, body)
+            self.assertEqual((answer.status, answer.json()["code"]), (400, "invalid-option"))
+            self.assertIn(got, answer.json()["got"])
+
+    def test_what_tenants_had_of_the_device_is_measured(self):
+        self.load.tenants["b"].wait(self.load.submit("b", SMALL))
+        connection = http.client.HTTPConnection("127.0.0.1", self.load.daemon.admin_port)
+        connection.request("GET", "/metrics")
+        text = connection.getresponse().read().decode()
+        connection.close()
+        self.assertRegex(text, r'voxeld_device_seconds_total\{device="cpu",tenant="a"\} [1-9.]')
+        self.assertRegex(text, r'voxeld_queue_wait_seconds_count\{tenant="b"\} [1-9]')
+        self.assertRegex(text, r'voxeld_turn_seconds_bucket\{device="cpu",le="0.25"\} [1-9]')
+
+
+class Memory(unittest.TestCase):
+    def test_what_can_never_fit_is_refused_with_the_numbers(self):
+        with Contention({"a": 1}, arguments=["--memory-max", "150M"]) as load:
+            job = load.submit("a", {"size": 1024, "format": "npy", "cache": "no"})
+            status = load.tenants["a"].wait(job)
+            self.assertEqual(status["error"]["code"], "grid-too-large", status)
+            self.assertIn("at most 0.2 GB", status["error"]["expected"])
+            self.assertEqual(load.tenants["a"].wait(load.submit("a", SMALL))["state"], "done")
+
+
+class Fifo(unittest.TestCase):
+    def test_jobs_run_one_after_the_other_as_they_arrived(self):
+        with Contention({"a": 1, "b": 9}, arguments=["--scheduler", "fifo"]) as load:
+            giant = load.submit("a", GIANT)
+            load.wait_for_device("a", giant)
+            urgent = load.submit("b", SMALL, priority=100)
+            time.sleep(1)
+            self.assertEqual(load.status("b", urgent)["state"], "queued")
+            load.cancel("a", giant)
+            self.assertEqual(load.tenants["b"].wait(urgent)["state"], "done")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,306 @@
+// The arbiter with a clock that only the holders of turns move.
+#include "server/jobs/device_turns.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <map>
+#include <mutex>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/jobs/job_record.h"
+
+namespace voxeld {
+namespace {
+
+using std::chrono::milliseconds;
+using Answer = DeviceTurns::Answer;
+
+constexpr milliseconds kQuantum{50};
+
+class DeviceTurnsTest : public ::testing::Test {
+ protected:
+  DeviceTurnsTest() { use({}); }
+  void use(TurnsConfig config) {
+    config.now = [this] { return TurnsConfig::Clock::time_point(milliseconds(now_ms_)); };
+    config.weight_of = [this](const std::string& tenant) { return weights_[tenant]; };
+    config.charged = [this](const TurnTask& task, double) { order_.push_back(task.id); };
+    turns_ = std::make_unique<DeviceTurns>(std::move(config));
+  }
+  void begin(const std::string& id, const std::string& tenant, int priority = 0,
+             int64_t deadline_at_ms = 0, const std::string& device = "cpu") {
+    turns_->begin_task({id, 1, device, tenant, priority, deadline_at_ms, ++seq_});
+  }
+  Answer take(const std::string& id, TurnNeed need = {}) {
+    auto answer = turns_->take(id, 1, need, {});
+    EXPECT_TRUE(answer) << answer.error().message();
+    return answer ? *answer : Answer::kFenced;
+  }
+  // Asks for a turn on a thread of its own, and returns once it is asked for.
+  std::thread ask(const std::string& id, TurnNeed need = {}) {
+    std::thread thread([this, id, need] {
+      if (take(id, need) != Answer::kGranted) return;
+      const std::lock_guard lock(granted_mutex_);
+      granted_.insert(id);
+    });
+    while (!turns_->is_waiting(id) && !is_granted(id)) std::this_thread::yield();
+    return thread;
+  }
+  bool is_granted(const std::string& id) {
+    const std::lock_guard lock(granted_mutex_);
+    return granted_.contains(id);
+  }
+  void wait_granted(const std::string& id) {
+    while (!is_granted(id)) std::this_thread::yield();
+  }
+  void hold(milliseconds time) { now_ms_ += time.count(); }
+
+  std::atomic<int64_t> now_ms_{1000};
+  std::map<std::string, int64_t> weights_;
+  std::vector<std::string> order_;  // of turns that ended; written under the arbiter's lock
+  std::mutex granted_mutex_;
+  std::set<std::string> granted_;
+  int64_t seq_ = 0;
+  std::unique_ptr<DeviceTurns> turns_;
+};
+
+TEST_F(DeviceTurnsTest, tenants_that_always_ask_have_shares_of_their_weights) {
+  weights_ = {{"a", 1}, {"b", 2}, {"c", 4}, {"gate", 1}};
+  begin("gate", "gate");
+  ASSERT_EQ(take("gate"), Answer::kGranted);  // until all three ask
+  std::map<std::string, int64_t> held_ms;
+  std::vector<std::thread> threads;
+  std::atomic<int> rounds{700};
+  for (const auto& id : {"a", "b", "c"}) {
+    begin(id, id);
+    // Turns of different lengths: what counts is the time that they took.
+    const milliseconds length = kQuantum + milliseconds(10 * (id[0] - 'a'));
+    threads.emplace_back([this, id = std::string(id), length, &rounds] {
+      for (Answer answer = take(id); answer == Answer::kGranted;) {
+        hold(length);
+        if (--rounds <= 0) break;
+        answer = turns_->renew(id, 1, [&rounds] { return rounds <= 0; });
+      }
+    });
+    while (!turns_->is_waiting(id)) std::this_thread::yield();
+  }
+  turns_->give("gate", 1);
+  for (std::thread& thread : threads) thread.join();
+  double per_weight = 0;
+  for (const auto& id : {"a", "b", "c"}) {
+    held_ms[id] = turns_->device_us(id) / 1000;
+    per_weight =
+        std::max(per_weight, static_cast<double>(held_ms[id]) / static_cast<double>(weights_[id]));
+  }
+  for (const auto& [id, ms] : held_ms) {
+    // Within one turn of its own and one of the others', whose lengths are at most 70 ms.
+    EXPECT_NEAR(static_cast<double>(ms) / static_cast<double>(weights_[id]), per_weight, 2 * 70.0)
+        << id;
+    EXPECT_GT(ms, 2000);
+  }
+}
+
+TEST_F(DeviceTurnsTest, a_tenant_that_was_away_gets_no_credit_for_it) {
+  begin("busy", "a");
+  begin("late", "b");
+  ASSERT_EQ(take("busy"), Answer::kGranted);
+  for (int i = 0; i < 100; ++i) {
+    hold(kQuantum);
+    ASSERT_EQ(turns_->renew("busy", 1, {}), Answer::kGranted);
+  }
+  std::thread late = ask("late");
+  hold(kQuantum);
+  std::thread busy([this] { EXPECT_EQ(turns_->renew("busy", 1, {}), Answer::kGranted); });
+  late.join();  // its turn comes at once …
+  hold(2 * kQuantum);
+  turns_->give("late", 1);
+  busy.join();  // … and the other's after one of it, and not after five seconds
+  EXPECT_EQ(order_.back(), "late");
+}
+
+TEST_F(DeviceTurnsTest, within_a_tenant_priority_goes_first_then_deadline_then_arrival) {
+  const int64_t later = unix_time_ms() + 3'600'000;
+  begin("holder", "a");
+  begin("first", "a");
+  begin("second", "a");
+  begin("due later", "a", 0, later + 1000);
+  begin("due", "a", 0, later);
+  begin("urgent", "a", 10);
+  ASSERT_EQ(take("holder"), Answer::kGranted);
+  std::vector<std::thread> threads;
+  for (const char* id : {"second", "first", "due later", "urgent", "due"}) {
+    threads.push_back(ask(id));
+  }
+  turns_->give("holder", 1);
+  for (const char* id : {"urgent", "due", "due later", "first", "second"}) {
+    wait_granted(id);
+    turns_->give(id, 1);
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(order_,
+            (std::vector<std::string>{"holder", "urgent", "due", "due later", "first", "second"}));
+}
+
+TEST_F(DeviceTurnsTest, fifo_goes_by_arrival_whatever_the_priority) {
+  TurnsConfig config;
+  config.is_fair = false;
+  use(std::move(config));
+  begin("one", "a");
+  begin("two", "b", 50);
+  begin("three", "a", 100);
+  ASSERT_EQ(take("one"), Answer::kGranted);
+  std::thread three = ask("three"), two = ask("two");
+  EXPECT_EQ(turns_->renew("one", 1, {}), Answer::kGranted);
+  turns_->give("one", 1);
+  two.join();
+  EXPECT_FALSE(is_granted("three"));
+  turns_->give("two", 1);
+  three.join();
+}
+
+TEST_F(DeviceTurnsTest, devices_have_turns_of_their_own) {
+  begin("x", "a", 0, 0, "egl:0");
+  begin("y", "a", 0, 0, "egl:1");
+  EXPECT_EQ(take("x"), Answer::kGranted);
+  EXPECT_EQ(take("y"), Answer::kGranted);
+}
+
+TEST_F(DeviceTurnsTest, who_is_told_to_stop_waits_no_longer_and_holds_nobody_up) {
+  begin("holder", "a");
+  begin("cancelled", "b");
+  begin("next", "c");
+  ASSERT_EQ(take("holder"), Answer::kGranted);
+  std::atomic<bool> cancel{false};
+  std::thread waiter([&] {
+    const auto answer = turns_->take("cancelled", 1, {}, [&] { return cancel.load(); });
+    EXPECT_EQ(*answer, Answer::kStopped);
+  });
+  while (!turns_->is_waiting("cancelled")) std::this_thread::yield();
+  std::thread next = ask("next");
+  cancel = true;
+  waiter.join();
+  turns_->give("holder", 1);
+  next.join();
+  EXPECT_TRUE(is_granted("next"));
+  EXPECT_EQ(turns_->renew("next", 1, [] { return true; }), Answer::kStopped);
+  EXPECT_EQ(take("holder"), Answer::kGranted);  // what was stopped has given its turn back
+}
+
+TEST_F(DeviceTurnsTest, a_task_that_ends_answers_its_waiter_and_gives_back_its_turn) {
+  begin("holder", "a");
+  begin("lost", "b");
+  begin("next", "c");
+  ASSERT_EQ(take("holder"), Answer::kGranted);
+  std::thread lost([this] { EXPECT_EQ(*turns_->take("lost", 1, {}, {}), Answer::kFenced); });
+  while (!turns_->is_waiting("lost")) std::this_thread::yield();
+  turns_->end_task("lost", 1);
+  lost.join();
+  std::thread next = ask("next");
+  turns_->end_task("holder", 2);  // an older or newer attempt's end is not this one's
+  EXPECT_FALSE(is_granted("next"));
+  turns_->end_task("holder", 1);  // its worker was killed
+  next.join();
+  EXPECT_EQ(*turns_->take("holder", 1, {}, {}), Answer::kFenced);
+  EXPECT_EQ(*turns_->take("next", 7, {}, {}), Answer::kFenced);
+}
+
+TEST_F(DeviceTurnsTest, a_deadline_that_passes_ends_the_wait) {
+  begin("holder", "a");
+  begin("late", "b", 0, unix_time_ms() + 60);
+  ASSERT_EQ(take("holder"), Answer::kGranted);
+  EXPECT_EQ(*turns_->take("late", 1, {}, {}), Answer::kStopped);
+  EXPECT_GE(unix_time_ms(), 0);
+}
+
+TEST_F(DeviceTurnsTest, the_tag_of_a_tenant_grows_while_it_has_its_turn) {
+  weights_ = {{"a", 2}};
+  EXPECT_EQ(turns_->start_tag("cpu", "a"), 0);
+  begin("x", "a");
+  ASSERT_EQ(take("x"), Answer::kGranted);
+  hold(milliseconds(1000));
+  EXPECT_DOUBLE_EQ(turns_->start_tag("cpu", "a"), 0.5);
+  EXPECT_DOUBLE_EQ(turns_->start_tag("cpu", "b"), 0.0);
+  turns_->give("x", 1);
+  EXPECT_DOUBLE_EQ(turns_->start_tag("cpu", "a"), 0.5);
+  EXPECT_EQ(turns_->device_us("x"), 1'000'000);
+}
+
+class TurnsMemory : public DeviceTurnsTest {
+ protected:
+  static constexpr int64_t kGiga = 1'000'000'000;
+  TurnsMemory() {
+    TurnsConfig config;
+    config.host_bytes_max = 8 * kGiga;
+    use(std::move(config));
+  }
+};
+
+TEST_F(TurnsMemory, what_can_never_fit_is_refused_with_the_numbers) {
+  begin("x", "a");
+  const auto answer = turns_->take("x", 1, {9 * kGiga, 0}, {});
+  ASSERT_FALSE(answer);
+  EXPECT_EQ(answer.error().code, ErrorCode::kGridTooLarge);
+  EXPECT_EQ(answer.error().message(),
+            "the request needs more memory than there is for jobs: expected at most 8.0 GB, got "
+            "about 9.0 GB");
+  turns_->set_device_bytes("cpu", kGiga);
+  EXPECT_NE(turns_->take("x", 1, {kGiga, 2 * kGiga}, {}).error().message().find("device memory"),
+            std::string::npos);
+  EXPECT_EQ(take("x", {8 * kGiga, kGiga}), Answer::kGranted);  // alone it has all
+}
+
+TEST_F(TurnsMemory, who_does_not_fit_says_for_what_it_waits_and_holds_no_turn) {
+  begin("large", "a");
+  begin("other", "b");
+  begin("small", "c");
+  ASSERT_EQ(take("large", {7 * kGiga, 0}), Answer::kGranted);
+  turns_->give("large", 1);  // its memory it keeps
+  std::thread other = ask("other", {3'100'000'000, 0});
+  EXPECT_EQ(turns_->waiting_for("other"), "memory: needs 3.1 GB, 1.0 of 8.0 GB free");
+  EXPECT_EQ(take("small", {kGiga, 0}), Answer::kGranted);  // both fit when the large one has gone
+  EXPECT_FALSE(is_granted("other"));
+  turns_->end_task("large", 1);
+  EXPECT_EQ(turns_->waiting_for("other"), "a turn on cpu: 1 tenant before");
+  turns_->give("small", 1);
+  other.join();
+  EXPECT_EQ(turns_->waiting_for("other"), "");
+}
+
+TEST_F(TurnsMemory, nobody_passes_who_would_then_wait_for_him) {
+  begin("large", "a");
+  begin("other", "b");
+  begin("small", "c");
+  ASSERT_EQ(take("large", {6 * kGiga, 0}), Answer::kGranted);
+  turns_->give("large", 1);
+  std::thread other = ask("other", {7 * kGiga, 0});
+  std::thread small = ask("small", {2 * kGiga, 0});  // it would fit, but not beside the other one
+  EXPECT_FALSE(is_granted("small"));
+  turns_->end_task("large", 1);
+  other.join();
+  EXPECT_FALSE(is_granted("small"));
+  turns_->end_task("other", 1);
+  small.join();
+}
+
+TEST_F(TurnsMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any_device) {
+  std::vector<std::thread> threads;
+  std::atomic<int> done{0};
+  for (int i = 0; i < 8; ++i) {
+    const std::string id = "t" + std::to_string(i);
+    begin(id, i % 2 == 0 ? "a" : "b", i % 3, 0, i % 4 < 2 ? "egl:0" : "egl:1");
+    threads.emplace_back([this, id, &done] {
+      EXPECT_EQ(take(id, {8 * kGiga, 0}), Answer::kGranted);
+      turns_->end_task(id, 1);
+      ++done;
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(done, 8);
+}
+
+}  // namespace
+}  // namespace voxeld

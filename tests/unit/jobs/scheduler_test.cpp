@@ -1,0 +1,189 @@
+// Which job is claimed, and which worker gets it.
+#include "server/jobs/scheduler.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/jobs/job_record.h"
+#include "server/jobs/slots.h"
+#include "tests/unit/jobs/service_fixture.h"
+
+namespace voxeld {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::FakeWorker;
+
+std::optional<size_t> pick(const std::vector<QueueHead>& heads, size_t free_slots,
+                           const std::vector<StartedJob>& started,
+                           std::map<std::string, double> tags = {}) {
+  return pick_head(heads, free_slots, started,
+                   [&](const std::string& tenant) { return tags[tenant]; });
+}
+
+TEST(PickHead, the_smallest_tag_is_first_and_at_equal_tags_who_arrived_first) {
+  const std::vector<QueueHead> heads = {{"a", 7, 0}, {"b", 5, 0}, {"c", 9, 100}};
+  EXPECT_EQ(pick(heads, 3, {}), 1u);
+  EXPECT_EQ(pick(heads, 3, {}, {{"a", 1}, {"b", 2}, {"c", 0.5}}), 2u);
+  EXPECT_EQ(pick({}, 3, {}), std::nullopt);
+}
+
+TEST(PickHead, the_last_free_slot_is_kept_from_who_has_a_started_job_unless_it_is_urgent) {
+  const std::vector<StartedJob> started = {{"a", 0}, {"a", 5}};
+  EXPECT_EQ(pick({{"a", 1, 0}}, 2, started), 0u);
+  EXPECT_EQ(pick({{"a", 1, 0}}, 1, started), std::nullopt);
+  EXPECT_EQ(pick({{"a", 1, 5}}, 1, started), std::nullopt);
+  EXPECT_EQ(pick({{"a", 1, 6}}, 1, started), 0u);
+  EXPECT_EQ(pick({{"a", 1, 0}, {"b", 2, 0}}, 1, started, {{"b", 9}}), 1u);
+}
+
+TEST(PickSlot, the_cache_that_has_the_input_then_the_tenants_last_then_the_first_slot) {
+  const IdleSlot fresh0{1, 0, "", {}, 0}, fresh1{2, 1, "", {}, 0};
+  EXPECT_EQ(pick_slot({fresh1, fresh0}, "a", "x"), 1u);
+  const IdleSlot of_a{3, 2, "a", {"x"}, 4}, newer_of_a{4, 3, "a", {"y"}, 5},
+      of_b{5, 4, "b", {"x"}, 9};
+  EXPECT_EQ(pick_slot({fresh0, of_a, newer_of_a, of_b}, "a", "x"), 1u);
+  EXPECT_EQ(pick_slot({fresh0, of_a, newer_of_a, of_b}, "a", "z"), 2u);
+  EXPECT_EQ(pick_slot({fresh0, of_a, newer_of_a, of_b}, "c", "x"), 0u);
+}
+
+class SchedulerTest : public testing::ServiceTest {
+ protected:
+  std::string submit_as(const std::string& tenant, int priority = 0, int64_t deadline_ms = 0) {
+    const Caller caller = tenant.empty() ? Caller::open() : Caller::tenant(tenant, false);
+    JobRequest request;
+    request.asset = service_->put_asset(caller, put_blob("mesh"), "a.ply", "").value().id;
+    request.options.use_cache = false;
+    if (priority != 0) request.priority = priority;
+    if (deadline_ms != 0) request.deadline_ms = deadline_ms;
+    auto status = service_->submit(caller, request, {});
+    EXPECT_TRUE(status) << status.error().message();
+    return status->id;
+  }
+  JobStatus get(const std::string& id) { return service_->get(Caller::daemon(), id).value(); }
+};
+
+TEST_F(SchedulerTest, within_a_tenant_priority_goes_first_then_deadline_then_arrival) {
+  const std::string first = submit_as("a"), second = submit_as("a");
+  const std::string due_later = submit_as("a", 0, 7'200'000), due = submit_as("a", 0, 3'600'000);
+  const std::string urgent = submit_as("a", 50), never = submit_as("a", -100);
+  EXPECT_EQ(get(urgent).priority, 50);
+  EXPECT_GT(get(due).deadline_at_ms, unix_time_ms());
+  EXPECT_EQ(get(first).deadline_at_ms, 0);
+  EXPECT_EQ(get(first).waiting_for, "a worker");
+  FakeWorker worker = connect();
+  for (const std::string& id : {urgent, due, due_later, first, second, never}) {
+    const auto task = worker.claim();
+    ASSERT_TRUE(task);
+    EXPECT_EQ(task->id, id);
+    EXPECT_EQ(get(id).waiting_for, "");
+    EXPECT_TRUE(worker.complete(*task, "r" + id));
+  }
+}
+
+TEST_F(SchedulerTest, a_tenant_with_many_jobs_leaves_the_last_worker_to_others) {
+  for (int i = 0; i < 5; ++i) submit_as("a");
+  FakeWorker one = connect(), two = connect(), three = connect();
+  std::optional<Task> tasks[3];
+  std::vector<std::thread> claims;
+  FakeWorker* workers[] = {&one, &two, &three};
+  for (int i = 0; i < 3; ++i) {
+    claims.emplace_back([&, i] { tasks[i] = workers[i]->claim(); });
+  }
+  const auto running = [&] {
+    return service_->list(Caller::daemon(), 100, JobState::kRunning).value().size();
+  };
+  while (running() < 2) std::this_thread::sleep_for(milliseconds(1));
+  std::this_thread::sleep_for(milliseconds(50));
+  EXPECT_EQ(running(), 2u);  // and not 3
+  const std::string other = submit_as("b");
+  for (std::thread& claim : claims) claim.join();
+  int of_b = 0;
+  for (const auto& task : tasks) {
+    ASSERT_TRUE(task);
+    of_b += task->tenant == "b" && task->id == other ? 1 : 0;
+  }
+  EXPECT_EQ(of_b, 1);
+}
+
+TEST_F(SchedulerTest, a_job_whose_deadline_passes_while_it_is_queued_fails_then_and_not_later) {
+  const std::string late = submit_as("", 0, 80), kept = submit_as("");
+  const JobStatus status = wait_end(late);
+  EXPECT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.error->code, ErrorCode::kDeadlineExceeded);
+  EXPECT_EQ(status.error->detail, "the job's deadline has passed");
+  EXPECT_LT(status.ended_ms - status.created_ms, 5000);
+  EXPECT_EQ(status.attempt, 0);
+  EXPECT_EQ(get(kept).state, JobState::kQueued);
+}
+
+TEST_F(SchedulerTest, a_running_job_whose_deadline_passes_is_told_to_stop_and_fails_with_it) {
+  const std::string id = submit_as("", 0, 150);
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  EXPECT_FALSE(worker.progress(*task, "voxelize", 1, 8).cancel);
+  int64_t tile = 1;
+  while (!worker.progress(*task, "voxelize", ++tile, 1'000'000).cancel) {
+    std::this_thread::sleep_for(milliseconds(5));
+  }
+  EXPECT_TRUE(worker.fail(*task, {ErrorCode::kCancelled, "the job was cancelled", "", ""}));
+  EXPECT_EQ(wait_end(id).error->code, ErrorCode::kDeadlineExceeded);
+}
+
+TEST_F(SchedulerTest, priorities_and_deadlines_out_of_range_are_refused) {
+  JobRequest request;
+  request.asset = put_asset("mesh");
+  request.priority = 101;
+  EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().message(),
+            "priority: expected -100 to 100, got 101");
+  request.priority = 0;
+  request.deadline_ms = 0;
+  EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().code, ErrorCode::kInvalidOption);
+}
+
+TEST_F(SchedulerTest, a_job_that_a_client_waits_for_is_more_urgent_than_others) {
+  JobRequest request;
+  request.asset = put_asset("mesh");
+  request.options.use_cache = false;
+  SubmitOptions transient;
+  transient.transient = true;
+  EXPECT_EQ(service_->submit(Caller::open(), request, transient)->priority, 10);
+  request.priority = -3;
+  EXPECT_EQ(service_->submit(Caller::open(), request, transient)->priority, -3);
+}
+
+TEST_F(SchedulerTest, the_worker_that_has_the_input_gets_the_next_job_with_it) {
+  FakeWorker one = connect(), two = connect();
+  const std::string first = submit_as("a");
+  FakeWorker* workers[] = {&one, &two};
+  // Both wait; whoever got the first job gets all others of the tenant.
+  std::optional<Task> of_one, of_two;
+  std::thread claim_one([&] { of_one = one.claim(); });
+  std::thread claim_two([&] { of_two = two.claim(); });
+  while (get(first).state != JobState::kRunning) std::this_thread::sleep_for(milliseconds(1));
+  std::this_thread::sleep_for(milliseconds(20));
+  const int which = of_one ? 0 : 1;
+  (which == 0 ? claim_one : claim_two).join();
+  const Task done = which == 0 ? *of_one : *of_two;
+  EXPECT_TRUE(workers[which]->complete(done, "r"));
+  for (int i = 0; i < 5; ++i) {
+    std::optional<Task> next;
+    std::thread claim([&] { next = workers[which]->claim(); });
+    std::this_thread::sleep_for(milliseconds(30));
+    const std::string id = submit_as("a");
+    claim.join();
+    ASSERT_TRUE(next);
+    EXPECT_EQ(next->id, id);
+    EXPECT_TRUE(workers[which]->complete(*next, "r" + id));
+  }
+  service_.reset();  // ends the other one's wait
+  (which == 0 ? claim_two : claim_one).join();
+}
+
+}  // namespace
+}  // namespace voxeld

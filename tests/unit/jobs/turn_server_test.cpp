@@ -1,0 +1,152 @@
+// Turns over the socket, as workers ask for them.
+#include "server/jobs/turn_server.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "tests/unit/jobs/service_fixture.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+using std::chrono::milliseconds;
+using testing::FakeWorker;
+
+// A worker's second connection.
+class FakeTurns {
+ public:
+  explicit FakeTurns(const std::filesystem::path& socket)
+      : socket_(connect_unix(socket).value(), kTaskFrameBytesMax) {
+    EXPECT_TRUE(socket_.send(to_json_message(TurnsHello{1, ::getpid(), "llvmpipe"}).dump()));
+    EXPECT_TRUE(socket_.receive());
+  }
+  TurnReply ask(const Task& task, TurnAction action = TurnAction::kTake) {
+    EXPECT_TRUE(socket_.send(to_json_message(TurnRequest{action, task.id, task.fence}).dump()));
+    return parse_turn_reply(json::parse(socket_.receive().value())).value();
+  }
+  void give(const Task& task) {
+    EXPECT_TRUE(
+        socket_.send(to_json_message(TurnRequest{TurnAction::kGive, task.id, task.fence}).dump()));
+  }
+  void close() { socket_.shutdown(); }
+  FrameSocket& socket() { return socket_; }
+
+ private:
+  FrameSocket socket_;
+};
+
+class TurnServerTest : public testing::ServiceTest {
+ protected:
+  FakeTurns connect_turns() { return FakeTurns(dir_.path() / "data/run/tasks.sock"); }
+  std::string submit_as(const std::string& tenant) {
+    const Caller caller = Caller::tenant(tenant, false);
+    JobRequest request;
+    request.asset = service_->put_asset(caller, put_blob("mesh"), "a.ply", "").value().id;
+    return service_->submit(caller, request, {}).value().id;
+  }
+  JobStatus get(const std::string& id) { return service_->get(Caller::daemon(), id).value(); }
+  void wait_until_waiting(const Task& task) {
+    while (get(task.id).waiting_for.empty()) std::this_thread::sleep_for(milliseconds(1));
+  }
+  void SetUp() override {
+    ServiceTest::SetUp();
+    submit_as("a");
+    submit_as("b");
+    one_.emplace(connect());
+    first_ = one_->claim().value();
+    two_.emplace(connect());
+    second_ = two_->claim().value();
+  }
+  std::optional<FakeWorker> one_, two_;
+  Task first_, second_;
+};
+
+TEST_F(TurnServerTest, one_task_has_the_device_and_the_other_waits_and_says_so) {
+  FakeTurns one = connect_turns(), two = connect_turns();
+  EXPECT_TRUE(one.ask(first_).granted);
+  std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
+  wait_until_waiting(second_);
+  EXPECT_EQ(get(second_.id).waiting_for, "a turn on llvmpipe: 1 tenant before");
+  std::this_thread::sleep_for(milliseconds(30));
+  one.give(first_);
+  waiter.join();
+  EXPECT_GE(get(first_.id).device_ms, 30.0);
+  EXPECT_TRUE(one_->complete(first_, "x"));
+  EXPECT_GE(get(first_.id).device_ms, 30.0);                  // it is stored with the job
+  EXPECT_TRUE(two.ask(second_, TurnAction::kRenew).granted);  // nobody else asks
+}
+
+TEST_F(TurnServerTest, a_connection_that_ends_gives_its_turn_back) {
+  FakeTurns one = connect_turns(), two = connect_turns();
+  EXPECT_TRUE(one.ask(first_).granted);
+  std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
+  wait_until_waiting(second_);
+  one.close();
+  waiter.join();
+}
+
+TEST_F(TurnServerTest, a_worker_that_is_lost_gives_its_turn_back) {
+  FakeTurns one = connect_turns(), two = connect_turns();
+  EXPECT_TRUE(one.ask(first_).granted);
+  std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
+  wait_until_waiting(second_);
+  one_.reset();  // its first connection; the second one is still there
+  waiter.join();
+  EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).fenced);
+}
+
+TEST_F(TurnServerTest, a_cancel_answers_a_task_that_waits_for_its_turn) {
+  FakeTurns one = connect_turns(), two = connect_turns();
+  EXPECT_TRUE(one.ask(first_).granted);
+  std::thread waiter([&] {
+    const TurnReply reply = two.ask(second_);
+    EXPECT_TRUE(reply.cancel);
+    EXPECT_FALSE(reply.granted);
+  });
+  wait_until_waiting(second_);
+  ASSERT_TRUE(service_->cancel(Caller::daemon(), second_.id));
+  waiter.join();
+  ASSERT_TRUE(service_->cancel(Caller::daemon(), first_.id));
+  EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).cancel);
+}
+
+TEST_F(TurnServerTest, a_worker_that_dies_while_it_waits_leaves_the_queue) {
+  FakeTurns one = connect_turns(), two = connect_turns();
+  EXPECT_TRUE(one.ask(first_).granted);
+  const std::string ask = to_json_message(TurnRequest{TurnAction::kTake, second_.id, 1}).dump();
+  ASSERT_TRUE(two.socket().send(ask));
+  wait_until_waiting(second_);
+  two.close();
+  while (!get(second_.id).waiting_for.empty()) std::this_thread::sleep_for(milliseconds(1));
+}
+
+TEST_F(TurnServerTest, another_fence_or_task_gets_no_turn) {
+  FakeTurns turns = connect_turns();
+  Task wrong = first_;
+  wrong.fence = 7;
+  EXPECT_TRUE(turns.ask(wrong).fenced);
+  wrong.id = "j-none";
+  EXPECT_TRUE(turns.ask(wrong).fenced);
+  EXPECT_TRUE(turns.ask(first_).granted);
+}
+
+TEST_F(TurnServerTest, nonsense_ends_that_connection_and_its_turn) {
+  for (const char* text : {"{", "[]", R"({"type":"turn_take"})",
+                           R"({"type":"turn_take","task":"x","fence":1,"host_bytes":-1})"}) {
+    FakeTurns bad = connect_turns();
+    EXPECT_TRUE(bad.ask(first_).granted);
+    ASSERT_TRUE(bad.socket().send(text));
+    EXPECT_FALSE(bad.socket().receive()) << text;
+  }
+  FakeTurns good = connect_turns();
+  EXPECT_TRUE(good.ask(second_).granted);
+}
+
+}  // namespace
+}  // namespace voxeld
