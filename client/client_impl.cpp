@@ -226,6 +226,10 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   for (const auto& [name, value] : options.pairs()) {
     if (name == "filename") {
       body["filename"] = value;
+    } else if (name == "priority" || name == "deadline_ms") {
+      // Members of the job, and integers; the daemon says what is wrong with others.
+      const Json number = Json::parse(value, nullptr, false);
+      body[name] = number.is_number() ? number : Json(value);
     } else {
       body["options"][name] = value;
     }

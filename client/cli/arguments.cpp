@@ -2,11 +2,13 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
 
 #include "client/cli/api_key.h"
+#include "proto/job.h"
 #include "proto/options.h"
 #include "proto/sequence_format.h"
 #include "proto/version.h"
@@ -60,6 +62,25 @@ void add_output_flag(CLI::App& app, Arguments& arguments) {
   app.add_option("-o,--output", arguments.output,
                  "file to write, - for stdout (default: stdout unless that is a terminal)")
       ->type_name("FILE");
+}
+
+void add_urgency_flags(CLI::App& app, Arguments& arguments) {
+  app.add_option("--priority", arguments.priority,
+                 "among your own jobs, the highest first (default 0)")
+      ->check(CLI::Range(-limits::kPriorityMax, limits::kPriorityMax));
+  app.add_option("--deadline", arguments.deadline_s, "give up when it is not done by then")
+      ->check(CLI::Range(0.001, static_cast<double>(limits::kDeadlineMsMax) / 1000.0))
+      ->type_name("SECONDS");
+}
+
+void set_urgency(Arguments& arguments) {
+  if (arguments.priority) {
+    arguments.options.set("priority", std::to_string(*arguments.priority));
+  }
+  if (arguments.deadline_s) {
+    const auto deadline_ms = static_cast<int64_t>(std::ceil(*arguments.deadline_s * 1000.0));
+    arguments.options.set("deadline_ms", std::to_string(deadline_ms));
+  }
 }
 
 std::string extension_of(const std::string& output) {
@@ -162,6 +183,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   add_output_flag(app, arguments);
   add_common_flags(app, arguments);
   add_option_flags(app, Flags::kVoxelize, voxelize_given);
+  add_urgency_flags(app, arguments);
 
   CLI::App* render = app.add_subcommand("render", "a picture of a mesh's voxels");
   render->add_option("input", inputs, "mesh file, - for stdin; then files that are sent with it")
@@ -172,6 +194,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   add_output_flag(*render, arguments);
   add_common_flags(*render, arguments);
   add_option_flags(*render, Flags::kRender, render_given);
+  add_urgency_flags(*render, arguments);
 
   CLI::App* jobs = app.add_subcommand("jobs", "the daemon's latest jobs, or one of them");
   jobs->add_option("id", arguments.job, "one job; with -o its result is fetched");
@@ -204,6 +227,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
     }
     if (arguments.command == kVoxelize) check_voxelize(arguments, voxelize_given);
     if (arguments.command == kRender) check_render(arguments, render_given);
+    set_urgency(arguments);
     check_outputs(arguments);
   } catch (const CLI::Success& request) {
     app.exit(request);  // --help, --version: on stdout

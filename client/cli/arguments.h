@@ -2,6 +2,7 @@
 // table of options (proto/options.h).
 #pragma once
 
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -25,6 +26,8 @@ struct Arguments {
   std::string grid;                 // render: the id of a stored grid instead of a mesh
   std::string sequence;             // render: the id of a stored sequence instead
   client::Options options;
+  std::optional<int> priority;       // of the job
+  std::optional<double> deadline_s;  // of the job, from its acceptance on
 
   std::string job;      // jobs: one of them
   bool cancel = false;  // jobs: cancel it

@@ -2,7 +2,7 @@
 """How tenants share one device: their shares by weight, and small jobs beside another's giant ones.
 
   VOXELD_BIN_DIR=build/dev/bin /usr/bin/python3 tests/bench/fairness.py [--device cpu] [--seconds 60]
-                                                [--giant-size 3072] [--only shares|waits]
+                                                [--giant-size 6144] [--only shares|waits]
 
 Shares: three tenants of weights 1, 2 and 4 with a giant job each, for so many seconds; the exit status
 is 1 where one's share is more than 5 % off its weight's. Waits: one tenant has three giant jobs queued,
@@ -46,7 +46,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--seconds", type=float, default=60)
-    parser.add_argument("--giant-size", type=int, default=3072)
+    parser.add_argument("--giant-size", type=int, default=6144)
     parser.add_argument("--only", choices=("shares", "waits"))
     args = parser.parse_args()
     good = True

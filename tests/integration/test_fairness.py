@@ -108,11 +108,11 @@ class Contended(unittest.TestCase):
 
 class Memory(unittest.TestCase):
     def test_what_can_never_fit_is_refused_with_the_numbers(self):
-        with Contention({"a": 1}, arguments=["--memory-max", "150M"]) as load:
+        with Contention({"a": 1}, arguments=["--memory-max", "400M"]) as load:
             job = load.submit("a", {"size": 1024, "format": "npy", "cache": "no"})
             status = load.tenants["a"].wait(job)
             self.assertEqual(status["error"]["code"], "grid-too-large", status)
-            self.assertIn("at most 0.2 GB", status["error"]["expected"])
+            self.assertIn("at most 0.4 GB", status["error"]["expected"])
             self.assertEqual(load.tenants["a"].wait(load.submit("a", SMALL))["state"], "done")
 
 

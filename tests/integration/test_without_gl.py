@@ -14,7 +14,7 @@ class Auto(DaemonTest):
 
     def test_the_daemon_starts_on_the_cpu(self):
         workers = self.daemon.request("GET", "/readyz", port=self.daemon.admin_port).json()["workers"]
-        self.assertEqual([one["device"] for one in workers], ["cpu"])
+        self.assertEqual({one["device"] for one in workers}, {"cpu"})
 
     def test_doctor_tells_why(self):
         done = subprocess.run([BIN / "voxeld", "doctor", "--json"], capture_output=True, text=True,

@@ -61,7 +61,8 @@ struct Settings {
   int retries = 3;
 };
 
-// Names and values as in the API: set("size", "256"). They are checked by the daemon.
+// Names and values as in the API: set("size", "256"), and of a job set("priority", "20") and
+// set("deadline_ms", "60000"). They are checked by the daemon.
 class VOXELD_CLIENT_API Options {
  public:
   Options& set(std::string name, std::string value);

@@ -34,6 +34,20 @@ TEST(Config, without_arguments_serve_listens_on_loopback_with_a_state_directory)
   EXPECT_FALSE(config.allow_remote);
 }
 
+TEST(Config, devices_are_shared_fairly_by_three_workers_each_unless_told_otherwise) {
+  const auto config = std::get<ServeConfig>(parse({}));
+  EXPECT_EQ(config.workers_per_device, 3);
+  EXPECT_TRUE(config.is_fair);
+  EXPECT_EQ(config.memory_bytes_max, 0);
+  const Variable workers("VOXELD_WORKERS_PER_DEVICE", "5");
+  const auto other = std::get<ServeConfig>(parse({"--scheduler", "fifo", "--memory-max", "1500M"}));
+  EXPECT_EQ(other.workers_per_device, 5);
+  EXPECT_FALSE(other.is_fair);
+  EXPECT_EQ(other.memory_bytes_max, int64_t{1500} << 20);
+  EXPECT_EQ(std::get<ExitCommand>(parse({"--scheduler", "lottery"})).status, 64);
+  EXPECT_EQ(std::get<ExitCommand>(parse({"--workers-per-device", "0"})).status, 64);
+}
+
 TEST(Config, flags_without_a_subcommand_are_those_of_serve) {
   EXPECT_EQ(std::get<ServeConfig>(parse({"--listen", "127.0.0.1:9"})).listen, "127.0.0.1:9");
 }
