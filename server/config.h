@@ -22,6 +22,11 @@ struct ServeConfig {
   int64_t upload_bytes_max = limits::kUploadBytesMax;
   int queued_jobs_max = limits::kQueuedJobsMax;
   int request_threads = 64;
+  int64_t store_bytes_max = 0;  // 0: no limit; so are the days
+  int64_t disk_reserve_bytes = int64_t{1} << 30;
+  double keep_results_days = 0;
+  double keep_assets_days = 0;
+  double keep_jobs_days = 0;
   double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
   std::string shader_dir;
   log::Level log_level = log::Level::kInfo;
@@ -38,6 +43,7 @@ struct WorkerCommand {
 struct DoctorCommand {
   bool json = false;
   bool calibrate = false;
+  bool store = false;                // look at the data directory instead of the devices
   std::filesystem::path data_dir;    // of calibration.json; default: as of serve
   std::vector<std::string> devices;  // to calibrate; empty: all that work
 };

@@ -125,6 +125,8 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
     jobs.worker_arguments.insert(jobs.worker_arguments.end(), {"--shader-dir", config.shader_dir});
   }
   jobs.queued_jobs_max = config.queued_jobs_max;
+  jobs.storage = {config.store_bytes_max, config.disk_reserve_bytes, config.keep_results_days,
+                  config.keep_assets_days, config.keep_jobs_days};
   return jobs;
 }
 

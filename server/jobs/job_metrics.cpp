@@ -65,6 +65,20 @@ struct JobMetrics::Impl {
         worker_up(BuildGauge()
                       .Name("voxeld_worker_up")
                       .Help("1 while a worker is connected, by device.")
+                      .Register(*registry)),
+        store_bytes(BuildGauge()
+                        .Name("voxeld_store_bytes")
+                        .Help("Bytes of all files of assets, results, grids and frames.")
+                        .Register(*registry)
+                        .Add({})),
+        damaged(BuildGauge()
+                    .Name("voxeld_store_damaged_blobs")
+                    .Help("Files whose bytes did not match their name, since the start.")
+                    .Register(*registry)
+                    .Add({})),
+        evictions(BuildCounter()
+                      .Name("voxeld_evictions_total")
+                      .Help("Results and assets that went by size or age, by reason.")
                       .Register(*registry)) {}
 
   std::shared_ptr<prometheus::Registry> registry;
@@ -77,6 +91,9 @@ struct JobMetrics::Impl {
   Counter& frames_done;
   Family<Counter>& restarts;
   Family<Gauge>& worker_up;
+  Gauge& store_bytes;
+  Gauge& damaged;
+  Family<Counter>& evictions;
 };
 
 JobMetrics::JobMetrics(std::shared_ptr<prometheus::Registry> registry) {
@@ -125,6 +142,17 @@ void JobMetrics::worker_restarted(const std::string& device) {
 
 void JobMetrics::set_worker_up(const std::string& device, bool up) {
   if (impl_) impl_->worker_up.Add({{"device", device}}).Set(up ? 1 : 0);
+}
+
+void JobMetrics::set_store(int64_t bytes, int64_t damaged) {
+  if (!impl_) return;
+  impl_->store_bytes.Set(static_cast<double>(bytes));
+  impl_->damaged.Set(static_cast<double>(damaged));
+}
+
+void JobMetrics::evicted(const std::string& reason, int64_t count) {
+  if (!impl_) return;
+  impl_->evictions.Add({{"reason", reason}}).Increment(static_cast<double>(count));
 }
 
 }  // namespace voxeld

@@ -31,6 +31,10 @@ class JobMetrics {
   void set_jobs(int64_t queued, int64_t running);
   void worker_restarted(const std::string& device);
   void set_worker_up(const std::string& device, bool up);
+  // Bytes of all blobs; how many were ever found damaged.
+  void set_store(int64_t bytes, int64_t damaged);
+  // Things that were removed unasked: "size", "age" (results), "asset-age".
+  void evicted(const std::string& reason, int64_t count);
 
  private:
   struct Impl;

@@ -38,7 +38,7 @@ struct FinishedTask {
 // Thread-safe; holds no state of its own.
 class JobStore {
  public:
-  // `is_stored` tells whether a blob is (still) in the blob store.
+  // `is_stored` tells whether a blob is in the blob store and not known to be damaged.
   JobStore(Database& database, std::function<bool(std::string_view id)> is_stored)
       : database_(database), is_stored_(std::move(is_stored)) {}
 
@@ -51,6 +51,10 @@ class JobStore {
   // bundle, grid, sequence), gone, invalid-option, queue-full, idempotency-mismatch.
   Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
                            int queued_jobs_max);
+
+  // The blobs of the result that submit() would answer this with; none when it would queue a job.
+  // Errors as of submit().
+  Result<std::vector<std::string>> reusable(const Caller& caller, JobRequest request);
 
   Result<JobRecord> get(const Caller& caller, std::string_view id);
   Result<std::vector<JobRecord>> list(const Caller& caller, int limit,

@@ -26,7 +26,11 @@ namespace {
 // file would tell whether someone else has it as a bundle. jobs.asset_tenant is whose asset it is:
 // an admin's job may work on another tenant's. Indexes that tenants are answered by end in
 // `tenant`.
-constexpr std::array<std::string_view, 3> kSteps = {
+//
+// Step 4: what was used last goes last. results.used_ms and assets.used_ms are when somebody last
+// asked for them. Of an expired result the row stays, so that asking for it says `gone`; so do its
+// rows of frames.
+constexpr std::array<std::string_view, 4> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -201,6 +205,25 @@ INSERT INTO idempotency_keys
   SELECT '', idempotency_key, request_hash, job_id, created_ms FROM idempotency_keys_2;
 DROP TABLE idempotency_keys_2;
 CREATE INDEX idempotency_keys_by_time ON idempotency_keys (created_ms);
+)sql",
+    R"sql(
+ALTER TABLE results ADD COLUMN used_ms BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE results ADD COLUMN expired_ms BIGINT NOT NULL DEFAULT 0;
+UPDATE results SET used_ms = created_ms;
+CREATE INDEX results_by_use ON results (used_ms, seq) WHERE expired_ms = 0;
+CREATE INDEX results_by_job ON results (job_id);
+
+ALTER TABLE assets ADD COLUMN used_ms BIGINT NOT NULL DEFAULT 0;
+UPDATE assets SET used_ms = created_ms;
+CREATE INDEX assets_by_use ON assets (used_ms) WHERE deleted_ms = 0;
+CREATE INDEX assets_gone ON assets (deleted_ms) WHERE bytes < 0;
+
+ALTER TABLE frames ADD COLUMN expired_ms BIGINT NOT NULL DEFAULT 0;
+CREATE INDEX frames_kept ON frames (job_id) WHERE expired_ms = 0;
+
+CREATE INDEX jobs_ended ON jobs (ended_ms) WHERE ended_ms <> 0;
+CREATE INDEX jobs_by_result ON jobs (result_seq) WHERE result_seq <> 0;
+CREATE INDEX idempotency_keys_by_job ON idempotency_keys (job_id);
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

@@ -11,8 +11,12 @@
 #include <system_error>
 #include <utility>
 
+#include "server/base/directory.h"
+#include "server/base/file.h"
+#include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
+#include "server/jobs/blob_needs.h"
 
 namespace voxeld {
 namespace {
@@ -76,11 +80,9 @@ struct TaskServer::Connection {
 Result<std::unique_ptr<TaskServer>> TaskServer::start(TaskServerConfig config,
                                                       TaskServerContext context) {
   std::error_code failed;
-  fs::remove_all(config.scratch_root, failed);  // what workers of an earlier daemon left
+  remove_tree(config.scratch_root);  // what workers of an earlier daemon left
   fs::create_directories(config.scratch_root, failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal, "create directory scratch: " + failed.message(), "", ""};
-  }
+  if (failed) return code_error("create directory", "scratch", failed);
   VOXELD_ASSIGN(UniqueFd listener, listen_unix(config.socket));
   return std::unique_ptr<TaskServer>(
       new TaskServer(std::move(config), std::move(context), std::move(listener)));
@@ -131,25 +133,31 @@ void TaskServer::accept_loop() {
   while (!stopping_) {
     UniqueFd fd(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC));
     if (fd.valid()) {
-      add_connection(std::move(fd));
+      guarded("a worker's connection", [&] { add_connection(std::move(fd)); });
     } else if (errno != EINTR && errno != ECONNABORTED && !stopping_) {
       // Out of descriptors, for one: those who hold them may let go.
       log::error("task socket cannot accept", {{"errno", errno}});
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
-    join_ended(false);
+    guarded("the task server", [this] { join_ended(false); });
   }
 }
 
 void TaskServer::add_connection(UniqueFd fd) {
   MutexLock lock(mutex_);
   const fs::path scratch = config_.scratch_root / ("w" + std::to_string(++connections_made_));
-  connections_.push_back(std::make_unique<Connection>(std::move(fd), scratch));
-  Connection& connection = *connections_.back();
-  connection.thread = std::thread([this, &connection] {
-    serve(connection);
-    connection.ended = true;
-  });
+  auto made = std::make_unique<Connection>(std::move(fd), scratch);
+  Connection& connection = *made;
+  connections_.push_back(std::move(made));
+  try {
+    connection.thread = std::thread([this, &connection] {
+      serve(connection);
+      connection.ended = true;
+    });
+  } catch (const std::exception&) {  // no memory, too many threads: the worker tries again
+    connections_.pop_back();
+    throw;
+  }
 }
 
 void TaskServer::join_ended(bool all) {
@@ -166,25 +174,39 @@ void TaskServer::join_ended(bool all) {
   for (auto& connection : ended) connection->thread.join();
 }
 
-void TaskServer::serve(Connection& connection) {
-  Status status = greet(connection);
-  while (status && !stopping_) {
-    auto frame = connection.socket.receive();
-    status = frame ? answer(connection, *frame) : Status(std::move(frame).error());
+Status TaskServer::converse(Connection& connection) {
+  VOXELD_TRY(greet(connection));
+  while (!stopping_) {
+    VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
+    VOXELD_TRY(answer(connection, frame));
   }
-  if (!status && status.error().code != ErrorCode::kGone && !stopping_) {
-    log::warn("worker connection ends",
-              {{"device", connection.device}, {"error", status.error().message()}});
+  return {};
+}
+
+// Whatever goes wrong ends this connection alone, and its task is put back.
+void TaskServer::serve(Connection& connection) noexcept {
+  Status status;
+  try {
+    status = converse(connection);
+  } catch (const std::exception& failure) {
+    status = exception_error(failure);
   }
-  put_back(connection, status ? Error{} : status.error());
+  guarded("a worker's connection", [&] {
+    if (!status && status.error().code != ErrorCode::kGone && !stopping_) {
+      log::warn("worker connection ends",
+                {{"device", connection.device}, {"error", status.error().message()}});
+    }
+  });
+  put_back(connection, status ? Error{} : std::move(status).error());
   connection.socket.shutdown();  // a worker that broke the protocol must notice
-  if (!connection.device.empty()) context_.metrics.set_worker_up(connection.device, false);
   {
     MutexLock lock(connection.mutex);
     connection.state.connected = false;
   }
-  std::error_code ignored;  // the next start removes what stays
-  fs::remove_all(connection.scratch, ignored);
+  guarded("a worker's connection", [&] {
+    if (!connection.device.empty()) context_.metrics.set_worker_up(connection.device, false);
+    remove_tree(connection.scratch);  // the next start removes what stays
+  });
 }
 
 Status TaskServer::greet(Connection& connection) {
@@ -198,9 +220,7 @@ Status TaskServer::greet(Connection& connection) {
   }
   std::error_code failed;
   fs::create_directories(connection.scratch, failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal, "create scratch directory: " + failed.message(), "", ""};
-  }
+  if (failed) return code_error("create scratch directory", connection.scratch, failed);
   connection.device = hello.device;
   connection.pid = hello.pid;
   const bool opened = !hello.renderer.empty();
@@ -268,9 +288,12 @@ Status TaskServer::give_task(Connection& connection) {
     }
     if (claimed->has_value()) {
       const JobRecord& record = **claimed;
+      // From here on the end of this connection puts the job back.
+      connection.set_task(record.status.id, record.fence);
       const auto task = make_task(record);
       if (task) return send_task(connection, record, *task);
       VOXELD_TRY(refuse_task(record, task.error()));
+      connection.set_task("", 0);
       continue;
     }
     for (int polls = 0; polls < kIdlePollsPerClaim && !stopping_; ++polls) {
@@ -278,6 +301,16 @@ Status TaskServer::give_task(Connection& connection) {
     }
   }
   return Error{ErrorCode::kGone, "the gateway stops", "", ""};
+}
+
+// The file of an input, which is read before a worker gets it: once per process.
+Result<std::string> TaskServer::input_path(std::string_view id, std::string_view what) {
+  const bool is_asset = what == "asset";
+  VOXELD_ASSIGN(const BlobInfo blob,
+                named_blob(context_.blobs, id, "the " + std::string(what) + " " + std::string(id),
+                           is_asset ? "upload the same bytes again, then submit the job again"
+                                    : "submit the job that made it again"));
+  return context_.blobs.path_of(blob.id).string();
 }
 
 Result<Task> TaskServer::make_task(const JobRecord& record) {
@@ -292,7 +325,9 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
   task.input_hash = task.input_is_grid       ? status.grid
                     : task.input_is_sequence ? status.sequence
                                              : status.asset;
-  task.input_path = context_.blobs.path_of(task.input_hash).string();
+  VOXELD_ASSIGN(task.input_path, input_path(task.input_hash, task.input_is_grid       ? "grid"
+                                                             : task.input_is_sequence ? "sequence"
+                                                                                      : "asset"));
   task.filename = status.filename;
   task.options_json = status.options_json;
   task.tenant = record.tenant;
@@ -300,14 +335,16 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
     VOXELD_ASSIGN(const SequenceManifest manifest,
                   context_.frames.read(Caller::daemon(), status.sequence));
     for (const SequenceFrame& frame : manifest.frames) {
-      task.frame_paths.push_back(context_.blobs.path_of(frame.grid).string());
+      VOXELD_ASSIGN(std::string path, input_path(frame.grid, "grid"));
+      task.frame_paths.push_back(std::move(path));
     }
   }
   if (!status.asset.empty()) {
     VOXELD_ASSIGN(const auto files,
                   context_.assets.bundle_files(record.asset_tenant, status.asset));
     for (const BundleFile& file : files) {
-      task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
+      VOXELD_ASSIGN(std::string path, input_path(file.asset, "asset"));
+      task.bundle_paths.push_back(std::move(path));
     }
   }
   return task;
@@ -325,7 +362,6 @@ Status TaskServer::refuse_task(const JobRecord& record, const Error& error) {
 
 Status TaskServer::send_task(Connection& connection, const JobRecord& record, const Task& task) {
   const JobStatus& status = record.status;
-  connection.set_task(status.id, record.fence);
   context_.board.start(status.id, status.version);
   // A cancel that came between the claim and the line above is in the database alone.
   if (auto now = context_.jobs.get(Caller::daemon(), status.id); now && now->cancel_requested) {
@@ -507,10 +543,8 @@ void TaskServer::end_task(Connection& connection, const JobRecord& record) {
   }
 }
 
-void TaskServer::put_back(Connection& connection, const Error& why) {
-  const std::string task = connection.task();
-  if (task.empty()) return;
-  const bool counts = !stopping_;
+// How the worker was lost, for the job's error.
+std::string TaskServer::lost_reason(Connection& connection, const Error& why, bool counts) {
   std::string reason = connection.kill_reason;
   if (counts && why.code == ErrorCode::kDeadlineExceeded) {
     reason = "no sign of life";
@@ -519,21 +553,39 @@ void TaskServer::put_back(Connection& connection, const Error& why) {
   } else if (counts && reason.empty() && config_.exit_reason) {
     reason = config_.exit_reason(connection.pid);
   }
-  if (reason.empty()) {
-    const bool closed = why.code == ErrorCode::kGone || why.detail.empty();
-    reason = closed ? "connection lost" : why.message();
-  }
-  // The database may be full or slow for a moment; a job must not hang in `running` for that.
-  for (int tries = 0; tries < 10; ++tries) {
-    auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts,
-                                          context_.board.live_version(task));
-    if (lost) {
-      if (lost->has_value()) end_task(connection, **lost);
-      notify_work();
-      return;
-    }
-    log::error("cannot put a job back", {{"job", task}, {"error", lost.error().message()}});
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  if (!reason.empty()) return reason;
+  const bool closed = why.code == ErrorCode::kGone || why.detail.empty();
+  return closed ? "connection lost" : why.message();
+}
+
+// The database may be full for hours, and a job must not hang in `running` for that: this goes on
+// until it succeeds or the daemon stops, after which recover() does it.
+void TaskServer::put_back(Connection& connection, const Error& why) noexcept {
+  constexpr std::chrono::milliseconds kBetweenTries{500};
+  constexpr int kTriesWhileStopping = 10;
+  std::string reason;
+  for (int tries = 0; !stopping_ || tries < kTriesWhileStopping; ++tries) {
+    bool is_done = false;
+    guarded("putting a job back", [&] {
+      const std::string task = connection.task();
+      // That the disk is full is not the job's fault.
+      const bool counts = !stopping_ && why.code != ErrorCode::kStorageFull;
+      if (!task.empty() && reason.empty()) reason = lost_reason(connection, why, counts);
+      if (!task.empty()) {
+        auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts,
+                                              context_.board.live_version(task));
+        if (!lost) {
+          log::error("cannot put a job back", {{"job", task}, {"error", lost.error().message()}});
+          return;
+        }
+        is_done = true;
+        if (lost->has_value()) end_task(connection, **lost);
+        notify_work();
+      }
+      is_done = true;
+    });
+    if (is_done) return;
+    std::this_thread::sleep_for(kBetweenTries);
   }
 }
 

@@ -67,11 +67,13 @@ class TaskServer {
   void add_connection(UniqueFd fd);
   void join_ended(bool all);
 
-  void serve(Connection& connection);
+  void serve(Connection& connection) noexcept;
+  Status converse(Connection& connection);
   Status greet(Connection& connection);
   Status answer(Connection& connection, const std::string& frame);
   Status give_task(Connection& connection);
   Result<Task> make_task(const JobRecord& record);
+  Result<std::string> input_path(std::string_view id, std::string_view what);
   Status send_task(Connection& connection, const JobRecord& record, const Task& task);
   Status refuse_task(const JobRecord& record, const Error& error);
   std::string overdue(Connection& connection, const TaskProgress& progress, double cancel_age);
@@ -84,7 +86,8 @@ class TaskServer {
                                                  TaskCompletion completion);
   Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion,
                                   std::map<std::string, BlobInfo>& adopted);
-  void put_back(Connection& connection, const Error& why);
+  void put_back(Connection& connection, const Error& why) noexcept;
+  std::string lost_reason(Connection& connection, const Error& why, bool counts);
   void end_task(Connection& connection, const JobRecord& record);
   bool wait_for_work(uint64_t seen) EXCLUDES(mutex_);
 
