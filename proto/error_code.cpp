@@ -17,7 +17,7 @@ constexpr std::array kCodes = {
     ErrorCodeInfo{kMethodNotAllowed, "method-not-allowed", 405, "The method is not allowed here"},
     ErrorCodeInfo{kNotAcceptable, "not-acceptable", 406, "No acceptable format"},
     ErrorCodeInfo{kConflict, "conflict", 409, "The state does not allow it"},
-    ErrorCodeInfo{kGone, "gone", 410, "It existed and was deleted"},
+    ErrorCodeInfo{kGone, "gone", 410, "It existed and is no longer there"},
     ErrorCodeInfo{kLengthRequired, "length-required", 411, "The body's length is needed"},
     ErrorCodeInfo{kPayloadTooLarge, "payload-too-large", 413, "The body is too large"},
     ErrorCodeInfo{kUnsupportedMedia, "unsupported-media-type", 415, "Not a format that is read"},

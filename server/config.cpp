@@ -65,6 +65,37 @@ void add_scheduling(CLI::App& serve, ServeConfig& config) {
       ->envname("VOXELD_MEMORY_MAX");
 }
 
+void add_storage(CLI::App& serve, ServeConfig& config) {
+  serve
+      .add_option("--store-bytes-max", config.store_bytes_max,
+                  "Over it, results go that were not used for the longest time (50G; 0: never)")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_STORE_BYTES_MAX")
+      ->capture_default_str();
+  serve
+      .add_option("--disk-reserve", config.disk_reserve_bytes,
+                  "Uploads are refused when less is free (1G, at most a 20th of the disk)")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_DISK_RESERVE")
+      ->capture_default_str();
+  const auto add_days = [&serve](const char* flag, double& days, const char* text,
+                                 const char* variable) {
+    serve.add_option(flag, days, text)
+        ->check(CLI::NonNegativeNumber)
+        ->envname(variable)
+        ->capture_default_str();
+  };
+  add_days("--keep-results-days", config.keep_results_days,
+           "Results, grids and frames go so long after they were used last (0: never)",
+           "VOXELD_KEEP_RESULTS_DAYS");
+  add_days("--keep-assets-days", config.keep_assets_days,
+           "Assets go so long after they were used last (0: never)", "VOXELD_KEEP_ASSETS_DAYS");
+  add_days("--keep-jobs-days", config.keep_jobs_days,
+           "Jobs are forgotten so long after they ended (0: never)", "VOXELD_KEEP_JOBS_DAYS");
+}
+
 CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   CLI::App* serve = app.add_subcommand(
       "serve", "Answer HTTP and run jobs on worker processes of each device (the default)");
@@ -125,6 +156,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
                    "Read shaders from here instead of the ones built in")
       ->check(CLI::ExistingDirectory)
       ->envname("VOXELD_SHADER_DIR");
+  add_storage(*serve, config);
   add_log_level(*serve, config.log_level);
   return serve;
 }
@@ -150,7 +182,14 @@ CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
   CLI::Option* calibrate = doctor->add_flag(
       "--calibrate", command.calibrate,
       "Measure the pipelines of each device and store what pipeline=auto decides by");
-  doctor->add_option("--data", command.data_dir, "Directory of calibration.json; as of serve")
+  doctor
+      ->add_flag("--store", command.store,
+                 "Compare every file in the data directory with its name, and the database with "
+                 "the files")
+      ->excludes(calibrate);
+  doctor
+      ->add_option("--data", command.data_dir,
+                   "Directory of calibration.json and of the store; as of serve")
       ->envname("VOXELD_DATA")
       ->capture_default_str();
   doctor->add_option("--device", command.devices, "Devices to calibrate instead of all that work")

@@ -25,8 +25,13 @@ struct ServeConfig {
   int workers_per_device = 3;
   bool is_fair = true;           // --scheduler fair
   int64_t memory_bytes_max = 0;  // 0: three quarters of what the machine has
-  double drain_seconds = 10.0;   // how long running answers may go on after SIGTERM
-  double part_seconds = 5.0;     // how often finished tiles of long jobs are kept
+  int64_t store_bytes_max = 0;   // 0: no limit; so are the days
+  int64_t disk_reserve_bytes = int64_t{1} << 30;
+  double keep_results_days = 0;
+  double keep_assets_days = 0;
+  double keep_jobs_days = 0;
+  double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
+  double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
   std::string shader_dir;
   log::Level log_level = log::Level::kInfo;
 };
@@ -43,6 +48,7 @@ struct WorkerCommand {
 struct DoctorCommand {
   bool json = false;
   bool calibrate = false;
+  bool store = false;                // look at the data directory instead of the devices
   std::filesystem::path data_dir;    // of calibration.json; default: as of serve
   std::vector<std::string> devices;  // to calibrate; empty: all that work
 };

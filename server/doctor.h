@@ -13,4 +13,8 @@ namespace voxeld {
 // was to be measured could not be; 64 for a device's name that is none.
 int doctor_main(const std::string& self_executable, const DoctorCommand& command);
 
+// `voxeld doctor --store`: whether the data directory holds what its database names, byte for byte.
+// Also while a daemon runs on it. Exit status: 0; 1 when something is damaged or missing.
+int doctor_store_main(const DoctorCommand& command);
+
 }  // namespace voxeld

@@ -138,6 +138,8 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
     jobs.memory_bytes_max = machine_memory_bytes() / kMemoryShareMax * kMemoryShare;
   }
   jobs.weight_of = [&keys](const std::string& tenant) { return keys.weight_of(tenant); };
+  jobs.storage = {config.store_bytes_max, config.disk_reserve_bytes, config.keep_results_days,
+                  config.keep_assets_days, config.keep_jobs_days};
   return jobs;
 }
 

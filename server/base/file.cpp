@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
 namespace voxeld {
@@ -18,9 +17,15 @@ void UniqueFd::reset(int fd) {
 
 Error errno_error(std::string_view action, const std::filesystem::path& path) {
   const int saved = errno;
+  return code_error(action, path.filename(), {saved, std::generic_category()});
+}
+
+Error code_error(std::string_view action, const std::filesystem::path& path,
+                 const std::error_code& code) {
   Error error;
-  error.code = saved == ENOSPC || saved == EDQUOT ? ErrorCode::kStorageFull : ErrorCode::kInternal;
-  error.detail = std::string(action) + " " + path.filename().string() + ": " + std::strerror(saved);
+  const bool is_full = code.value() == ENOSPC || code.value() == EDQUOT;
+  error.code = is_full ? ErrorCode::kStorageFull : ErrorCode::kInternal;
+  error.detail = std::string(action) + " " + path.string() + ": " + code.message();
   return error;
 }
 

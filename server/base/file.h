@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "proto/result.h"
@@ -61,5 +62,8 @@ Status write_all(int fd, std::span<const uint8_t> bytes);
 Status sync_path(const std::filesystem::path& path);
 // Error from errno: "<action> <path>: <strerror>"; storage-full for ENOSPC and EDQUOT.
 Error errno_error(std::string_view action, const std::filesystem::path& path);
+// The same from what std::filesystem says.
+Error code_error(std::string_view action, const std::filesystem::path& path,
+                 const std::error_code& code);
 
 }  // namespace voxeld

@@ -3,7 +3,7 @@
 #include <optional>
 #include <utility>
 
-#include "server/base/log.h"
+#include "server/jobs/blob_needs.h"
 #include "server/jobs/job_record.h"
 
 namespace voxeld {
@@ -37,23 +37,10 @@ Result<SqlStatement> select_asset(SqlConnection& connection, const Caller& calle
 
 // Deleted assets whose blob may still be there and that nothing needs.
 Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
-  VOXELD_ASSIGN(SqlStatement rows,
-                connection.query("SELECT DISTINCT id FROM assets a"
-                                 " WHERE deleted_ms <> 0 AND bytes >= 0"
-                                 " AND NOT EXISTS (SELECT 1 FROM assets b WHERE b.id = a.id"
-                                 "                 AND b.deleted_ms = 0)"
-                                 " AND NOT EXISTS (SELECT 1 FROM jobs WHERE asset = a.id"
-                                 "                 AND state IN ('queued', 'running'))"
-                                 " AND NOT EXISTS (SELECT 1 FROM results WHERE blob = a.id)"
-                                 " AND NOT EXISTS (SELECT 1 FROM bundle_files b"
-                                 "                 JOIN jobs j ON j.asset = b.bundle"
-                                 "                 WHERE b.asset = a.id"
-                                 "                 AND j.state IN ('queued', 'running'))"
-                                 " AND NOT EXISTS (SELECT 1 FROM frames WHERE grid = a.id)"
-                                 " AND NOT EXISTS (SELECT 1 FROM results WHERE sequence = a.id"
-                                 "                 AND sequence <> '')"
-                                 " AND NOT EXISTS (SELECT 1 FROM results WHERE grid = a.id"
-                                 "                 AND grid <> '')"));
+  static const std::string sql =
+      "SELECT DISTINCT id FROM assets a WHERE deleted_ms <> 0 AND bytes >= 0 AND NOT " +
+      needed_sql("a.id");
+  VOXELD_ASSIGN(SqlStatement rows, connection.query(sql));
   std::vector<std::string> ids;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
@@ -78,13 +65,13 @@ Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& 
                  "", ""};
   }
   return connection.run(
-      "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant)"
-      " VALUES ($1, $2, $3, $4, $5, $6) ON CONFLICT (id, tenant) DO UPDATE SET"
+      "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant, used_ms)"
+      " VALUES ($1, $2, $3, $4, $5, $6, $5) ON CONFLICT (id, tenant) DO UPDATE SET"
       " filename = CASE WHEN excluded.filename <> '' THEN excluded.filename"
       "            ELSE assets.filename END,"
       " content_type = CASE WHEN excluded.content_type <> '' THEN excluded.content_type"
       "                ELSE assets.content_type END,"
-      " bytes = excluded.bytes, deleted_ms = 0",
+      " bytes = excluded.bytes, deleted_ms = 0, used_ms = excluded.used_ms",
       blob.id, filename, content_type, blob.bytes, unix_time_ms(), caller.tenant());
 }
 
@@ -235,14 +222,8 @@ Result<int64_t> AssetStore::remove_unneeded() {
   int64_t removed = 0;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto ids, unneeded(connection));
-    for (const std::string& id : ids) {
-      Status gone = blobs_.remove(id);
-      if (!gone && gone.error().code == ErrorCode::kConflict) continue;  // uploaded again just now
-      if (!gone && gone.error().code != ErrorCode::kNotFound) {
-        log::warn("cannot remove the blob of a deleted asset",
-                  {{"asset", id}, {"error", gone.error().message()}});
-        continue;
-      }
+    VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, blobs_, ids));
+    for (const std::string& id : gone) {
       // A negative size says that the bytes are gone, so that this row is not looked at again.
       VOXELD_TRY(connection.run("UPDATE assets SET bytes = -1 WHERE id = $1", id));
       ++removed;

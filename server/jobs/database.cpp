@@ -3,6 +3,7 @@
 #include <exception>
 #include <utility>
 
+#include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
 #include "server/jobs/schema.h"
@@ -18,21 +19,6 @@ Status check_integrity(SqlConnection& connection) {
   return Error{ErrorCode::kInternal,
                "job database is corrupt; move it away or put back a copy. Integrity check", "ok",
                answer};
-}
-
-// One operation inside the transaction of its batch.
-Status run_operation(SqlConnection& connection, const Database::Operation& operation) {
-  VOXELD_TRY(connection.run("SAVEPOINT operation"));
-  Status status;
-  try {
-    status = operation(connection);
-  } catch (const std::exception& failure) {
-    status = Error{ErrorCode::kInternal, std::string("job database: ") + failure.what(), "", ""};
-  }
-  if (!connection.in_transaction()) return status;  // SQLite has rolled everything back
-  if (!status) VOXELD_TRY(connection.run("ROLLBACK TO operation"));
-  VOXELD_TRY(connection.run("RELEASE operation"));
-  return status;
 }
 
 }  // namespace
@@ -66,27 +52,56 @@ Status Database::write(const Operation& operation) {
   return mine.status;
 }
 
-void Database::run_batch(const std::vector<Pending*>& batch) {
-  MutexLock lock(writer_mutex_);
-  Status whole = writer_.run("BEGIN IMMEDIATE");
-  for (Pending* pending : batch) {
-    if (!whole) break;
-    pending->status = run_operation(writer_, *pending->operation);
-    if (!writer_.in_transaction()) {
-      whole = Error{ErrorCode::kInternal, "job database: the transaction was rolled back", "", ""};
-      if (!pending->status) whole = pending->status;
-    }
+// One operation inside the transaction of its batch. Errors: what undoes the whole batch; the
+// operation's own are in `pending`.
+Status Database::run_operation(Pending& pending) {
+  if (pending.status = writer_.run("SAVEPOINT operation"); !pending.status) return {};
+  try {
+    pending.status = (*pending.operation)(writer_);
+  } catch (const std::exception& failure) {
+    pending.status = exception_error(failure);
+    pending.status.error().detail.insert(0, "job database: ");
   }
-  if (whole) whole = writer_.run("COMMIT");
-  if (whole) return;
-  log::error("job database refused to commit", {{"error", whole.error().message()}});
-  if (writer_.in_transaction()) {
-    if (Status undone = writer_.run("ROLLBACK"); !undone) {
-      log::error("job database refused to roll back", {{"error", undone.error().message()}});
-    }
+  if (!writer_.in_transaction()) {  // SQLite has rolled everything back
+    if (!pending.status) return pending.status;
+    return Error{ErrorCode::kInternal, "job database: the transaction was rolled back", "", ""};
+  }
+  if (!pending.status) VOXELD_TRY(writer_.run("ROLLBACK TO operation"));
+  return writer_.run("RELEASE operation");
+}
+
+Status Database::run_operations(const std::vector<Pending*>& batch) {
+  // Left over where there was no memory to undo it.
+  if (writer_.in_transaction()) VOXELD_TRY(writer_.run("ROLLBACK"));
+  VOXELD_TRY(writer_.run("BEGIN IMMEDIATE"));
+  for (Pending* pending : batch) VOXELD_TRY(run_operation(*pending));
+  return writer_.run("COMMIT");
+}
+
+void Database::undo(const Error& why) {
+  log::error("job database refused to commit", {{"error", why.message()}});
+  if (!writer_.in_transaction()) return;
+  if (Status undone = writer_.run("ROLLBACK"); !undone) {
+    log::error("job database refused to roll back", {{"error", undone.error().message()}});
+  }
+}
+
+// Whatever happens, the followers are told: they wait for this thread, which must not end early.
+void Database::run_batch(const std::vector<Pending*>& batch) noexcept {
+  const MutexLock lock(writer_mutex_);
+  Status whole;
+  try {
+    whole = run_operations(batch);
+    if (whole) return;
+    undo(whole.error());
+  } catch (const std::exception& failure) {
+    whole = exception_error(failure);  // what is left of the transaction, the next batch undoes
   }
   for (Pending* pending : batch) {
-    if (pending->status.ok()) pending->status = whole;
+    if (!pending->status) continue;
+    // A copy needs memory that there may not be; an error without words is one, too.
+    pending->status = Error{};
+    guarded("the job database", [&] { pending->status = whole; });
   }
 }
 
@@ -105,8 +120,11 @@ Result<Database::Lease> Database::read() {
 
 Database::Lease::~Lease() {
   if (connection_ == nullptr) return;
-  MutexLock lock(database_->mutex_);
-  database_->idle_readers_.push_back(std::move(connection_));
+  // Without memory for it, the connection is closed.
+  guarded("a reader of the job database", [this] {
+    const MutexLock lock(database_->mutex_);
+    database_->idle_readers_.push_back(std::move(connection_));
+  });
 }
 
 }  // namespace voxeld

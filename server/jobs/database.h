@@ -54,7 +54,10 @@ class Database {
   };
   Database(std::filesystem::path path, SqlConnection writer)
       : path_(std::move(path)), writer_(std::move(writer)) {}
-  void run_batch(const std::vector<Pending*>& batch) EXCLUDES(writer_mutex_);
+  void run_batch(const std::vector<Pending*>& batch) noexcept EXCLUDES(writer_mutex_);
+  Status run_operations(const std::vector<Pending*>& batch) REQUIRES(writer_mutex_);
+  Status run_operation(Pending& pending) REQUIRES(writer_mutex_);
+  void undo(const Error& why) REQUIRES(writer_mutex_);
 
   const std::filesystem::path path_;
   Mutex mutex_;

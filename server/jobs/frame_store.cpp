@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "server/base/file.h"
+#include "server/jobs/blob_needs.h"
 #include "server/jobs/visibility.h"
 
 namespace voxeld {
@@ -43,7 +44,7 @@ Status insert_frame(SqlConnection& connection, const TaskFrame& frame, std::stri
       " VALUES ($1, $2, $3, $4, $5, $6, (SELECT tenant FROM jobs WHERE id = $1)) ON CONFLICT "
       "(job_id, frame) DO UPDATE SET"
       " time_s = excluded.time_s, grid = excluded.grid, voxel_count = excluded.voxel_count,"
-      " content_hash = excluded.content_hash",
+      " content_hash = excluded.content_hash, expired_ms = 0",
       frame.task, frame.index, time_text(frame.time_s), grid,
       static_cast<int64_t>(frame.voxel_count), frame.content_hash);
 }
@@ -100,9 +101,8 @@ Result<BlobInfo> FrameStore::stat(const Caller& caller, std::string_view sequenc
                  sequence));
     if (!known) return no_sequence(sequence);
   }
-  auto blob = blobs_.stat(sequence);
-  if (!blob && blob.error().code == ErrorCode::kNotFound) return no_sequence(sequence);
-  return blob;
+  return named_blob(blobs_, sequence, "the sequence " + std::string(sequence),
+                    "submit the job that made it again");
 }
 
 Result<SequenceManifest> FrameStore::read(const Caller& caller, std::string_view sequence) {

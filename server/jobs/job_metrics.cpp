@@ -77,7 +77,21 @@ struct JobMetrics::Impl {
         turn_seconds(BuildHistogram()
                          .Name("voxeld_turn_seconds")
                          .Help("Length of turns on a device, which end between tiles, by device.")
-                         .Register(*registry)) {}
+                         .Register(*registry)),
+        store_bytes(BuildGauge()
+                        .Name("voxeld_store_bytes")
+                        .Help("Bytes of all files of assets, results, grids and frames.")
+                        .Register(*registry)
+                        .Add({})),
+        damaged(BuildGauge()
+                    .Name("voxeld_store_damaged_blobs")
+                    .Help("Files whose bytes did not match their name, since the start.")
+                    .Register(*registry)
+                    .Add({})),
+        evictions(BuildCounter()
+                      .Name("voxeld_evictions_total")
+                      .Help("Results and assets that went by size or age, by reason.")
+                      .Register(*registry)) {}
 
   std::shared_ptr<prometheus::Registry> registry;
   Family<Gauge>& jobs;
@@ -92,6 +106,9 @@ struct JobMetrics::Impl {
   Family<Counter>& device_seconds;
   Family<Histogram>& queue_wait;
   Family<Histogram>& turn_seconds;
+  Gauge& store_bytes;
+  Gauge& damaged;
+  Family<Counter>& evictions;
 };
 
 JobMetrics::JobMetrics(std::shared_ptr<prometheus::Registry> registry) {
@@ -150,6 +167,17 @@ void JobMetrics::worker_restarted(const std::string& device) {
 
 void JobMetrics::add_worker_up(const std::string& device, int workers) {
   if (impl_) impl_->worker_up.Add({{"device", device}}).Increment(workers);
+}
+
+void JobMetrics::set_store(int64_t bytes, int64_t damaged) {
+  if (!impl_) return;
+  impl_->store_bytes.Set(static_cast<double>(bytes));
+  impl_->damaged.Set(static_cast<double>(damaged));
+}
+
+void JobMetrics::evicted(const std::string& reason, int64_t count) {
+  if (!impl_) return;
+  impl_->evictions.Add({{"reason", reason}}).Increment(static_cast<double>(count));
 }
 
 }  // namespace voxeld

@@ -36,6 +36,10 @@ class JobMetrics {
   void worker_restarted(const std::string& device);
   // Counts the device's workers that are connected.
   void add_worker_up(const std::string& device, int workers);
+  // Bytes of all blobs; how many were ever found damaged.
+  void set_store(int64_t bytes, int64_t damaged);
+  // Things that were removed unasked: "size", "age" (results), "asset-age".
+  void evicted(const std::string& reason, int64_t count);
 
  private:
   struct Impl;

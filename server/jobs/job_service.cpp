@@ -6,9 +6,12 @@
 #include <system_error>
 #include <utility>
 
+#include "server/base/file.h"
 #include "server/base/file_lock.h"
+#include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/jobs/asset_store.h"
+#include "server/jobs/blob_needs.h"
 #include "server/jobs/database.h"
 #include "server/jobs/deadline_watch.h"
 #include "server/jobs/device_turns.h"
@@ -17,6 +20,8 @@
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/queue_forecast.h"
+#include "server/jobs/retention.h"
+#include "server/jobs/store_sweep.h"
 #include "server/jobs/supervisor.h"
 #include "server/jobs/task_server.h"
 
@@ -34,13 +39,12 @@ constexpr double kWorkerGraceSeconds = 5.0;
 Result<UniqueFd> prepare_data_dir(const fs::path& dir) {
   std::error_code failed;
   const bool made = fs::create_directories(dir, failed);
-  if (!failed && made) fs::permissions(dir, fs::perms::owner_all, failed);
-  if (!failed) fs::create_directories(dir / "run", failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal,
-                 "cannot create the data directory " + dir.string() + ": " + failed.message(), "",
-                 ""};
+  if (!failed && made) {
+    fs::permissions(dir, fs::perms::owner_all, failed);
+    VOXELD_TRY(sync_path(fs::absolute(dir).lexically_normal().parent_path()));
   }
+  if (!failed) fs::create_directories(dir / "run", failed);
+  if (failed) return code_error("cannot create the data directory", dir, failed);
   return lock_file(dir / "lock");
 }
 
@@ -53,7 +57,7 @@ class Service final : public JobService {
         lock_(std::move(lock)),
         blobs_(std::move(blobs)),
         database_(std::move(database)),
-        jobs_(*database_, [this](std::string_view id) { return blobs_.stat(id).ok(); }),
+        jobs_(*database_, [this](std::string_view id) { return blobs_.is_usable(id); }),
         parts_(std::move(parts)),
         assets_(*database_, blobs_),
         frames_(*database_, blobs_),
@@ -65,12 +69,17 @@ class Service final : public JobService {
               return config_.weight_of ? static_cast<double>(config_.weight_of(tenant)) : 1.0;
             },
             [this](JobStatus& status) { board_.overlay(status); }),
-        turns_(turns_config()) {}
+        turns_(turns_config()),
+        retention_(*database_, blobs_),
+        sweep_(config_.storage, retention_, assets_, blobs_, metrics_) {}
   ~Service() override;
 
   Status start();
 
-  Result<BlobWriter> begin_upload(int64_t bytes_max) override { return blobs_.begin(bytes_max); }
+  Result<BlobWriter> begin_upload(int64_t bytes_max) override {
+    VOXELD_TRY(sweep_.room());
+    return blobs_.begin(bytes_max);
+  }
   Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
                           std::string content_type) override {
     return assets_.put(caller, blob, filename, content_type);
@@ -125,7 +134,8 @@ class Service final : public JobService {
   void start_supervisor();
   Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
                                              int64_t after_id);
-  Result<StoredBlob> stored(std::string_view id);
+  Result<StoredBlob> stored(std::string_view id, std::string_view what);
+  void verify_reusable(const Caller& caller, const JobRequest& request);
 
   const JobServiceConfig config_;
   const UniqueFd lock_;
@@ -140,6 +150,8 @@ class Service final : public JobService {
   JobCosts costs_;
   QueueForecast forecast_;
   DeviceTurns turns_;
+  Retention retention_;
+  StoreSweep sweep_;
   std::atomic<bool> draining_{false};
   // Read by connection threads, which run before the supervisor is there.
   std::atomic<Supervisor*> supervising_{nullptr};
@@ -171,7 +183,9 @@ void Service::overlay(JobStatus& status) {
 Status Service::start() {
   VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
   if (recovered > 0) log::info("jobs of an earlier process recovered", {{"jobs", recovered}});
-  VOXELD_TRY(assets_.remove_unneeded());
+  if (auto removed = assets_.remove_unneeded(); !removed) {  // the disk may be full just now
+    log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
+  }
   parts_.remove_unless([this](std::string_view id) {
     const auto job = jobs_.get(Caller::daemon(), id);
     return job && !job->status.ended();
@@ -185,6 +199,7 @@ Status Service::start() {
                                  [this](const JobRecord& record) { job_changed(record); }}));
   deadlines_ = std::make_unique<DeadlineWatch>(
       jobs_, [this](const JobRecord& record) { job_changed(record); });
+  sweep_.start();
   if (config_.start_workers) start_supervisor();
   return {};
 }
@@ -235,6 +250,7 @@ void Service::start_supervisor() {
 Service::~Service() {
   draining_ = true;
   deadlines_.reset();
+  sweep_.stop();
   // First the connections: their tasks go back to the queue, and workers end when theirs closes.
   if (tasks_ != nullptr) tasks_->stop();
   supervising_ = nullptr;
@@ -314,8 +330,21 @@ Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request
 
 Status Service::delete_asset(const Caller& caller, std::string_view id) {
   VOXELD_TRY(assets_.mark_deleted(caller, id));
-  VOXELD_TRY(assets_.remove_unneeded());
+  // It is deleted; that its bytes go may wait for the next time.
+  if (auto removed = assets_.remove_unneeded(); !removed) {
+    log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
+  }
   return {};
+}
+
+// A result that a job is answered from is read first, where that does not hold up all writers:
+// what is known to be damaged is not used again, but made anew.
+void Service::verify_reusable(const Caller& caller, const JobRequest& request) {
+  const auto ids = jobs_.reusable(caller, request);
+  if (!ids) return;  // submit() says why
+  for (const std::string& id : *ids) {
+    if (const auto blob = blobs_.verified(id); !blob) return;
+  }
 }
 
 Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& request,
@@ -323,6 +352,7 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
   if (draining_) {
     return Error{ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""};
   }
+  verify_reusable(caller, request);
   VOXELD_ASSIGN(JobStore::Submitted submitted,
                 jobs_.submit(caller, request, options, config_.queued_jobs_max));
   JobRecord& record = submitted.record;
@@ -431,14 +461,17 @@ Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
   return record.status;
 }
 
-Result<StoredBlob> Service::stored(std::string_view id) {
-  VOXELD_ASSIGN(BlobInfo blob, blobs_.stat(id));
+Result<StoredBlob> Service::stored(std::string_view id, std::string_view what) {
+  VOXELD_ASSIGN(BlobInfo blob, named_blob(blobs_, id, what, "submit the job again"));
+  retention_.touch(blob.id);
   return StoredBlob{std::move(blob.id), blob.bytes, blobs_.path_of(id)};
 }
 
 Result<StoredBlob> Service::get_result(const Caller& caller, std::string_view job) {
   VOXELD_ASSIGN(const JobRecord record, jobs_.get(caller, job));
-  if (record.status.result) return stored(record.status.result->blob);
+  if (record.status.result) {
+    return stored(record.status.result->blob, "the result of the job " + record.status.id);
+  }
   return Error{ErrorCode::kConflict, "the job " + record.status.id + " has no result", "done",
                std::string(job_state_name(record.status.state))};
 }
@@ -449,7 +482,7 @@ Result<StoredBlob> Service::get_grid(const Caller& caller, std::string_view id) 
     return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
                  std::string(id.substr(0, 80))};
   }
-  return stored(id);
+  return stored(id, "the grid " + std::string(id));
 }
 
 Result<JobFrames> Service::frames(const Caller& caller, std::string_view job) {
@@ -514,15 +547,19 @@ Status Service::ready() {
 
 Result<std::unique_ptr<JobService>> start_job_service(
     const JobServiceConfig& config, std::shared_ptr<prometheus::Registry> metrics) {
-  VOXELD_ASSIGN(UniqueFd lock, prepare_data_dir(config.data_dir));
-  VOXELD_ASSIGN(BlobStore blobs, BlobStore::open(config.data_dir));
-  VOXELD_ASSIGN(PartStore parts, PartStore::open(config.data_dir));
-  VOXELD_ASSIGN(auto database, Database::open(config.data_dir / "jobs.sqlite"));
-  auto service =
-      std::make_unique<Service>(config, std::move(lock), std::move(blobs), std::move(parts),
-                                std::move(database), std::move(metrics));
-  VOXELD_TRY(service->start());
-  return std::unique_ptr<JobService>(std::move(service));
+  try {
+    VOXELD_ASSIGN(UniqueFd lock, prepare_data_dir(config.data_dir));
+    VOXELD_ASSIGN(BlobStore blobs, BlobStore::open(config.data_dir));
+    VOXELD_ASSIGN(PartStore parts, PartStore::open(config.data_dir));
+    VOXELD_ASSIGN(auto database, Database::open(config.data_dir / "jobs.sqlite"));
+    auto service =
+        std::make_unique<Service>(config, std::move(lock), std::move(blobs), std::move(parts),
+                                  std::move(database), std::move(metrics));
+    VOXELD_TRY(service->start());
+    return std::unique_ptr<JobService>(std::move(service));
+  } catch (const std::exception& failure) {  // no memory, no threads
+    return exception_error(failure);
+  }
 }
 
 }  // namespace voxeld

@@ -90,7 +90,7 @@ class JobService {
   virtual ~JobService() = default;
 
   // --- assets
-  // Where an upload is written to: at most `bytes_max` bytes.
+  // Where an upload is written to: at most `bytes_max` bytes. Errors: storage-full.
   virtual Result<BlobWriter> begin_upload(int64_t bytes_max) = 0;
   // Registers what a writer of begin_upload() finished.
   virtual Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
@@ -131,10 +131,11 @@ class JobService {
                                                     Clock::time_point deadline) = 0;
   // Idempotent. A running job ends within a tile.
   virtual Result<JobStatus> cancel(const Caller& caller, std::string_view id) = 0;
-  // The bytes that a finished job left. Errors: not-found; conflict before it is done.
+  // The bytes that a finished job left. Errors: not-found; conflict before it is done; gone when
+  // they expired, made room for others or were damaged on disk.
   virtual Result<StoredBlob> get_result(const Caller& caller, std::string_view job) = 0;
 
-  // --- grids: native containers, by content id
+  // --- grids: native containers, by content id. Errors: not-found; gone as of get_result().
   virtual Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) = 0;
 
   // --- frames
@@ -162,6 +163,15 @@ struct TaskLimits {
   double stall_seconds_max = 600.0;
 };
 
+// What the store may hold, and for how long. 0: without limit. What is asked for counts as used.
+struct StorageLimits {
+  int64_t store_bytes_max = 0;  // over it, results go that were not used for the longest time
+  int64_t disk_reserve_bytes = int64_t{1} << 30;  // less is free: no uploads; see StoreSweep::room
+  double keep_results_days = 0;                   // since they were used last
+  double keep_assets_days = 0;                    // the same
+  double keep_jobs_days = 0;                      // rows of jobs, since they ended
+};
+
 struct JobServiceConfig {
   std::filesystem::path data_dir;
   std::vector<std::string> devices;
@@ -177,6 +187,7 @@ struct JobServiceConfig {
   // A tenant's share beside the others'; null: all have the same. Thread-safe.
   std::function<int64_t(const std::string& tenant)> weight_of;
   TaskLimits limits;
+  StorageLimits storage;
 };
 
 // Opens the store (recovering what an earlier process left: running jobs are queued again), starts

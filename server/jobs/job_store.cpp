@@ -67,10 +67,18 @@ Result<bool> grid_exists(SqlConnection& connection, const Caller& caller, std::s
 
 using IsStored = std::function<bool(std::string_view)>;
 
+// Of what a row names.
+Error not_stored(std::string_view what, std::string_view id) {
+  return {ErrorCode::kGone,
+          "the " + std::string(what) + " " + std::string(id) +
+              " is not stored any more, or is damaged; submit the job that made it again",
+          "", ""};
+}
+
 Status check_grid(SqlConnection& connection, const Caller& caller, std::string_view id,
                   const IsStored& is_stored) {
   VOXELD_ASSIGN(const bool known, grid_exists(connection, caller, id));
-  if (known && is_stored(id)) return {};
+  if (known) return is_stored(id) ? Status() : not_stored("grid", id);
   return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
                std::string(id.substr(0, 80))};
 }
@@ -80,7 +88,7 @@ Status check_sequence(SqlConnection& connection, const Caller& caller, std::stri
   VOXELD_ASSIGN(const bool known,
                 sees_row(connection, caller,
                          "SELECT 1 FROM results WHERE sequence = $1 AND sequence <> ''", id));
-  if (known && is_stored(id)) return {};
+  if (known) return is_stored(id) ? Status() : not_stored("sequence", id);
   return Error{ErrorCode::kNotFound, "no such sequence", "the id of a sequence",
                std::string(id.substr(0, 80))};
 }
@@ -107,12 +115,13 @@ Status check_queue(SqlConnection& connection, int queued_jobs_max) {
                "fewer than " + std::to_string(queued_jobs_max), std::to_string(count.int64(0))};
 }
 
-// The job that used this key within a day, or an empty id.
+// The job that used this key within a day, or an empty id; also where that job's row went since.
 Result<std::string> job_of_key(SqlConnection& connection, std::string_view tenant,
                                std::string_view key, std::string_view hash, int64_t now_ms) {
   VOXELD_ASSIGN(SqlStatement found,
                 connection.query("SELECT request_hash, job_id FROM idempotency_keys"
-                                 " WHERE tenant = $1 AND idempotency_key = $2 AND created_ms > $3",
+                                 " WHERE tenant = $1 AND idempotency_key = $2 AND created_ms > $3"
+                                 " AND EXISTS (SELECT 1 FROM jobs WHERE id = job_id)",
                                  tenant, key, now_ms - kIdempotencyKeptMs));
   VOXELD_ASSIGN(const bool row, found.step());
   if (!row) return std::string();
@@ -151,7 +160,7 @@ Result<int64_t> cached_result(SqlConnection& connection, std::string_view tenant
                               std::string_view hash, const IsStored& is_stored) {
   VOXELD_ASSIGN(SqlStatement found,
                 connection.query("SELECT seq, blob, grid, sequence, job_id FROM results"
-                                 " WHERE request_hash = $1 AND tenant = $2"
+                                 " WHERE request_hash = $1 AND tenant = $2 AND expired_ms = 0"
                                  " ORDER BY seq DESC LIMIT 1",
                                  hash, tenant));
   VOXELD_ASSIGN(const bool row, found.step());
@@ -166,9 +175,21 @@ Result<int64_t> cached_result(SqlConnection& connection, std::string_view tenant
 
 Status end_with_cached(SqlConnection& connection, std::string_view id, int64_t result_seq,
                        int64_t now_ms) {
+  VOXELD_TRY(connection.run("UPDATE results SET used_ms = $2 WHERE seq = $1", result_seq, now_ms));
   return connection.run(
       "UPDATE jobs SET state = 'done', cached = 1, result_seq = $2, ended_ms = $3 WHERE id = $1",
       id, result_seq, now_ms);
+}
+
+// A job's asset, and the files of a bundle, are used now.
+Status touch_asset(SqlConnection& connection, std::string_view tenant, std::string_view id,
+                   int64_t now_ms) {
+  VOXELD_TRY(connection.run("UPDATE assets SET used_ms = $3 WHERE id = $1 AND tenant = $2", id,
+                            tenant, now_ms));
+  return connection.run(
+      "UPDATE assets SET used_ms = $3 WHERE tenant = $2 AND id IN"
+      " (SELECT asset FROM bundle_files WHERE bundle = $1 AND tenant = $2)",
+      id, tenant, now_ms);
 }
 
 // A row of `jobs` to be.
@@ -248,8 +269,9 @@ Result<int64_t> insert_result(SqlConnection& connection, const JobRecord& job,
   VOXELD_ASSIGN(SqlStatement inserted,
                 connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
                                  " filename, grid, meta_json, warnings_json, created_ms,"
-                                 " sequence, frames, job_id, tenant)"
-                                 " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)"
+                                 " sequence, frames, job_id, tenant, used_ms)"
+                                 " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13,"
+                                 " $9)"
                                  " RETURNING seq",
                                  job.request_hash, result.blob, result.bytes, result.media_type,
                                  result.filename, result.grid, result.meta_json,
@@ -282,6 +304,9 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     }
     VOXELD_ASSIGN(const std::string asset_tenant,
                   check_input(connection, caller, request, is_stored_));
+    if (!request.asset.empty()) {
+      VOXELD_TRY(touch_asset(connection, asset_tenant, request.asset, now));
+    }
     const std::string hash = request_hash(request);
     int64_t cached = 0;
     if (request.options.use_cache) {
@@ -309,6 +334,31 @@ Result<bool> JobStore::has_result(const Caller& caller, JobRequest& request) {
   VOXELD_ASSIGN(const int64_t cached,
                 cached_result(*reader, caller.tenant(), request_hash(request), is_stored_));
   return cached != 0;
+}
+
+Result<std::vector<std::string>> JobStore::reusable(const Caller& caller, JobRequest request) {
+  std::vector<std::string> ids;
+  if (!request.options.use_cache) return ids;
+  VOXELD_TRY(check_frame_options(request));
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_TRY(check_input(*reader, caller, request, is_stored_));
+  VOXELD_ASSIGN(const int64_t cached,
+                cached_result(*reader, caller.tenant(), request_hash(request), is_stored_));
+  if (cached == 0) return ids;
+  VOXELD_ASSIGN(SqlStatement rows,
+                reader->query("SELECT blob FROM results WHERE seq = $1"
+                              " UNION SELECT grid FROM results WHERE seq = $1 AND grid <> ''"
+                              " UNION SELECT sequence FROM results WHERE seq = $1"
+                              "       AND sequence <> ''"
+                              " UNION SELECT f.grid FROM results r JOIN frames f"
+                              "       ON f.job_id = r.job_id WHERE r.seq = $1"
+                              "       AND r.sequence <> ''",
+                              cached));
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return ids;
+    ids.push_back(rows.text(0));
+  }
 }
 
 Result<JobRecord> JobStore::get(const Caller& caller, std::string_view id) {

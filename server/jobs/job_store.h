@@ -49,7 +49,7 @@ struct LiveJob {
 // Thread-safe; holds no state of its own.
 class JobStore {
  public:
-  // `is_stored` tells whether a blob is (still) in the blob store.
+  // `is_stored` tells whether a blob is in the blob store and not known to be damaged.
   JobStore(Database& database, std::function<bool(std::string_view id)> is_stored)
       : database_(database), is_stored_(std::move(is_stored)) {}
 
@@ -66,6 +66,9 @@ class JobStore {
   // Whether submit() would answer from a result that is there. Fills in what submit() fills in.
   // Errors: those of the input.
   Result<bool> has_result(const Caller& caller, JobRequest& request);
+  // The blobs of the result that submit() would answer this with; none when it would queue a job.
+  // Errors as of submit().
+  Result<std::vector<std::string>> reusable(const Caller& caller, JobRequest request);
 
   Result<JobRecord> get(const Caller& caller, std::string_view id);
   Result<std::vector<JobRecord>> list(const Caller& caller, int limit,

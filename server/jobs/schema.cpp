@@ -31,7 +31,11 @@ namespace {
 // number where there is none (kNoDeadline). jobs.device_us is for how long it has had its device.
 // The indexes begin with a column that is the same in all their entries, or SQLite's planner takes
 // jobs_by_state and sorts.
-constexpr std::array<std::string_view, 4> kSteps = {
+//
+// Step 5: what was used last goes last. results.used_ms and assets.used_ms are when somebody last
+// asked for them. Of an expired result the row stays, so that asking for it says `gone`; so do its
+// rows of frames.
+constexpr std::array<std::string_view, 5> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -214,6 +218,25 @@ ALTER TABLE jobs ADD COLUMN device_us BIGINT NOT NULL DEFAULT 0;
 CREATE INDEX jobs_queue_by_tenant ON jobs (state, tenant, priority DESC, deadline_ms, seq)
   WHERE state = 'queued';
 CREATE INDEX jobs_queue_by_deadline ON jobs (state, deadline_ms) WHERE state = 'queued';
+)sql",
+    R"sql(
+ALTER TABLE results ADD COLUMN used_ms BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE results ADD COLUMN expired_ms BIGINT NOT NULL DEFAULT 0;
+UPDATE results SET used_ms = created_ms;
+CREATE INDEX results_by_use ON results (used_ms, seq) WHERE expired_ms = 0;
+CREATE INDEX results_by_job ON results (job_id);
+
+ALTER TABLE assets ADD COLUMN used_ms BIGINT NOT NULL DEFAULT 0;
+UPDATE assets SET used_ms = created_ms;
+CREATE INDEX assets_by_use ON assets (used_ms) WHERE deleted_ms = 0;
+CREATE INDEX assets_gone ON assets (deleted_ms) WHERE bytes < 0;
+
+ALTER TABLE frames ADD COLUMN expired_ms BIGINT NOT NULL DEFAULT 0;
+CREATE INDEX frames_kept ON frames (job_id) WHERE expired_ms = 0;
+
+CREATE INDEX jobs_ended ON jobs (ended_ms) WHERE ended_ms <> 0;
+CREATE INDEX jobs_by_result ON jobs (result_seq) WHERE result_seq <> 0;
+CREATE INDEX idempotency_keys_by_job ON idempotency_keys (job_id);
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

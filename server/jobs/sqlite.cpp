@@ -2,6 +2,8 @@
 
 #include <sqlite3.h>
 
+#include <cerrno>
+#include <new>
 #include <utility>
 
 #include "server/base/check.h"
@@ -15,13 +17,16 @@ constexpr int kBusyTimeoutMs = 2000;
 Error sql_error(sqlite3* db, std::string_view action) {
   const int code = sqlite3_extended_errcode(db);
   const std::string words = std::string(action) + ": " + sqlite3_errmsg(db);
-  switch (code & 0xff) {
+  const int reason = sqlite3_system_errno(db);
+  const bool is_file = (code & 0xff) == SQLITE_CANTOPEN || (code & 0xff) == SQLITE_IOERR;
+  switch (is_file && (reason == ENOSPC || reason == EDQUOT) ? SQLITE_FULL : code & 0xff) {
     case SQLITE_FULL:
       return {ErrorCode::kStorageFull, "job database cannot grow, the disk is full: " + words, "",
               ""};
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
-      return {ErrorCode::kInternal, "job database is corrupt: " + words, "", ""};
+      return {ErrorCode::kInternal,
+              "job database is corrupt; move it away or put back a copy: " + words, "", ""};
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       return {ErrorCode::kInternal, "job database is locked by another program: " + words, "", ""};
@@ -51,8 +56,12 @@ void SqlStatement::bind(int index, std::string_view value) {
   const int slot = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(index)).c_str());
   VOXELD_CHECK(slot != 0, sqlite3_sql(statement_));
   // A null pointer would bind NULL; an empty text is not NULL.
-  sqlite3_bind_text64(statement_, slot, value.data() == nullptr ? "" : value.data(), value.size(),
-                      SQLITE_TRANSIENT, SQLITE_UTF8);
+  const char* data = value.data() == nullptr ? "" : value.data();
+  const int bound =
+      sqlite3_bind_text64(statement_, slot, data, value.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  // Left unbound, it would be NULL, and the statement would find something else.
+  if (bound == SQLITE_NOMEM) throw std::bad_alloc();
+  VOXELD_CHECK(bound == SQLITE_OK, sqlite3_sql(statement_));
 }
 
 Result<bool> SqlStatement::step() {
@@ -69,6 +78,7 @@ int64_t SqlStatement::int64(int column) const {
 std::string SqlStatement::text(int column) const {
   const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
   const auto size = static_cast<size_t>(sqlite3_column_bytes(statement_, column));
+  if (data == nullptr && sqlite3_errcode(db_) == SQLITE_NOMEM) throw std::bad_alloc();
   return data == nullptr ? std::string() : std::string(data, size);
 }
 
@@ -86,6 +96,9 @@ Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Rol
   // NOMUTEX: each connection is used by one thread at a time.
   const int opened = sqlite3_open_v2(path.c_str(), &raw, access | SQLITE_OPEN_NOMUTEX, nullptr);
   std::unique_ptr<sqlite3, Closer> db(raw);
+  if (raw == nullptr) {
+    return Error{ErrorCode::kInternal, "job database: out of memory", "", ""};
+  }
   if (opened != SQLITE_OK) return sql_error(raw, "open " + path.string());
   sqlite3_busy_timeout(raw, kBusyTimeoutMs);
   SqlConnection connection(std::move(db));
@@ -107,7 +120,8 @@ Result<SqlStatement> SqlConnection::prepare(std::string_view sql) {
                            SQLITE_PREPARE_PERSISTENT, &raw, nullptr) != SQLITE_OK) {
       return sql_error(db_.get(), "prepare");
     }
-    found = statements_.emplace(sql, std::unique_ptr<sqlite3_stmt, Closer>(raw)).first;
+    std::unique_ptr<sqlite3_stmt, Closer> prepared(raw);
+    found = statements_.emplace(sql, std::move(prepared)).first;
   }
   return SqlStatement(db_.get(), found->second.get());
 }

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
 
@@ -44,19 +45,23 @@ void Supervisor::run(Slot& slot) {
       // Under the lock: stop() either prevents this start or sees the child.
       MutexLock lock(mutex_);
       if (stopping_) return;
-      if (Status started = slot.child.spawn(config_.executable, arguments); !started) {
-        log::error("cannot start a worker",
-                   {{"device", slot.device}, {"error", started.error().message()}});
-      }
+      guarded("the start of a worker", [&] {
+        if (Status started = slot.child.spawn(config_.executable, arguments); !started) {
+          log::error("cannot start a worker",
+                     {{"device", slot.device}, {"error", started.error().message()}});
+        }
+      });
       slot.pid = slot.child.pid();
     }
     const Stopwatch watch;
     ExitReason reason;
     if (slot.child.pid() != 0) {
-      log::info("worker started",
-                {{"device", slot.device}, {"slot", slot.number}, {"pid", slot.child.pid()}});
+      guarded("the start of a worker", [&] {
+        log::info("worker started",
+                  {{"device", slot.device}, {"slot", slot.number}, {"pid", slot.child.pid()}});
+      });
       reason = slot.child.wait();
-      note_exit(slot, reason);
+      guarded("the end of a worker", [&] { note_exit(slot, reason); });
     }
     if (watch.ms() >= kHealthySeconds * 1000.0) backoff = kBackoffSecondsMin;
     if (reason.signal == 0 && reason.status == kExitDeviceUnavailable) backoff = kBackoffSecondsMax;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "server/base/log.h"
+#include "server/jobs/blob_needs.h"
 #include "server/jobs/task_connection.h"
 
 namespace voxeld {
@@ -37,6 +38,7 @@ Status TaskServer::give_task(Connection& connection) {
     const auto task = make_task(*record);
     if (task) return send_task(connection, *record, *task);
     VOXELD_TRY(refuse_task(*record, task.error()));
+    connection.set_task("", 0);
     begin_waiting(connection);
   }
 }
@@ -54,20 +56,20 @@ void TaskServer::begin_waiting(Connection& connection) {
   work_.notify_all();
 }
 
+// What was assigned meanwhile, put_back() finds.
 void TaskServer::end_waiting(Connection& connection) {
-  std::optional<JobRecord> record;
-  {
-    MutexLock lock(mutex_);
-    connection.is_idle = false;
-    connection.started.reset();
-    record = std::exchange(connection.assigned, std::nullopt);
-  }
-  if (record) unclaim(*record);
+  MutexLock lock(mutex_);
+  connection.is_idle = false;
 }
 
+// From here on the end of this connection puts the job back: it is either assigned or the task.
 std::optional<JobRecord> TaskServer::take_assigned(Connection& connection) {
   MutexLock lock(mutex_);
-  return std::exchange(connection.assigned, std::nullopt);
+  if (!connection.assigned) return std::nullopt;
+  std::optional<JobRecord> record = connection.assigned;
+  connection.set_task(record->status.id, record->fence);
+  connection.assigned.reset();
+  return record;
 }
 
 void TaskServer::wait_for_work(const Connection& connection, uint64_t seen) {
@@ -80,7 +82,7 @@ void TaskServer::assign_jobs(const std::string& device, bool is_poll) {
   const uint64_t epoch = work_epoch();
   // Another worker of the device has looked since something changed.
   if (!is_poll && claimed_epoch_[device] == epoch) return;
-  while (!stopping_) {
+  while (!stopping_ && put_back_unassigned()) {
     std::vector<StartedJob> started;
     const std::vector<IdleSlot> idle = slots_of(device, started);
     if (idle.empty()) break;
@@ -100,9 +102,25 @@ void TaskServer::assign_jobs(const std::string& device, bool is_poll) {
       context_.job_changed(**claimed);
       continue;
     }
-    assign(idle, **std::move(claimed));
+    unassigned_ = **std::move(claimed);
+    if (assign(idle, *unassigned_)) unassigned_.reset();
   }
   claimed_epoch_[device] = epoch;
+}
+
+// A job that was claimed and that no worker could be given, for it had gone or for want of memory.
+// False: that cannot be stored now, and nothing is claimed until it can.
+bool TaskServer::put_back_unassigned() {
+  if (!unassigned_) return true;
+  const auto back =
+      context_.jobs.lose_worker(unassigned_->status.id, unassigned_->fence, "", false, {});
+  if (!back) {
+    log::error("cannot put a job back", {{"error", back.error().message()}});
+    return false;
+  }
+  unassigned_.reset();
+  if (*back) context_.job_changed(**back);
+  return true;
 }
 
 std::vector<IdleSlot> TaskServer::slots_of(const std::string& device,
@@ -117,34 +135,33 @@ std::vector<IdleSlot> TaskServer::slots_of(const std::string& device,
   return idle;
 }
 
-void TaskServer::assign(const std::vector<IdleSlot>& idle, JobRecord record) {
+bool TaskServer::assign(const std::vector<IdleSlot>& idle, const JobRecord& record) {
   const JobStatus& status = record.status;
   const std::string& input = !status.grid.empty()       ? status.grid
                              : !status.sequence.empty() ? status.sequence
                                                         : status.asset;
   const int64_t wanted = idle[pick_slot(idle, record.tenant, input)].connection;
-  {
-    MutexLock lock(mutex_);
-    for (const auto& connection : connections_) {
-      if (connection->number != wanted || !connection->is_idle) continue;
-      connection->is_idle = false;
-      connection->started = StartedJob{record.tenant, status.priority};
-      connection->assigned = std::move(record);
-      work_.notify_all();
-      return;
-    }
+  MutexLock lock(mutex_);
+  for (const auto& connection : connections_) {
+    if (connection->number != wanted || !connection->is_idle) continue;
+    StartedJob started{record.tenant, status.priority};
+    connection->assigned = record;
+    connection->started = std::move(started);
+    connection->is_idle = false;
+    work_.notify_all();
+    return true;
   }
-  unclaim(record);  // it has gone meanwhile
+  return false;
 }
 
-void TaskServer::unclaim(const JobRecord& record) {
-  const auto back = context_.jobs.lose_worker(record.status.id, record.fence, "", false, 0);
-  if (!back) {
-    log::error("cannot put a job back", {{"error", back.error().message()}});
-    return;
-  }
-  if (*back) context_.job_changed(**back);
-  notify_work();
+// The file of an input, which is read before a worker gets it: once per process.
+Result<std::string> TaskServer::input_path(std::string_view id, std::string_view what) {
+  const bool is_asset = what == "asset";
+  VOXELD_ASSIGN(const BlobInfo blob,
+                named_blob(context_.blobs, id, "the " + std::string(what) + " " + std::string(id),
+                           is_asset ? "upload the same bytes again, then submit the job again"
+                                    : "submit the job that made it again"));
+  return context_.blobs.path_of(blob.id).string();
 }
 
 Result<Task> TaskServer::make_task(const JobRecord& record) {
@@ -159,7 +176,9 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
   task.input_hash = task.input_is_grid       ? status.grid
                     : task.input_is_sequence ? status.sequence
                                              : status.asset;
-  task.input_path = context_.blobs.path_of(task.input_hash).string();
+  VOXELD_ASSIGN(task.input_path, input_path(task.input_hash, task.input_is_grid       ? "grid"
+                                                             : task.input_is_sequence ? "sequence"
+                                                                                      : "asset"));
   task.filename = status.filename;
   task.options_json = status.options_json;
   task.tenant = record.tenant;
@@ -167,14 +186,16 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
     VOXELD_ASSIGN(const SequenceManifest manifest,
                   context_.frames.read(Caller::daemon(), status.sequence));
     for (const SequenceFrame& frame : manifest.frames) {
-      task.frame_paths.push_back(context_.blobs.path_of(frame.grid).string());
+      VOXELD_ASSIGN(std::string path, input_path(frame.grid, "grid"));
+      task.frame_paths.push_back(std::move(path));
     }
   }
   if (!status.asset.empty()) {
     VOXELD_ASSIGN(const auto files,
                   context_.assets.bundle_files(record.asset_tenant, status.asset));
     for (const BundleFile& file : files) {
-      task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
+      VOXELD_ASSIGN(std::string path, input_path(file.asset, "asset"));
+      task.bundle_paths.push_back(std::move(path));
     }
   }
   VOXELD_TRY(add_done(record, task));
@@ -190,7 +211,7 @@ Status TaskServer::add_done(const JobRecord& record, Task& task) {
   for (const ListedFrame& listed : frames) {
     const SequenceFrame& frame = listed.frame;
     const bool follows = listed.index == static_cast<int64_t>(task.done_frames.size());
-    if (!follows || !context_.blobs.stat(frame.grid)) break;
+    if (!follows || !context_.blobs.verified(frame.grid)) break;
     task.done_frames.push_back({frame.grid, context_.blobs.path_of(frame.grid).string(),
                                 frame.time_s, frame.voxel_count, frame.content_hash});
   }
@@ -209,7 +230,6 @@ Status TaskServer::refuse_task(const JobRecord& record, const Error& error) {
 
 Status TaskServer::send_task(Connection& connection, const JobRecord& record, const Task& task) {
   const JobStatus& status = record.status;
-  connection.set_task(status.id, record.fence);
   connection.input = task.input_hash;
   connection.deadline_at_ms = status.deadline_at_ms;
   context_.turns.begin_task({status.id, record.fence, connection.device, record.tenant,

@@ -10,8 +10,12 @@
 #include <system_error>
 #include <utility>
 
+#include "server/base/directory.h"
+#include "server/base/file.h"
+#include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
+#include "server/jobs/blob_needs.h"
 #include "server/jobs/task_connection.h"
 #include "server/jobs/turn_server.h"
 
@@ -60,11 +64,9 @@ Status check_output(const fs::path& scratch, const std::string& output) {
 Result<std::unique_ptr<TaskServer>> TaskServer::start(TaskServerConfig config,
                                                       TaskServerContext context) {
   std::error_code failed;
-  fs::remove_all(config.scratch_root, failed);  // what workers of an earlier daemon left
+  remove_tree(config.scratch_root);  // what workers of an earlier daemon left
   fs::create_directories(config.scratch_root, failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal, "create directory scratch: " + failed.message(), "", ""};
-  }
+  if (failed) return code_error("create directory", "scratch", failed);
   VOXELD_ASSIGN(UniqueFd listener, listen_unix(config.socket));
   return std::unique_ptr<TaskServer>(
       new TaskServer(std::move(config), std::move(context), std::move(listener)));
@@ -115,13 +117,13 @@ void TaskServer::accept_loop() {
   while (!stopping_) {
     UniqueFd fd(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC));
     if (fd.valid()) {
-      add_connection(std::move(fd));
+      guarded("a worker's connection", [&] { add_connection(std::move(fd)); });
     } else if (errno != EINTR && errno != ECONNABORTED && !stopping_) {
       // Out of descriptors, for one: those who hold them may let go.
       log::error("task socket cannot accept", {{"errno", errno}});
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
-    join_ended(false);
+    guarded("the task server", [this] { join_ended(false); });
   }
 }
 
@@ -129,12 +131,18 @@ void TaskServer::add_connection(UniqueFd fd) {
   MutexLock lock(mutex_);
   const int64_t number = ++connections_made_;
   const fs::path scratch = config_.scratch_root / ("w" + std::to_string(number));
-  connections_.push_back(std::make_unique<Connection>(number, std::move(fd), scratch));
-  Connection& connection = *connections_.back();
-  connection.thread = std::thread([this, &connection] {
-    serve(connection);
-    connection.ended = true;
-  });
+  auto made = std::make_unique<Connection>(number, std::move(fd), scratch);
+  Connection& connection = *made;
+  connections_.push_back(std::move(made));
+  try {
+    connection.thread = std::thread([this, &connection] {
+      serve(connection);
+      connection.ended = true;
+    });
+  } catch (const std::exception&) {  // no memory, too many threads: the worker tries again
+    connections_.pop_back();
+    throw;
+  }
 }
 
 void TaskServer::join_ended(bool all) {
@@ -151,34 +159,40 @@ void TaskServer::join_ended(bool all) {
   for (auto& connection : ended) connection->thread.join();
 }
 
-void TaskServer::serve(Connection& connection) {
-  auto first = receive_first(connection);
-  Status status = first ? Status() : Status(first.error());
-  if (first && type_of(*first) == "turns") {
-    status = serve_turns(connection.socket, *first, {context_.turns, context_.board, stopping_});
-  } else if (first) {
-    status = serve_tasks(connection, *first);
+Status TaskServer::converse(Connection& connection) {
+  VOXELD_ASSIGN(const json first, receive_first(connection));
+  if (type_of(first) == "turns") {
+    return serve_turns(connection.socket, first, {context_.turns, context_.board, stopping_});
   }
-  if (!status && status.error().code != ErrorCode::kGone && !stopping_) {
-    log::warn("worker connection ends",
-              {{"device", connection.device}, {"error", status.error().message()}});
+  VOXELD_TRY(greet(connection, first));
+  while (!stopping_) {
+    VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
+    VOXELD_TRY(answer(connection, frame));
   }
+  return {};
+}
+
+// Whatever goes wrong ends this connection alone, and its task is put back.
+void TaskServer::serve(Connection& connection) noexcept {
+  Status status;
+  try {
+    status = converse(connection);
+  } catch (const std::exception& failure) {
+    status = exception_error(failure);
+  }
+  guarded("a worker's connection", [&] {
+    if (!status && status.error().code != ErrorCode::kGone && !stopping_) {
+      log::warn("worker connection ends",
+                {{"device", connection.device}, {"error", status.error().message()}});
+    }
+  });
+  put_back(connection, status ? Error{} : std::move(status).error());
   connection.socket.shutdown();  // a worker that broke the protocol must notice
+  end_worker(connection);
 }
 
-Result<json> TaskServer::receive_first(Connection& connection) {
-  VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
-  VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
-  return parse_json_bounded(frame);
-}
-
-Status TaskServer::serve_tasks(Connection& connection, const json& hello) {
-  Status status = greet(connection, hello);
-  while (status && !stopping_) {
-    auto frame = connection.socket.receive();
-    status = frame ? answer(connection, *frame) : Status(std::move(frame).error());
-  }
-  put_back(connection, status ? Error{} : status.error());
+// Of a connection that turned out to be one of turns, nothing is to be ended.
+void TaskServer::end_worker(Connection& connection) noexcept {
   bool was_connected = false;
   {
     MutexLock lock(connection.mutex);
@@ -189,10 +203,16 @@ Status TaskServer::serve_tasks(Connection& connection, const json& hello) {
     connection.started.reset();
     connection.idle.connection = 0;
   }
-  if (was_connected) context_.metrics.add_worker_up(connection.device, -1);
-  std::error_code ignored;  // the next start removes what stays
-  fs::remove_all(connection.scratch, ignored);
-  return status;
+  guarded("a worker's connection", [&] {
+    if (was_connected) context_.metrics.add_worker_up(connection.device, -1);
+    remove_tree(connection.scratch);  // the next start removes what stays
+  });
+}
+
+Result<json> TaskServer::receive_first(Connection& connection) {
+  VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
+  VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
+  return parse_json_bounded(frame);
 }
 
 Status TaskServer::greet(Connection& connection, const json& message) {
@@ -203,9 +223,7 @@ Status TaskServer::greet(Connection& connection, const json& message) {
   }
   std::error_code failed;
   fs::create_directories(connection.scratch, failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal, "create scratch directory: " + failed.message(), "", ""};
-  }
+  if (failed) return code_error("create scratch directory", connection.scratch, failed);
   connection.device = hello.device;
   connection.pid = hello.pid;
   if (!hello.renderer.empty()) note_connected(connection, hello);
@@ -465,10 +483,8 @@ void TaskServer::end_task(Connection& connection, const JobRecord& record) {
   }
 }
 
-void TaskServer::put_back(Connection& connection, const Error& why) {
-  const std::string task = connection.task();
-  if (task.empty()) return;
-  const bool counts = !stopping_;
+// How the worker was lost, for the job's error.
+std::string TaskServer::lost_reason(Connection& connection, const Error& why, bool counts) {
   std::string reason = connection.kill_reason;
   if (counts && why.code == ErrorCode::kDeadlineExceeded) {
     reason = "no sign of life";
@@ -477,20 +493,39 @@ void TaskServer::put_back(Connection& connection, const Error& why) {
   } else if (counts && reason.empty() && config_.exit_reason) {
     reason = config_.exit_reason(connection.pid);
   }
-  if (reason.empty()) {
-    const bool closed = why.code == ErrorCode::kGone || why.detail.empty();
-    reason = closed ? "connection lost" : why.message();
-  }
-  // The database may be full or slow for a moment; a job must not hang in `running` for that.
-  for (int tries = 0; tries < 10; ++tries) {
-    auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts, live(task));
-    if (lost) {
-      if (lost->has_value()) end_task(connection, **lost);
-      notify_work();
-      return;
-    }
-    log::error("cannot put a job back", {{"job", task}, {"error", lost.error().message()}});
-    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  if (!reason.empty()) return reason;
+  const bool closed = why.code == ErrorCode::kGone || why.detail.empty();
+  return closed ? "connection lost" : why.message();
+}
+
+// The database may be full for hours, and a job must not hang in `running` for that: this goes on
+// until it succeeds or the daemon stops, after which recover() does it.
+void TaskServer::put_back(Connection& connection, const Error& why) noexcept {
+  constexpr std::chrono::milliseconds kBetweenTries{500};
+  constexpr int kTriesWhileStopping = 10;
+  std::string reason;
+  for (int tries = 0; !stopping_ || tries < kTriesWhileStopping; ++tries) {
+    bool is_done = false;
+    guarded("putting a job back", [&] {
+      (void)take_assigned(connection);
+      const std::string task = connection.task();
+      // That the disk is full is not the job's fault.
+      const bool counts = !stopping_ && why.code != ErrorCode::kStorageFull;
+      if (!task.empty() && reason.empty()) reason = lost_reason(connection, why, counts);
+      if (!task.empty()) {
+        auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts, live(task));
+        if (!lost) {
+          log::error("cannot put a job back", {{"job", task}, {"error", lost.error().message()}});
+          return;
+        }
+        is_done = true;
+        if (lost->has_value()) end_task(connection, **lost);
+        notify_work();
+      }
+      is_done = true;
+    });
+    if (is_done) return;
+    std::this_thread::sleep_for(kBetweenTries);
   }
 }
 

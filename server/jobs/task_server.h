@@ -78,9 +78,10 @@ class TaskServer {
   void add_connection(UniqueFd fd);
   void join_ended(bool all);
 
-  void serve(Connection& connection);
+  void serve(Connection& connection) noexcept;
+  Status converse(Connection& connection);
   Result<nlohmann::json> receive_first(Connection& connection);
-  Status serve_tasks(Connection& connection, const nlohmann::json& hello);
+  void end_worker(Connection& connection) noexcept EXCLUDES(mutex_);
   Status greet(Connection& connection, const nlohmann::json& message);
   void note_connected(Connection& connection, const WorkerHello& hello) EXCLUDES(mutex_);
   Status answer(Connection& connection, const std::string& frame);
@@ -95,11 +96,11 @@ class TaskServer {
   void assign_jobs(const std::string& device, bool is_poll) EXCLUDES(claim_mutex_, mutex_);
   std::vector<IdleSlot> slots_of(const std::string& device, std::vector<StartedJob>& started) const
       EXCLUDES(mutex_);
-  void assign(const std::vector<IdleSlot>& idle, JobRecord record) EXCLUDES(mutex_);
-  // Puts a job back that no worker has heard of.
-  void unclaim(const JobRecord& record);
+  bool assign(const std::vector<IdleSlot>& idle, const JobRecord& record) EXCLUDES(mutex_);
+  bool put_back_unassigned() REQUIRES(claim_mutex_);
   Result<Task> make_task(const JobRecord& record);
   Status add_done(const JobRecord& record, Task& task);
+  Result<std::string> input_path(std::string_view id, std::string_view what);
   Status send_task(Connection& connection, const JobRecord& record, const Task& task);
   Status refuse_task(const JobRecord& record, const Error& error);
   double stop_age_seconds(Connection& connection);
@@ -115,7 +116,8 @@ class TaskServer {
                                                  TaskCompletion completion);
   Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion,
                                   std::map<std::string, BlobInfo>& adopted);
-  void put_back(Connection& connection, const Error& why);
+  void put_back(Connection& connection, const Error& why) noexcept;
+  std::string lost_reason(Connection& connection, const Error& why, bool counts);
   void end_task(Connection& connection, const JobRecord& record);
 
   const TaskServerConfig config_;
@@ -128,6 +130,7 @@ class TaskServer {
   Mutex claim_mutex_;
   // By device: the work_epoch_ after which its workers have looked into the queue.
   std::map<std::string, uint64_t> claimed_epoch_ GUARDED_BY(claim_mutex_);
+  std::optional<JobRecord> unassigned_ GUARDED_BY(claim_mutex_);  // claimed, and nobody's task yet
 
   mutable Mutex mutex_;
   CondVar work_;

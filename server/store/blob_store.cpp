@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "server/base/check.h"
+#include "server/base/directory.h"
 
 namespace voxeld {
 namespace {
@@ -24,7 +25,6 @@ constexpr std::string_view kBlobs = "blobs";
 constexpr std::string_view kTemporary = "tmp";
 constexpr size_t kPrefixBytes = std::string_view("sha256-").size();
 constexpr size_t kFanOutDigits = 2;  // 256 folders keep each below some ten thousand entries
-constexpr size_t kReadBytes = size_t{1} << 20;
 
 Error not_found(std::string_view id) {
   return {ErrorCode::kNotFound, "no such blob",
@@ -67,32 +67,19 @@ Status make_fan_out(const fs::path& blobs) {
 
 // Moves a synced file to its place, also where the same bytes are already: their file is replaced,
 // and whoever reads it reads on.
-Result<BlobInfo> place(const fs::path& root, const std::shared_ptr<BlobPins>& pins,
-                       const fs::path& file, const std::string& id, int64_t bytes) {
+Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& file,
+                       const std::string& id, int64_t bytes) {
   const fs::path target = blob_path(root, id);
-  BlobInfo info{id, bytes, BlobPins::pin(pins, id)};
+  BlobInfo info{id, bytes, BlobPins::pin(state.pins, id)};
+  struct stat replaced {};
+  const bool is_new = ::stat(target.c_str(), &replaced) != 0;
   if (::rename(file.c_str(), target.c_str()) != 0) {
     return errno_error("move into the store", file);
   }
+  state.bytes += bytes - (is_new ? 0 : static_cast<int64_t>(replaced.st_size));
   VOXELD_TRY(sync_path(target.parent_path()));
+  state.checks.note_intact(id, target);
   return info;
-}
-
-// Hashes what is left of an open file. Returns id and byte count.
-Result<std::pair<std::string, int64_t>> hash_file(int fd, const fs::path& path) {
-  ::posix_fadvise(fd, 0, 0, POSIX_FADV_SEQUENTIAL);
-  Sha256 hash;
-  int64_t total = 0;
-  std::vector<uint8_t> buffer(kReadBytes);
-  while (true) {
-    const ssize_t count = ::read(fd, buffer.data(), buffer.size());
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return errno_error("read", path);
-    if (count == 0) break;
-    hash.update(std::span(buffer.data(), static_cast<size_t>(count)));
-    total += count;
-  }
-  return std::pair(hash.finish_id(), total);
 }
 
 }  // namespace
@@ -116,17 +103,17 @@ bool BlobPins::unless_pinned(std::string_view id, const std::function<void()>& r
   return true;
 }
 
-BlobWriter::BlobWriter(const fs::path& root, std::shared_ptr<BlobPins> pins, UniqueFd fd,
+BlobWriter::BlobWriter(const fs::path& root, std::shared_ptr<BlobState> state, UniqueFd fd,
                        fs::path temporary, int64_t bytes_max)
     : root_(root),
-      pins_(std::move(pins)),
+      state_(std::move(state)),
       fd_(std::move(fd)),
       temporary_(std::move(temporary)),
       bytes_max_(bytes_max) {}
 
 BlobWriter::BlobWriter(BlobWriter&& other) noexcept
     : root_(std::move(other.root_)),
-      pins_(std::move(other.pins_)),
+      state_(std::move(other.state_)),
       fd_(std::move(other.fd_)),
       temporary_(std::exchange(other.temporary_, fs::path())),
       bytes_max_(other.bytes_max_),
@@ -160,7 +147,7 @@ Result<BlobInfo> BlobWriter::finish() {
   VOXELD_CHECK(fd_.valid() && !broken_, "finish after a failed append or twice");
   if (::fsync(fd_.get()) != 0) return errno_error("sync", temporary_);
   fd_.reset();
-  VOXELD_ASSIGN(BlobInfo info, place(root_, pins_, temporary_, hash_.finish_id(), bytes_));
+  VOXELD_ASSIGN(BlobInfo info, place(root_, *state_, temporary_, hash_.finish_id(), bytes_));
   temporary_.clear();
   return info;
 }
@@ -168,25 +155,20 @@ Result<BlobInfo> BlobWriter::finish() {
 Result<BlobStore> BlobStore::open(const fs::path& root) {
   std::error_code failed;
   fs::create_directories(root, failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal,
-                 "cannot create the data directory " + root.string() + ": " + failed.message(), "",
-                 ""};
-  }
+  if (failed) return code_error("cannot create the data directory", root, failed);
   VOXELD_TRY(make_directory(root / kBlobs));
   VOXELD_TRY(make_fan_out(root / kBlobs));
   VOXELD_TRY(make_directory(root / kTemporary));
-  for (fs::directory_iterator it(root / kTemporary, failed), end; !failed && it != end;
-       it.increment(failed)) {
-    std::error_code ignored;  // what cannot be removed only wastes space
-    fs::remove_all(it->path(), ignored);
+  VOXELD_ASSIGN(const auto left, directory_names(root / kTemporary));
+  for (const std::string& name : left) {  // what cannot be removed only wastes space
+    if (::unlink((root / kTemporary / name).c_str()) != 0) remove_tree(root / kTemporary / name);
   }
   return BlobStore(root);
 }
 
 Result<BlobWriter> BlobStore::begin(int64_t bytes_max) const {
   VOXELD_ASSIGN(auto temporary, make_temporary(root_));
-  return BlobWriter(root_, pins_, std::move(temporary.first), std::move(temporary.second),
+  return BlobWriter(root_, state_, std::move(temporary.first), std::move(temporary.second),
                     bytes_max);
 }
 
@@ -201,7 +183,7 @@ Result<BlobInfo> BlobStore::adopt(const fs::path& file) const {
   }
   VOXELD_ASSIGN(auto hashed, hash_file(fd.get(), file));
   if (::fsync(fd.get()) != 0) return errno_error("sync", file);
-  return place(root_, pins_, file, hashed.first, hashed.second);
+  return place(root_, *state_, file, hashed.first, hashed.second);
 }
 
 Result<BlobInfo> BlobStore::stat(std::string_view id) const {
@@ -215,6 +197,20 @@ Result<BlobInfo> BlobStore::stat(std::string_view id) const {
   return BlobInfo{std::string(id), static_cast<int64_t>(info.st_size)};
 }
 
+Result<BlobInfo> BlobStore::verified(std::string_view id) const {
+  VOXELD_ASSIGN(BlobInfo info, stat(id));
+  VOXELD_ASSIGN(const bool is_intact, state_->checks.is_intact(info.id, blob_path(root_, id)));
+  if (is_intact) return info;
+  return Error{ErrorCode::kGone, "the stored bytes of " + info.id + " were damaged on disk", "",
+               ""};
+}
+
+bool BlobStore::is_usable(std::string_view id) const {
+  if (!is_sha256_id(id)) return false;
+  const auto stamp = stamp_of(blob_path(root_, id));
+  return stamp && state_->checks.known(std::string(id), *stamp).value_or(true);
+}
+
 fs::path BlobStore::path_of(std::string_view id) const {
   return blob_path(root_, id);
 }
@@ -223,8 +219,13 @@ Status BlobStore::remove(std::string_view id) const {
   if (!is_sha256_id(id)) return not_found(id);
   const fs::path path = blob_path(root_, id);
   Status removed;
-  const bool is_free = pins_->unless_pinned(id, [&] {
-    if (::unlink(path.c_str()) == 0) return;
+  const bool is_free = state_->pins->unless_pinned(id, [&] {
+    struct stat info {};
+    const int64_t bytes = ::stat(path.c_str(), &info) == 0 ? info.st_size : 0;
+    if (::unlink(path.c_str()) == 0) {
+      state_->bytes -= bytes;
+      return;
+    }
     removed = errno == ENOENT ? not_found(id) : errno_error("remove", path);
   });
   if (is_free) return removed;
@@ -233,14 +234,12 @@ Status BlobStore::remove(std::string_view id) const {
 
 Result<std::vector<std::string>> BlobStore::list() const {
   std::vector<std::string> ids;
-  std::error_code failed;
-  for (fs::recursive_directory_iterator it(root_ / kBlobs, failed), end; !failed && it != end;
-       it.increment(failed)) {
-    std::string name = it->path().filename().string();
-    if (is_sha256_id(name)) ids.push_back(std::move(name));
-  }
-  if (failed) {
-    return Error{ErrorCode::kInternal, "list blobs: " + failed.message(), "", ""};
+  VOXELD_ASSIGN(const auto folders, directory_names(root_ / kBlobs));
+  for (const std::string& folder : folders) {
+    VOXELD_ASSIGN(auto names, directory_names(root_ / kBlobs / folder));
+    for (std::string& name : names) {
+      if (is_sha256_id(name)) ids.push_back(std::move(name));
+    }
   }
   std::sort(ids.begin(), ids.end());
   return ids;
@@ -250,6 +249,23 @@ Result<int64_t> BlobStore::free_bytes() const {
   struct statvfs info {};
   if (::statvfs(root_.c_str(), &info) != 0) return errno_error("read free space of", root_);
   return static_cast<int64_t>(info.f_bavail) * static_cast<int64_t>(info.f_frsize);
+}
+
+Result<int64_t> BlobStore::total_bytes() const {
+  struct statvfs info {};
+  if (::statvfs(root_.c_str(), &info) != 0) return errno_error("read size of", root_);
+  return static_cast<int64_t>(info.f_blocks) * static_cast<int64_t>(info.f_frsize);
+}
+
+Status BlobStore::recount() const {
+  VOXELD_ASSIGN(const auto ids, list());
+  const int64_t before = state_->bytes;
+  int64_t total = 0;
+  for (const std::string& id : ids) {
+    if (const auto info = stat(id)) total += info->bytes;  // else it went meanwhile
+  }
+  state_->bytes += total - before;
+  return {};
 }
 
 }  // namespace voxeld

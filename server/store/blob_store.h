@@ -1,6 +1,7 @@
 // Content-addressed files: DIR/blobs/ab/sha256-ab…, written to DIR/tmp, synced, then renamed.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -15,6 +16,7 @@
 #include "server/base/file.h"
 #include "server/base/sha256.h"
 #include "server/base/thread_annotations.h"
+#include "server/store/blob_checks.h"
 
 namespace voxeld {
 
@@ -30,6 +32,13 @@ class BlobPins {
  private:
   Mutex mutex_;
   std::multiset<std::string, std::less<>> ids_ GUARDED_BY(mutex_);
+};
+
+// What copies of a store share.
+struct BlobState {
+  std::shared_ptr<BlobPins> pins = std::make_shared<BlobPins>();
+  BlobChecks checks;
+  std::atomic<int64_t> bytes{0};  // of all blobs: see BlobStore::recount()
 };
 
 // What finish() and adopt() do not tell: whether the same bytes were there already. Somebody else
@@ -56,10 +65,10 @@ class BlobWriter {
 
  private:
   friend class BlobStore;
-  BlobWriter(const std::filesystem::path& root, std::shared_ptr<BlobPins> pins, UniqueFd fd,
+  BlobWriter(const std::filesystem::path& root, std::shared_ptr<BlobState> state, UniqueFd fd,
              std::filesystem::path temporary, int64_t bytes_max);
   std::filesystem::path root_;
-  std::shared_ptr<BlobPins> pins_;
+  std::shared_ptr<BlobState> state_;
   UniqueFd fd_;
   std::filesystem::path temporary_;  // empty after finish()
   int64_t bytes_max_;
@@ -79,6 +88,11 @@ class BlobStore {
   Result<BlobInfo> adopt(const std::filesystem::path& file) const;
   // Errors: not-found; also for text that is not an id.
   Result<BlobInfo> stat(std::string_view id) const;
+  // The same for a blob that is about to be read: its bytes are compared with its name, once per
+  // process and whenever the file was touched since. Errors: not-found; gone when it is damaged.
+  Result<BlobInfo> verified(std::string_view id) const;
+  // Whether it is there and not known to be damaged; reads nothing.
+  bool is_usable(std::string_view id) const;
   // Where a blob is; for passing to a worker or opening. Check stat() first. Text that is not an id
   // gives the path of nothing, inside the store.
   std::filesystem::path path_of(std::string_view id) const;
@@ -86,14 +100,21 @@ class BlobStore {
   Status remove(std::string_view id) const;
   Result<std::vector<std::string>> list() const;
   const std::filesystem::path& root() const { return root_; }
-  // Free bytes of the file system.
+  // Free bytes of the file system, and its size.
   Result<int64_t> free_bytes() const;
+  Result<int64_t> total_bytes() const;
+  // Of all blobs, as of the last recount() and what came and went since; 0 before the first.
+  int64_t bytes() const { return state_->bytes; }
+  // Looks at every file.
+  Status recount() const;
+  // How many blobs verified() found damaged.
+  int64_t damaged_count() const { return state_->checks.damaged_count(); }
 
  private:
   explicit BlobStore(std::filesystem::path root)
-      : root_(std::move(root)), pins_(std::make_shared<BlobPins>()) {}
+      : root_(std::move(root)), state_(std::make_shared<BlobState>()) {}
   std::filesystem::path root_;
-  std::shared_ptr<BlobPins> pins_;
+  std::shared_ptr<BlobState> state_;
 };
 
 }  // namespace voxeld

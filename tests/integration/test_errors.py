@@ -16,7 +16,7 @@ TESTED_ELSEWHERE = {
     "idempotency-mismatch": "test_jobs",
     "range-not-satisfiable": "test_jobs",
     "cancelled": "test_jobs",
-    "storage-full": "unit_store: a full file system",
+    "storage-full": "test_storage",
     "shutting-down": "unit_http: drain",
     "device-unavailable": "unit_jobs: no worker",
     "queue-full": "unit_jobs: queue limit",

@@ -121,7 +121,9 @@ TEST_F(DatabaseTest, a_file_that_is_no_database_is_refused) {
   const auto database = Database::open(path());
   ASSERT_FALSE(database);
   EXPECT_EQ(database.error().code, ErrorCode::kInternal);
-  EXPECT_EQ(database.error().detail, "job database is corrupt: run: file is not a database");
+  EXPECT_EQ(database.error().detail,
+            "job database is corrupt; move it away or put back a copy: run: file is not a "
+            "database");
 }
 
 TEST_F(DatabaseTest, a_damaged_database_is_refused_at_start) {

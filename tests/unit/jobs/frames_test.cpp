@@ -256,7 +256,11 @@ TEST_F(FramesTest, a_task_whose_manifest_cannot_be_read_fails_and_the_worker_goe
   EXPECT_EQ(task->id, next);
   const JobStatus status = wait_end(broken);
   EXPECT_EQ(status.state, JobState::kFailed);
-  EXPECT_EQ(status.error->code, ErrorCode::kNotFound);
+  EXPECT_EQ(status.error->code, ErrorCode::kGone);
+  EXPECT_EQ(status.error->detail,
+            "the sequence " + sequence +
+                " is not stored any more: it expired or made room for others; submit the job that "
+                "made it again");
 }
 
 TEST_F(FramesTest, a_request_on_a_sequence_is_checked) {

@@ -1,0 +1,268 @@
+#include "server/jobs/retention.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "server/jobs/blob_needs.h"
+#include "server/jobs/job_record.h"
+
+namespace voxeld {
+namespace {
+
+// A batch takes some milliseconds; other writers come in between.
+constexpr int64_t kBatch = 64;
+// Uses that are remembered between two flushes; more are forgotten, which makes a result a little
+// older than it is.
+constexpr size_t kTouchedMax = 50'000;
+
+using Ids = std::vector<std::string>;
+
+// The texts of the first column of all rows, without empty ones.
+Status collect(SqlStatement rows, Ids& ids) {
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return {};
+    if (std::string id = rows.text(0); !id.empty()) ids.push_back(std::move(id));
+  }
+}
+
+struct OldResult {
+  int64_t seq = 0;
+  std::string job;
+};
+
+// No live job works on any part of them.
+Result<std::vector<OldResult>> old_results(SqlConnection& connection, int64_t used_before_ms) {
+  VOXELD_ASSIGN(
+      SqlStatement rows,
+      connection.query("SELECT seq, job_id FROM results r WHERE expired_ms = 0 AND used_ms < $1"
+                       " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.state IN ('queued',"
+                       " 'running') AND ((n.grid <> '' AND n.grid IN (r.grid, r.blob))"
+                       " OR (n.sequence <> '' AND n.sequence = r.sequence)"
+                       " OR (n.grid <> '' AND r.sequence <> '' AND EXISTS (SELECT 1 FROM frames f"
+                       " WHERE f.job_id = r.job_id AND f.grid = n.grid))))"
+                       " ORDER BY used_ms, seq LIMIT $2",
+                       used_before_ms, kBatch));
+  std::vector<OldResult> results;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return results;
+    results.push_back({rows.int64(0), rows.text(1)});
+  }
+}
+
+Status blobs_of_result(SqlConnection& connection, const OldResult& result, Ids& ids) {
+  for (const char* column : {"blob", "grid", "sequence"}) {
+    VOXELD_ASSIGN(SqlStatement rows,
+                  connection.query("SELECT " + std::string(column) + " FROM results WHERE seq = $1",
+                                   result.seq));
+    VOXELD_TRY(collect(std::move(rows), ids));
+  }
+  return {};
+}
+
+// Lists the frames of a job for removal. Their rows stay until the job's goes.
+Status expire_frames_of(SqlConnection& connection, std::string_view job, Ids& ids) {
+  if (job.empty()) return {};
+  {
+    VOXELD_ASSIGN(SqlStatement rows, connection.query("SELECT DISTINCT grid FROM frames"
+                                                      " WHERE job_id = $1 AND expired_ms = 0",
+                                                      job));
+    VOXELD_TRY(collect(std::move(rows), ids));
+  }
+  return connection.run("UPDATE frames SET expired_ms = $2 WHERE job_id = $1 AND expired_ms = 0",
+                        job, unix_time_ms());
+}
+
+// A result that no job refers to leaves no row behind: nobody could ask for it.
+Status expire_result(SqlConnection& connection, const OldResult& result, Ids& ids) {
+  VOXELD_TRY(blobs_of_result(connection, result, ids));
+  VOXELD_TRY(expire_frames_of(connection, result.job, ids));
+  VOXELD_TRY(connection.run("UPDATE results SET expired_ms = $2 WHERE seq = $1", result.seq,
+                            unix_time_ms()));
+  VOXELD_TRY(
+      connection.run("DELETE FROM frames WHERE job_id = $1 AND NOT EXISTS"
+                     " (SELECT 1 FROM jobs WHERE id = $1)",
+                     result.job));
+  return connection.run(
+      "DELETE FROM results WHERE seq = $1 AND NOT EXISTS"
+      " (SELECT 1 FROM jobs WHERE result_seq = $1)",
+      result.seq);
+}
+
+Status trim_job(SqlConnection& connection, std::string_view id, Ids& ids) {
+  VOXELD_TRY(connection.run("DELETE FROM job_events WHERE job_id = $1", id));
+  VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE job_id = $1", id));
+  int64_t result = 0;
+  {
+    VOXELD_ASSIGN(SqlStatement row,
+                  connection.query("SELECT result_seq FROM jobs WHERE id = $1", id));
+    VOXELD_TRY(row.step());
+    result = row.int64(0);
+  }
+  VOXELD_TRY(connection.run("DELETE FROM jobs WHERE id = $1", id));
+  VOXELD_TRY(
+      connection.run("DELETE FROM results WHERE seq = $1 AND expired_ms <> 0"
+                     " AND NOT EXISTS (SELECT 1 FROM jobs WHERE result_seq = $1)",
+                     result));
+  VOXELD_ASSIGN(SqlStatement kept, connection.query("SELECT 1 FROM results WHERE job_id = $1"
+                                                    " AND expired_ms = 0 LIMIT 1",
+                                                    id));
+  VOXELD_ASSIGN(const bool is_kept, kept.step());
+  if (is_kept) return {};
+  VOXELD_TRY(expire_frames_of(connection, id, ids));
+  return connection.run("DELETE FROM frames WHERE job_id = $1", id);
+}
+
+Status forget_assets(SqlConnection& connection, int64_t deleted_before_ms) {
+  constexpr std::string_view kOld =
+      " (SELECT id, tenant FROM assets WHERE bytes < 0 AND deleted_ms < $1"
+      " ORDER BY deleted_ms LIMIT $2)";
+  VOXELD_TRY(
+      connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + std::string(kOld),
+                     deleted_before_ms, kBatch));
+  return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + std::string(kOld),
+                        deleted_before_ms, kBatch);
+}
+
+}  // namespace
+
+void Retention::touch(const std::string& blob) {
+  const MutexLock lock(mutex_);
+  if (used_ms_.size() < kTouchedMax) used_ms_[blob] = unix_time_ms();
+}
+
+Status Retention::flush() {
+  std::vector<std::pair<std::string, int64_t>> used;
+  {
+    const MutexLock lock(mutex_);
+    for (auto it = used_ms_.begin(); it != used_ms_.end() && used.size() < size_t{4} * kBatch;) {
+      used.emplace_back(*it);
+      it = used_ms_.erase(it);
+    }
+  }
+  if (used.empty()) return {};
+  return database_.write([&](SqlConnection& connection) -> Status {
+    for (const auto& [id, at_ms] : used) {
+      for (const char* column : {"blob", "grid", "sequence"}) {
+        VOXELD_TRY(connection.run(
+            "UPDATE results SET used_ms = $2 WHERE " + std::string(column) +
+                " = $1 AND expired_ms = 0 AND used_ms < $2" +
+                (column == std::string_view("blob") ? std::string()
+                                                    : " AND " + std::string(column) + " <> ''"),
+            id, at_ms));
+      }
+      VOXELD_TRY(connection.run(
+          "UPDATE results SET used_ms = $2 WHERE expired_ms = 0 AND used_ms < $2 AND job_id IN"
+          " (SELECT job_id FROM frames WHERE grid = $1)",
+          id, at_ms));
+    }
+    return {};
+  });
+}
+
+Result<int64_t> Retention::remove(const Ids& ids) {
+  int64_t removed = 0;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, blobs_, ids));
+    removed = static_cast<int64_t>(gone.size());
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return removed;
+}
+
+Result<int64_t> Retention::expire_results(int64_t used_before_ms) {
+  Ids ids;
+  int64_t expired = 0;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto results, old_results(connection, used_before_ms));
+    for (const OldResult& result : results) VOXELD_TRY(expire_result(connection, result, ids));
+    expired = static_cast<int64_t>(results.size());
+    return {};
+  });
+  VOXELD_TRY(committed);
+  VOXELD_TRY(remove(ids));
+  return expired;
+}
+
+Result<int64_t> Retention::expire_frames(int64_t ended_before_ms) {
+  constexpr std::string_view kOld =
+      "SELECT DISTINCT f.job_id FROM frames f JOIN jobs j ON j.id = f.job_id"
+      " WHERE f.expired_ms = 0 AND j.state IN ('failed', 'cancelled') AND j.ended_ms < $1"
+      " LIMIT $2";
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    VOXELD_ASSIGN(SqlStatement rows, reader->query(kOld, ended_before_ms, kBatch));
+    VOXELD_ASSIGN(const bool some, rows.step());
+    if (!some) return int64_t{0};
+  }
+  Ids ids, jobs;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    {
+      VOXELD_ASSIGN(SqlStatement rows, connection.query(kOld, ended_before_ms, kBatch));
+      VOXELD_TRY(collect(std::move(rows), jobs));
+    }
+    for (const std::string& job : jobs) VOXELD_TRY(expire_frames_of(connection, job, ids));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  VOXELD_TRY(remove(ids));
+  return static_cast<int64_t>(jobs.size());
+}
+
+Result<int64_t> Retention::expire_assets(int64_t used_before_ms) {
+  int64_t expired = 0;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(
+        connection.run("UPDATE assets SET deleted_ms = $2 WHERE (id, tenant) IN"
+                       " (SELECT id, tenant FROM assets WHERE deleted_ms = 0"
+                       "  AND used_ms < $1 ORDER BY used_ms LIMIT $3)",
+                       used_before_ms, unix_time_ms(), kBatch));
+    expired = connection.changes();
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return expired;
+}
+
+Result<int64_t> Retention::trim_jobs(int64_t ended_before_ms) {
+  Ids ids, jobs;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    {
+      VOXELD_ASSIGN(SqlStatement rows,
+                    connection.query("SELECT id FROM jobs WHERE ended_ms <> 0 AND ended_ms < $1"
+                                     " ORDER BY ended_ms LIMIT $2",
+                                     ended_before_ms, kBatch));
+      VOXELD_TRY(collect(std::move(rows), jobs));
+    }
+    for (const std::string& job : jobs) VOXELD_TRY(trim_job(connection, job, ids));
+    return forget_assets(connection, ended_before_ms);
+  });
+  VOXELD_TRY(committed);
+  VOXELD_TRY(remove(ids));
+  return static_cast<int64_t>(jobs.size());
+}
+
+Result<int64_t> Retention::remove_orphans() {
+  VOXELD_ASSIGN(const Ids stored, blobs_.list());
+  Ids orphans;
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    for (const std::string& id : stored) {
+      VOXELD_ASSIGN(const bool needed, is_needed(*reader, id));
+      if (!needed) orphans.push_back(id);
+    }
+  }
+  int64_t removed = 0;
+  for (size_t first = 0; first < orphans.size(); first += kBatch) {
+    const size_t last = std::min(orphans.size(), first + kBatch);
+    const auto begin = orphans.begin() + static_cast<std::ptrdiff_t>(first);
+    VOXELD_ASSIGN(const int64_t gone,
+                  remove(Ids(begin, orphans.begin() + static_cast<std::ptrdiff_t>(last))));
+    removed += gone;
+  }
+  return removed;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,54 @@
+// What is kept for how long: results and frames that were not used for long, assets when that is
+// asked for, rows of jobs that ended, and blobs that no row names.
+//
+// A result expires as a whole: its blob, its grid, its sequence and the frames of its job. First
+// its rows say so and that is committed, then the files go; what a crash leaves in between is found
+// by remove_orphans().
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "proto/result.h"
+#include "server/base/thread_annotations.h"
+#include "server/jobs/database.h"
+#include "server/store/blob_store.h"
+
+namespace voxeld {
+
+// Thread-safe. Every call that changes rows does a batch, so that it holds the writer for some
+// milliseconds, and returns how many it did; 0: there are no more.
+class Retention {
+ public:
+  Retention(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
+
+  // Somebody was given this blob. Kept in memory until flush().
+  void touch(const std::string& blob) EXCLUDES(mutex_);
+  Status flush() EXCLUDES(mutex_);
+
+  // Results that were used last before `used_before_ms`, the oldest first. Those that live jobs
+  // work on stay.
+  Result<int64_t> expire_results(int64_t used_before_ms);
+  // Frames of jobs that failed or were cancelled before that.
+  Result<int64_t> expire_frames(int64_t ended_before_ms);
+  // As if their tenants had deleted them.
+  Result<int64_t> expire_assets(int64_t used_before_ms);
+  // Rows of jobs that ended before that, with their events; and what remembers deleted assets.
+  // Results that have not expired stay: equal jobs are answered by them.
+  Result<int64_t> trim_jobs(int64_t ended_before_ms);
+
+  // Blobs that no row names: of uploads and tasks that were cut off. Reads much.
+  Result<int64_t> remove_orphans();
+
+ private:
+  Result<int64_t> remove(const std::vector<std::string>& ids);
+  Database& database_;
+  const BlobStore& blobs_;
+  Mutex mutex_;
+  std::unordered_map<std::string, int64_t> used_ms_ GUARDED_BY(mutex_);
+};
+
+}  // namespace voxeld

@@ -1,0 +1,163 @@
+#include "server/jobs/store_sweep.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <string>
+
+#include "server/base/guard.h"
+#include "server/base/log.h"
+#include "server/jobs/job_record.h"
+
+namespace voxeld {
+namespace {
+
+constexpr std::chrono::seconds kPause{1};
+constexpr int64_t kSecondsPerExpiry = 10;
+constexpr int64_t kSecondsPerOrphans = int64_t{24} * 60 * 60;
+// Room is made down to this part of the limit, so that not every upload waits for it.
+constexpr double kFullPart = 0.95;
+constexpr double kMsPerDay = 24.0 * 60 * 60 * 1000;
+
+int64_t days_ago_ms(double days) {
+  return unix_time_ms() - static_cast<int64_t>(days * kMsPerDay);
+}
+
+// Calls `batch` until it did nothing. Returns how many it did.
+template <typename Batch>
+int64_t until_none(const char* what, Batch&& batch) {
+  int64_t total = 0;
+  while (true) {
+    const Result<int64_t> done = batch();
+    if (!done) {
+      log::warn("the store cannot be swept", {{"step", what}, {"error", done.error().message()}});
+      return total;
+    }
+    if (*done == 0) return total;
+    total += *done;
+  }
+}
+
+}  // namespace
+
+StoreSweep::StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
+                       const BlobStore& blobs, JobMetrics& metrics)
+    : limits_(limits), retention_(retention), assets_(assets), blobs_(blobs), metrics_(metrics) {}
+
+StoreSweep::~StoreSweep() {
+  stop();
+}
+
+void StoreSweep::start() {
+  thread_ = std::thread([this] { run(); });
+}
+
+void StoreSweep::stop() {
+  {
+    const MutexLock lock(mutex_);
+    stopping_ = true;
+    wake_.notify_all();
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+bool StoreSweep::pause() {
+  const auto deadline = std::chrono::steady_clock::now() + kPause;
+  MutexLock lock(mutex_);
+  while (!stopping_) {
+    if (wake_.wait_until(lock, deadline) == std::cv_status::timeout) break;
+  }
+  ++seconds_;
+  return !stopping_;
+}
+
+void StoreSweep::run() {
+  do {
+    guarded("the sweep of the store", [this] { sweep(); });
+  } while (pause());
+}
+
+void StoreSweep::sweep() {
+  if (seconds_ % kSecondsPerOrphans == 0) {
+    if (Status counted = blobs_.recount(); !counted) {
+      log::warn("cannot count the store", {{"error", counted.error().message()}});
+    }
+    if (const auto orphans = retention_.remove_orphans(); !orphans) {
+      log::warn("cannot look for blobs that nothing names", {{"error", orphans.error().message()}});
+    } else if (*orphans > 0) {
+      log::info("removed blobs that nothing named", {{"blobs", *orphans}});
+    }
+  }
+  if (seconds_ % kSecondsPerExpiry == 0) expire();
+  make_room();
+  metrics_.set_store(blobs_.bytes(), blobs_.damaged_count());
+}
+
+void StoreSweep::expire() {
+  if (Status flushed = retention_.flush(); !flushed) {
+    log::warn("cannot note what was used", {{"error", flushed.error().message()}});
+  }
+  if (limits_.keep_results_days > 0) {
+    const int64_t before_ms = days_ago_ms(limits_.keep_results_days);
+    const int64_t results =
+        until_none("results", [&] { return retention_.expire_results(before_ms); }) +
+        until_none("frames", [&] { return retention_.expire_frames(before_ms); });
+    metrics_.evicted("age", results);
+  }
+  if (limits_.keep_assets_days > 0) {
+    const int64_t before_ms = days_ago_ms(limits_.keep_assets_days);
+    const int64_t expired =
+        until_none("assets", [&] { return retention_.expire_assets(before_ms); });
+    metrics_.evicted("asset-age", expired);
+    if (expired > 0) (void)until_none("assets", [&] { return assets_.remove_unneeded(); });
+  }
+  if (limits_.keep_jobs_days > 0) {
+    const int64_t before_ms = days_ago_ms(limits_.keep_jobs_days);
+    (void)until_none("jobs", [&] { return retention_.trim_jobs(before_ms); });
+  }
+}
+
+void StoreSweep::make_room() {
+  if (limits_.store_bytes_max == 0 || blobs_.bytes() <= limits_.store_bytes_max) {
+    is_full_ = false;
+    return;
+  }
+  const auto goal = static_cast<int64_t>(static_cast<double>(limits_.store_bytes_max) * kFullPart);
+  constexpr int64_t kEver = std::numeric_limits<int64_t>::max();
+  if (Status flushed = retention_.flush(); !flushed) {
+    log::warn("cannot note what was used", {{"error", flushed.error().message()}});
+  }
+  int64_t evicted = 0;
+  while (blobs_.bytes() > goal) {
+    auto gone = retention_.expire_results(kEver);
+    if (gone && *gone == 0) gone = retention_.expire_frames(kEver);
+    if (!gone) log::warn("cannot make room", {{"error", gone.error().message()}});
+    if (!gone || *gone == 0) break;
+    evicted += *gone;
+  }
+  is_full_ = blobs_.bytes() > limits_.store_bytes_max;
+  metrics_.evicted("size", evicted);
+  if (evicted > 0) {
+    log::info("made room in the store", {{"results", evicted}, {"bytes", blobs_.bytes()}});
+  }
+}
+
+Status StoreSweep::room() const {
+  if (is_full_) {
+    return Error{ErrorCode::kStorageFull,
+                 "the store is at its limit with what is not removed unasked; delete assets",
+                 "at most " + std::to_string(limits_.store_bytes_max) + " bytes",
+                 std::to_string(blobs_.bytes())};
+  }
+  if (limits_.disk_reserve_bytes == 0) return {};
+  VOXELD_ASSIGN(const int64_t free_bytes, blobs_.free_bytes());
+  VOXELD_ASSIGN(const int64_t total_bytes, blobs_.total_bytes());
+  // On a small disk the reserve would be most of it.
+  constexpr int64_t kPartOfDisk = 20;
+  const int64_t reserve = std::min(limits_.disk_reserve_bytes, total_bytes / kPartOfDisk);
+  if (free_bytes >= reserve) return {};
+  return Error{ErrorCode::kStorageFull, "the disk is nearly full; uploads are refused",
+               "at least " + std::to_string(reserve) + " bytes free", std::to_string(free_bytes)};
+}
+
+}  // namespace voxeld

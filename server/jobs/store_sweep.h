@@ -1,0 +1,51 @@
+// The thread that keeps the store within its limits.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <thread>
+
+#include "server/base/thread_annotations.h"
+#include "server/jobs/asset_store.h"
+#include "server/jobs/job_metrics.h"
+#include "server/jobs/job_service.h"
+#include "server/jobs/retention.h"
+#include "server/store/blob_store.h"
+
+namespace voxeld {
+
+// Thread-safe. Looks at the store's size every second and at ages every ten; blobs that no row
+// names it looks for when it starts and once a day.
+class StoreSweep {
+ public:
+  StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
+             const BlobStore& blobs, JobMetrics& metrics);
+  ~StoreSweep();
+  void start();
+  void stop() EXCLUDES(mutex_);
+
+  // Whether an upload may begin. Errors: storage-full when the disk has less than its reserve left,
+  // or when the store is at its limit and nothing in it may be removed.
+  Status room() const;
+
+ private:
+  void run();
+  void sweep();
+  void make_room();
+  void expire();
+  bool pause() EXCLUDES(mutex_);
+
+  const StorageLimits limits_;
+  Retention& retention_;
+  AssetStore& assets_;
+  const BlobStore& blobs_;
+  JobMetrics& metrics_;
+  int64_t seconds_ = 0;               // of the thread: how often pause() returned
+  std::atomic<bool> is_full_{false};  // over the limit, and nothing may go
+  Mutex mutex_;
+  CondVar wake_;
+  bool stopping_ GUARDED_BY(mutex_) = false;
+  std::thread thread_;
+};
+
+}  // namespace voxeld

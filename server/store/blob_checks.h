@@ -1,0 +1,59 @@
+// Which blobs hold the bytes that they are named after, as far as this process has looked.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+
+#include "proto/result.h"
+#include "server/base/thread_annotations.h"
+
+namespace voxeld {
+
+// What changes when somebody writes to a file, cuts it or puts another one in its place.
+struct FileStamp {
+  uint64_t device = 0;
+  uint64_t inode = 0;
+  int64_t bytes = 0;
+  int64_t modified_ns = 0;
+  int64_t changed_ns = 0;
+  bool operator==(const FileStamp&) const = default;
+};
+
+// Errors: not-found; internal.
+Result<FileStamp> stamp_of(const std::filesystem::path& path);
+
+// Thread-safe. Remembers what it found until the file's stamp changes, so that a file is read once.
+class BlobChecks {
+ public:
+  // Whether the file's SHA-256 is its id. Blocks while another thread reads the same blob. Errors:
+  // not-found; internal when it cannot be read.
+  Result<bool> is_intact(const std::string& id, const std::filesystem::path& path) EXCLUDES(mutex_);
+  // What is known without reading.
+  std::optional<bool> known(const std::string& id, const FileStamp& stamp) EXCLUDES(mutex_);
+  // These very bytes were hashed a moment ago.
+  void note_intact(const std::string& id, const std::filesystem::path& path) EXCLUDES(mutex_);
+  // How often a damaged blob was found.
+  int64_t damaged_count() const EXCLUDES(mutex_);
+
+ private:
+  struct Found {
+    FileStamp stamp;
+    bool is_intact = false;
+  };
+  void note(const std::string& id, const Found& found) EXCLUDES(mutex_);
+  mutable Mutex mutex_;
+  CondVar changed_;
+  std::unordered_map<std::string, Found> found_ GUARDED_BY(mutex_);
+  std::set<std::string, std::less<>> reading_ GUARDED_BY(mutex_);
+  int64_t damaged_ GUARDED_BY(mutex_) = 0;
+};
+
+// "sha256-…" of what is left of an open file, and its bytes.
+Result<std::pair<std::string, int64_t>> hash_file(int fd, const std::filesystem::path& path);
+
+}  // namespace voxeld

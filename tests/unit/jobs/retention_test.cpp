@@ -1,0 +1,232 @@
+// What is removed, by whom, and what never is.
+#include "server/jobs/retention.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+
+#include "server/base/sha256.h"
+#include "server/jobs/asset_store.h"
+#include "server/jobs/blob_needs.h"
+#include "server/jobs/frame_store.h"
+#include "server/jobs/job_record.h"
+#include "server/jobs/job_store.h"
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+constexpr int64_t kNow = std::numeric_limits<int64_t>::max();
+
+class RetentionTest : public ::testing::Test {
+ protected:
+  std::string put_blob(const std::string& text) {
+    auto writer = blobs_.begin(1 << 20);
+    EXPECT_TRUE(writer);
+    EXPECT_TRUE(writer->append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
+    return writer->finish().value().id;
+  }
+  std::string put_asset(const std::string& text) {
+    const std::string id = put_blob(text);
+    EXPECT_TRUE(assets_.put(Caller::open(), {id, static_cast<int64_t>(text.size())}, "a.ply", ""));
+    return id;
+  }
+  JobStatus submit(const JobRequest& request) {
+    auto submitted = jobs_.submit(Caller::open(), request, {}, 100);
+    EXPECT_TRUE(submitted) << submitted.error().message();
+    return submitted->record.status;
+  }
+  JobStatus submit(const std::string& asset, bool use_cache = true) {
+    JobRequest request;
+    request.asset = asset;
+    request.options.use_cache = use_cache;
+    return submit(request);
+  }
+  // Claims the next job and ends it with `text`.
+  JobStatus run(const std::string& text) {
+    const JobRecord record = jobs_.claim("cpu").value().value();
+    FinishedTask task;
+    task.task = record.status.id;
+    task.fence = record.fence;
+    task.result.blob = task.result.grid = put_blob(text);
+    task.result.media_type = "application/x-npy";
+    task.result.meta_json = "{}";
+    return jobs_.complete(task, 1).value().value().status;
+  }
+  JobStatus made(const std::string& mesh, const std::string& text) {
+    submit(put_asset(mesh), /*use_cache=*/false);
+    return run(text);
+  }
+  bool stored(const std::string& text) { return blobs_.stat(sha256_id(text)).ok(); }
+  Status sql(const std::string& text) {
+    return database_->write([&](SqlConnection& c) { return c.run(text); });
+  }
+  int64_t count(const std::string& from) {
+    auto reader = database_->read();
+    auto rows = (*reader)->query("SELECT COUNT(*) FROM " + from);
+    EXPECT_TRUE(rows && rows->step());
+    return rows->int64(0);
+  }
+
+  testing::TemporaryDir dir_;
+  BlobStore blobs_ = BlobStore::open(dir_.path()).value();
+  std::unique_ptr<Database> database_ = Database::open(dir_.path() / "jobs.sqlite").value();
+  JobStore jobs_{*database_, [this](std::string_view id) { return blobs_.is_usable(id); }};
+  AssetStore assets_{*database_, blobs_};
+  FrameStore frames_{*database_, blobs_};
+  Retention retention_{*database_, blobs_};
+};
+
+TEST_F(RetentionTest, a_file_goes_when_what_is_committed_does_not_need_it_either) {
+  const std::string asset = put_asset("mesh");
+  // The deletion may still be rolled back, with the whole batch: the file could not.
+  ASSERT_TRUE(database_->write([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(connection.run("UPDATE assets SET deleted_ms = 1"));
+    VOXELD_ASSIGN(const auto gone, remove_blobs(connection, *database_, blobs_, {asset}));
+    EXPECT_TRUE(gone.empty());
+    return {};
+  }));
+  EXPECT_TRUE(stored("mesh"));
+  EXPECT_EQ(assets_.remove_unneeded().value(), 1);
+  EXPECT_FALSE(stored("mesh"));
+}
+
+TEST_F(RetentionTest, results_expire_by_their_last_use_and_are_gone_then) {
+  const JobStatus old = made("mesh", "old"), used = made("mesh", "used");
+  ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
+  retention_.touch(used.result->blob);
+  ASSERT_TRUE(retention_.flush());
+  EXPECT_EQ(retention_.expire_results(1000).value(), 1);
+  EXPECT_FALSE(stored("old"));
+  EXPECT_TRUE(stored("used"));
+  EXPECT_TRUE(stored("mesh"));  // assets are not results
+  // Known, though its bytes are gone.
+  EXPECT_TRUE(jobs_.is_grid(Caller::open(), old.result->grid).value());
+  JobRequest request;
+  request.kind = JobKind::kExport;
+  request.grid = old.result->grid;
+  EXPECT_EQ(jobs_.submit(Caller::open(), request, {}, 100).error().code, ErrorCode::kGone);
+  EXPECT_EQ(retention_.expire_results(1000).value(), 0);
+}
+
+TEST_F(RetentionTest, an_expired_result_is_computed_again) {
+  made("mesh", "result");
+  EXPECT_TRUE(submit(sha256_id("mesh")).cached);
+  EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
+  EXPECT_FALSE(submit(sha256_id("mesh")).cached);
+  run("result");
+  EXPECT_TRUE(stored("result"));
+  EXPECT_TRUE(submit(sha256_id("mesh")).cached);
+}
+
+TEST_F(RetentionTest, what_a_live_job_works_on_stays) {
+  const JobStatus grid = made("mesh", "grid");
+  JobRequest request;
+  request.kind = JobKind::kExport;
+  request.grid = grid.result->grid;
+  submit(request);
+  EXPECT_EQ(retention_.expire_results(kNow).value(), 0);
+  EXPECT_TRUE(stored("grid"));
+  run("export");
+  EXPECT_EQ(retention_.expire_results(kNow).value(), 2);
+  EXPECT_FALSE(stored("grid"));
+  EXPECT_FALSE(stored("export"));
+}
+
+TEST_F(RetentionTest, bytes_that_another_result_or_asset_has_stay) {
+  made("mesh", "same");
+  made("mesh", "same");
+  put_asset("same");
+  ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
+  EXPECT_EQ(retention_.expire_results(2).value(), 1);
+  EXPECT_TRUE(stored("same"));
+  EXPECT_EQ(retention_.expire_results(3).value(), 1);
+  EXPECT_TRUE(stored("same"));
+  ASSERT_TRUE(assets_.mark_deleted(Caller::open(), sha256_id("same")));
+  EXPECT_EQ(assets_.remove_unneeded().value(), 1);
+  EXPECT_FALSE(stored("same"));
+}
+
+TEST_F(RetentionTest, frames_of_failed_jobs_expire) {
+  submit(put_asset("mesh"));
+  const JobRecord record = jobs_.claim("cpu").value().value();
+  TaskFrame frame;
+  frame.task = record.status.id;
+  frame.fence = record.fence;
+  frame.content_hash = "h";
+  ASSERT_TRUE(frames_.add(frame, put_blob("frame"), 2).value());
+  EXPECT_EQ(retention_.expire_frames(kNow).value(), 0);  // it runs
+  ASSERT_TRUE(jobs_.fail(record.status.id, record.fence, {ErrorCode::kInternal, "no", "", ""}, 1));
+  EXPECT_EQ(retention_.expire_frames(kNow).value(), 1);
+  EXPECT_FALSE(stored("frame"));
+  EXPECT_EQ(retention_.expire_frames(kNow).value(), 0);
+}
+
+TEST_F(RetentionTest, assets_expire_unless_a_job_used_them_meanwhile) {
+  const std::string old = put_asset("old"), used = put_asset("used");
+  ASSERT_TRUE(sql("UPDATE assets SET used_ms = 1"));
+  submit(used);
+  EXPECT_EQ(retention_.expire_assets(1000).value(), 1);
+  EXPECT_EQ(assets_.get(Caller::open(), old).error().code, ErrorCode::kGone);
+  EXPECT_TRUE(assets_.get(Caller::open(), used));
+  EXPECT_EQ(assets_.remove_unneeded().value(), 1);
+  EXPECT_FALSE(stored("old"));
+}
+
+TEST_F(RetentionTest, jobs_are_forgotten_with_all_rows_but_their_results_serve_equal_ones) {
+  const JobStatus job = made("mesh", "result");
+  submit(put_asset("waits"));
+  EXPECT_EQ(retention_.trim_jobs(1000).value(), 0);
+  EXPECT_EQ(retention_.trim_jobs(kNow).value(), 1);
+  EXPECT_EQ(jobs_.get(Caller::open(), job.id).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(count("jobs"), 1);
+  EXPECT_EQ(count("job_events"), 1);
+  EXPECT_TRUE(stored("result"));
+  EXPECT_TRUE(submit(sha256_id("mesh")).cached);
+  // The last job that refers to it takes the expired row along.
+  EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
+  EXPECT_EQ(retention_.trim_jobs(kNow).value(), 1);
+  EXPECT_EQ(count("results"), 0);
+}
+
+TEST_F(RetentionTest, a_key_of_a_job_that_was_forgotten_is_free_again) {
+  SubmitOptions options;
+  options.idempotency_key = "key";
+  JobRequest request;
+  request.asset = put_asset("mesh");
+  const auto first = jobs_.submit(Caller::open(), request, options, 100);
+  run("result");
+  ASSERT_TRUE(sql("DELETE FROM jobs"));
+  const auto second = jobs_.submit(Caller::open(), request, options, 100);
+  ASSERT_TRUE(second) << second.error().message();
+  EXPECT_FALSE(second->existed);
+  EXPECT_NE(second->record.status.id, first->record.status.id);
+}
+
+TEST_F(RetentionTest, blobs_that_nothing_names_go_unless_they_are_being_registered) {
+  put_blob("cut off");
+  put_asset("mesh");
+  auto writer = blobs_.begin(100);
+  ASSERT_TRUE(writer);
+  const std::vector<uint8_t> bytes = {1, 2, 3};
+  ASSERT_TRUE(writer->append(bytes));
+  const BlobInfo pinned = writer->finish().value();
+  EXPECT_EQ(retention_.remove_orphans().value(), 1);
+  EXPECT_FALSE(stored("cut off"));
+  EXPECT_TRUE(stored("mesh"));
+  EXPECT_TRUE(blobs_.stat(pinned.id));
+}
+
+TEST_F(RetentionTest, the_size_of_the_store_is_known) {
+  put_blob("12345");
+  put_blob("12345");
+  EXPECT_EQ(blobs_.bytes(), 5);
+  ASSERT_TRUE(blobs_.recount());
+  EXPECT_EQ(blobs_.bytes(), 5);
+  ASSERT_TRUE(blobs_.remove(sha256_id("12345")));
+  EXPECT_EQ(blobs_.bytes(), 0);
+}
+
+}  // namespace
+}  // namespace voxeld
