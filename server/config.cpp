@@ -39,6 +39,33 @@ void add_log_level(CLI::App& command, log::Level& level) {
       ->envname("VOXELD_LOG_LEVEL");
 }
 
+CLI::Option* add_sandbox(CLI::App& command, std::string& mode) {
+  return command
+      .add_option("--sandbox", mode,
+                  "What workers give up before they read inputs: auto (what the kernel can take), "
+                  "require (all, or they do not start) or off")
+      ->check(CLI::IsMember({"auto", "require", "off"}))
+      ->capture_default_str();
+}
+
+void add_worker_limits(CLI::App& serve, ServeConfig& config) {
+  add_sandbox(serve, config.sandbox)->envname("VOXELD_SANDBOX");
+  serve
+      .add_option("--worker-memory-max", config.worker_memory_bytes_max,
+                  "Memory that one worker process may take (8G); 0: 3/4 of the machine's, or of "
+                  "the control group's")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_WORKER_MEMORY_MAX")
+      ->capture_default_str();
+  serve
+      .add_option("--job-seconds-max", config.job_seconds_max,
+                  "How long one attempt at a job may run; 0: for ever")
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_JOB_SECONDS_MAX")
+      ->capture_default_str();
+}
+
 CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   CLI::App* serve = app.add_subcommand(
       "serve", "Answer HTTP and run jobs on one worker process per device (the default)");
@@ -92,6 +119,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
                    "Read shaders from here instead of the ones built in")
       ->check(CLI::ExistingDirectory)
       ->envname("VOXELD_SHADER_DIR");
+  add_worker_limits(*serve, config);
   add_log_level(*serve, config.log_level);
   return serve;
 }
@@ -104,6 +132,7 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
       ->required();
   worker->add_option("--shader-dir", command.shader_dir, "As of serve");
   worker->add_option("--data", command.data_dir, "Directory of calibration.json");
+  add_sandbox(*worker, command.sandbox);
   add_log_level(*worker, command.log_level);
   return worker;
 }

@@ -24,6 +24,9 @@ struct ServeConfig {
   int request_threads = 64;
   double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
   std::string shader_dir;
+  std::string sandbox = "auto";         // of workers: auto, require or off
+  int64_t worker_memory_bytes_max = 0;  // 0: three quarters of what there is
+  double job_seconds_max = 86'400;
   log::Level log_level = log::Level::kInfo;
 };
 
@@ -32,6 +35,7 @@ struct WorkerCommand {
   std::string device;
   std::string shader_dir;
   std::string data_dir;
+  std::string sandbox = "auto";
   log::Level log_level = log::Level::kInfo;
 };
 

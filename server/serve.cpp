@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "server/base/host_memory.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
 #include "server/gpu/device.h"
@@ -119,12 +120,17 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.data_dir = config.data_dir;
   jobs.devices = std::move(devices);
   jobs.worker_executable = self_executable;
-  jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level)), "--data",
-                           config.data_dir.string()};
+  jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level)),
+                           "--data",      config.data_dir.string(),
+                           "--sandbox",   config.sandbox};
   if (!config.shader_dir.empty()) {
     jobs.worker_arguments.insert(jobs.worker_arguments.end(), {"--shader-dir", config.shader_dir});
   }
   jobs.queued_jobs_max = config.queued_jobs_max;
+  jobs.limits.job_seconds_max = config.job_seconds_max;
+  jobs.limits.worker_memory_bytes_max = config.worker_memory_bytes_max > 0
+                                            ? config.worker_memory_bytes_max
+                                            : memory_limit_bytes() / 4 * 3;
   return jobs;
 }
 

@@ -24,13 +24,16 @@ class JobMetrics {
   void claimed(const JobStatus& status);
   // Its worker was lost and it waits again.
   void requeued(const JobStatus& status);
-  // Counts by kind and outcome, and observes each stage.
-  void ended(const JobStatus& status);
+  // Counts by tenant, kind and outcome, and observes each stage on the device that ran it.
+  void ended(const JobStatus& status, const std::string& tenant, const std::string& device);
   // A frame was listed.
   void frame_done();
   void set_jobs(int64_t queued, int64_t running);
   void worker_restarted(const std::string& device);
   void set_worker_up(const std::string& device, bool up);
+  // Of all workers of the device.
+  void set_worker_memory(const std::string& device, int64_t bytes);
+  void set_device_memory(const std::string& device, int64_t bytes_total, int64_t bytes_free);
 
  private:
   struct Impl;

@@ -26,7 +26,9 @@ namespace {
 // file would tell whether someone else has it as a bundle. jobs.asset_tenant is whose asset it is:
 // an admin's job may work on another tenant's. Indexes that tenants are answered by end in
 // `tenant`.
-constexpr std::array<std::string_view, 3> kSteps = {
+//
+// The last step: whose request submitted a job, for the log and for tracing.
+constexpr std::array<std::string_view, 4> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -201,6 +203,10 @@ INSERT INTO idempotency_keys
   SELECT '', idempotency_key, request_hash, job_id, created_ms FROM idempotency_keys_2;
 DROP TABLE idempotency_keys_2;
 CREATE INDEX idempotency_keys_by_time ON idempotency_keys (created_ms);
+)sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN request_id TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN trace_id TEXT NOT NULL DEFAULT '';
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

@@ -13,6 +13,7 @@
 
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
+#include "server/jobs/task_connection.h"
 
 namespace voxeld {
 namespace {
@@ -20,7 +21,7 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-constexpr double kHelloSecondsMax = 10.0;
+constexpr double kHelloSecondsMax = 30.0;  // a busy machine opens a device in seconds
 // A worker that waits for work is looked at so often, to notice that it has died.
 constexpr std::chrono::milliseconds kIdlePoll{200};
 // Waiting workers look into the queue so often even when nobody told them of work.
@@ -30,48 +31,17 @@ std::string dump(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
+// Empty where it is no text: value() would throw.
+std::string type_of(const json& message) {
+  const auto type = message.find("type");
+  return type != message.end() && type->is_string() ? type->get<std::string>() : "";
+}
+
 Error protocol_error(std::string detail, std::string expected, std::string got) {
   return {ErrorCode::kBadRequest, std::move(detail), std::move(expected), std::move(got)};
 }
 
-// The path of an output that a worker names, which must be in its own folder.
-Status check_output(const fs::path& scratch, const std::string& output) {
-  const fs::path path(output);
-  if (path.parent_path() == scratch && path.filename() != "..") return {};
-  return Error{ErrorCode::kInternal, "worker names an output outside its scratch directory",
-               scratch.string(), output};
-}
-
 }  // namespace
-
-// Owned by its thread, but for `state`, which workers() reads.
-struct TaskServer::Connection {
-  Connection(UniqueFd fd, fs::path scratch_dir)
-      : socket(std::move(fd), kTaskFrameBytesMax), scratch(std::move(scratch_dir)) {}
-
-  void set_task(std::string id, int64_t new_fence) {
-    fence = new_fence;
-    MutexLock lock(mutex);
-    state.task = std::move(id);
-  }
-  std::string task() {
-    MutexLock lock(mutex);
-    return state.task;
-  }
-
-  FrameSocket socket;
-  const fs::path scratch;
-  int64_t fence = 0;
-  std::string device;
-  int64_t pid = 0;
-  TaskProgress progress;     // the last report that said something new …
-  Stopwatch since_progress;  // … and its age
-  std::string kill_reason;   // why the worker was killed from here, once it was
-  std::atomic<bool> ended{false};
-  std::thread thread;
-  Mutex mutex;
-  WorkerState state GUARDED_BY(mutex);
-};
 
 Result<std::unique_ptr<TaskServer>> TaskServer::start(TaskServerConfig config,
                                                       TaskServerContext context) {
@@ -90,6 +60,9 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
     : config_(std::move(config)), context_(std::move(context)), listener_(std::move(listener)) {
   // In the body: the thread uses members that are declared after it.
   accept_thread_ = std::thread([this] { accept_loop(); });
+  watch_ = std::make_unique<WorkerWatch>(
+      WatchLimits{config_.limits.worker_memory_bytes_max, config_.limits.job_seconds_max},
+      watch_calls());
 }
 
 TaskServer::~TaskServer() {
@@ -101,6 +74,7 @@ void TaskServer::stop() {
   ::shutdown(listener_.get(), SHUT_RDWR);  // accept() returns
   notify_work();
   if (accept_thread_.joinable()) accept_thread_.join();
+  watch_.reset();
   join_ended(true);
   ::unlink(config_.socket.c_str());
 }
@@ -143,8 +117,8 @@ void TaskServer::accept_loop() {
 
 void TaskServer::add_connection(UniqueFd fd) {
   MutexLock lock(mutex_);
-  const fs::path scratch = config_.scratch_root / ("w" + std::to_string(++connections_made_));
-  connections_.push_back(std::make_unique<Connection>(std::move(fd), scratch));
+  const fs::path folder = config_.scratch_root / ("w" + std::to_string(++connections_made_));
+  connections_.push_back(std::make_unique<Connection>(std::move(fd), folder));
   Connection& connection = *connections_.back();
   connection.thread = std::thread([this, &connection] {
     serve(connection);
@@ -183,23 +157,25 @@ void TaskServer::serve(Connection& connection) {
     MutexLock lock(connection.mutex);
     connection.state.connected = false;
   }
-  std::error_code ignored;  // the next start removes what stays
-  fs::remove_all(connection.scratch, ignored);
+  if (connection.device.empty()) return;
+  MutexLock lock(mutex_);
+  context_.metrics.set_worker_memory(connection.device, memory_of(connection.device));
 }
 
 Status TaskServer::greet(Connection& connection) {
   VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
-  VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
-  VOXELD_ASSIGN(const json message, parse_json_bounded(frame));
+  VOXELD_TRY(connection.files.create());
+  VOXELD_ASSIGN(std::string frame, connection.socket.receive());
+  VOXELD_ASSIGN(json message, parse_json_bounded(frame));
+  if (type_of(message) == "prepare") {
+    VOXELD_TRY(connection.socket.send(dump(to_json_message(connection.files.folders()))));
+    VOXELD_ASSIGN(frame, connection.socket.receive());
+    VOXELD_ASSIGN(message, parse_json_bounded(frame));
+  }
   VOXELD_ASSIGN(const WorkerHello hello, parse_worker_hello(message));
   if (hello.protocol != kTaskProtocolVersion) {
     return protocol_error("worker speaks another version of the task protocol",
                           std::to_string(kTaskProtocolVersion), std::to_string(hello.protocol));
-  }
-  std::error_code failed;
-  fs::create_directories(connection.scratch, failed);
-  if (failed) {
-    return Error{ErrorCode::kInternal, "create scratch directory: " + failed.message(), "", ""};
   }
   connection.device = hello.device;
   connection.pid = hello.pid;
@@ -212,6 +188,7 @@ Status TaskServer::greet(Connection& connection) {
     state.driver = hello.driver;
     state.pid = hello.pid;
     state.device_json = hello.device_json;
+    state.sandbox = hello.sandbox;
     state.connected = opened;
   }
   if (opened) {
@@ -219,15 +196,17 @@ Status TaskServer::greet(Connection& connection) {
     log::info("worker connected", {{"device", hello.device},
                                    {"pid", hello.pid},
                                    {"renderer", hello.renderer},
-                                   {"driver", hello.driver}});
+                                   {"driver", hello.driver},
+                                   {"sandbox", hello.sandbox}});
   }
   VOXELD_TRY(connection.socket.set_receive_timeout(0));
-  return connection.socket.send(dump({{"ok", true}, {"scratch_dir", connection.scratch.string()}}));
+  return connection.socket.send(
+      dump({{"ok", true}, {"scratch_dir", connection.files.folders().scratch_dir}}));
 }
 
 Status TaskServer::answer(Connection& connection, const std::string& frame) {
   VOXELD_ASSIGN(const json message, parse_task_message(frame));
-  const std::string type = message.is_object() ? message.value("type", "") : "";
+  const std::string type = type_of(message);
   if (type == "claim") return give_task(connection);
   if (type == "progress") return take_progress(connection, message);
   if (type == "frame") return take_frame(connection, message);
@@ -268,8 +247,9 @@ Status TaskServer::give_task(Connection& connection) {
     }
     if (claimed->has_value()) {
       const JobRecord& record = **claimed;
-      const auto task = make_task(record);
+      const auto task = make_task(connection.files, record);
       if (task) return send_task(connection, record, *task);
+      connection.files.clear();
       VOXELD_TRY(refuse_task(record, task.error()));
       continue;
     }
@@ -280,7 +260,10 @@ Status TaskServer::give_task(Connection& connection) {
   return Error{ErrorCode::kGone, "the gateway stops", "", ""};
 }
 
-Result<Task> TaskServer::make_task(const JobRecord& record) {
+Result<Task> TaskServer::make_task(const WorkerFiles& files, const JobRecord& record) {
+  const auto hand_over = [&](const std::string& blob) {
+    return files.hand_over(context_.blobs.path_of(blob));
+  };
   const JobStatus& status = record.status;
   Task task;
   task.id = status.id;
@@ -292,22 +275,24 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
   task.input_hash = task.input_is_grid       ? status.grid
                     : task.input_is_sequence ? status.sequence
                                              : status.asset;
-  task.input_path = context_.blobs.path_of(task.input_hash).string();
+  VOXELD_ASSIGN(task.input_path, hand_over(task.input_hash));
   task.filename = status.filename;
   task.options_json = status.options_json;
   task.tenant = record.tenant;
+  task.request_id = record.request_id;
+  task.trace_id = record.trace_id;
   if (task.input_is_sequence) {
     VOXELD_ASSIGN(const SequenceManifest manifest,
                   context_.frames.read(Caller::daemon(), status.sequence));
     for (const SequenceFrame& frame : manifest.frames) {
-      task.frame_paths.push_back(context_.blobs.path_of(frame.grid).string());
+      VOXELD_ASSIGN(task.frame_paths.emplace_back(), hand_over(frame.grid));
     }
   }
   if (!status.asset.empty()) {
-    VOXELD_ASSIGN(const auto files,
+    VOXELD_ASSIGN(const auto bundled,
                   context_.assets.bundle_files(record.asset_tenant, status.asset));
-    for (const BundleFile& file : files) {
-      task.bundle_paths.push_back(context_.blobs.path_of(file.asset).string());
+    for (const BundleFile& file : bundled) {
+      VOXELD_ASSIGN(task.bundle_paths.emplace_back(), hand_over(file.asset));
     }
   }
   return task;
@@ -363,6 +348,11 @@ std::string TaskServer::overdue(Connection& connection, const TaskProgress& prog
 Status TaskServer::take_progress(Connection& connection, const json& message) {
   VOXELD_ASSIGN(const TaskProgress progress, parse_task_progress(message));
   const bool fenced = progress.task != connection.task() || progress.fence != connection.fence;
+  if (const DeviceMemory& memory = progress.device_memory; memory.bytes_total > 0) {
+    context_.metrics.set_device_memory(connection.device, memory.bytes_total, memory.bytes_free);
+    MutexLock lock(connection.mutex);
+    connection.state.device_memory = memory;
+  }
   const double cancel_age = fenced ? -1.0 : context_.board.cancel_age_seconds(progress.task);
   if (!fenced) {
     context_.board.progress(progress.task, progress.stage, progress.tiles_done,
@@ -383,8 +373,8 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
 // Stores and lists a frame; nullopt when another worker owns the job by now.
 Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
                                                         const TaskFrame& frame) {
-  VOXELD_TRY(check_output(connection.scratch, frame.path));
-  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(frame.path));
+  VOXELD_ASSIGN(const fs::path taken, connection.files.take(frame.path));
+  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken));
   // The first frames of a job may come before its first progress.
   const int64_t total = std::max(frame.frames_total, connection.progress.frames_total);
   VOXELD_ASSIGN(const auto listed, context_.frames.add(frame, blob.id, total));
@@ -400,13 +390,19 @@ Status TaskServer::take_frame(Connection& connection, const json& message) {
   TaskFrameReply reply;
   reply.fenced = frame.task != connection.task() || frame.fence != connection.fence;
   if (!reply.fenced) {
-    const auto blob = adopt_frame(connection, frame);
-    reply.fenced = !blob || !*blob;
+    auto blob = adopt_frame(connection, frame);
     if (blob && *blob) {
+      auto given = connection.files.hand_over(context_.blobs.path_of((*blob)->id));
       reply.cancel = context_.board.cancel_age_seconds(frame.task) >= 0;
       reply.grid = (*blob)->id;
-      reply.path = context_.blobs.path_of((*blob)->id).string();
-    } else if (!blob) {  // the disk is full, for one: the job cannot end well
+      if (given) {
+        reply.path = *std::move(given);
+      } else {
+        blob = std::move(given).error();
+      }
+    }
+    reply.fenced = !blob || !*blob;
+    if (!blob) {  // the disk is full, for one: the job cannot end well
       VOXELD_ASSIGN(const auto ended, context_.jobs.fail(frame.task, frame.fence, blob.error(),
                                                          context_.board.live_version(frame.task)));
       if (ended) end_task(connection, *ended);
@@ -423,9 +419,9 @@ Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
   result.meta_json = completion.meta_json;
   result.warnings = completion.warnings;
   for (const TaskOutput& output : completion.outputs) {
-    VOXELD_TRY(check_output(connection.scratch, output.path));
     if (!adopted.contains(output.path)) {  // a native result is its own grid: one file, two roles
-      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(output.path));
+      VOXELD_ASSIGN(const fs::path taken, connection.files.take(output.path));
+      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(taken));
     }
     const BlobInfo& blob = adopted[output.path];
     if (output.role == "grid") result.grid = blob.id;
@@ -500,6 +496,7 @@ Status TaskServer::take_failure(Connection& connection, const json& message) {
 
 void TaskServer::end_task(Connection& connection, const JobRecord& record) {
   connection.set_task("", 0);
+  connection.files.clear();
   context_.board.changed(record.status.id, record.status.version, false);
   context_.job_changed(record);
   if (Status status = connection.socket.set_receive_timeout(0); !status) {
@@ -525,8 +522,7 @@ void TaskServer::put_back(Connection& connection, const Error& why) {
   }
   // The database may be full or slow for a moment; a job must not hang in `running` for that.
   for (int tries = 0; tries < 10; ++tries) {
-    auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts,
-                                          context_.board.live_version(task));
+    auto lost = end_lost(connection, task, reason, counts);
     if (lost) {
       if (lost->has_value()) end_task(connection, **lost);
       notify_work();
@@ -535,6 +531,20 @@ void TaskServer::put_back(Connection& connection, const Error& why) {
     log::error("cannot put a job back", {{"job", task}, {"error", lost.error().message()}});
     std::this_thread::sleep_for(std::chrono::milliseconds(500));
   }
+}
+
+// Failed, where the watch has ended the worker for what the job took; else the job is put back.
+Result<std::optional<JobRecord>> TaskServer::end_lost(Connection& connection,
+                                                      const std::string& task,
+                                                      const std::string& reason, bool counts) {
+  std::optional<Error> verdict;
+  {
+    MutexLock lock(connection.mutex);
+    verdict = connection.verdict;
+  }
+  const int64_t live_version = context_.board.live_version(task);
+  if (verdict) return context_.jobs.fail(task, connection.fence, *verdict, live_version);
+  return context_.jobs.lose_worker(task, connection.fence, reason, counts, live_version);
 }
 
 }  // namespace voxeld

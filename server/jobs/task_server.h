@@ -22,6 +22,8 @@
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/job_store.h"
+#include "server/jobs/worker_files.h"
+#include "server/jobs/worker_watch.h"
 #include "server/store/blob_store.h"
 
 namespace voxeld {
@@ -71,7 +73,7 @@ class TaskServer {
   Status greet(Connection& connection);
   Status answer(Connection& connection, const std::string& frame);
   Status give_task(Connection& connection);
-  Result<Task> make_task(const JobRecord& record);
+  Result<Task> make_task(const WorkerFiles& files, const JobRecord& record);
   Status send_task(Connection& connection, const JobRecord& record, const Task& task);
   Status refuse_task(const JobRecord& record, const Error& error);
   std::string overdue(Connection& connection, const TaskProgress& progress, double cancel_age);
@@ -84,7 +86,14 @@ class TaskServer {
                                                  TaskCompletion completion);
   Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion,
                                   std::map<std::string, BlobInfo>& adopted);
+  WorkerWatch::Calls watch_calls();
+  std::vector<WatchedWorker> watched() const EXCLUDES(mutex_);
+  int64_t memory_of(const std::string& device) const REQUIRES(mutex_);
+  void measured(const WatchedWorker& worker, int64_t memory_bytes) EXCLUDES(mutex_);
+  void condemn(const WatchedWorker& worker, const Error& error) EXCLUDES(mutex_);
   void put_back(Connection& connection, const Error& why);
+  Result<std::optional<JobRecord>> end_lost(Connection& connection, const std::string& task,
+                                            const std::string& reason, bool counts);
   void end_task(Connection& connection, const JobRecord& record);
   bool wait_for_work(uint64_t seen) EXCLUDES(mutex_);
 
@@ -100,6 +109,7 @@ class TaskServer {
   int64_t connections_made_ GUARDED_BY(mutex_) = 0;
   std::list<std::unique_ptr<Connection>> connections_ GUARDED_BY(mutex_);
   std::vector<WorkerState> failed_devices_ GUARDED_BY(mutex_);
+  std::unique_ptr<WorkerWatch> watch_;  // last: it uses all of the above
 };
 
 }  // namespace voxeld

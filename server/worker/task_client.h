@@ -19,6 +19,8 @@ class TaskClient {
   // `gateway` is "unix:/path". Errors: invalid-option for other forms, internal.
   static Result<std::unique_ptr<TaskClient>> connect(const std::string& gateway);
 
+  // Before hello().
+  Result<WorkerFolders> prepare();
   // Returns the directory for outputs.
   Result<std::string> hello(const WorkerHello& hello);
   // Blocks until there is a task.

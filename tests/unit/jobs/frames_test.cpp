@@ -50,7 +50,7 @@ class FramesTest : public testing::ServiceTest {
 TEST_F(FramesTest, a_frame_is_listed_and_can_be_fetched_while_its_job_runs) {
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
-  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 0, 3}));
+  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 0, 3, {}}));
   const TaskFrameReply reply = worker.frame(task, 0, "first");
   EXPECT_FALSE(reply.fenced || reply.cancel);
   EXPECT_EQ(reply.grid, sha256_id("first"));
@@ -79,7 +79,7 @@ TEST_F(FramesTest, a_frame_is_listed_and_can_be_fetched_while_its_job_runs) {
 TEST_F(FramesTest, events_count_frames) {
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
-  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 1, 8, 2, 9}));
+  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 1, 8, 2, 9, {}}));
   const auto events =
       service_->wait_events(Caller::open(), id_, 0, Clock::now() + seconds(10)).value();
   ASSERT_FALSE(events.empty());
@@ -234,9 +234,11 @@ TEST_F(FramesTest, a_task_on_a_sequence_names_its_manifest_and_its_frames) {
     EXPECT_TRUE(task.input_is_sequence);
     EXPECT_FALSE(task.input_is_grid);
     EXPECT_EQ(task.input_hash, sequence);
-    EXPECT_EQ(task.input_path, blobs().path_of(sequence));
-    const std::string a = blobs().path_of(sha256_id("a"));
-    EXPECT_EQ(task.frame_paths, (std::vector<std::string>{a, blobs().path_of(sha256_id("b")), a}));
+    EXPECT_EQ(task.input_path, worker.input(sequence));
+    EXPECT_TRUE(std::filesystem::equivalent(task.input_path, blobs().path_of(sequence)));
+    const std::string a = worker.input(sha256_id("a"));
+    EXPECT_EQ(task.frame_paths, (std::vector<std::string>{a, worker.input(sha256_id("b")), a}));
+    EXPECT_TRUE(std::filesystem::equivalent(a, blobs().path_of(sha256_id("a"))));
     EXPECT_EQ(service_->get(Caller::open(), id_).value().sequence, sequence);
     ASSERT_TRUE(worker.complete(task, "exported"));
   }

@@ -1,0 +1,50 @@
+// One connected worker, for the files of the task server alone.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "server/base/stopwatch.h"
+#include "server/jobs/task_server.h"
+
+namespace voxeld {
+
+// Owned by its thread, but for `state`, which workers() reads.
+struct TaskServer::Connection {
+  Connection(UniqueFd fd, std::filesystem::path folder)
+      : socket(std::move(fd), kTaskFrameBytesMax), files(std::move(folder)) {}
+
+  void set_task(std::string id, int64_t new_fence) {
+    fence = new_fence;
+    MutexLock lock(mutex);
+    state.task = std::move(id);
+    task_age.lap();
+    verdict.reset();
+  }
+  std::string task() {
+    MutexLock lock(mutex);
+    return state.task;
+  }
+
+  FrameSocket socket;
+  const WorkerFiles files;
+  int64_t fence = 0;
+  std::string device;
+  int64_t pid = 0;
+  TaskProgress progress;     // the last report that said something new …
+  Stopwatch since_progress;  // … and its age
+  std::string kill_reason;   // why the worker was killed from here, once it was
+  std::atomic<bool> ended{false};
+  std::thread thread;
+  Mutex mutex;
+  WorkerState state GUARDED_BY(mutex);
+  Stopwatch task_age GUARDED_BY(mutex);
+  std::optional<Error> verdict GUARDED_BY(mutex);  // of the watch, on the task that runs
+};
+
+}  // namespace voxeld
