@@ -75,4 +75,35 @@ JobFrames job_frames(const Json& answer) {
   return frames;
 }
 
+Queue queue_of(const Json& answer) {
+  const auto devices = answer.find("devices"), jobs = answer.find("jobs");
+  if (devices == answer.end() || jobs == answer.end() || !devices->is_array() ||
+      !jobs->is_array()) {
+    throw Error("bad-answer", 0, "the answer is no queue: is there a voxeld at this URL?");
+  }
+  Queue queue;
+  for (const Json& one : *devices) {
+    QueueDevice device{text_of(one, "device"),
+                       text_of(one, "renderer"),
+                       number_of(one, "workers"),
+                       number_of(one, "workers_busy"),
+                       {}};
+    for (const Json& id : one.value("jobs", Json::array())) {
+      if (id.is_string()) device.jobs.push_back(id.get<std::string>());
+    }
+    queue.devices.push_back(std::move(device));
+  }
+  for (const Json& one : *jobs) {
+    queue.jobs.push_back({job_info(one), text_of(one, "tenant"), text_of(one, "device"),
+                          number_of(one, "created_ms"), number_of(one, "started_ms")});
+  }
+  queue.queued = number_of(answer, "queued");
+  queue.running = number_of(answer, "running");
+  const Json others = answer.value("others", Json::object());
+  queue.others_queued = number_of(others, "queued");
+  queue.others_running = number_of(others, "running");
+  queue.json = answer.dump();
+  return queue;
+}
+
 }  // namespace voxeld::client

@@ -20,4 +20,7 @@ JobInfo job_info(const nlohmann::json& status);
 // Throws Error "bad-answer" for an object that is no list of frames.
 JobFrames job_frames(const nlohmann::json& answer);
 
+// Throws Error "bad-answer" for an object that is no queue.
+Queue queue_of(const nlohmann::json& answer);
+
 }  // namespace voxeld::client

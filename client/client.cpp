@@ -175,6 +175,12 @@ Grid Client::frame(std::string_view job, std::int64_t index) {
   return Grid::decode(std::as_bytes(std::span(body)));
 }
 
+Queue Client::queue(int limit) {
+  HttpRequest request;
+  request.url = impl_->url("/v1/queue?limit=" + std::to_string(limit));
+  return queue_of(parse_object(impl_->call(std::move(request)).body));
+}
+
 std::vector<JobInfo> Client::jobs(int limit) {
   HttpRequest request;
   request.url = impl_->url("/v1/jobs?limit=" + std::to_string(limit));

@@ -82,7 +82,8 @@ Json to_json_message(const WorkerHello& hello) {
           {"device", hello.device},
           {"renderer", hello.renderer},
           {"driver", hello.driver},
-          {"device_json", hello.device_json}};
+          {"device_json", hello.device_json},
+          {"sandbox", hello.sandbox}};
 }
 
 Result<WorkerHello> parse_worker_hello(const Json& message) {
@@ -96,8 +97,28 @@ Result<WorkerHello> parse_worker_hello(const Json& message) {
   fields.read("renderer", hello.renderer);
   fields.read("driver", hello.driver);
   fields.read("device_json", hello.device_json);
+  fields.read("sandbox", hello.sandbox);
   VOXELD_TRY(fields.finish());
   return hello;
+}
+
+Json to_json_message(const WorkerFolders& folders) {
+  return {{"type", "folders"},
+          {"scratch_dir", folders.scratch_dir},
+          {"input_dir", folders.input_dir},
+          {"cache_dir", folders.cache_dir}};
+}
+
+Result<WorkerFolders> parse_worker_folders(const Json& message) {
+  VOXELD_TRY(check_type(message, "folders"));
+  WorkerFolders folders;
+  JsonFields fields(message, "folders");
+  fields.require({"scratch_dir", "input_dir", "cache_dir"});
+  fields.read("scratch_dir", folders.scratch_dir);
+  fields.read("input_dir", folders.input_dir);
+  fields.read("cache_dir", folders.cache_dir);
+  VOXELD_TRY(fields.finish());
+  return folders;
 }
 
 Json to_json_message(const Task& task) {
@@ -116,7 +137,9 @@ Json to_json_message(const Task& task) {
           {"done_frames", done_frames_json(task.done_frames)},
           {"filename", task.filename},
           {"options_json", task.options_json},
-          {"tenant", task.tenant}};
+          {"tenant", task.tenant},
+          {"request_id", task.request_id},
+          {"trace_id", task.trace_id}};
 }
 
 Result<Task> parse_task(const Json& message) {
@@ -140,6 +163,8 @@ Result<Task> parse_task(const Json& message) {
   fields.read("filename", task.filename);
   fields.read("options_json", task.options_json);
   fields.read("tenant", task.tenant);
+  fields.read("request_id", task.request_id);
+  fields.read("trace_id", task.trace_id);
   const auto known = job_kind_from_name(kind);
   if (!known) fields.fail("kind", "a kind of job", kind);
   VOXELD_TRY(fields.finish());
@@ -159,7 +184,9 @@ Json to_json_message(const TaskProgress& progress) {
           {"tiles_done", progress.tiles_done},
           {"tiles_total", progress.tiles_total},
           {"frames_done", progress.frames_done},
-          {"frames_total", progress.frames_total}};
+          {"frames_total", progress.frames_total},
+          {"device_bytes_total", progress.device_memory.bytes_total},
+          {"device_bytes_free", progress.device_memory.bytes_free}};
 }
 
 Result<TaskProgress> parse_task_progress(const Json& message) {
@@ -174,6 +201,8 @@ Result<TaskProgress> parse_task_progress(const Json& message) {
   fields.read("tiles_total", progress.tiles_total);
   fields.read("frames_done", progress.frames_done);
   fields.read("frames_total", progress.frames_total);
+  fields.read("device_bytes_total", progress.device_memory.bytes_total);
+  fields.read("device_bytes_free", progress.device_memory.bytes_free);
   VOXELD_TRY(fields.finish());
   return progress;
 }

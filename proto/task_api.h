@@ -4,6 +4,7 @@
 // blobs passed as file paths in the data directory.
 //
 //   worker                                gateway
+//   prepare {}                       ->   {scratch_dir, input_dir, cache_dir}   (optional)
 //   hello {protocol, pid, device}    ->   {ok, scratch_dir}
 //   claim {}                         ->   {task: Task}            (blocks until there is one)
 //   progress {task, fence, …}        ->   {cancel: bool, fenced: bool}
@@ -52,6 +53,15 @@ struct WorkerHello {
   std::string renderer;     // GL_RENDERER
   std::string driver;       // GL_VERSION
   std::string device_json;  // object: limits, for /readyz, metrics and grid-too-large
+  std::string sandbox;      // "full", "off", or what is missing; empty: it does not say
+};
+
+// Where a worker may read and write. A worker asks for them before it opens its device, as it gives
+// up all other files then.
+struct WorkerFolders {
+  std::string scratch_dir;  // for outputs
+  std::string input_dir;    // where what tasks name lies, read-only
+  std::string cache_dir;    // of drivers; goes with the worker
 };
 
 // A frame that an earlier attempt at the job left in the store.
@@ -87,14 +97,22 @@ struct Task {
   // Whose task it is. What a worker keeps between tasks must not serve another tenant's: the time
   // that it saves would tell who else has the same input.
   std::string tenant;
+  // Of the request that it came with, for the log.
+  std::string request_id, trace_id;
 };
 
 // role: "result" (the answer's bytes), "grid" (the native container), "sequence" (its manifest).
 struct TaskOutput {
   std::string role;
-  std::string path;  // in scratch_dir; the gateway hashes, syncs and moves it into the store
+  // In scratch_dir, a plain file that is closed; the gateway hashes, syncs and moves it into the
+  // store.
+  std::string path;
   std::string media_type;
   std::string filename;
+};
+
+struct DeviceMemory {
+  int64_t bytes_total = 0, bytes_free = 0;  // 0, 0: the driver does not tell
 };
 
 struct TaskProgress {
@@ -103,6 +121,7 @@ struct TaskProgress {
   std::string stage;
   int64_t tiles_done = 0, tiles_total = 0;
   int64_t frames_done = 0, frames_total = 0;
+  DeviceMemory device_memory;
 };
 struct TaskProgressReply {
   bool cancel = false;
@@ -182,6 +201,7 @@ struct TurnReply {
 Result<nlohmann::json> parse_task_message(std::string_view text);
 
 nlohmann::json to_json_message(const WorkerHello& hello);
+nlohmann::json to_json_message(const WorkerFolders& folders);
 nlohmann::json to_json_message(const Task& task);
 nlohmann::json to_json_message(const TaskProgress& progress);
 nlohmann::json to_json_message(const TaskFrame& frame);
@@ -196,6 +216,7 @@ Result<TurnsHello> parse_turns_hello(const nlohmann::json& message);
 Result<TurnRequest> parse_turn_request(const nlohmann::json& message);
 Result<TurnReply> parse_turn_reply(const nlohmann::json& message);
 Result<WorkerHello> parse_worker_hello(const nlohmann::json& message);
+Result<WorkerFolders> parse_worker_folders(const nlohmann::json& message);
 Result<Task> parse_task(const nlohmann::json& message);
 Result<TaskProgress> parse_task_progress(const nlohmann::json& message);
 Result<TaskFrame> parse_task_frame(const nlohmann::json& message);

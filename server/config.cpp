@@ -96,6 +96,33 @@ void add_storage(CLI::App& serve, ServeConfig& config) {
            "Jobs are forgotten so long after they ended (0: never)", "VOXELD_KEEP_JOBS_DAYS");
 }
 
+CLI::Option* add_sandbox(CLI::App& command, std::string& mode) {
+  return command
+      .add_option("--sandbox", mode,
+                  "What workers give up before they read inputs: auto (what the kernel can take), "
+                  "require (all, or they do not start) or off")
+      ->check(CLI::IsMember({"auto", "require", "off"}))
+      ->capture_default_str();
+}
+
+void add_worker_limits(CLI::App& serve, ServeConfig& config) {
+  add_sandbox(serve, config.sandbox)->envname("VOXELD_SANDBOX");
+  serve
+      .add_option("--worker-memory-max", config.worker_memory_bytes_max,
+                  "Memory that one worker process may take (8G); 0: 3/4 of the machine's, or of "
+                  "the control group's")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_WORKER_MEMORY_MAX")
+      ->capture_default_str();
+  serve
+      .add_option("--job-seconds-max", config.job_seconds_max,
+                  "How long one attempt at a job may run; 0: for ever")
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_JOB_SECONDS_MAX")
+      ->capture_default_str();
+}
+
 CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   CLI::App* serve = app.add_subcommand(
       "serve", "Answer HTTP and run jobs on worker processes of each device (the default)");
@@ -157,6 +184,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->check(CLI::ExistingDirectory)
       ->envname("VOXELD_SHADER_DIR");
   add_storage(*serve, config);
+  add_worker_limits(*serve, config);
   add_log_level(*serve, config.log_level);
   return serve;
 }
@@ -171,6 +199,7 @@ CLI::App* add_worker(CLI::App& app, WorkerCommand& command) {
   worker->add_option("--data", command.data_dir, "Directory of calibration.json");
   worker->add_option("--part-seconds", command.part_seconds, "As of serve")
       ->check(CLI::Range(0.0, 3600.0));
+  add_sandbox(*worker, command.sandbox);
   add_log_level(*worker, command.log_level);
   return worker;
 }

@@ -10,6 +10,7 @@
 #include "server/gpu/device.h"
 #include "server/gpu/workarounds.h"
 #include "server/worker/calibrate_device.h"
+#include "server/worker/worker_sandbox.h"
 
 namespace voxeld {
 namespace {
@@ -194,12 +195,14 @@ void print_text(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& c
     std::printf("  %-3s %-22s %s\n", gpu::workaround_enabled(one.workaround) ? "on" : "off",
                 std::string(one.name).c_str(), std::string(one.summary).c_str());
   }
+  std::printf("\nisolation of workers: %s\n", sandbox_support().c_str());
   std::printf("\nauto takes %s: %s\n", gpu::device_name(choice.device).c_str(), choice.why.c_str());
 }
 
 void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& choice,
                 const DoctorCommand& command, const Calibrated& calibrated) {
   json object = {{"version", version()}, {"devices", json::array()}};
+  object["sandbox"] = sandbox_support();
   for (const DeviceProbe& probe : probes) {
     object["devices"].push_back(device_json(probe));
     if (probe.works) {

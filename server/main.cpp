@@ -37,8 +37,8 @@ int run_worker(const WorkerCommand& command) {
   const auto device = gpu::parse_device(command.device);
   if (!device) return usage_error(device.error());
   log::configure(command.log_level, "worker " + gpu::device_name(*device));
-  return worker_main(
-      {command.gateway, *device, command.shader_dir, command.data_dir, command.part_seconds});
+  return worker_main({command.gateway, *device, command.shader_dir, command.data_dir,
+                      command.part_seconds, sandbox_mode(command.sandbox)});
 }
 
 int run_probe(const ProbeDeviceCommand& command) {

@@ -123,8 +123,9 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.data_dir = config.data_dir;
   jobs.devices = std::move(devices);
   jobs.worker_executable = self_executable;
-  jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level)), "--data",
-                           config.data_dir.string()};
+  jobs.worker_arguments = {"--log-level", std::string(log_level_name(config.log_level)),
+                           "--data",      config.data_dir.string(),
+                           "--sandbox",   config.sandbox};
   jobs.worker_arguments.insert(jobs.worker_arguments.end(),
                                {"--part-seconds", std::to_string(config.part_seconds)});
   if (!config.shader_dir.empty()) {
@@ -135,11 +136,15 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.is_fair = config.is_fair;
   jobs.memory_bytes_max = config.memory_bytes_max;
   if (jobs.memory_bytes_max == 0) {
-    jobs.memory_bytes_max = machine_memory_bytes() / kMemoryShareMax * kMemoryShare;
+    jobs.memory_bytes_max = memory_limit_bytes() / kMemoryShareMax * kMemoryShare;
   }
   jobs.weight_of = [&keys](const std::string& tenant) { return keys.weight_of(tenant); };
   jobs.storage = {config.store_bytes_max, config.disk_reserve_bytes, config.keep_results_days,
                   config.keep_assets_days, config.keep_jobs_days};
+  jobs.limits.job_seconds_max = config.job_seconds_max;
+  jobs.limits.worker_memory_bytes_max = config.worker_memory_bytes_max > 0
+                                            ? config.worker_memory_bytes_max
+                                            : memory_limit_bytes() / 4 * 3;
   return jobs;
 }
 

@@ -203,6 +203,10 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   add_output_flag(*jobs, arguments);
   add_common_flags(*jobs, arguments);
 
+  CLI::App* top = app.add_subcommand("top", "the daemon's devices and queue, live; q quits");
+  top->add_flag("--once", arguments.once, "print them once and end");
+  add_common_flags(*top, arguments);
+
   CLI::App* info = app.add_subcommand("info", "what a mesh, a .voxg or a .voxs file holds");
   info->add_option("input", inputs, "mesh, .voxg or .voxs file, - for stdin; then files with it")
       ->required()
@@ -218,6 +222,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
     using enum Arguments::Command;
     arguments.command = render->parsed()    ? kRender
                         : jobs->parsed()    ? kJobs
+                        : top->parsed()     ? kTop
                         : info->parsed()    ? kInfo
                         : formats->parsed() ? kFormats
                                             : kVoxelize;

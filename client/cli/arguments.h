@@ -13,7 +13,14 @@
 namespace voxeld::cli {
 
 struct Arguments {
-  enum class Command { kVoxelize, kRender, kJobs, kInfo, kFormats } command = Command::kVoxelize;
+  enum class Command {
+    kVoxelize,
+    kRender,
+    kJobs,
+    kTop,
+    kInfo,
+    kFormats
+  } command = Command::kVoxelize;
   std::string url;
   std::string key;     // --key; empty: see api_key.h
   bool json = false;   // say what happened as JSON on stdout
@@ -32,6 +39,7 @@ struct Arguments {
   std::string job;      // jobs: one of them
   bool cancel = false;  // jobs: cancel it
   int limit = 20;       // jobs: how many
+  bool once = false;    // top: one look, without a terminal
 };
 
 // The arguments, or the status to end with; help, the version and mistakes are printed here.

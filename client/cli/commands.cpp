@@ -11,6 +11,7 @@
 #include "client/cli/bundle.h"
 #include "client/cli/output_file.h"
 #include "client/cli/progress_bar.h"
+#include "client/cli/top.h"
 #include "proto/options.h"
 #include "proto/sequence_format.h"
 
@@ -303,6 +304,11 @@ void run_info(const Arguments& arguments, const std::stop_token& stop) {
   }
 }
 
+void run_top(const Arguments& arguments, const std::stop_token& stop) {
+  Client daemon(settings_of(arguments));
+  watch_queue(arguments, daemon, stop);
+}
+
 void run_formats(const Arguments& arguments) {
   const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "md5mesh", "zip"}},
                        {"write", {".npy", ".npz", ".vox", ".voxg", ".voxs"}},
@@ -332,6 +338,8 @@ void run_command(const Arguments& arguments, const std::stop_token& stop) {
       return run_render(arguments, stop);
     case Arguments::Command::kJobs:
       return run_jobs(arguments, stop);
+    case Arguments::Command::kTop:
+      return run_top(arguments, stop);
     case Arguments::Command::kInfo:
       return run_info(arguments, stop);
     case Arguments::Command::kFormats:

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <charconv>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -15,9 +16,12 @@ namespace {
 
 constexpr int64_t kKibi = 1024;
 
+// Between those of daemons (0) and the first to go (1000).
+constexpr int kOomScore = 500;
+
 // "VmHWM:	  504484 kB"
-int64_t status_bytes(std::string_view name) {
-  std::ifstream status("/proc/self/status");
+int64_t status_bytes(std::string_view name, const std::string& process = "self") {
+  std::ifstream status("/proc/" + process + "/status");
   for (std::string line; std::getline(status, line);) {
     if (!line.starts_with(name)) continue;
     const size_t digit = line.find_first_of("0123456789");
@@ -29,23 +33,23 @@ int64_t status_bytes(std::string_view name) {
   return 0;
 }
 
-// A file of one number; 0 for "max" and where there is none.
-int64_t number_in(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  std::string text;
+// The number that the file holds; 0 for none, also for "max".
+int64_t number_in(const std::filesystem::path& path) {
+  std::ifstream file(path);
   int64_t value = 0;
-  if (stream >> text) std::from_chars(text.data(), text.data() + text.size(), value);
-  return value;
+  return file >> value ? value : 0;
 }
 
-// Of version 2, from this process's control group up to the root; 0: none.
-int64_t group_limit_bytes() {
-  int64_t least = 0;
-  std::ifstream groups("/proc/self/cgroup");
-  for (std::string line; std::getline(groups, line);) {
+// memory.max of this process's control group and of those around it (version 2), or of the root
+// that a container sees (version 1).
+int64_t control_group_bytes() {
+  const std::filesystem::path root = "/sys/fs/cgroup";
+  std::ifstream own("/proc/self/cgroup");
+  int64_t least = number_in(root / "memory/memory.limit_in_bytes");
+  for (std::string line; std::getline(own, line);) {
     if (!line.starts_with("0::/")) continue;
-    std::filesystem::path group = std::filesystem::path("/sys/fs/cgroup") / line.substr(4);
-    for (; group.native().starts_with("/sys/fs/cgroup"); group = group.parent_path()) {
+    std::filesystem::path group = root / line.substr(4);
+    for (; group.native().size() >= root.native().size(); group = group.parent_path()) {
       const int64_t bytes = number_in(group / "memory.max");
       if (bytes > 0 && (least == 0 || bytes < least)) least = bytes;
     }
@@ -55,17 +59,32 @@ int64_t group_limit_bytes() {
 
 }  // namespace
 
-int64_t machine_memory_bytes() {
-  const int64_t pages = ::sysconf(_SC_PHYS_PAGES);
-  const int64_t all = pages > 0 ? pages * ::sysconf(_SC_PAGESIZE) : 0;
-  const int64_t of_group = group_limit_bytes();
-  // A limit of version 1 that is none is a number above all memory.
-  const int64_t of_old_group = number_in("/sys/fs/cgroup/memory/memory.limit_in_bytes");
-  int64_t least = all;
-  for (const int64_t bytes : {of_group, of_old_group}) {
-    if (bytes > 0 && (least == 0 || bytes < least)) least = bytes;
+int64_t private_bytes(int64_t pid) {
+  const std::string process = std::to_string(pid);
+  return status_bytes("RssAnon:", process) + status_bytes("RssShmem:", process);
+}
+
+int64_t memory_limit_bytes() {
+  const int64_t pages = ::sysconf(_SC_PHYS_PAGES), page = ::sysconf(_SC_PAGESIZE);
+  const int64_t machine = pages > 0 && page > 0 ? pages * page : 0;
+  const int64_t group = control_group_bytes();
+  return group > 0 && (machine == 0 || group < machine) ? group : machine;
+}
+
+void offer_to_oom_killer() {
+  std::ofstream("/proc/self/oom_score_adj") << kOomScore;
+}
+
+std::string memory_text(int64_t bytes) {
+  char text[32];
+  constexpr double kMega = 1e6, kGiga = 1e9;
+  const auto count = static_cast<double>(bytes);
+  if (count < kGiga) {
+    std::snprintf(text, sizeof text, "%.0f MB", count / kMega);
+  } else {
+    std::snprintf(text, sizeof text, "%.1f GB", count / kGiga);
   }
-  return least;
+  return text;
 }
 
 int64_t resident_bytes() {

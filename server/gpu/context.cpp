@@ -1,5 +1,6 @@
 #include "server/gpu/context.h"
 
+#include <array>
 #include <cstdlib>
 #include <thread>
 
@@ -113,6 +114,12 @@ Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) 
   info_.is_software = is_software_renderer(info_.renderer);
   info_.has_int64 = has_extension(gl_, "GL_ARB_gpu_shader_int64");
   info_.has_float64 = has_extension(gl_, "GL_ARB_gpu_shader_fp64");
+  if (has_extension(gl_, "GL_NVX_gpu_memory_info")) {
+    memory_source_ = MemorySource::kNvx;
+  } else if (has_extension(gl_, "GL_ATI_meminfo")) {
+    memory_source_ = MemorySource::kAti;
+    ati_bytes_at_start_ = memory().bytes_free;  // it does not tell the total
+  }
   info_.has_timer_queries = has_timer_queries(gl_, info_.is_software);
   read_limits(gl_, info_);
   if (is_debug_) {
@@ -125,7 +132,30 @@ Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) 
   return check("opening " + device_name(device));
 }
 
+MemoryInfo Context::memory() const {
+  // GL_NVX_gpu_memory_info (2013), GL_ATI_meminfo (2009); in KiB.
+  constexpr GLenum kNvxDedicated = 0x9047, kNvxCurrentAvailable = 0x9049, kAtiTextureFree = 0x87FC;
+  constexpr int64_t kKibi = 1024;
+  if (is_lost_ || memory_source_ == MemorySource::kNone) return {};
+  if (memory_source_ == MemorySource::kNvx) {
+    GLint total = 0, available = 0;
+    gl_.GetIntegerv(kNvxDedicated, &total);
+    gl_.GetIntegerv(kNvxCurrentAvailable, &available);
+    return {total * kKibi, available * kKibi};
+  }
+  std::array<GLint, 4> pools{};  // total free, largest free block, the same of auxiliary memory
+  gl_.GetIntegerv(kAtiTextureFree, pools.data());
+  return {ati_bytes_at_start_, pools[0] * kKibi};
+}
+
 Status Context::check(std::string_view where) const {
+  // Each error of the robustness extension is told once; whoever asks again shall hear it again.
+  if (is_lost_) {
+    return Error{ErrorCode::kDeviceUnavailable,
+                 std::string(where) + ": " + device_name(info_.device) + " (" + info_.renderer +
+                     "): the device was reset",
+                 "", ""};
+  }
   const GLenum error = gl_.GetError();
   if (error == GL_NO_ERROR) return {};
   // Errors queue up; the first is the cause, the others must not be blamed on a later pass. A lost
@@ -136,6 +166,7 @@ Status Context::check(std::string_view where) const {
                              device_name(info_.device) + " (" + info_.renderer + ")";
   const GLenum reset = gl_.GetGraphicsResetStatus();
   if (error == GL_CONTEXT_LOST || reset != GL_NO_ERROR) {
+    is_lost_ = true;
     return Error{ErrorCode::kDeviceUnavailable, detail + ": the device was reset", "", ""};
   }
   if (error == GL_OUT_OF_MEMORY) {

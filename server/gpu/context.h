@@ -12,6 +12,11 @@
 
 namespace voxeld::gpu {
 
+// 0, 0: the driver does not tell.
+struct MemoryInfo {
+  int64_t bytes_total = 0, bytes_free = 0;
+};
+
 class Context {
  public:
   // Leaves the context current on the calling thread. Changes the environment while a Mesa driver
@@ -35,8 +40,12 @@ class Context {
   bool is_debug() const { return is_debug_; }
 
   // Aborts (CHECK) on a GL error in debug contexts; otherwise returns internal / device-unavailable
-  // with the error's name and `where`. Call at the end of a pass, not after every call.
+  // with the error's name and `where`. Call at the end of a pass, not after every call. A context
+  // that was lost once stays lost.
   Status check(std::string_view where) const;
+
+  // Of the whole device, by GL_NVX_gpu_memory_info or GL_ATI_meminfo.
+  MemoryInfo memory() const;
 
  protected:
   Context() = default;
@@ -46,6 +55,12 @@ class Context {
   GlApi gl_{};
   DeviceInfo info_;
   bool is_debug_ = false;
+
+ private:
+  enum class MemorySource { kNone, kNvx, kAti };
+  MemorySource memory_source_ = MemorySource::kNone;
+  int64_t ati_bytes_at_start_ = 0;
+  mutable bool is_lost_ = false;
 };
 
 }  // namespace voxeld::gpu

@@ -22,6 +22,8 @@ Response ready_response(JobService& jobs, const KeyRing& keys) {
                        {"pid", worker.pid},
                        {"connected", worker.connected},
                        {"restarts", worker.restarts},
+                       {"sandbox", worker.sandbox},
+                       {"memory_bytes", worker.memory_bytes},
                        {"task", worker.task},
                        {"last_error", worker.last_error}});
   }

@@ -62,7 +62,7 @@ Error ended_error(const JobStatus& status) {
 }  // namespace
 
 Response problem(const Request& request, const Error& error) {
-  return Response::problem(error, request.head.path);
+  return Response::problem(error, request.head.path, request.trace.trace_id);
 }
 
 std::string server_timing(const JobStatus& status) {
@@ -100,6 +100,8 @@ Response status_response(int http_status, const JobStatus& status) {
 Response run_transient(Request& request, Api& api, const JobRequest& job) {
   SubmitOptions submit;
   submit.transient = true;
+  submit.request_id = request.request_id;
+  submit.trace_id = request.trace.trace_id;
   auto status = api.jobs.submit(request.caller, job, submit);
   if (!status) return problem(request, status.error());
   return await_result(request, api, *status, /*transient=*/true);

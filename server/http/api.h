@@ -32,6 +32,7 @@ struct Api {
 void add_one_shot_routes(Router& router, Api& api);
 void add_asset_routes(Router& router, Api& api);
 void add_job_routes(Router& router, Api& api);
+void add_queue_routes(Router& router, Api& api);
 void add_event_routes(Router& router, Api& api);
 void add_result_routes(Router& router, Api& api);
 void add_grid_routes(Router& router, Api& api);

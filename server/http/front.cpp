@@ -350,12 +350,17 @@ class EpollFront final : public Front {
     const std::string_view given = head.header("X-Request-Id");
     request.request_id = is_plain_id(given) ? std::string(given) : new_request_id();
     record.request_id = request.request_id;
+    const auto parent = parse_traceparent(head.header("traceparent"));
+    request.trace = parent ? child_span(*parent) : new_trace();
+    record.trace_id = request.trace.trace_id;
     try {
       response = handler_(request);
     } catch (const std::exception& e) {
       // Out of memory and the like: one answer fails, the daemon goes on.
-      response = Response::problem({ErrorCode::kInternal, e.what(), "", ""}, head.path);
+      response = Response::problem({ErrorCode::kInternal, e.what(), "", ""}, head.path,
+                                   request.trace.trace_id);
     }
+    response.headers["traceresponse"] = traceparent_text(request.trace);
     record.bytes_in = body.bytes_read();
     record.key_id = request.key_id;
     if (!request.key_id.empty()) record.tenant = request.caller.tenant();

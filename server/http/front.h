@@ -29,7 +29,7 @@ using Handler = std::function<Response(Request&)>;
 // After each exchange: method, route-independent facts for logs and metrics.
 struct ExchangeRecord {
   const Head* head = nullptr;
-  std::string request_id, peer;
+  std::string request_id, trace_id, peer;
   std::string tenant, key_id;  // empty where no key was needed or none was valid
   int status = 0;
   int64_t bytes_in = 0, bytes_out = 0;

@@ -41,6 +41,8 @@ Result<StoredBlob> wanted_grid(Request& request, Api& api) {
                 request_on_grid(request, request.path_parameters[0], JobKind::kExport));
   SubmitOptions submit;
   submit.transient = true;
+  submit.request_id = request.request_id;
+  submit.trace_id = request.trace.trace_id;
   VOXELD_ASSIGN(const JobStatus submitted, api.jobs.submit(request.caller, job, submit));
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
   VOXELD_ASSIGN(const JobStatus status,

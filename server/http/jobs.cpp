@@ -46,6 +46,8 @@ Response post_job(Request& request, Api& api) {
   if (request.query("dry_run").value_or("0") == "1") return dry_run(request, *job, api);
   SubmitOptions submit;
   submit.idempotency_key = request.head.header("Idempotency-Key");
+  submit.request_id = request.request_id;
+  submit.trace_id = request.trace.trace_id;
   auto status = api.jobs.submit(request.caller, *job, submit);
   if (!status) return problem(request, status.error());
   const int wait = preferred_wait_seconds(request);

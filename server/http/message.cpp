@@ -54,10 +54,12 @@ Response Response::text(int status, std::string text) {
   return response;
 }
 
-Response Response::problem(const Error& error, std::string_view instance) {
-  Response response = json(
-      info_of(error.code).http_status,
-      problem_json(error, instance).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+Response Response::problem(const Error& error, std::string_view instance,
+                           std::string_view trace_id) {
+  nlohmann::json body = problem_json(error, instance);
+  if (!trace_id.empty()) body["trace_id"] = trace_id;
+  Response response = json(info_of(error.code).http_status,
+                           body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
   response.headers["Content-Type"] = "application/problem+json";
   if (response.status == 401) response.headers["WWW-Authenticate"] = "Bearer realm=\"voxeld\"";
   if (response.status == 503 || response.status == 429) response.headers["Retry-After"] = "2";

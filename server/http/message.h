@@ -14,6 +14,7 @@
 
 #include "proto/options.h"
 #include "proto/result.h"
+#include "server/base/trace_context.h"
 #include "server/jobs/caller.h"
 
 namespace voxeld::http {
@@ -49,6 +50,7 @@ struct Request {
   Head head;
   std::vector<std::string> path_parameters;  // what {…} of the route matched, in order
   std::string request_id;
+  TraceContext trace;  // the span of this request
   // Whose request it is, by access.h: before it was admitted, nobody's.
   Caller caller = Caller::nobody();
   std::string key_id;  // of the key that it came with; empty where none is needed
@@ -78,7 +80,8 @@ struct Response {
   static Response json(int status, std::string text);
   static Response text(int status, std::string text);
   // application/problem+json with the status of the error's code.
-  static Response problem(const Error& error, std::string_view instance);
+  static Response problem(const Error& error, std::string_view instance,
+                          std::string_view trace_id = "");
 };
 
 // Text that a client may safely receive in a header: no control characters.

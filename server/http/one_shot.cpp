@@ -66,6 +66,8 @@ Response run(Request& request, Api& api, JobKind kind) {
   if (!job) return problem(request, job.error());
   SubmitOptions submit;
   submit.transient = true;
+  submit.request_id = request.request_id;
+  submit.trace_id = request.trace.trace_id;
   if (job->asset.empty() && job->grid.empty() && job->sequence.empty()) {
     auto upload = receive_upload(request, api);
     if (!upload) return problem(request, upload.error());

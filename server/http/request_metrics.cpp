@@ -26,12 +26,19 @@ struct RequestMetrics::Impl {
                     .Register(registry)),
         bytes(prometheus::BuildCounter()
                   .Name("voxeld_http_bytes_total")
-                  .Help("Bytes of bodies by direction")
+                  .Help("Bytes of bodies by direction and tenant")
                   .Register(registry)),
         state(prometheus::BuildGauge()
                   .Name("voxeld_http_state")
                   .Help("Open connections, running requests and event streams")
                   .Register(registry)) {}
+
+  // Tenants are those of valid keys, so they are few.
+  void add_bytes(const char* direction, const std::string& tenant, int64_t count) {
+    prometheus::Labels labels = {{"direction", direction}};
+    if (!tenant.empty()) labels["tenant"] = tenant;
+    bytes.Add(labels).Increment(static_cast<double>(count));
+  }
 
   prometheus::Family<prometheus::Counter>& requests;
   prometheus::Family<prometheus::Histogram>& seconds;
@@ -47,6 +54,7 @@ RequestMetrics::~RequestMetrics() = default;
 void RequestMetrics::record(const ExchangeRecord& exchange, const std::string& route) {
   const std::string method = exchange.head->method.empty() ? "-" : exchange.head->method;
   log::info("request", {{"id", exchange.request_id},
+                        {"trace", exchange.trace_id},
                         {"peer", exchange.peer},
                         {"tenant", exchange.tenant},
                         {"key", exchange.key_id},
@@ -60,8 +68,8 @@ void RequestMetrics::record(const ExchangeRecord& exchange, const std::string& r
   const std::string name = route.empty() ? "other" : route;
   impl_->requests.Add({{"route", name}, {"status", std::to_string(exchange.status)}}).Increment();
   impl_->seconds.Add({{"route", name}}, kSeconds).Observe(exchange.ms / 1000);
-  impl_->bytes.Add({{"direction", "in"}}).Increment(static_cast<double>(exchange.bytes_in));
-  impl_->bytes.Add({{"direction", "out"}}).Increment(static_cast<double>(exchange.bytes_out));
+  impl_->add_bytes("in", exchange.tenant, exchange.bytes_in);
+  impl_->add_bytes("out", exchange.tenant, exchange.bytes_out);
 }
 
 void RequestMetrics::set_state(const FrontState& state, int subscribers) {

@@ -61,7 +61,7 @@ Response Router::dispatch(Request& request, std::string* route_name) const {
   if (allowed.empty()) {
     return Response::problem({ErrorCode::kNotFound, "there is no such resource", "",
                               "\"" + request.head.path.substr(0, 120) + "\""},
-                             request.head.path);
+                             request.head.path, request.trace.trace_id);
   }
   std::string allow = "OPTIONS";
   for (const std::string& name : allowed) allow += ", " + name;
@@ -71,7 +71,7 @@ Response Router::dispatch(Request& request, std::string* route_name) const {
   } else {
     response = Response::problem(
         {ErrorCode::kMethodNotAllowed, "this resource cannot do that", allow, method},
-        request.head.path);
+        request.head.path, request.trace.trace_id);
   }
   response.headers["Allow"] = allow;
   return response;

@@ -26,6 +26,7 @@ class HttpServer final : public Server {
     add_one_shot_routes(router_, api_);
     add_asset_routes(router_, api_);
     add_job_routes(router_, api_);
+    add_queue_routes(router_, api_);
     add_event_routes(router_, api_);
     add_result_routes(router_, api_);
     add_grid_routes(router_, api_);

@@ -5,7 +5,12 @@
 #include <prometheus/histogram.h>
 #include <prometheus/registry.h>
 
+#include <set>
 #include <utility>
+
+#include "proto/version.h"
+#include "server/base/algorithm_version.h"
+#include "server/base/thread_annotations.h"
 
 namespace voxeld {
 namespace {
@@ -17,6 +22,8 @@ using prometheus::Counter;
 using prometheus::Family;
 using prometheus::Gauge;
 using prometheus::Histogram;
+
+constexpr size_t kTenantLabelsMax = 200;
 
 // Seconds: from a small mesh on a GPU to a large one in software.
 prometheus::Histogram::BucketBoundaries seconds_buckets() {
@@ -38,8 +45,9 @@ struct JobMetrics::Impl {
                       .Help("Jobs that were accepted, by kind.")
                       .Register(*registry)),
         ended(BuildCounter()
-                  .Name("voxeld_jobs_ended_total")
-                  .Help("Jobs that ended, by kind and outcome: done, cached, failed, cancelled.")
+                  .Name("voxeld_jobs_total")
+                  .Help("Jobs that ended, by tenant, kind and outcome: done, cached, failed, "
+                        "cancelled.")
                   .Register(*registry)),
         requeued(BuildCounter()
                      .Name("voxeld_jobs_requeued_total")
@@ -50,8 +58,8 @@ struct JobMetrics::Impl {
                           .Help("Time from acceptance to the start of the first attempt, by kind.")
                           .Register(*registry)),
         stage_seconds(BuildHistogram()
-                          .Name("voxeld_job_stage_seconds")
-                          .Help("Time of each stage of finished jobs.")
+                          .Name("voxeld_stage_seconds")
+                          .Help("Time of each stage of finished jobs, by stage and device.")
                           .Register(*registry)),
         frames_done(BuildCounter()
                         .Name("voxeld_frames_done_total")
@@ -91,7 +99,24 @@ struct JobMetrics::Impl {
         evictions(BuildCounter()
                       .Name("voxeld_evictions_total")
                       .Help("Results and assets that went by size or age, by reason.")
-                      .Register(*registry)) {}
+                      .Register(*registry)),
+        worker_memory(BuildGauge()
+                          .Name("voxeld_worker_memory_bytes")
+                          .Help("Memory that a device's worker processes take, without what they "
+                                "have mapped of files.")
+                          .Register(*registry)),
+        device_memory(BuildGauge()
+                          .Name("voxeld_gpu_memory_bytes")
+                          .Help("Memory of a GPU as its driver tells: total and free.")
+                          .Register(*registry)) {
+    BuildGauge()
+        .Name("voxeld_build_info")
+        .Help("1, with the version as a label.")
+        .Register(*registry)
+        .Add(
+            {{"version", std::string(version())}, {"algorithm", std::to_string(kAlgorithmVersion)}})
+        .Set(1);
+  }
 
   std::shared_ptr<prometheus::Registry> registry;
   Family<Gauge>& jobs;
@@ -109,6 +134,21 @@ struct JobMetrics::Impl {
   Gauge& store_bytes;
   Gauge& damaged;
   Family<Counter>& evictions;
+  Family<Gauge>& worker_memory;
+  Family<Gauge>& device_memory;
+
+  // Tenants are names that whoever runs the daemon gave; those of a year may still be many, and
+  // each is a time series for ever.
+  std::string tenant_label(const std::string& tenant) {
+    MutexLock lock(mutex);
+    if (tenants.contains(tenant) || tenants.size() < kTenantLabelsMax) {
+      tenants.insert(tenant);
+      return tenant;
+    }
+    return "(other)";
+  }
+  Mutex mutex;
+  std::set<std::string> tenants GUARDED_BY(mutex);
 };
 
 JobMetrics::JobMetrics(std::shared_ptr<prometheus::Registry> registry) {
@@ -140,14 +180,20 @@ void JobMetrics::requeued(const JobStatus& status) {
   if (impl_) impl_->requeued.Add({{"kind", kind_of(status)}}).Increment();
 }
 
-void JobMetrics::ended(const JobStatus& status) {
+void JobMetrics::ended(const JobStatus& status, const std::string& tenant,
+                       const std::string& device) {
   if (!impl_) return;
   const std::string outcome = status.cached ? "cached" : std::string(job_state_name(status.state));
-  impl_->ended.Add({{"kind", kind_of(status)}, {"outcome", outcome}}).Increment();
+  impl_->ended
+      .Add({{"tenant", impl_->tenant_label(tenant)},
+            {"kind", kind_of(status)},
+            {"outcome", outcome}})
+      .Increment();
   if (status.cached) return;
   for (const auto& [stage, ms] : status.timings) {
     if (stage == "queue") continue;
-    impl_->stage_seconds.Add({{"stage", stage}}, seconds_buckets()).Observe(ms / 1000.0);
+    impl_->stage_seconds.Add({{"stage", stage}, {"device", device}}, seconds_buckets())
+        .Observe(ms / 1000.0);
   }
 }
 
@@ -178,6 +224,20 @@ void JobMetrics::set_store(int64_t bytes, int64_t damaged) {
 void JobMetrics::evicted(const std::string& reason, int64_t count) {
   if (!impl_) return;
   impl_->evictions.Add({{"reason", reason}}).Increment(static_cast<double>(count));
+}
+
+void JobMetrics::set_worker_memory(const std::string& device, int64_t bytes) {
+  if (impl_) impl_->worker_memory.Add({{"device", device}}).Set(static_cast<double>(bytes));
+}
+
+void JobMetrics::set_device_memory(const std::string& device, int64_t bytes_total,
+                                   int64_t bytes_free) {
+  if (!impl_) return;
+  const auto set = [&](const char* what, int64_t bytes) {
+    impl_->device_memory.Add({{"device", device}, {"what", what}}).Set(static_cast<double>(bytes));
+  };
+  set("total", bytes_total);
+  set("free", bytes_free);
 }
 
 }  // namespace voxeld

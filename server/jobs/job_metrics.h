@@ -28,8 +28,8 @@ class JobMetrics {
   void had_turn(const std::string& device, const std::string& tenant, double seconds);
   // Its worker was lost and it waits again.
   void requeued(const JobStatus& status);
-  // Counts by kind and outcome, and observes each stage.
-  void ended(const JobStatus& status);
+  // Counts by tenant, kind and outcome, and observes each stage on the device that ran it.
+  void ended(const JobStatus& status, const std::string& tenant, const std::string& device);
   // A frame was listed.
   void frame_done();
   void set_jobs(int64_t queued, int64_t running);
@@ -40,6 +40,9 @@ class JobMetrics {
   void set_store(int64_t bytes, int64_t damaged);
   // Things that were removed unasked: "size", "age" (results), "asset-age".
   void evicted(const std::string& reason, int64_t count);
+  // Of all workers of the device.
+  void set_worker_memory(const std::string& device, int64_t bytes);
+  void set_device_memory(const std::string& device, int64_t bytes_total, int64_t bytes_free);
 
  private:
   struct Impl;

@@ -20,7 +20,8 @@ constexpr std::string_view kSelect =
     " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.sequence, j.frames_total,"
     " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id),"
     " j.timings_json, j.error_code, j.error_detail, j.error_expected, j.error_got,"
-    " j.result_seq, r.blob, r.bytes, r.media_type, r.filename, r.grid, r.meta_json,"
+    " j.request_id, j.trace_id, j.result_seq, r.blob, r.bytes, r.media_type, r.filename, r.grid, "
+    "r.meta_json,"
     " r.warnings_json, r.sequence, r.frames FROM jobs j LEFT JOIN results r ON r.seq = "
     "j.result_seq";
 
@@ -117,6 +118,8 @@ JobRecord read_record(const SqlStatement& statement) {
     error.code = error_code_from_name(error_name);
     status.error = std::move(error);
   }
+  record.request_id = column.text();
+  record.trace_id = column.text();
   if (column.int64() == 0) return record;
   JobResult result;
   result.blob = column.text();
@@ -175,11 +178,12 @@ Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std:
 }
 
 Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, const Caller& caller, int limit,
-                                         std::optional<JobState> state) {
+                                         std::optional<JobState> state, JobOrder order) {
   std::string sql(kSelect);
   sql += caller.sees_all() ? " WHERE $2 = $2" : " WHERE j.tenant = $2";
   sql += state ? " AND j.state = $3" : " AND $3 = $3";
-  sql += " ORDER BY j.seq DESC LIMIT $1";
+  sql += order == JobOrder::kNewestFirst ? " ORDER BY j.seq DESC LIMIT $1"
+                                         : " ORDER BY j.seq LIMIT $1";
   std::vector<JobRecord> records;
   {
     VOXELD_ASSIGN(SqlStatement statement,

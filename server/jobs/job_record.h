@@ -28,6 +28,7 @@ struct JobRecord {
   std::string worker;        // device that claimed it last
   std::string lost_workers;  // how each worker that ran it ended: "signal 9 (Killed), …"
   double upload_ms = 0;
+  std::string request_id, trace_id;  // of the request that submitted it
 };
 
 // What a job ends with whose deadline has passed.
@@ -36,9 +37,10 @@ Error deadline_error();
 int64_t unix_time_ms();
 // Fills in queue_position too. Errors: not-found, also for what the caller may not see.
 Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std::string_view id);
-// Newest first.
+enum class JobOrder { kNewestFirst, kOldestFirst };
 Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, const Caller& caller, int limit,
-                                         std::optional<JobState> state);
+                                         std::optional<JobState> state,
+                                         JobOrder order = JobOrder::kNewestFirst);
 
 // Columns that hold lists.
 std::string timings_text(const StageTimes& timings);

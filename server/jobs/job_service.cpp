@@ -116,6 +116,7 @@ class Service final : public JobService {
   Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
     return frames_.read(caller, id);
   }
+  Result<QueueView> queue(const Caller& caller, int limit) override;
   std::vector<WorkerState> workers() override;
   int64_t queued_jobs() override;
   Status ready() override;
@@ -214,7 +215,9 @@ TaskServerConfig Service::server_config() {
     Supervisor* supervisor = supervising_;
     if (supervisor == nullptr) return "";
     const auto reason = supervisor->exit_reason(pid, kExitReasonWait);
-    return reason ? reason->text() : "";
+    if (!reason) return "";
+    const bool lost = reason->signal == 0 && reason->status == Supervisor::kExitContextLost;
+    return lost ? "the GL context was lost" : reason->text();
   };
   server.kill_worker = [this](int64_t pid) {
     if (Supervisor* supervisor = supervising_) supervisor->kill_worker(pid);
@@ -263,9 +266,12 @@ void Service::job_changed(const JobRecord& record) {
   if (status.ended()) {
     parts_.remove(status.id);
     board_.changed(status.id, status.version, false);
-    metrics_.ended(status);
+    metrics_.ended(status, record.tenant, record.worker);
     log::info("job ended", {{"job", status.id},
                             {"tenant", record.tenant},
+                            {"request", record.request_id},
+                            {"trace", record.trace_id},
+                            {"worker", record.worker},
                             {"kind", job_kind_name(status.kind)},
                             {"state", job_state_name(status.state)},
                             {"cached", status.cached ? 1 : 0},
@@ -276,11 +282,20 @@ void Service::job_changed(const JobRecord& record) {
     }
   } else if (status.state == JobState::kRunning) {
     metrics_.claimed(status);
-    log::debug("job starts", {{"job", status.id}, {"worker", record.worker}});
+    log::info("job starts", {{"job", status.id},
+                             {"tenant", record.tenant},
+                             {"request", record.request_id},
+                             {"trace", record.trace_id},
+                             {"worker", record.worker},
+                             {"attempt", status.attempt}});
   } else {
     metrics_.requeued(status);
-    log::warn("job is queued again",
-              {{"job", status.id}, {"attempt", status.attempt}, {"workers", record.lost_workers}});
+    log::warn("job is queued again", {{"job", status.id},
+                                      {"tenant", record.tenant},
+                                      {"request", record.request_id},
+                                      {"trace", record.trace_id},
+                                      {"attempt", status.attempt},
+                                      {"workers", record.lost_workers}});
   }
   update_gauges();
 }
@@ -361,6 +376,11 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
     return record.status;
   }
   metrics_.submitted(record.status);
+  log::info("job submitted", {{"job", record.status.id},
+                              {"tenant", record.tenant},
+                              {"request", options.request_id},
+                              {"trace", options.trace_id},
+                              {"kind", job_kind_name(record.status.kind)}});
   if (record.status.ended()) {
     job_changed(record);
   } else {
@@ -497,6 +517,37 @@ Result<JobFrames> Service::frames(const Caller& caller, std::string_view job) {
     frames.frames.push_back({static_cast<int64_t>(frames.frames.size()), std::move(frame)});
   }
   return frames;
+}
+
+Result<QueueView> Service::queue(const Caller& caller, int limit) {
+  QueueView view;
+  VOXELD_ASSIGN(view.queued, jobs_.count(JobState::kQueued));
+  VOXELD_ASSIGN(view.running, jobs_.count(JobState::kRunning));
+  VOXELD_ASSIGN(const int64_t queued, jobs_.count(caller, JobState::kQueued));
+  VOXELD_ASSIGN(const int64_t running, jobs_.count(caller, JobState::kRunning));
+  // Between two counts a job may have started.
+  view.others_queued = std::max<int64_t>(0, view.queued - queued);
+  view.others_running = std::max<int64_t>(0, view.running - running);
+  VOXELD_ASSIGN(std::vector<JobRecord> records, jobs_.live(caller, limit));
+  for (JobRecord& record : records) {
+    board_.overlay(record.status);
+    view.jobs.push_back(
+        {std::move(record.tenant), std::move(record.worker), std::move(record.status)});
+  }
+  std::ranges::stable_sort(view.jobs, {}, [](const QueueView::Job& job) {
+    return job.status.queue_position;  // 0: it runs
+  });
+  for (const WorkerState& worker : workers()) {
+    const auto known = std::ranges::find(view.devices, worker.device, &QueueView::Device::device);
+    QueueView::Device& device = known == view.devices.end() ? view.devices.emplace_back() : *known;
+    device.device = worker.device;
+    if (!worker.renderer.empty()) device.renderer = worker.renderer;
+    device.workers += worker.connected ? 1 : 0;
+    if (worker.task.empty()) continue;
+    ++device.workers_busy;
+    if (jobs_.get(caller, worker.task)) device.jobs.push_back(worker.task);
+  }
+  return view;
 }
 
 std::vector<WorkerState> Service::workers() {

@@ -52,6 +52,8 @@ struct SubmitOptions {
   std::string idempotency_key;  // empty: none
   bool transient = false;       // a one-shot request's job: cancelled when its client leaves
   double upload_ms = 0;         // goes into the job's timings
+  std::string request_id;       // for the log
+  std::string trace_id;
 };
 
 struct JobEvent {
@@ -82,6 +84,28 @@ struct WorkerState {
   std::string task;        // job id it runs, or empty
   std::string last_error;  // of a device that cannot be opened
   std::string device_json;
+  std::string sandbox;       // "full", "off", or what is missing
+  int64_t memory_bytes = 0;  // that its process takes; 0: not looked at yet
+  DeviceMemory device_memory;
+};
+
+// What one caller may know of the queue.
+struct QueueView {
+  struct Job {
+    std::string tenant;
+    std::string device;  // that runs it, or empty
+    JobStatus status;
+  };
+  struct Device {
+    std::string device, renderer;
+    int64_t workers = 0;  // that are connected
+    int64_t workers_busy = 0;
+    std::vector<std::string> jobs;  // those of the caller that run on it
+  };
+  std::vector<Device> devices;
+  std::vector<Job> jobs;  // the caller's, or an admin's all: running ones, then by position
+  int64_t queued = 0, running = 0;                // of all tenants
+  int64_t others_queued = 0, others_running = 0;  // of tenants that the caller does not see
 };
 
 class JobService {
@@ -144,6 +168,9 @@ class JobService {
   // Errors: not-found.
   virtual Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) = 0;
 
+  // Live jobs, at most `limit` that wait, and who works.
+  virtual Result<QueueView> queue(const Caller& caller, int limit) = 0;
+
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;
   virtual int64_t queued_jobs() = 0;
@@ -161,6 +188,10 @@ struct TaskLimits {
   double cancel_seconds_max = 10.0;
   // It reports, but says the same each time: a shader or a parser that never ends.
   double stall_seconds_max = 600.0;
+  // Of one attempt: deadline-exceeded.
+  double job_seconds_max = 86'400.0;
+  // Of one worker process: grid-too-large. 0: no limit.
+  int64_t worker_memory_bytes_max = 0;
 };
 
 // What the store may hold, and for how long. 0: without limit. What is asked for counts as used.

@@ -205,15 +205,18 @@ Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) 
   return connection.run(
       "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
       " use_cache, transient, upload_us, created_ms, sequence, tenant, asset_tenant, priority,"
-      " deadline_ms)"
-      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16)",
+      " deadline_ms, request_id, trace_id)"
+      " VALUES ($1, $2, 'queued', $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $16, "
+      "$17,"
+      " $18)",
       job.id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
       canonical_json(request.options, option_scope(request)), job.hash,
       flag(request.options.use_cache), flag(job.options.transient),
       static_cast<int64_t>(job.options.upload_ms * 1000.0), now_ms, request.sequence, job.tenant,
       job.asset_tenant,
       int64_t{request.priority.value_or(job.options.transient ? limits::kOneShotPriority : 0)},
-      request.deadline_ms ? now_ms + *request.deadline_ms : kNoDeadline);
+      request.deadline_ms ? now_ms + *request.deadline_ms : kNoDeadline, job.options.request_id,
+      job.options.trace_id);
 }
 
 // queue, upload, then what the worker measured.
@@ -576,6 +579,26 @@ Result<int64_t> JobStore::count(JobState state) {
                 reader->query("SELECT COUNT(*) FROM jobs WHERE state = $1", job_state_name(state)));
   VOXELD_TRY(statement.step());
   return statement.int64(0);
+}
+
+Result<int64_t> JobStore::count(const Caller& caller, JobState state) {
+  if (caller.sees_all()) return count(state);
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(SqlStatement statement,
+                reader->query("SELECT COUNT(*) FROM jobs WHERE state = $1 AND tenant = $2",
+                              job_state_name(state), caller.tenant()));
+  VOXELD_TRY(statement.step());
+  return statement.int64(0);
+}
+
+Result<std::vector<JobRecord>> JobStore::live(const Caller& caller, int limit) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(std::vector<JobRecord> records,
+                load_jobs(*reader, caller, limit, JobState::kRunning, JobOrder::kOldestFirst));
+  VOXELD_ASSIGN(std::vector<JobRecord> waiting,
+                load_jobs(*reader, caller, limit, JobState::kQueued, JobOrder::kOldestFirst));
+  for (JobRecord& record : waiting) records.push_back(std::move(record));
+  return records;
 }
 
 }  // namespace voxeld

@@ -107,6 +107,10 @@ class JobStore {
   // it.
   Result<bool> is_grid(const Caller& caller, std::string_view id);
   Result<int64_t> count(JobState state);
+  // Of those that the caller sees.
+  Result<int64_t> count(const Caller& caller, JobState state);
+  // Running ones, and the first `limit` that arrived of those that wait.
+  Result<std::vector<JobRecord>> live(const Caller& caller, int limit);
 
  private:
   Database& database_;

@@ -35,7 +35,9 @@ namespace {
 // Step 5: what was used last goes last. results.used_ms and assets.used_ms are when somebody last
 // asked for them. Of an expired result the row stays, so that asking for it says `gone`; so do its
 // rows of frames.
-constexpr std::array<std::string_view, 5> kSteps = {
+//
+// Step 6: whose request submitted a job, for the log and for tracing.
+constexpr std::array<std::string_view, 6> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -237,6 +239,10 @@ CREATE INDEX frames_kept ON frames (job_id) WHERE expired_ms = 0;
 CREATE INDEX jobs_ended ON jobs (ended_ms) WHERE ended_ms <> 0;
 CREATE INDEX jobs_by_result ON jobs (result_seq) WHERE result_seq <> 0;
 CREATE INDEX idempotency_keys_by_job ON idempotency_keys (job_id);
+)sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN request_id TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN trace_id TEXT NOT NULL DEFAULT '';
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

@@ -35,7 +35,8 @@ class Supervisor {
  public:
   static constexpr double kBackoffSecondsMin = 0.05;
   static constexpr double kBackoffSecondsMax = 10.0;
-  static constexpr double kHealthySeconds = 5.0;    // a worker that lived so long resets the pause
+  static constexpr double kHealthySeconds = 5.0;  // a worker that lived so long resets the pause
+  static constexpr int kExitContextLost = 4;
   static constexpr int kExitDeviceUnavailable = 3;  // see worker.h: the longest pause at once
 
   explicit Supervisor(SupervisorConfig config);

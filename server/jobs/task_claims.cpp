@@ -35,8 +35,9 @@ Status TaskServer::give_task(Connection& connection) {
       wait_for_work(connection, seen);
       continue;
     }
-    const auto task = make_task(*record);
+    const auto task = make_task(connection.files, *record);
     if (task) return send_task(connection, *record, *task);
+    connection.files.clear();
     VOXELD_TRY(refuse_task(*record, task.error()));
     connection.set_task("", 0);
     begin_waiting(connection);
@@ -154,17 +155,18 @@ bool TaskServer::assign(const std::vector<IdleSlot>& idle, const JobRecord& reco
   return false;
 }
 
-// The file of an input, which is read before a worker gets it: once per process.
-Result<std::string> TaskServer::input_path(std::string_view id, std::string_view what) {
+// Where the worker finds an input, which is read before it gets it: once per process.
+Result<std::string> TaskServer::hand_over(const WorkerFiles& files, std::string_view id,
+                                          std::string_view what) {
   const bool is_asset = what == "asset";
   VOXELD_ASSIGN(const BlobInfo blob,
                 named_blob(context_.blobs, id, "the " + std::string(what) + " " + std::string(id),
                            is_asset ? "upload the same bytes again, then submit the job again"
                                     : "submit the job that made it again"));
-  return context_.blobs.path_of(blob.id).string();
+  return files.hand_over(context_.blobs.path_of(blob.id));
 }
 
-Result<Task> TaskServer::make_task(const JobRecord& record) {
+Result<Task> TaskServer::make_task(const WorkerFiles& files, const JobRecord& record) {
   const JobStatus& status = record.status;
   Task task;
   task.id = status.id;
@@ -176,44 +178,47 @@ Result<Task> TaskServer::make_task(const JobRecord& record) {
   task.input_hash = task.input_is_grid       ? status.grid
                     : task.input_is_sequence ? status.sequence
                                              : status.asset;
-  VOXELD_ASSIGN(task.input_path, input_path(task.input_hash, task.input_is_grid       ? "grid"
-                                                             : task.input_is_sequence ? "sequence"
-                                                                                      : "asset"));
+  VOXELD_ASSIGN(task.input_path, hand_over(files, task.input_hash,
+                                           task.input_is_grid       ? "grid"
+                                           : task.input_is_sequence ? "sequence"
+                                                                    : "asset"));
   task.filename = status.filename;
   task.options_json = status.options_json;
   task.tenant = record.tenant;
+  task.request_id = record.request_id;
+  task.trace_id = record.trace_id;
   if (task.input_is_sequence) {
     VOXELD_ASSIGN(const SequenceManifest manifest,
                   context_.frames.read(Caller::daemon(), status.sequence));
     for (const SequenceFrame& frame : manifest.frames) {
-      VOXELD_ASSIGN(std::string path, input_path(frame.grid, "grid"));
-      task.frame_paths.push_back(std::move(path));
+      VOXELD_ASSIGN(task.frame_paths.emplace_back(), hand_over(files, frame.grid, "grid"));
     }
   }
   if (!status.asset.empty()) {
-    VOXELD_ASSIGN(const auto files,
+    VOXELD_ASSIGN(const auto bundled,
                   context_.assets.bundle_files(record.asset_tenant, status.asset));
-    for (const BundleFile& file : files) {
-      VOXELD_ASSIGN(std::string path, input_path(file.asset, "asset"));
-      task.bundle_paths.push_back(std::move(path));
+    for (const BundleFile& file : bundled) {
+      VOXELD_ASSIGN(task.bundle_paths.emplace_back(), hand_over(files, file.asset, "asset"));
     }
   }
-  VOXELD_TRY(add_done(record, task));
+  VOXELD_TRY(add_done(files, record, task));
   return task;
 }
 
 // What earlier attempts left: parts, and frames from the first one on.
-Status TaskServer::add_done(const JobRecord& record, Task& task) {
-  for (const std::filesystem::path& path : context_.parts.of_job(task.id))
-    task.part_paths.push_back(path);
+Status TaskServer::add_done(const WorkerFiles& files, const JobRecord& record, Task& task) {
+  for (const std::filesystem::path& part : context_.parts.of_job(task.id)) {
+    VOXELD_ASSIGN(task.part_paths.emplace_back(), files.hand_over(part));
+  }
   if (record.status.frames_total == 0) return {};
   VOXELD_ASSIGN(const std::vector<ListedFrame> frames, context_.frames.of_job(task.id));
   for (const ListedFrame& listed : frames) {
     const SequenceFrame& frame = listed.frame;
     const bool follows = listed.index == static_cast<int64_t>(task.done_frames.size());
     if (!follows || !context_.blobs.verified(frame.grid)) break;
-    task.done_frames.push_back({frame.grid, context_.blobs.path_of(frame.grid).string(),
-                                frame.time_s, frame.voxel_count, frame.content_hash});
+    VOXELD_ASSIGN(std::string path, files.hand_over(context_.blobs.path_of(frame.grid)));
+    task.done_frames.push_back(
+        {frame.grid, std::move(path), frame.time_s, frame.voxel_count, frame.content_hash});
   }
   return {};
 }

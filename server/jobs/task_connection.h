@@ -1,7 +1,8 @@
-// A connection of the task server.
+// A connection of the task server, for the files of the task server alone.
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -16,15 +17,15 @@ namespace voxeld {
 
 // Owned by its thread, but for what is said to be guarded.
 struct TaskServer::Connection {
-  Connection(int64_t its_number, UniqueFd fd, std::filesystem::path scratch_dir)
-      : number(its_number),
-        socket(std::move(fd), kTaskFrameBytesMax),
-        scratch(std::move(scratch_dir)) {}
+  Connection(int64_t its_number, UniqueFd fd, std::filesystem::path folder)
+      : number(its_number), socket(std::move(fd), kTaskFrameBytesMax), files(std::move(folder)) {}
 
   void set_task(std::string id, int64_t new_fence) {
     fence = new_fence;
     MutexLock lock(mutex);
     state.task = std::move(id);
+    task_age.lap();
+    verdict.reset();
   }
   std::string task() {
     MutexLock lock(mutex);
@@ -33,7 +34,7 @@ struct TaskServer::Connection {
 
   const int64_t number;
   FrameSocket socket;
-  const std::filesystem::path scratch;
+  const WorkerFiles files;
   int64_t fence = 0;
   std::string device;
   int64_t pid = 0;
@@ -46,6 +47,8 @@ struct TaskServer::Connection {
   std::thread thread;
   Mutex mutex;
   WorkerState state GUARDED_BY(mutex);
+  Stopwatch task_age GUARDED_BY(mutex);
+  std::optional<Error> verdict GUARDED_BY(mutex);  // of the watch, on the task that runs
 
   // Guarded by the server's mutex_: jobs are claimed for a worker on any connection's thread.
   bool is_idle = false;

@@ -25,7 +25,7 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-constexpr double kHelloSecondsMax = 10.0;
+constexpr double kHelloSecondsMax = 30.0;  // a busy machine opens a device in seconds
 // Of what a device says of its memory, for tasks; drivers and the rest of the machine need some.
 constexpr double kDeviceMemoryShare = 0.75;
 
@@ -51,14 +51,6 @@ Error protocol_error(std::string detail, std::string expected, std::string got) 
   return {ErrorCode::kBadRequest, std::move(detail), std::move(expected), std::move(got)};
 }
 
-// The path of an output that a worker names, which must be in its own folder.
-Status check_output(const fs::path& scratch, const std::string& output) {
-  const fs::path path(output);
-  if (path.parent_path() == scratch && path.filename() != "..") return {};
-  return Error{ErrorCode::kInternal, "worker names an output outside its scratch directory",
-               scratch.string(), output};
-}
-
 }  // namespace
 
 Result<std::unique_ptr<TaskServer>> TaskServer::start(TaskServerConfig config,
@@ -76,6 +68,9 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
     : config_(std::move(config)), context_(std::move(context)), listener_(std::move(listener)) {
   // In the body: the thread uses members that are declared after it.
   accept_thread_ = std::thread([this] { accept_loop(); });
+  watch_ = std::make_unique<WorkerWatch>(
+      WatchLimits{config_.limits.worker_memory_bytes_max, config_.limits.job_seconds_max},
+      watch_calls());
 }
 
 TaskServer::~TaskServer() {
@@ -87,6 +82,7 @@ void TaskServer::stop() {
   ::shutdown(listener_.get(), SHUT_RDWR);  // accept() returns
   notify_work();
   if (accept_thread_.joinable()) accept_thread_.join();
+  watch_.reset();
   join_ended(true);
   ::unlink(config_.socket.c_str());
 }
@@ -130,8 +126,8 @@ void TaskServer::accept_loop() {
 void TaskServer::add_connection(UniqueFd fd) {
   MutexLock lock(mutex_);
   const int64_t number = ++connections_made_;
-  const fs::path scratch = config_.scratch_root / ("w" + std::to_string(number));
-  auto made = std::make_unique<Connection>(number, std::move(fd), scratch);
+  const fs::path folder = config_.scratch_root / ("w" + std::to_string(number));
+  auto made = std::make_unique<Connection>(number, std::move(fd), folder);
   Connection& connection = *made;
   connections_.push_back(std::move(made));
   try {
@@ -205,14 +201,22 @@ void TaskServer::end_worker(Connection& connection) noexcept {
   }
   guarded("a worker's connection", [&] {
     if (was_connected) context_.metrics.add_worker_up(connection.device, -1);
-    remove_tree(connection.scratch);  // the next start removes what stays
+    if (was_connected) {
+      MutexLock lock(mutex_);
+      context_.metrics.set_worker_memory(connection.device, memory_of(connection.device));
+    }
   });
 }
 
 Result<json> TaskServer::receive_first(Connection& connection) {
   VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
+  VOXELD_TRY(connection.files.create());
   VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
-  return parse_json_bounded(frame);
+  VOXELD_ASSIGN(json message, parse_json_bounded(frame));
+  if (type_of(message) != "prepare") return message;
+  VOXELD_TRY(connection.socket.send(dump(to_json_message(connection.files.folders()))));
+  VOXELD_ASSIGN(const std::string next, connection.socket.receive());
+  return parse_json_bounded(next);
 }
 
 Status TaskServer::greet(Connection& connection, const json& message) {
@@ -221,14 +225,12 @@ Status TaskServer::greet(Connection& connection, const json& message) {
     return protocol_error("worker speaks another version of the task protocol",
                           std::to_string(kTaskProtocolVersion), std::to_string(hello.protocol));
   }
-  std::error_code failed;
-  fs::create_directories(connection.scratch, failed);
-  if (failed) return code_error("create scratch directory", connection.scratch, failed);
   connection.device = hello.device;
   connection.pid = hello.pid;
   if (!hello.renderer.empty()) note_connected(connection, hello);
   VOXELD_TRY(connection.socket.set_receive_timeout(0));
-  return connection.socket.send(dump({{"ok", true}, {"scratch_dir", connection.scratch.string()}}));
+  return connection.socket.send(
+      dump({{"ok", true}, {"scratch_dir", connection.files.folders().scratch_dir}}));
 }
 
 // Of a worker that has opened its device.
@@ -243,6 +245,7 @@ void TaskServer::note_connected(Connection& connection, const WorkerHello& hello
     state.driver = hello.driver;
     state.pid = hello.pid;
     state.device_json = hello.device_json;
+    state.sandbox = hello.sandbox;
     state.connected = true;
   }
   {
@@ -256,7 +259,8 @@ void TaskServer::note_connected(Connection& connection, const WorkerHello& hello
                                  {"slot", slot},
                                  {"pid", hello.pid},
                                  {"renderer", hello.renderer},
-                                 {"driver", hello.driver}});
+                                 {"driver", hello.driver},
+                                 {"sandbox", hello.sandbox}});
   if (config_.on_connected) config_.on_connected(hello.device);
 }
 
@@ -311,6 +315,11 @@ LiveJob TaskServer::live(const std::string& task) const {
 Status TaskServer::take_progress(Connection& connection, const json& message) {
   VOXELD_ASSIGN(const TaskProgress progress, parse_task_progress(message));
   const bool fenced = progress.task != connection.task() || progress.fence != connection.fence;
+  if (const DeviceMemory& memory = progress.device_memory; memory.bytes_total > 0) {
+    context_.metrics.set_device_memory(connection.device, memory.bytes_total, memory.bytes_free);
+    MutexLock lock(connection.mutex);
+    connection.state.device_memory = memory;
+  }
   const double cancel_age = fenced ? -1.0 : stop_age_seconds(connection);
   if (!fenced) {
     context_.board.progress(progress.task, progress.stage, progress.tiles_done,
@@ -331,8 +340,8 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
 // Stores and lists a frame; nullopt when another worker owns the job by now.
 Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
                                                         const TaskFrame& frame) {
-  VOXELD_TRY(check_output(connection.scratch, frame.path));
-  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(frame.path));
+  VOXELD_ASSIGN(const fs::path taken, connection.files.take(frame.path));
+  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken));
   // The first frames of a job may come before its first progress.
   const int64_t total = std::max(frame.frames_total, connection.progress.frames_total);
   VOXELD_ASSIGN(const auto listed, context_.frames.add(frame, blob.id, total));
@@ -348,13 +357,19 @@ Status TaskServer::take_frame(Connection& connection, const json& message) {
   TaskFrameReply reply;
   reply.fenced = frame.task != connection.task() || frame.fence != connection.fence;
   if (!reply.fenced) {
-    const auto blob = adopt_frame(connection, frame);
-    reply.fenced = !blob || !*blob;
+    auto blob = adopt_frame(connection, frame);
     if (blob && *blob) {
+      auto given = connection.files.hand_over(context_.blobs.path_of((*blob)->id));
       reply.cancel = stop_age_seconds(connection) >= 0;
       reply.grid = (*blob)->id;
-      reply.path = context_.blobs.path_of((*blob)->id).string();
-    } else if (!blob) {  // the disk is full, for one: the job cannot end well
+      if (given) {
+        reply.path = *std::move(given);
+      } else {
+        blob = std::move(given).error();
+      }
+    }
+    reply.fenced = !blob || !*blob;
+    if (!blob) {  // the disk is full, for one: the job cannot end well
       VOXELD_ASSIGN(const auto ended,
                     context_.jobs.fail(frame.task, frame.fence, blob.error(), live(frame.task)));
       if (ended) end_task(connection, *ended);
@@ -368,10 +383,11 @@ Status TaskServer::take_part(Connection& connection, const json& message) {
   if (part.task != connection.task() || part.fence != connection.fence) {
     return connection.socket.send(dump({{"cancel", false}, {"fenced", true}}));
   }
-  Status kept = check_output(connection.scratch, part.path);
-  if (kept) kept = context_.parts.add(part.task, part.position, part.path);
+  const auto taken = connection.files.take(part.path);
+  const Status kept =
+      taken ? context_.parts.add(part.task, part.position, *taken) : Status(taken.error());
   connection.since_progress.lap();
-  const bool cancel = context_.board.cancel_age_seconds(part.task) >= 0;
+  const bool cancel = stop_age_seconds(connection) >= 0;
   json reply = {{"cancel", cancel}, {"fenced", false}};
   if (!kept) reply["error"] = kept.error().message();
   return connection.socket.send(dump(reply));
@@ -385,9 +401,9 @@ Result<JobResult> TaskServer::adopt_outputs(const Connection& connection,
   result.meta_json = completion.meta_json;
   result.warnings = completion.warnings;
   for (const TaskOutput& output : completion.outputs) {
-    VOXELD_TRY(check_output(connection.scratch, output.path));
     if (!adopted.contains(output.path)) {  // a native result is its own grid: one file, two roles
-      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(output.path));
+      VOXELD_ASSIGN(const fs::path taken, connection.files.take(output.path));
+      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(taken));
     }
     const BlobInfo& blob = adopted[output.path];
     if (output.role == "grid") result.grid = blob.id;
@@ -476,6 +492,7 @@ void TaskServer::end_task(Connection& connection, const JobRecord& record) {
     if (record.status.result) connection.idle.has.push_back(record.status.result->grid);
     connection.idle.ended_at = ++tasks_ended_;
   }
+  connection.files.clear();
   context_.board.changed(record.status.id, record.status.version, false);
   context_.job_changed(record);
   if (Status status = connection.socket.set_receive_timeout(0); !status) {
@@ -513,7 +530,7 @@ void TaskServer::put_back(Connection& connection, const Error& why) noexcept {
       const bool counts = !stopping_ && why.code != ErrorCode::kStorageFull;
       if (!task.empty() && reason.empty()) reason = lost_reason(connection, why, counts);
       if (!task.empty()) {
-        auto lost = context_.jobs.lose_worker(task, connection.fence, reason, counts, live(task));
+        auto lost = end_lost(connection, task, reason, counts);
         if (!lost) {
           log::error("cannot put a job back", {{"job", task}, {"error", lost.error().message()}});
           return;
@@ -527,6 +544,19 @@ void TaskServer::put_back(Connection& connection, const Error& why) noexcept {
     if (is_done) return;
     std::this_thread::sleep_for(kBetweenTries);
   }
+}
+
+// Failed, where the watch has ended the worker for what the job took; else the job is put back.
+Result<std::optional<JobRecord>> TaskServer::end_lost(Connection& connection,
+                                                      const std::string& task,
+                                                      const std::string& reason, bool counts) {
+  std::optional<Error> verdict;
+  {
+    MutexLock lock(connection.mutex);
+    verdict = connection.verdict;
+  }
+  if (verdict) return context_.jobs.fail(task, connection.fence, *verdict, live(task));
+  return context_.jobs.lose_worker(task, connection.fence, reason, counts, live(task));
 }
 
 }  // namespace voxeld

@@ -26,6 +26,8 @@
 #include "server/jobs/job_service.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/slots.h"
+#include "server/jobs/worker_files.h"
+#include "server/jobs/worker_watch.h"
 #include "server/store/blob_store.h"
 #include "server/store/part_store.h"
 
@@ -98,9 +100,10 @@ class TaskServer {
       EXCLUDES(mutex_);
   bool assign(const std::vector<IdleSlot>& idle, const JobRecord& record) EXCLUDES(mutex_);
   bool put_back_unassigned() REQUIRES(claim_mutex_);
-  Result<Task> make_task(const JobRecord& record);
-  Status add_done(const JobRecord& record, Task& task);
-  Result<std::string> input_path(std::string_view id, std::string_view what);
+  Result<Task> make_task(const WorkerFiles& files, const JobRecord& record);
+  Status add_done(const WorkerFiles& files, const JobRecord& record, Task& task);
+  Result<std::string> hand_over(const WorkerFiles& files, std::string_view id,
+                                std::string_view what);
   Status send_task(Connection& connection, const JobRecord& record, const Task& task);
   Status refuse_task(const JobRecord& record, const Error& error);
   double stop_age_seconds(Connection& connection);
@@ -118,6 +121,13 @@ class TaskServer {
                                   std::map<std::string, BlobInfo>& adopted);
   void put_back(Connection& connection, const Error& why) noexcept;
   std::string lost_reason(Connection& connection, const Error& why, bool counts);
+  WorkerWatch::Calls watch_calls();
+  std::vector<WatchedWorker> watched() const EXCLUDES(mutex_);
+  int64_t memory_of(const std::string& device) const REQUIRES(mutex_);
+  void measured(const WatchedWorker& worker, int64_t memory_bytes) EXCLUDES(mutex_);
+  void condemn(const WatchedWorker& worker, const Error& error) EXCLUDES(mutex_);
+  Result<std::optional<JobRecord>> end_lost(Connection& connection, const std::string& task,
+                                            const std::string& reason, bool counts);
   void end_task(Connection& connection, const JobRecord& record);
 
   const TaskServerConfig config_;
@@ -139,6 +149,7 @@ class TaskServer {
   int64_t tasks_ended_ GUARDED_BY(mutex_) = 0;
   std::list<std::unique_ptr<Connection>> connections_ GUARDED_BY(mutex_);
   std::vector<WorkerState> failed_devices_ GUARDED_BY(mutex_);
+  std::unique_ptr<WorkerWatch> watch_;  // last: it uses all of the above
 };
 
 }  // namespace voxeld

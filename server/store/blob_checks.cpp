@@ -23,8 +23,7 @@ constexpr size_t kReadBytes = size_t{1} << 20;
 FileStamp stamp_from(const struct stat& info) {
   constexpr int64_t kNsPerSecond = 1'000'000'000;
   return {info.st_dev, info.st_ino, static_cast<int64_t>(info.st_size),
-          static_cast<int64_t>(info.st_mtim.tv_sec) * kNsPerSecond + info.st_mtim.tv_nsec,
-          static_cast<int64_t>(info.st_ctim.tv_sec) * kNsPerSecond + info.st_ctim.tv_nsec};
+          static_cast<int64_t>(info.st_mtim.tv_sec) * kNsPerSecond + info.st_mtim.tv_nsec};
 }
 
 Error no_file(const std::filesystem::path& path) {

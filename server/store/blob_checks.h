@@ -14,13 +14,13 @@
 
 namespace voxeld {
 
-// What changes when somebody writes to a file, cuts it or puts another one in its place.
+// What changes when somebody writes to a file, cuts it or puts another one in its place. Not the time
+// of the inode's change: links to blobs come and go with the tasks that read them.
 struct FileStamp {
   uint64_t device = 0;
   uint64_t inode = 0;
   int64_t bytes = 0;
   int64_t modified_ns = 0;
-  int64_t changed_ns = 0;
   bool operator==(const FileStamp&) const = default;
 };
 

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "server/base/directory.h"
 #include "server/base/file.h"
 #include "server/base/log.h"
 #include "server/base/sha256_file.h"
@@ -45,10 +46,10 @@ std::optional<Part> parse_name(std::string_view name) {
 
 std::map<int64_t, fs::path> parts_in(const fs::path& folder) {
   std::map<int64_t, fs::path> parts;
-  std::error_code failed;
-  for (fs::directory_iterator it(folder, failed), end; !failed && it != end; it.increment(failed)) {
-    const auto part = parse_name(it->path().filename().native());
-    if (part) parts[part->position] = it->path();
+  const auto names = directory_names(folder);
+  if (!names) return parts;
+  for (const std::string& name : *names) {
+    if (const auto part = parse_name(name)) parts[part->position] = folder / name;
   }
   return parts;
 }
@@ -108,19 +109,15 @@ std::vector<fs::path> PartStore::of_job(std::string_view job) const {
 }
 
 void PartStore::remove(std::string_view job) const {
-  std::error_code ignored;  // the next start tries again
-  if (is_plain_name(job)) fs::remove_all(folder_ / job, ignored);
+  if (is_plain_name(job)) remove_tree(folder_ / job);
 }
 
 void PartStore::remove_unless(const std::function<bool(std::string_view job)>& wanted) const {
-  std::vector<std::string> unwanted;
-  std::error_code failed;
-  for (fs::directory_iterator it(folder_, failed), end; !failed && it != end;
-       it.increment(failed)) {
-    std::string job = it->path().filename().string();
-    if (!wanted(job)) unwanted.push_back(std::move(job));
+  const auto jobs = directory_names(folder_);
+  if (!jobs) return;
+  for (const std::string& job : *jobs) {
+    if (!wanted(job)) remove(job);
   }
-  for (const std::string& job : unwanted) remove(job);
 }
 
 }  // namespace voxeld

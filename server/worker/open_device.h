@@ -6,6 +6,7 @@
 #include <string>
 
 #include "proto/result.h"
+#include "proto/task_api.h"
 #include "server/gpu/device.h"
 #include "server/render/render.h"
 #include "server/voxel/tile_pipeline.h"
@@ -19,6 +20,8 @@ struct OpenedDevice {
   std::unique_ptr<Renderer> gl_renderer;   // null without GL
   std::unique_ptr<Renderer> cpu_renderer;
   std::function<Status(std::string_view where)> check;  // whether it still works
+  // Of the device, where its driver tells; nothing on other threads than the one that opened it.
+  std::function<DeviceMemory()> memory = [] { return DeviceMemory(); };
 };
 
 // Device cpu always opens. `shader_dir`: empty for the shaders built in. Errors:

@@ -1,3 +1,5 @@
+#include <thread>
+
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/render/gl_renderer.h"
@@ -26,6 +28,11 @@ Result<OpenedDevice> open_gl_device(const gpu::DeviceId& device, const std::stri
   opened.context = state;
   opened.pipeline = std::make_unique<GlPipeline>(*state->context, state->shaders);
   opened.gl_renderer = std::make_unique<GlRenderer>(*state->context, state->shaders);
+  opened.memory = [gl = state->context.get(), thread = std::this_thread::get_id()] {
+    if (std::this_thread::get_id() != thread) return DeviceMemory();
+    const gpu::MemoryInfo memory = gl->memory();
+    return DeviceMemory{memory.bytes_total, memory.bytes_free};
+  };
   opened.check = [gl = state->context.get()](std::string_view where) { return gl->check(where); };
   return opened;
 }

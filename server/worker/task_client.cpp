@@ -37,6 +37,11 @@ Result<json> TaskClient::call(const json& request) {
   return reply;
 }
 
+Result<WorkerFolders> TaskClient::prepare() {
+  VOXELD_ASSIGN(const json reply, call({{"type", "prepare"}}));
+  return parse_worker_folders(reply);
+}
+
 Result<std::string> TaskClient::hello(const WorkerHello& hello) {
   VOXELD_ASSIGN(const json reply, call(to_json_message(hello)));
   return reply.value("scratch_dir", "");

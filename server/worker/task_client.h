@@ -22,6 +22,8 @@ class TaskClient {
   // Errors: those of connect_gateway().
   static Result<std::unique_ptr<TaskClient>> connect(const std::string& gateway);
 
+  // Before hello().
+  Result<WorkerFolders> prepare();
   // Returns the directory for outputs.
   Result<std::string> hello(const WorkerHello& hello);
   // Blocks until there is a task.

@@ -5,8 +5,11 @@
 
 namespace voxeld {
 
-TaskMonitor::TaskMonitor(TaskClient& client, const Task& task)
-    : client_(client), task_(task.id), fence_(task.fence) {
+TaskMonitor::TaskMonitor(TaskClient& client, const Task& task, ReadDeviceMemory device_memory)
+    : client_(client),
+      device_memory_(std::move(device_memory)),
+      task_(task.id),
+      fence_(task.fence) {
   {
     MutexLock lock(mutex_);
     progress_.task = task.id;
@@ -25,13 +28,29 @@ TaskMonitor::~TaskMonitor() {
   thread_.join();
 }
 
+void TaskMonitor::sample_memory() {
+  if (!device_memory_) return;
+  const auto now = std::chrono::steady_clock::now();
+  {
+    MutexLock lock(mutex_);
+    if (now - sampled_at_ < kPeriod) return;
+    sampled_at_ = now;
+  }
+  const DeviceMemory memory = device_memory_();
+  if (memory.bytes_total == 0) return;
+  MutexLock lock(mutex_);
+  progress_.device_memory = memory;
+}
+
 void TaskMonitor::set_stage(std::string_view stage) {
+  sample_memory();
   MutexLock lock(mutex_);
   progress_.stage = stage;
   progress_.tiles_done = progress_.tiles_total = 0;
 }
 
 bool TaskMonitor::set_progress(int64_t tiles_done, int64_t tiles_total) {
+  sample_memory();
   {
     MutexLock lock(mutex_);
     progress_.tiles_done = tiles_done;

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <thread>
 
@@ -18,7 +20,10 @@ class TaskMonitor {
  public:
   static constexpr std::chrono::milliseconds kPeriod{200};
 
-  TaskMonitor(TaskClient& client, const Task& task);
+  // Asked on the threads that call set_stage() and set_progress(), at most every kPeriod.
+  using ReadDeviceMemory = std::function<DeviceMemory()>;
+
+  TaskMonitor(TaskClient& client, const Task& task, ReadDeviceMemory device_memory = nullptr);
   // Ends the reports; no message about the task is sent after this.
   ~TaskMonitor();
 
@@ -39,9 +44,11 @@ class TaskMonitor {
 
  private:
   void run();
+  void sample_memory() EXCLUDES(mutex_);
   void report() EXCLUDES(mutex_);
 
   TaskClient& client_;
+  const ReadDeviceMemory device_memory_;
   const std::string task_;
   const int64_t fence_;
   std::atomic<bool> cancelled_{false};
@@ -50,6 +57,7 @@ class TaskMonitor {
   CondVar wake_;
   bool ending_ GUARDED_BY(mutex_) = false;
   TaskProgress progress_ GUARDED_BY(mutex_);
+  std::chrono::steady_clock::time_point sampled_at_ GUARDED_BY(mutex_);
   std::thread thread_;  // last: it uses all of the above
 };
 

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "server/base/host_memory.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
 #include "server/worker/calibration_key.h"
@@ -28,7 +29,7 @@ using nlohmann::json;
 constexpr int kExitClean = 0;
 constexpr int kExitNoGateway = 2;
 constexpr int kExitDeviceUnavailable = 3;  // Supervisor::kExitDeviceUnavailable
-constexpr int kExitContextLost = 4;
+constexpr int kExitContextLost = 4;        // Supervisor::kExitContextLost
 
 // The sockets to the gateway, for the signal handler.
 std::atomic<int> gateway_fd{-1}, turns_fd{-1};
@@ -89,29 +90,39 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient& t
   bool dropped = false;
   engine.begin_task_of(task.tenant);
   {
-    TaskMonitor monitor(client, task);
+    TaskMonitor monitor(client, task, engine.device.memory);
     completion = run_task(engine, task, scratch, monitor, &turns);
     dropped = monitor.dropped();
   }
   log::info(completion ? "task done" : "task failed",
             {{"job", task.id},
              {"kind", job_kind_name(task.kind)},
+             {"request", task.request_id},
+             {"trace", task.trace_id},
              {"ms", watch.ms()},
              {"error", completion ? "" : completion.error().message()}});
+  if (!completion && (completion.error().code == ErrorCode::kInternal ||
+                      completion.error().code == ErrorCode::kDeviceUnavailable)) {
+    // Where the driver has lost the context, the job may do well in a fresh process: no report, so
+    // that the gateway puts it back when this one ends.
+    const Status context = engine.device.check("after a failed task");
+    if (!context) {
+      log::error("the context is lost", {{"job", task.id}, {"error", context.error().message()}});
+      return kExitContextLost;
+    }
+  }
   if (!dropped) {
     const auto counted = completion ? client.complete(*completion)
                                     : client.fail({task.id, task.fence, completion.error()});
     if (!counted) return kExitClean;  // the gateway has gone
   }
-  if (completion || completion.error().code != ErrorCode::kInternal) return std::nullopt;
-  // After a driver's failure the next task gets a fresh process unless the context is still good.
-  const Status context = engine.device.check("after a failed task");
-  if (context) return std::nullopt;
-  log::error("the context is lost", {{"error", context.error().message()}});
-  return kExitContextLost;
+  return std::nullopt;
 }
 
-int serve_tasks(Engine& engine, TaskClient& client, TurnClient& turns, const std::string& scratch) {
+}  // namespace
+
+int serve_tasks(Engine& engine, TaskClient& client, TurnClient& turns,
+                const std::filesystem::path& scratch) {
   while (true) {
     const auto task = client.claim();
     if (!task) {
@@ -122,6 +133,8 @@ int serve_tasks(Engine& engine, TaskClient& client, TurnClient& turns, const std
     if (const auto exit = handle_task(engine, client, turns, *task, scratch)) return *exit;
   }
 }
+
+namespace {
 
 // A file that cannot be used costs the choice of pipelines its numbers, nothing else.
 void use_calibration(const std::filesystem::path& data_dir, Engine& engine) {
@@ -144,6 +157,12 @@ Result<int> run_worker(const WorkerConfig& config) {
   VOXELD_ASSIGN(const auto turns, TurnClient::connect(config.gateway));
   handle_signals(client->fd(), turns->fd());
   VOXELD_TRY(turns->hello({kTaskProtocolVersion, ::getpid(), gpu::device_name(config.device)}));
+  offer_to_oom_killer();
+  WorkerSandbox sandbox(config.sandbox);
+  VOXELD_ASSIGN(const WorkerFolders folders, client->prepare());
+  if (Status entered = sandbox.restrict_to(folders, config.data_dir, config.shader_dir); !entered) {
+    return report_unavailable(*client, config.device, entered.error());
+  }
   auto device = open_device(config.device, config.shader_dir);
   if (!device) return report_unavailable(*client, config.device, device.error());
   Engine engine(*std::move(device));
@@ -151,7 +170,12 @@ Result<int> run_worker(const WorkerConfig& config) {
       std::chrono::milliseconds(static_cast<int64_t>(config.part_seconds * 1000.0));
   const gpu::DeviceInfo& info = engine.device.info;
   if (!config.data_dir.empty()) use_calibration(config.data_dir, engine);
+  // Drivers have loaded their libraries and started their threads.
+  if (Status entered = sandbox.close(); !entered) {
+    return report_unavailable(*client, config.device, entered.error());
+  }
   WorkerHello hello = make_hello(config.device);
+  hello.sandbox = sandbox.level();
   hello.renderer = info.renderer;
   hello.driver = info.version;
   hello.device_json = device_json(info).dump(-1, ' ', false, json::error_handler_t::replace);

@@ -1,9 +1,13 @@
 // The worker process: one device, one task at a time.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "server/gpu/device.h"
+#include "server/worker/engine.h"
+#include "server/worker/task_client.h"
+#include "server/worker/worker_sandbox.h"
 
 namespace voxeld {
 
@@ -13,10 +17,14 @@ struct WorkerConfig {
   std::string shader_dir;   // empty: embedded
   std::string data_dir;     // where calibration.json is looked for; empty: nowhere
   double part_seconds = 5;  // how often finished tiles are kept (Engine::part_interval)
+  SandboxMode sandbox = SandboxMode::kAuto;
 };
 
 // Connects, then claims and runs tasks until the gateway goes away or SIGTERM. Exit status: 0 after
 // a clean end, 3 when the device cannot be opened (the supervisor reports it and backs off).
 int worker_main(const WorkerConfig& config);
+
+// Claims and runs tasks; returns the status that the process ends with. Part of worker_main().
+int serve_tasks(Engine& engine, TaskClient& client, const std::filesystem::path& scratch);
 
 }  // namespace voxeld

@@ -30,6 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto json = voxeld::parse_task_message({reinterpret_cast<const char*>(data), size});
   if (!json) return 0;
   check(*json, voxeld::parse_worker_hello);
+  check(*json, voxeld::parse_worker_folders);
   check(*json, voxeld::parse_task);
   check(*json, voxeld::parse_task_progress);
   check(*json, voxeld::parse_task_frame);

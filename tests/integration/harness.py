@@ -116,9 +116,10 @@ class Daemon:
 
     def start(self):
         self.log = open(self.data_dir.rstrip("/") + ".log", "ab")
+        sandbox = [] if "--sandbox" in self.arguments else ["--sandbox", "require"]
         self.process = subprocess.Popen(
             [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0",
-             "--data", self.data_dir, "--device", self.device, *self.arguments],
+             "--data", self.data_dir, "--device", self.device, *sandbox, *self.arguments],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self.log, text=True)
         line = self.process.stdout.readline()
         match = re.match(r"ready http://127\.0\.0\.1:(\d+) admin=http://127\.0\.0\.1:(\d+)", line)

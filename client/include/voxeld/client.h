@@ -199,6 +199,26 @@ struct JobInfo {
   bool ended() const { return state == "done" || state == "failed" || state == "cancelled"; }
 };
 
+// Who works and who waits, as far as the key's holder may know.
+struct QueueDevice {
+  std::string device, renderer;
+  std::int64_t workers = 0;  // that are connected
+  std::int64_t workers_busy = 0;
+  std::vector<std::string> jobs;  // ids of those on it that are the holder's
+};
+struct QueuedJob {
+  JobInfo job;
+  std::string tenant, device;                   // device: that runs it, or empty
+  std::int64_t created_ms = 0, started_ms = 0;  // Unix time
+};
+struct Queue {
+  std::vector<QueueDevice> devices;
+  std::vector<QueuedJob> jobs;                         // running ones, then by position
+  std::int64_t queued = 0, running = 0;                // of all tenants
+  std::int64_t others_queued = 0, others_running = 0;  // of other tenants
+  std::string json;                                    // the whole answer
+};
+
 // A frame that a job has finished.
 struct FrameInfo {
   std::int64_t index = 0;
@@ -278,6 +298,8 @@ class VOXELD_CLIENT_API Client {
   // One of them. Throws Error "not-found" where it is not done yet.
   Grid frame(std::string_view job, std::int64_t index);
   std::vector<JobInfo> jobs(int limit = 100);
+  // At most `limit` jobs that wait; an admin's key shows those of all tenants.
+  Queue queue(int limit = 100);
   // Resumes by itself when the connection breaks. Throws "bad-answer" when the result is then
   // another one; the sink has the beginning of the old one.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},

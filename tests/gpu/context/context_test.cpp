@@ -101,5 +101,36 @@ TEST(Context, an_error_is_told_once_with_its_name_and_place) {
   EXPECT_TRUE(context.check("the next pass").ok());
 }
 
+// A driver that has reset the device, which tells each error once.
+class LostContext final : public Context {
+ public:
+  LostContext() {
+    errors_ = 1;
+    gl_.GetError = []() -> GLenum { return errors_-- > 0 ? GL_CONTEXT_LOST : GL_NO_ERROR; };
+    gl_.GetGraphicsResetStatus = []() -> GLenum { return GL_NO_ERROR; };
+  }
+  Status make_current() const override { return {}; }
+
+ private:
+  static inline int errors_ = 0;
+};
+
+TEST(Context, a_lost_context_stays_lost) {
+  const LostContext context;
+  for (int i = 0; i < 3; ++i) {
+    const Status status = context.check("raster pass");
+    ASSERT_FALSE(status.ok());
+    EXPECT_EQ(status.error().code, ErrorCode::kDeviceUnavailable);
+    EXPECT_THAT(status.error().message(), HasSubstr("the device was reset"));
+  }
+  EXPECT_EQ(context.memory().bytes_total, 0);
+}
+
+TEST(Context, software_drivers_tell_no_memory_of_a_device_or_a_sound_number) {
+  const MemoryInfo memory = test_context().memory();
+  EXPECT_GE(memory.bytes_total, memory.bytes_free);
+  EXPECT_GE(memory.bytes_free, 0);
+}
+
 }  // namespace
 }  // namespace voxeld::gpu

@@ -60,7 +60,7 @@ TEST_F(SequencesApi, frames_are_listed_and_fetched_while_their_job_runs) {
   FakeWorker worker = connect_worker();
   const Task task = claim(worker);
   EXPECT_EQ(json(get(job_ + "/frames"))["frames"].size(), 0u);
-  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 0, 3}));
+  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 0, 3, {}}));
   worker.frame(task, 0, "first grid");
   const auto list = json(get(job_ + "/frames"));
   EXPECT_EQ("/v1/jobs/" + list.value("job", ""), job_);
@@ -89,7 +89,7 @@ TEST_F(SequencesApi, a_frame_that_is_not_there_yet_says_how_many_are) {
   const Task task = claim(worker);
   worker.frame(task, 0, "a");
   EXPECT_EQ(get(job_ + "/frames/1").detail(), "1 frames are done");
-  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 1, 140}));
+  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 1, 140, {}}));
   for (const char* index : {"1", "140", "-1", "x", "0x0", "99999999999999999999"}) {
     const HttpAnswer answer = get(job_ + "/frames/" + index);
     EXPECT_EQ(answer.status, 404) << index;

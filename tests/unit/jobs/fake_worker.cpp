@@ -48,7 +48,8 @@ std::optional<Task> FakeWorker::claim() {
 
 TaskProgressReply FakeWorker::progress(const Task& task, const std::string& stage, int64_t done,
                                        int64_t total) {
-  const auto reply = call(to_json_message(TaskProgress{task.id, task.fence, stage, done, total}));
+  const auto reply =
+      call(to_json_message(TaskProgress{task.id, task.fence, stage, done, total, 0, 0, {}}));
   if (!reply) return {false, true};
   return {reply->value("cancel", false), reply->value("fenced", false)};
 }

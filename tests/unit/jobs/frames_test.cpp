@@ -50,7 +50,7 @@ class FramesTest : public testing::ServiceTest {
 TEST_F(FramesTest, a_frame_is_listed_and_can_be_fetched_while_its_job_runs) {
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
-  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 0, 3}));
+  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 0, 3, {}}));
   const TaskFrameReply reply = worker.frame(task, 0, "first");
   EXPECT_FALSE(reply.fenced || reply.cancel);
   EXPECT_EQ(reply.grid, sha256_id("first"));
@@ -79,7 +79,7 @@ TEST_F(FramesTest, a_frame_is_listed_and_can_be_fetched_while_its_job_runs) {
 TEST_F(FramesTest, events_count_frames) {
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
-  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 1, 8, 2, 9}));
+  worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 1, 8, 2, 9, {}}));
   const auto events =
       service_->wait_events(Caller::open(), id_, 0, Clock::now() + seconds(10)).value();
   ASSERT_FALSE(events.empty());

@@ -19,17 +19,19 @@ TEST(JobMetrics, an_ended_job_counts_by_kind_and_outcome_with_its_stages) {
   JobStatus status;
   status.state = JobState::kDone;
   status.timings = {{"queue", 10.0}, {"voxelize", 250.0}};
-  metrics.ended(status);
+  metrics.ended(status, "lab", "llvmpipe");
   status.cached = true;
-  metrics.ended(status);
+  metrics.ended(status, "lab", "llvmpipe");
   const std::string text = text_of(*registry);
-  EXPECT_NE(text.find("voxeld_jobs_ended_total{kind=\"voxelize\",outcome=\"done\"} 1"),
+  EXPECT_NE(text.find("voxeld_jobs_total{kind=\"voxelize\",outcome=\"done\",tenant=\"lab\"} 1"),
             std::string::npos)
       << text;
-  EXPECT_NE(text.find("voxeld_jobs_ended_total{kind=\"voxelize\",outcome=\"cached\"} 1"),
+  EXPECT_NE(text.find("voxeld_jobs_total{kind=\"voxelize\",outcome=\"cached\",tenant=\"lab\"} 1"),
             std::string::npos);
-  EXPECT_NE(text.find("voxeld_job_stage_seconds_count{stage=\"voxelize\"} 1"), std::string::npos);
-  EXPECT_NE(text.find("voxeld_job_stage_seconds_sum{stage=\"voxelize\"} 0.25"), std::string::npos);
+  EXPECT_NE(text.find("voxeld_stage_seconds_count{device=\"llvmpipe\",stage=\"voxelize\"} 1"),
+            std::string::npos);
+  EXPECT_NE(text.find("voxeld_stage_seconds_sum{device=\"llvmpipe\",stage=\"voxelize\"} 0.25"),
+            std::string::npos);
 }
 
 TEST(JobMetrics, live_jobs_waits_and_workers_are_shown) {
@@ -63,7 +65,7 @@ TEST(JobMetrics, live_jobs_waits_and_workers_are_shown) {
 
 TEST(JobMetrics, without_a_registry_nothing_happens) {
   JobMetrics metrics(nullptr);
-  metrics.ended({});
+  metrics.ended({}, "", "");
   metrics.set_jobs(1, 1);
 }
 

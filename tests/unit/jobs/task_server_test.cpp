@@ -98,6 +98,86 @@ TEST_F(TaskServerTest, a_task_names_its_input_and_ends_with_the_outputs_in_the_s
   EXPECT_TRUE(std::filesystem::is_empty(worker.scratch()));
 }
 
+TEST_F(TaskServerTest, a_worker_has_the_inputs_of_its_task_and_no_others) {
+  const std::string first = submit("mesh"), second = submit("another mesh");
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  const std::filesystem::path folder = std::filesystem::path(task->input_path).parent_path();
+  EXPECT_EQ(folder, worker.scratch().parent_path() / "in");
+  const auto inputs = [&] {
+    const std::filesystem::directory_iterator all(folder);
+    return std::distance(begin(all), end(all));
+  };
+  EXPECT_EQ(inputs(), 1);
+  worker.write("left behind", "by the first task");
+  EXPECT_TRUE(worker.complete(*task, "voxels"));
+  EXPECT_EQ(inputs(), 0);
+  EXPECT_TRUE(std::filesystem::is_empty(worker.scratch()));
+  const auto next = worker.claim();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(read_file(next->input_path).value().size(), 12u);
+  EXPECT_EQ(inputs(), 1);
+  EXPECT_TRUE(worker.complete(*next, "other voxels"));
+}
+
+TEST_F(TaskServerTest, a_job_that_runs_too_long_fails_with_the_limit_and_is_not_tried_again) {
+  limits_.job_seconds_max = 0.3;
+  start();
+  const std::string id = submit();
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  const JobStatus status = wait_end(id);
+  ASSERT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.error->code, ErrorCode::kDeadlineExceeded);
+  EXPECT_EQ(status.error->detail, "the job ran too long");
+  EXPECT_EQ(status.attempt, 1);
+  EXPECT_FALSE(worker.complete(*task, "too late"));
+}
+
+TEST_F(TaskServerTest, a_worker_that_takes_too_much_memory_ends_its_job_alone) {
+  limits_.worker_memory_bytes_max = 1;  // the worker is this process
+  start();
+  const std::string id = submit();
+  FakeWorker worker = connect();
+  if (!worker.claim()) {
+    // It was ended before it had a task: idle workers count, too.
+    EXPECT_EQ(service_->get(Caller::open(), id).value().state, JobState::kQueued);
+    return;
+  }
+  const JobStatus status = wait_end(id);
+  ASSERT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.error->code, ErrorCode::kGridTooLarge);
+  EXPECT_TRUE(status.error->detail.starts_with("memory: ")) << status.error->detail;
+}
+
+TEST_F(TaskServerTest, the_queue_shows_devices_and_jobs_in_their_order) {
+  const std::string first = submit("a"), second = submit("b"), third = submit("c");
+  FakeWorker worker = connect("egl:0");
+  ASSERT_TRUE(worker.claim());
+  const QueueView view = service_->queue(Caller::open(), 100).value();
+  EXPECT_EQ(view.queued, 2);
+  EXPECT_EQ(view.running, 1);
+  EXPECT_EQ(view.others_queued, 0);
+  ASSERT_EQ(view.jobs.size(), 3u);
+  EXPECT_EQ(view.jobs[0].status.id, first);
+  EXPECT_EQ(view.jobs[0].device, "egl:0");
+  EXPECT_EQ(view.jobs[1].status.queue_position, 1);
+  EXPECT_EQ(view.jobs[2].status.id, third);
+  ASSERT_EQ(view.devices.size(), 1u);
+  EXPECT_EQ(view.devices[0].workers, 1);
+  EXPECT_EQ(view.devices[0].workers_busy, 1);
+  EXPECT_EQ(view.devices[0].jobs, std::vector{first});
+  EXPECT_EQ(service_->queue(Caller::open(), 1).value().jobs.size(), 2u);
+  const QueueView other = service_->queue(Caller::tenant("lab", false), 100).value();
+  EXPECT_EQ(other.others_queued, 2);
+  EXPECT_EQ(other.others_running, 1);
+  EXPECT_TRUE(other.jobs.empty());
+  EXPECT_TRUE(other.devices[0].jobs.empty());
+  EXPECT_EQ(other.devices[0].workers_busy, 1);
+}
+
 TEST_F(TaskServerTest, a_worker_that_waits_gets_a_job_as_soon_as_it_is_submitted) {
   FakeWorker worker = connect();
   std::thread submitter([&] {

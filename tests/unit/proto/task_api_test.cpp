@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::json;
 
 WorkerHello hello() {
-  return {3, 4711, "egl:0", "Example GPU", "4.6.0", R"({"limit":5})"};
+  return {3, 4711, "egl:0", "Example GPU", "4.6.0", R"({"limit":5})", "full"};
 }
 Task task() {
   Task task;
@@ -34,7 +34,7 @@ Task task() {
   return task;
 }
 TaskProgress progress() {
-  return {"j-1", 7, "voxelize", 3, 8, 2, 9};
+  return {"j-1", 7, "voxelize", 3, 8, 2, 9, {1 << 30, 1 << 20}};
 }
 TaskFrame frame() {
   return {"j-1", 7, 4095, 1.25, "/scratch/f", 12'345'678'901, "sha256-5", 4096};
@@ -73,6 +73,8 @@ std::function<Status(const Json&)> with(Result<T> (*parse)(const Json&)) {
 }
 std::vector<Message> messages() {
   return {{"hello", to_json_message(hello()), with(parse_worker_hello)},
+          {"folders", to_json_message(WorkerFolders{"/s/out", "/s/in", "/s/cache"}),
+           with(parse_worker_folders)},
           {"task", to_json_message(task()), with(parse_task)},
           {"progress", to_json_message(progress()), with(parse_task_progress)},
           {"frame", to_json_message(frame()), with(parse_task_frame)},
@@ -282,6 +284,7 @@ TEST(TaskApi, every_member_of_another_type_is_refused_by_its_name) {
 TEST(TaskApi, what_makes_no_sense_without_it_must_be_there) {
   const std::map<std::string, std::vector<std::string>> required = {
       {"hello", {"protocol", "pid", "device"}},
+      {"folders", {"scratch_dir", "input_dir", "cache_dir"}},
       {"task", {"id", "fence", "kind", "input_path", "options_json"}},
       {"progress", {"task", "fence"}},
       {"frame", {"task", "fence", "index", "time_s", "path", "voxel_count", "content_hash"}},

@@ -1,0 +1,64 @@
+#include "client/cli/top.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include "client/cli/terminal.h"
+#include "client/cli/top_view.h"
+
+namespace voxeld::cli {
+namespace {
+
+using Clock = TopView::Clock;
+
+constexpr auto kRefresh = std::chrono::seconds(1);
+constexpr int kJobsShown = 200;
+constexpr ScreenSize kPaper{200, 1000};  // of --once
+
+int64_t unix_now_ms() {
+  const auto since = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(since).count();
+}
+
+}  // namespace
+
+void watch_queue(const Arguments& arguments, client::Client& daemon, const std::stop_token& stop) {
+  TopView view(arguments.url);
+  client::Queue queue = daemon.queue(kJobsShown);
+  auto answered = Clock::now();
+  if (arguments.json) {
+    std::printf("%s\n", queue.json.c_str());
+    return;
+  }
+  if (arguments.once || ::isatty(STDOUT_FILENO) == 0) {
+    for (const std::string& line : view.lines(queue, kPaper, unix_now_ms(), answered)) {
+      std::printf("%s\n", line.c_str());
+    }
+    return;
+  }
+  const Terminal terminal;
+  std::string trouble;
+  auto next = Clock::now() + kRefresh;
+  while (!stop.stop_requested()) {
+    auto lines = view.lines(queue, Terminal::size(), unix_now_ms(), answered);
+    if (!trouble.empty()) lines.front() = "voxel top  " + trouble;
+    lines.front().resize(
+        std::min(lines.front().size(), static_cast<size_t>(Terminal::size().columns)));
+    terminal.show(lines);
+    if (const char key = Terminal::wait(next, stop); key == 'q' || key == 'Q') return;
+    if (Clock::now() < next) continue;  // another key, or another size
+    next = Clock::now() + kRefresh;
+    try {
+      queue = daemon.queue(kJobsShown);
+      answered = Clock::now();
+      trouble.clear();
+    } catch (const client::Error& error) {
+      trouble = error.what();
+    }
+  }
+}
+
+}  // namespace voxeld::cli

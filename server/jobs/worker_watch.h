@@ -1,0 +1,57 @@
+// Holds workers to their limits from outside, whatever they report or keep to themselves.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "proto/result.h"
+#include "server/base/thread_annotations.h"
+
+namespace voxeld {
+
+struct WatchedWorker {
+  int64_t pid = 0;
+  std::string task;         // job id; empty: idle
+  double task_seconds = 0;  // since it was given
+};
+
+struct WatchLimits {
+  // Of one worker process, without what it has mapped of files. 0: no limit.
+  int64_t memory_bytes_max = 0;
+  // Of one attempt at a job.
+  double job_seconds_max = 0;
+};
+
+class WorkerWatch {
+ public:
+  static constexpr std::chrono::milliseconds kPeriod{200};
+
+  // Each is called on the watch's thread.
+  struct Calls {
+    std::function<std::vector<WatchedWorker>()> workers;
+    std::function<void(const WatchedWorker&, int64_t memory_bytes)> measured;
+    // The worker has to go, and its job ends with this.
+    std::function<void(const WatchedWorker&, const Error&)> condemned;
+  };
+  WorkerWatch(WatchLimits limits, Calls calls);
+  ~WorkerWatch();
+  WorkerWatch(const WorkerWatch&) = delete;
+  WorkerWatch& operator=(const WorkerWatch&) = delete;
+
+ private:
+  void run();
+  void look(const WatchedWorker& worker) const;
+
+  const WatchLimits limits_;
+  const Calls calls_;
+  Mutex mutex_;
+  CondVar wake_;
+  bool ending_ GUARDED_BY(mutex_) = false;
+  std::thread thread_;  // last: it uses all of the above
+};
+
+}  // namespace voxeld

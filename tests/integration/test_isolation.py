@@ -1,0 +1,129 @@
+"""Workers are shut in on every device, and what takes too much memory or time ends alone."""
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+from harness import BIN, DEVICES, Daemon, DaemonTest, make_fixtures
+
+
+def status_lines(path, *names):
+    text = pathlib.Path(path).read_text()
+    return tuple(re.search(rf"^{name}:\s*(\S+)", text, re.M)[1] for name in names)
+
+
+class ShutIn(unittest.TestCase):
+    """Every integration test runs with --sandbox require; here it is looked at from outside."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
+        make_fixtures(cls.fixtures)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.fixtures, ignore_errors=True)
+
+    def test_workers_of_all_devices_are_shut_in_with_all_their_threads(self):
+        for device in DEVICES:
+            with self.subTest(device):
+                daemon = Daemon(device=device)
+                try:
+                    self.look_at(daemon)
+                finally:
+                    daemon.stop()
+
+    def look_at(self, daemon):
+        asset = daemon.upload(self.fixtures / "sample.ply")
+        job = daemon.submit(kind="render", asset=asset, options={"size": 32, "width": 32, "height": 32})
+        self.assertEqual(daemon.wait(job)["state"], "done")
+        workers = daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
+        self.assertEqual([worker["sandbox"] for worker in workers], ["full"])
+        pid = workers[0]["pid"]
+        tasks = list(pathlib.Path(f"/proc/{pid}/task").iterdir())
+        self.assertGreaterEqual(len(tasks), 1)
+        for task in tasks:
+            filters = status_lines(task / "status", "NoNewPrivs", "Seccomp", "Seccomp_filters")
+            self.assertEqual(filters, ("1", "2", "2"), task)
+        limits = pathlib.Path(f"/proc/{pid}/limits").read_text()
+        self.assertRegex(limits, r"Max core file size +0 +0 ")
+        self.assertRegex(limits, r"Max open files +1024 +1024 ")
+        self.assertEqual(pathlib.Path(f"/proc/{pid}/oom_score_adj").read_text().strip(), "500")
+        # Nothing of the data directory is open but the worker's own folder, and no input is left.
+        root = pathlib.Path(daemon.data_dir).resolve()
+        for fd in pathlib.Path(f"/proc/{pid}/fd").iterdir():
+            target = os.readlink(fd)
+            self.assertFalse(target.startswith(f"{root}/") and "/scratch/" not in target, target)
+        folders = list((root / "run/scratch").iterdir())
+        self.assertEqual(len(folders), 1)
+        for name in ("in", "out", "taken"):
+            self.assertEqual(list((folders[0] / name).iterdir()), [], name)
+
+    def test_off_is_off_and_doctor_tells_what_the_kernel_can(self):
+        daemon = Daemon(device="cpu", arguments=["--sandbox", "off"])
+        try:
+            workers = daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
+            self.assertEqual(workers[0]["sandbox"], "off")
+            self.assertEqual(status_lines(f"/proc/{workers[0]['pid']}/status", "Seccomp"), ("0",))
+        finally:
+            daemon.stop()
+        text = subprocess.run([BIN / "voxeld", "doctor"], capture_output=True, text=True).stdout
+        self.assertIn("isolation of workers: full", text)
+
+    def test_inputs_that_are_bundles_grids_and_sequences_are_handed_over(self):
+        daemon = Daemon(device="cpu")
+        try:
+            moving = daemon.upload(self.fixtures / "worm.md5.zip")
+            job = daemon.submit(kind="voxelize", asset=moving,
+                                options={"size": 16, "animation": "walk", "frames": "0..3"})
+            status = daemon.wait(job)
+            self.assertEqual(status["state"], "done", status)
+            sequence = status["result"]["sequence"]
+            for request in ({"kind": "export", "sequence": sequence, "options": {"format": "npy"}},
+                            {"kind": "render", "sequence": sequence,
+                             "options": {"width": 32, "height": 32, "picture": "gif"}}):
+                self.assertEqual(daemon.wait(daemon.submit(**request))["state"], "done", request)
+        finally:
+            daemon.stop()
+
+
+class Caps(DaemonTest):
+    device = "cpu"
+    arguments = ("--worker-memory-max", "250M")
+
+    def test_a_job_that_takes_too_much_memory_fails_at_once_and_the_next_one_runs(self):
+        asset = self.daemon.upload(self.fixtures / "sample.ply")
+        before = self.daemon.worker_pid()
+        job = self.daemon.submit(kind="voxelize", asset=asset,
+                                 options={"size": 2048, "fill": "solid"})
+        status = self.daemon.wait(job)
+        self.assertEqual(status["state"], "failed", status)
+        self.assertEqual(status["error"]["code"], "grid-too-large", status)
+        self.assertRegex(status["error"]["detail"], r"^memory: \d+ MB, limit 262 MB$")
+        self.assertEqual(status["attempt"], 1)
+        small = self.daemon.submit(kind="voxelize", asset=asset, options={"size": 16})
+        self.assertEqual(self.daemon.wait(small)["state"], "done")
+        self.assertNotEqual(self.daemon.worker_pid(), before)
+
+
+class Slow(DaemonTest):
+    device = "cpu"
+    arguments = ("--job-seconds-max", "0.5")
+
+    def test_a_job_that_runs_too_long_is_ended(self):
+        asset = self.daemon.upload(self.fixtures / "sample.ply")
+        job = self.daemon.submit(kind="voxelize", asset=asset,
+                                 options={"size": 4096, "fill": "solid"})
+        status = self.daemon.wait(job)
+        self.assertEqual(status["state"], "failed", status)
+        self.assertEqual(status["error"]["code"], "deadline-exceeded", status)
+        self.assertIn("ran too long", status["error"]["detail"])
+        small = self.daemon.submit(kind="voxelize", asset=asset, options={"size": 16})
+        self.assertEqual(self.daemon.wait(small)["state"], "done")
+
+
+if __name__ == "__main__":
+    unittest.main()
