@@ -16,10 +16,9 @@ std::vector<WatchedWorker> TaskServer::watched() const {
   std::vector<WatchedWorker> all;
   for (const auto& connection : connections_) {
     MutexLock inner(connection->mutex);
-    const WorkerState& state = connection->state;
-    if (state.connected) {
-      all.push_back({state.pid, state.task, connection->task_age.ms() / 1000.0});
-    }
+    if (!connection->state.connected) continue;
+    all.push_back(
+        {connection->state.pid, connection->state.task, connection->task_age.ms() / 1000.0});
   }
   return all;
 }
@@ -28,8 +27,8 @@ int64_t TaskServer::memory_of(const std::string& device) const {
   int64_t bytes = 0;
   for (const auto& connection : connections_) {
     MutexLock inner(connection->mutex);
-    const WorkerState& state = connection->state;
-    if (state.connected && state.device == device) bytes += state.memory_bytes;
+    if (!connection->state.connected || connection->state.device != device) continue;
+    bytes += connection->state.memory_bytes;
   }
   return bytes;
 }

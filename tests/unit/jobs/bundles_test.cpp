@@ -1,6 +1,7 @@
 // Assets that are bundles of others: what their tasks name, and what of them may not go away.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <string>
 
 #include "server/base/sha256.h"
@@ -27,7 +28,6 @@ class BundlesTest : public testing::ServiceTest {
     request.asset = asset;
     return request;
   }
-  std::string path(const std::string& id) { return blobs().path_of(id).string(); }
   std::string mesh_, anim_;
 };
 
@@ -38,9 +38,12 @@ TEST_F(BundlesTest, a_task_names_where_each_file_is) {
   FakeWorker worker = connect();
   const auto task = worker.claim();
   ASSERT_TRUE(task);
-  EXPECT_EQ(task->input_path, path(bundle));
+  EXPECT_EQ(task->input_path, worker.input(bundle));
   EXPECT_EQ(task->filename, "bob.bundle.json");
-  EXPECT_EQ(task->bundle_paths, (std::vector<std::string>{path(mesh_), path(anim_)}));
+  EXPECT_EQ(task->bundle_paths,
+            (std::vector<std::string>{worker.input(mesh_), worker.input(anim_)}));
+  EXPECT_TRUE(std::filesystem::equivalent(worker.input(mesh_), blobs().path_of(mesh_)));
+  EXPECT_TRUE(std::filesystem::equivalent(worker.input(anim_), blobs().path_of(anim_)));
   ASSERT_TRUE(worker.complete(*task, "x"));
   submit(request(mesh_));
   EXPECT_TRUE(worker.claim()->bundle_paths.empty());

@@ -238,7 +238,8 @@ TEST_F(TenantsTest, an_admins_job_on_a_bundle_of_another_gets_its_files) {
   FakeWorker worker = connect();
   const auto task = worker.claim();
   ASSERT_TRUE(task);
-  EXPECT_EQ(task->bundle_paths, std::vector<std::string>{blobs().path_of(mesh).string()});
+  EXPECT_EQ(task->bundle_paths, std::vector<std::string>{worker.input(mesh)});
+  EXPECT_TRUE(std::filesystem::equivalent(worker.input(mesh), blobs().path_of(mesh)));
 }
 
 TEST_F(TenantsTest, what_the_open_daemon_made_is_the_admins_once_there_are_keys) {
