@@ -2,6 +2,8 @@
 
 #include <openssl/evp.h>
 
+#include <new>
+
 #include "proto/blob_id.h"
 #include "server/base/check.h"
 
@@ -17,7 +19,10 @@ struct Sha256::Impl {
 };
 
 Sha256::Sha256() : impl_(std::make_unique<Impl>()) {
-  VOXELD_CHECK(EVP_DigestInit_ex(impl_->context, EVP_sha256(), nullptr) == 1, "sha256 init");
+  // It can fail for want of memory alone.
+  if (impl_->context == nullptr || EVP_DigestInit_ex(impl_->context, EVP_sha256(), nullptr) != 1) {
+    throw std::bad_alloc();
+  }
 }
 Sha256::~Sha256() = default;
 Sha256::Sha256(Sha256&&) noexcept = default;

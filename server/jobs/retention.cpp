@@ -1,6 +1,7 @@
 #include "server/jobs/retention.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "server/jobs/blob_needs.h"
@@ -172,13 +173,26 @@ Result<int64_t> Retention::remove(const Ids& ids) {
   return removed;
 }
 
-Result<int64_t> Retention::expire_results(int64_t used_before_ms) {
+// Each file once; what others need too is counted all the same.
+int64_t Retention::bytes_of(const Ids& ids) {
+  const std::set<std::string> different(ids.begin(), ids.end());
+  int64_t bytes = 0;
+  for (const std::string& id : different) {
+    if (const auto blob = blobs_.stat(id)) bytes += blob->bytes;
+  }
+  return bytes;
+}
+
+Result<int64_t> Retention::expire_results(int64_t used_before_ms, int64_t bytes_wanted) {
   Ids ids;
   int64_t expired = 0;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto results, old_results(connection, used_before_ms));
-    for (const OldResult& result : results) VOXELD_TRY(expire_result(connection, result, ids));
-    expired = static_cast<int64_t>(results.size());
+    for (const OldResult& result : results) {
+      VOXELD_TRY(expire_result(connection, result, ids));
+      ++expired;
+      if (bytes_wanted != kAllBytes && bytes_of(ids) >= bytes_wanted) break;
+    }
     return {};
   });
   VOXELD_TRY(committed);

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -23,6 +24,7 @@ namespace voxeld {
 // milliseconds, and returns how many it did; 0: there are no more.
 class Retention {
  public:
+  static constexpr int64_t kAllBytes = std::numeric_limits<int64_t>::max();
   Retention(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
 
   // Somebody was given this blob. Kept in memory until flush().
@@ -30,8 +32,8 @@ class Retention {
   Status flush() EXCLUDES(mutex_);
 
   // Results that were used last before `used_before_ms`, the oldest first. Those that live jobs
-  // work on stay.
-  Result<int64_t> expire_results(int64_t used_before_ms);
+  // work on stay. Ends early where that frees `bytes_wanted`.
+  Result<int64_t> expire_results(int64_t used_before_ms, int64_t bytes_wanted = kAllBytes);
   // Frames of jobs that failed or were cancelled before that.
   Result<int64_t> expire_frames(int64_t ended_before_ms);
   // As if their tenants had deleted them.
@@ -45,6 +47,7 @@ class Retention {
 
  private:
   Result<int64_t> remove(const std::vector<std::string>& ids);
+  int64_t bytes_of(const std::vector<std::string>& ids);
   Database& database_;
   const BlobStore& blobs_;
   Mutex mutex_;

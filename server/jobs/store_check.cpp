@@ -56,8 +56,8 @@ Result<std::vector<Named>> named_blobs(SqlConnection& connection) {
     named.push_back({rows.text(0), rows.text(1)});
   }
   std::ranges::stable_sort(named, {}, &Named::id);
-  const auto rest = std::ranges::unique(named, {}, &Named::id);
-  named.erase(rest.begin(), rest.end());
+  const auto is_same = [](const Named& a, const Named& b) { return a.id == b.id; };
+  named.erase(std::unique(named.begin(), named.end(), is_same), named.end());
   return named;
 }
 

@@ -129,7 +129,7 @@ void StoreSweep::make_room() {
   }
   int64_t evicted = 0;
   while (blobs_.bytes() > goal) {
-    auto gone = retention_.expire_results(kEver);
+    auto gone = retention_.expire_results(kEver, blobs_.bytes() - goal);
     if (gone && *gone == 0) gone = retention_.expire_frames(kEver);
     if (!gone) log::warn("cannot make room", {{"error", gone.error().message()}});
     if (!gone || *gone == 0) break;

@@ -110,6 +110,15 @@ TEST_F(RetentionTest, results_expire_by_their_last_use_and_are_gone_then) {
   EXPECT_EQ(retention_.expire_results(1000).value(), 0);
 }
 
+TEST_F(RetentionTest, no_more_results_go_than_make_the_room_that_is_wanted) {
+  for (const char* text : {"one", "two", "three"}) made("mesh", text);
+  ASSERT_TRUE(sql("UPDATE results SET used_ms = seq"));
+  EXPECT_EQ(retention_.expire_results(kNow, 4).value(), 2);  // three bytes are not enough
+  EXPECT_FALSE(stored("one"));
+  EXPECT_FALSE(stored("two"));
+  EXPECT_TRUE(stored("three"));
+}
+
 TEST_F(RetentionTest, an_expired_result_is_computed_again) {
   made("mesh", "result");
   EXPECT_TRUE(submit(sha256_id("mesh")).cached);
