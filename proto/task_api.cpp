@@ -77,7 +77,8 @@ Json to_json_message(const Task& task) {
           {"bundle_paths", task.bundle_paths},
           {"filename", task.filename},
           {"options_json", task.options_json},
-          {"tenant", task.tenant}};
+          {"tenant", task.tenant},
+          {"cells_max", task.cells_max}};
 }
 
 Result<Task> parse_task(const Json& message) {
@@ -99,6 +100,7 @@ Result<Task> parse_task(const Json& message) {
   fields.read("filename", task.filename);
   fields.read("options_json", task.options_json);
   fields.read("tenant", task.tenant);
+  fields.read("cells_max", task.cells_max);
   const auto known = job_kind_from_name(kind);
   if (!known) fields.fail("kind", "a kind of job", kind);
   VOXELD_TRY(fields.finish());

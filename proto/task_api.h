@@ -60,6 +60,7 @@ struct Task {
   // Whose task it is. What a worker keeps between tasks must not serve another tenant's: the time
   // that it saves would tell who else has the same input.
   std::string tenant;
+  int64_t cells_max = 0;  // cells of all its frames that the tenant may make in one job; 0: any
 };
 
 // role: "result" (the answer's bytes), "grid" (the native container), "sequence" (its manifest).

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -22,7 +23,10 @@ struct ServeConfig {
   int64_t upload_bytes_max = limits::kUploadBytesMax;
   int queued_jobs_max = limits::kQueuedJobsMax;
   int request_threads = 64;
-  double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
+  int connections_max = 16384;
+  int connections_per_address = 256;         // neither loopback nor a trusted proxy; 0: any number
+  std::vector<std::string> trusted_proxies;  // whose X-Forwarded-For is believed
+  double drain_seconds = 10.0;               // how long running answers may go on after SIGTERM
   std::string shader_dir;
   log::Level log_level = log::Level::kInfo;
 };
@@ -43,14 +47,17 @@ struct DoctorCommand {
 };
 
 struct KeysCommand {
-  enum class Action { kAdd, kList, kRevoke } action = Action::kList;
+  enum class Action { kAdd, kSet, kList, kRevoke, kRotateUrls } action = Action::kList;
   std::filesystem::path data_dir;  // default: as of serve
   std::string tenant;              // kAdd
   bool is_admin = false;
   std::string expires;  // as it was given; empty: never
-  int64_t weight = 1;
+  // kAdd and kSet; what is not given stays, for a tenant that has a key.
+  std::optional<int64_t> weight;
+  std::optional<std::string> rate;  // as it was given: "10/s"
+  std::optional<int64_t> queued_jobs, bytes, cells;
   bool json = false;  // kList
-  std::string id;     // kRevoke
+  std::string id;     // kSet, kRevoke
 };
 
 struct CalibrateDeviceCommand {

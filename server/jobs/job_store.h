@@ -23,6 +23,7 @@
 #include "server/jobs/database.h"
 #include "server/jobs/job_record.h"
 #include "server/jobs/job_service.h"
+#include "server/jobs/tenant_limits.h"
 
 namespace voxeld {
 
@@ -33,6 +34,8 @@ struct FinishedTask {
   JobResult result;
   StageTimes timings;  // of the worker
   int64_t frames = 0;  // of result.sequence
+  int64_t grid_bytes = 0, sequence_bytes = 0;
+  int64_t bytes_max = 0;  // that the job's tenant may keep; 0: any
 };
 
 // Thread-safe; holds no state of its own.
@@ -48,9 +51,14 @@ class JobStore {
   };
   // Inserts a job: queued, or done at once when an equal one of the same tenant has a result and
   // use_cache is on. An empty filename becomes the asset's. Errors: not-found (asset, file of a
-  // bundle, grid, sequence), gone, invalid-option, queue-full, idempotency-mismatch.
+  // bundle, grid, sequence), gone, invalid-option, queue-full, too-many-requests (of the tenant's
+  // own jobs wait `queued_max.of_tenant`; 0: any), idempotency-mismatch.
+  struct QueueLimits {
+    int64_t in_all = 0;
+    int64_t of_tenant = 0;
+  };
   Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
-                           int queued_jobs_max);
+                           const QueueLimits& queued_max);
 
   Result<JobRecord> get(const Caller& caller, std::string_view id);
   Result<std::vector<JobRecord>> list(const Caller& caller, int limit,
@@ -63,6 +71,7 @@ class JobStore {
   Result<std::optional<JobRecord>> claim(std::string_view worker);
 
   // `live_version` in what follows: the highest version that clients have seen, progress included.
+  // Failed with quota-exceeded or payload-too-large where the tenant may not keep the result.
   Result<std::optional<JobRecord>> complete(const FinishedTask& task, int64_t live_version);
   Result<std::optional<JobRecord>> fail(std::string_view id, int64_t fence, const Error& error,
                                         int64_t live_version);
@@ -83,6 +92,10 @@ class JobStore {
   // it.
   Result<bool> is_grid(const Caller& caller, std::string_view id);
   Result<int64_t> count(JobState state);
+  Result<TenantUsage> usage(std::string_view tenant);
+  // Gives sizes to the blobs whose rows are older than their columns; `bytes_of` says 0 where there
+  // is no such blob.
+  Status measure_holdings(const std::function<int64_t(std::string_view id)>& bytes_of);
 
  private:
   Database& database_;

@@ -33,6 +33,7 @@ struct TaskServerConfig {
   std::function<std::string(int64_t pid)> exit_reason;
   std::function<void(int64_t pid)> kill_worker;
   TaskLimits limits;
+  std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
 };
 
 // What the connections work on; all of it outlives the server.
@@ -82,8 +83,9 @@ class TaskServer {
   Status take_failure(Connection& connection, const nlohmann::json& message);
   Result<std::optional<JobRecord>> end_completed(const Connection& connection,
                                                  TaskCompletion completion);
-  Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion,
-                                  std::map<std::string, BlobInfo>& adopted);
+  Status adopt_outputs(const Connection& connection, const TaskCompletion& completion,
+                       std::map<std::string, BlobInfo>& adopted, FinishedTask& finished);
+  TenantLimits limits_of(std::string_view task);
   void put_back(Connection& connection, const Error& why);
   void end_task(Connection& connection, const JobRecord& record);
   bool wait_for_work(uint64_t seen) EXCLUDES(mutex_);
