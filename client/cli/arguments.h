@@ -12,7 +12,15 @@
 namespace voxeld::cli {
 
 struct Arguments {
-  enum class Command { kVoxelize, kRender, kJobs, kInfo, kFormats } command = Command::kVoxelize;
+  enum class Command {
+    kVoxelize,
+    kRender,
+    kJobs,
+    kShare,
+    kWhoami,
+    kInfo,
+    kFormats
+  } command = Command::kVoxelize;
   std::string url;
   std::string key;     // --key; empty: see api_key.h
   bool json = false;   // say what happened as JSON on stdout
@@ -26,7 +34,8 @@ struct Arguments {
   std::string sequence;             // render: the id of a stored sequence instead
   client::Options options;
 
-  std::string job;      // jobs: one of them
+  std::string job;      // jobs: one of them; share
+  int seconds = 3600;   // share: how long the link lives
   bool cancel = false;  // jobs: cancel it
   int limit = 20;       // jobs: how many
 };
