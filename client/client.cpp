@@ -199,4 +199,22 @@ void Client::download(std::string_view job, const Sink& sink, const ProgressCall
   impl_->download(Transport::escape(job), sink, progress, stop);
 }
 
+Link Client::share(std::string_view job, std::chrono::seconds lifetime, const Options& options) {
+  HttpRequest request;
+  request.method = "POST";
+  std::string query = "?seconds=" + std::to_string(lifetime.count());
+  for (const auto& [name, value] : options.pairs()) {
+    query += "&" + Transport::escape(name) + "=" + Transport::escape(value);
+  }
+  request.url = impl_->url("/v1/jobs/" + Transport::escape(job) + "/share" + query);
+  const nlohmann::json answer = parse_object(impl_->call(std::move(request)).body);
+  return {impl_->url(text_of(answer, "url")), number_of(answer, "expires_ms")};
+}
+
+std::string Client::whoami_json() {
+  HttpRequest request;
+  request.url = impl_->url("/v1/me");
+  return impl_->call(std::move(request)).body;
+}
+
 }  // namespace voxeld::client

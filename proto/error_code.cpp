@@ -38,6 +38,7 @@ constexpr std::array kCodes = {
     ErrorCodeInfo{kShuttingDown, "shutting-down", 503, "The service is shutting down"},
     ErrorCodeInfo{kQueueFull, "queue-full", 503, "The queue is full"},
     ErrorCodeInfo{kDeadlineExceeded, "deadline-exceeded", 504, "It took too long"},
+    ErrorCodeInfo{kQuotaExceeded, "quota-exceeded", 507, "The tenant's storage is used up"},
     ErrorCodeInfo{kStorageFull, "storage-full", 507, "The storage is full"},
 };
 

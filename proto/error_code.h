@@ -36,6 +36,7 @@ enum class ErrorCode {
   kShuttingDown,         // 503 shutting-down
   kQueueFull,            // 503 queue-full
   kDeadlineExceeded,     // 504 deadline-exceeded
+  kQuotaExceeded,        // 507 quota-exceeded: the tenant keeps as many bytes as it may
   kStorageFull,          // 507 storage-full
 };
 

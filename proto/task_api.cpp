@@ -139,7 +139,8 @@ Json to_json_message(const Task& task) {
           {"options_json", task.options_json},
           {"tenant", task.tenant},
           {"request_id", task.request_id},
-          {"trace_id", task.trace_id}};
+          {"trace_id", task.trace_id},
+          {"cells_max", task.cells_max}};
 }
 
 Result<Task> parse_task(const Json& message) {
@@ -165,6 +166,7 @@ Result<Task> parse_task(const Json& message) {
   fields.read("tenant", task.tenant);
   fields.read("request_id", task.request_id);
   fields.read("trace_id", task.trace_id);
+  fields.read("cells_max", task.cells_max);
   const auto known = job_kind_from_name(kind);
   if (!known) fields.fail("kind", "a kind of job", kind);
   VOXELD_TRY(fields.finish());

@@ -99,6 +99,7 @@ struct Task {
   std::string tenant;
   // Of the request that it came with, for the log.
   std::string request_id, trace_id;
+  int64_t cells_max = 0;  // cells of all its frames that the tenant may make in one job; 0: any
 };
 
 // role: "result" (the answer's bytes), "grid" (the native container), "sequence" (its manifest).

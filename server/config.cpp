@@ -1,5 +1,7 @@
 #include "server/config.h"
 
+#include <arpa/inet.h>
+
 #include <CLI/CLI.hpp>
 #include <array>
 #include <cstdlib>
@@ -34,6 +36,12 @@ constexpr int kWorkersPerDeviceMax = 64;
 // Loopback by its number or name; a name that only resolves to it does not count.
 bool is_loopback(std::string_view host) {
   return host == "localhost" || host == "[::1]" || host == "::1" || host.starts_with("127.");
+}
+
+// What is wrong with it; empty for an address.
+std::string is_ipv6(const std::string& text) {
+  in6_addr address{};
+  return ::inet_pton(AF_INET6, text.c_str(), &address) == 1 ? "" : "not an IPv6 address: " + text;
 }
 
 void add_log_level(CLI::App& command, log::Level& level) {
@@ -165,6 +173,22 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->envname("VOXELD_REQUEST_THREADS")
       ->capture_default_str();
   add_scheduling(*serve, config);
+  serve->add_option("--connections-max", config.connections_max, "Open connections in all")
+      ->check(CLI::Range(1, 1'000'000))
+      ->envname("VOXELD_CONNECTIONS_MAX")
+      ->capture_default_str();
+  serve
+      ->add_option("--connections-per-address", config.connections_per_address,
+                   "Open connections of one address, but loopback and trusted proxies; 0: any")
+      ->check(CLI::Range(0, 1'000'000))
+      ->envname("VOXELD_CONNECTIONS_PER_ADDRESS")
+      ->capture_default_str();
+  serve
+      ->add_option("--trusted-proxy", config.trusted_proxies,
+                   "Address of a proxy whose X-Forwarded-For is believed; several with commas")
+      ->delimiter(',')
+      ->check(CLI::ValidIPV4 | CLI::Validator(is_ipv6, "IPV6"))
+      ->envname("VOXELD_TRUSTED_PROXY");
   serve
       ->add_option("--drain-seconds", config.drain_seconds,
                    "How long running answers may go on after SIGTERM")
@@ -227,6 +251,25 @@ CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
   return doctor;
 }
 
+// Of `keys add` and `keys set`.
+void add_tenant_options(CLI::App& action, KeysCommand& command) {
+  action
+      .add_option("--weight", command.weight,
+                  "The tenant's share beside others', for the scheduler (1)")
+      ->check(CLI::Range(int64_t{1}, kKeyWeightMax));
+  action.add_option("--rate", command.rate,
+                    "Requests per second (10, 10/s) or minute (30/m); 0: any number");
+  action.add_option("--queued-jobs", command.queued_jobs, "Jobs that may wait; 0: any number")
+      ->check(CLI::Range(int64_t{0}, kQueuedJobsLimitMax));
+  action
+      .add_option("--bytes", command.bytes,
+                  "Bytes of all that the tenant keeps, with an optional unit (500M, 20G); 0: any")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::Range(int64_t{0}, kBytesLimitMax));
+  action.add_option("--cells", command.cells, "Cells of one job, all its frames; 0: any number")
+      ->check(CLI::Range(int64_t{0}, kCellsLimitMax));
+}
+
 CLI::App* add_keys(CLI::App& app, KeysCommand& command) {
   using Action = KeysCommand::Action;
   CLI::App* keys =
@@ -241,15 +284,19 @@ CLI::App* add_keys(CLI::App& app, KeysCommand& command) {
   add->add_flag("--admin", command.is_admin, "It sees what all tenants have and may cancel all");
   add->add_option("--expires", command.expires,
                   "When it ends: 12h, 30d or 8w from now, or a day such as 2030-12-31 (UTC)");
-  add->add_option("--weight", command.weight,
-                  "The tenant's share beside others', for the scheduler")
-      ->check(CLI::Range(int64_t{1}, kKeyWeightMax))
-      ->capture_default_str();
+  CLI::App* set = keys->add_subcommand(
+      "set", "Change weight and limits of the tenant of a key, on all of its keys");
+  set->add_option("ID", command.id, "As listed: the part of the key after vxk_")->required();
+  for (CLI::App* action : {add, set}) add_tenant_options(*action, command);
   CLI::App* list = keys->add_subcommand("list", "List keys, without their secrets");
   list->add_flag("--json", command.json, "As a JSON array");
   CLI::App* revoke = keys->add_subcommand("revoke", "End a key at once");
   revoke->add_option("ID", command.id, "As listed: the part of the key after vxk_")->required();
-  for (CLI::App* action : {add, list, revoke}) action->fallthrough();  // to --data
+  CLI::App* rotate = keys->add_subcommand(
+      "rotate-urls", "A new secret for links; those of the one before the last end");
+  for (CLI::App* action : {add, set, list, revoke, rotate}) action->fallthrough();  // to --data
+  set->callback([&command] { command.action = Action::kSet; });
+  rotate->callback([&command] { command.action = Action::kRotateUrls; });
   add->callback([&command] { command.action = Action::kAdd; });
   list->callback([&command] { command.action = Action::kList; });
   revoke->callback([&command] { command.action = Action::kRevoke; });

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -22,6 +23,9 @@ struct ServeConfig {
   int64_t upload_bytes_max = limits::kUploadBytesMax;
   int queued_jobs_max = limits::kQueuedJobsMax;
   int request_threads = 64;
+  int connections_max = 16384;
+  int connections_per_address = 256;         // neither loopback nor a trusted proxy; 0: any number
+  std::vector<std::string> trusted_proxies;  // whose X-Forwarded-For is believed
   int workers_per_device = 3;
   bool is_fair = true;           // --scheduler fair
   int64_t memory_bytes_max = 0;  // 0: three quarters of what the machine has
@@ -58,14 +62,17 @@ struct DoctorCommand {
 };
 
 struct KeysCommand {
-  enum class Action { kAdd, kList, kRevoke } action = Action::kList;
+  enum class Action { kAdd, kSet, kList, kRevoke, kRotateUrls } action = Action::kList;
   std::filesystem::path data_dir;  // default: as of serve
   std::string tenant;              // kAdd
   bool is_admin = false;
   std::string expires;  // as it was given; empty: never
-  int64_t weight = 1;
+  // kAdd and kSet; what is not given stays, for a tenant that has a key.
+  std::optional<int64_t> weight;
+  std::optional<std::string> rate;  // as it was given: "10/s"
+  std::optional<int64_t> queued_jobs, bytes, cells;
   bool json = false;  // kList
-  std::string id;     // kRevoke
+  std::string id;     // kSet, kRevoke
 };
 
 struct CalibrateDeviceCommand {

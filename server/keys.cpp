@@ -11,6 +11,7 @@
 
 #include "server/jobs/job_record.h"
 #include "server/jobs/key_file.h"
+#include "server/jobs/url_secret.h"
 
 namespace voxeld {
 namespace {
@@ -33,26 +34,56 @@ std::string_view state_of(const ApiKey& key) {
   return key.is_live(unix_time_ms()) ? "live" : "expired";
 }
 
+// What was asked for in `key`'s weight and limits; the rest stays.
+Status apply(const KeysCommand& command, ApiKey& key) {
+  TenantLimits& limits = key.limits;
+  if (command.rate) {
+    VOXELD_ASSIGN(limits.requests_per_minute, parse_rate(*command.rate));
+  }
+  key.weight = command.weight.value_or(key.weight);
+  limits.queued_jobs = command.queued_jobs.value_or(limits.queued_jobs);
+  limits.bytes = command.bytes.value_or(limits.bytes);
+  limits.cells = command.cells.value_or(limits.cells);
+  return {};
+}
+
+Result<KeyList::iterator> find_key(KeyList& keys, const std::string& id) {
+  if (!is_key_id(id)) {
+    // Not what was given: it may be a whole key.
+    return Error{ErrorCode::kInvalidOption, "ID", "8 of a-z and 2-7, as voxeld keys list shows",
+                 ""};
+  }
+  const auto key = std::ranges::find(keys, id, &ApiKey::id);
+  if (key != keys.end()) return key;
+  return Error{ErrorCode::kInvalidOption, "there is no such key", "an id of voxeld keys list", id};
+}
+
 Status add(const KeysCommand& command) {
   VOXELD_TRY(check_tenant_name(command.tenant));
   ApiKey key;
   key.tenant = command.tenant;
   key.created_ms = unix_time_ms();
-  key.weight = command.weight;
   key.is_admin = command.is_admin;
   if (!command.expires.empty()) {
     VOXELD_ASSIGN(key.expires_ms, parse_expiry(command.expires, key.created_ms));
   }
   KeySecret secret;
-  VOXELD_TRY(change_keys(command.data_dir, [&](KeyList& keys) -> Status {
+  const Status changed = change_keys(command.data_dir, [&](KeyList& keys) -> Status {
     do {
       secret = make_key_secret();
     } while (std::ranges::count(keys, secret.id, &ApiKey::id) != 0);
+    // A key that takes another's place does not lift the tenant's limits.
+    if (const ApiKey* other = newest_live_key(keys, key.tenant, key.created_ms)) {
+      key.weight = other->weight;
+      key.limits = other->limits;
+    }
+    VOXELD_TRY(apply(command, key));
     key.id = secret.id;
     key.secret_hash = secret.hash();
     keys.push_back(key);
     return {};
-  }));
+  });
+  VOXELD_TRY(changed);
   const std::string until =
       key.expires_ms == 0 ? "" : ", until " + time_text(key.expires_ms) + " UTC";
   std::fprintf(stderr, "key %s of %s %s%s; it cannot be shown again:\n", key.id.c_str(),
@@ -61,14 +92,21 @@ Status add(const KeysCommand& command) {
   return {};
 }
 
+std::string limit_text(int64_t limit) {
+  return limit == 0 ? "-" : std::to_string(limit);
+}
+
 void print_table(const KeyList& keys) {
-  std::printf("%-9s %-24s %-7s %6s %-16s %-16s %s\n", "ID", "NAME", "ROLE", "WEIGHT", "CREATED",
-              "EXPIRES", "STATE");
+  std::printf("%-9s %-24s %-7s %6s %9s %7s %14s %14s %-16s %-16s %s\n", "ID", "NAME", "ROLE",
+              "WEIGHT", "RATE", "QUEUED", "BYTES", "CELLS", "CREATED", "EXPIRES", "STATE");
   for (const ApiKey& key : keys) {
-    std::printf("%-9s %-24s %-7s %6lld %-16s %-16s %s\n", key.id.c_str(), key.tenant.c_str(),
-                key.is_admin ? "admin" : "tenant", static_cast<long long>(key.weight),
-                time_text(key.created_ms).c_str(), time_text(key.expires_ms).c_str(),
-                std::string(state_of(key)).c_str());
+    const TenantLimits& limits = key.limits;
+    std::printf("%-9s %-24s %-7s %6lld %9s %7s %14s %14s %-16s %-16s %s\n", key.id.c_str(),
+                key.tenant.c_str(), key.is_admin ? "admin" : "tenant",
+                static_cast<long long>(key.weight), rate_text(limits.requests_per_minute).c_str(),
+                limit_text(limits.queued_jobs).c_str(), limit_text(limits.bytes).c_str(),
+                limit_text(limits.cells).c_str(), time_text(key.created_ms).c_str(),
+                time_text(key.expires_ms).c_str(), std::string(state_of(key)).c_str());
   }
 }
 
@@ -84,6 +122,11 @@ Status list(const KeysCommand& command) {
                    {"name", key.tenant},
                    {"admin", key.is_admin},
                    {"weight", key.weight},
+                   {"limits",
+                    {{"requests_per_minute", key.limits.requests_per_minute},
+                     {"queued_jobs", key.limits.queued_jobs},
+                     {"bytes", key.limits.bytes},
+                     {"cells", key.limits.cells}}},
                    {"created_ms", key.created_ms},
                    {"expires_ms", key.expires_ms},
                    {"revoked_ms", key.revoked_ms},
@@ -93,18 +136,19 @@ Status list(const KeysCommand& command) {
   return {};
 }
 
-Status revoke(const KeysCommand& command) {
-  if (!is_key_id(command.id)) {
-    // Not what was given: it may be a whole key.
-    return Error{ErrorCode::kInvalidOption, "ID", "8 of a-z and 2-7, as voxeld keys list shows",
-                 ""};
-  }
+Status set(const KeysCommand& command) {
   return change_keys(command.data_dir, [&](KeyList& keys) -> Status {
-    const auto key = std::ranges::find(keys, command.id, &ApiKey::id);
-    if (key == keys.end()) {
-      return Error{ErrorCode::kInvalidOption, "there is no such key", "an id of voxeld keys list",
-                   command.id};
+    VOXELD_ASSIGN(const auto key, find_key(keys, command.id));
+    for (ApiKey& one : keys) {
+      if (one.tenant == key->tenant) VOXELD_TRY(apply(command, one));
     }
+    return {};
+  });
+}
+
+Status revoke(const KeysCommand& command) {
+  return change_keys(command.data_dir, [&](KeyList& keys) -> Status {
+    VOXELD_ASSIGN(const auto key, find_key(keys, command.id));
     if (key->revoked_ms == 0) key->revoked_ms = unix_time_ms();
     return {};
   });
@@ -114,6 +158,10 @@ Status run(const KeysCommand& command) {
   switch (command.action) {
     case KeysCommand::Action::kAdd:
       return add(command);
+    case KeysCommand::Action::kSet:
+      return set(command);
+    case KeysCommand::Action::kRotateUrls:
+      return rotate_url_secret(command.data_dir);
     case KeysCommand::Action::kList:
       return list(command);
     case KeysCommand::Action::kRevoke:

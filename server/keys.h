@@ -1,5 +1,5 @@
-// `voxeld keys add | list | revoke`: works on the key file of a data directory, also while a daemon
-// runs on it, which sees the change with its next request.
+// `voxeld keys add | set | list | revoke | rotate-urls`: works on the key file of a data directory,
+// also while a daemon runs on it, which sees the change with its next request.
 #pragma once
 
 #include "server/config.h"

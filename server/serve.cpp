@@ -3,6 +3,7 @@
 #include <prometheus/registry.h>
 #include <pthread.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -17,6 +18,7 @@
 #include "server/http/server.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/key_ring.h"
+#include "server/jobs/url_secret.h"
 
 namespace voxeld {
 namespace {
@@ -38,6 +40,22 @@ void block_ending_signals() {
   const sigset_t set = ending_signals();
   ::pthread_sigmask(SIG_BLOCK, &set, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
+}
+
+// Each connection needs a descriptor; the soft limit is 1024 in many places.
+void raise_descriptor_limit(int connections_max) {
+  constexpr rlim_t kOthers = 512;  // files, workers, the admin port
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  const rlim_t wanted = static_cast<rlim_t>(connections_max) + kOthers;
+  if (limit.rlim_cur >= wanted) return;
+  limit.rlim_cur = std::min(limit.rlim_max, wanted);
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+  if (limit.rlim_cur < wanted) {
+    log::warn("fewer connections than --connections-max: the limit on open files is too low",
+              {{"limit", static_cast<int64_t>(limit.rlim_cur)},
+               {"wanted", static_cast<int64_t>(wanted)}});
+  }
 }
 
 // The signal, or 0 after `seconds` (negative: waits for ever).
@@ -118,8 +136,9 @@ Result<int> wait_for_worker(JobService& jobs) {
 constexpr int64_t kMemoryShareMax = 4, kMemoryShare = 3;
 
 JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> devices,
-                            const KeyRing& keys, const std::string& self_executable) {
+                            const std::string& self_executable, const KeyRing& keys) {
   JobServiceConfig jobs;
+  jobs.limits_of = [&keys](std::string_view tenant) { return keys.limits_of(tenant); };
   jobs.data_dir = config.data_dir;
   jobs.devices = std::move(devices);
   jobs.worker_executable = self_executable;
@@ -156,15 +175,22 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
                                   Guard::kNone));
   VOXELD_ASSIGN(const auto devices, resolve_devices(config.devices, self_executable));
   block_ending_signals();
+  raise_descriptor_limit(config.connections_max);
   auto metrics = std::make_shared<prometheus::Registry>();
   VOXELD_ASSIGN(const auto jobs,
-                start_job_service(job_config(config, devices, *keys, self_executable), metrics));
+                start_job_service(job_config(config, devices, self_executable, *keys), metrics));
+  // By now the data directory is this process's alone.
+  VOXELD_ASSIGN(const auto secrets, UrlSecrets::open(config.data_dir));
   http::ServerConfig http_config;
   http_config.listen = config.listen;
   http_config.admin_listen = config.admin_listen;
   http_config.upload_bytes_max = config.upload_bytes_max;
   http_config.request_threads = config.request_threads;
-  VOXELD_ASSIGN(const auto server, http::start_server(http_config, *jobs, *keys, metrics));
+  http_config.connections_max = config.connections_max;
+  http_config.connections_per_address = config.connections_per_address;
+  http_config.trusted_proxies = config.trusted_proxies;
+  VOXELD_ASSIGN(const auto server,
+                http::start_server(http_config, *jobs, *keys, *secrets, metrics));
   log::info("listening", {{"url", url_of(config.listen, server->port())},
                           {"admin", url_of(config.admin_listen, server->admin_port())},
                           {"data", config.data_dir.string()}});

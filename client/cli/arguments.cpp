@@ -207,6 +207,16 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   top->add_flag("--once", arguments.once, "print them once and end");
   add_common_flags(*top, arguments);
 
+  CLI::App* share = app.add_subcommand("share", "a link to a job's result that needs no key");
+  share->add_option("id", arguments.job, "the job")->required();
+  share->add_option("--seconds", arguments.seconds, "how long it lives (default 3600)")
+      ->check(CLI::Range(1, 30 * 24 * 3600));
+  add_common_flags(*share, arguments);
+
+  CLI::App* whoami =
+      app.add_subcommand("whoami", "whose key this is, its limits and what is used of them");
+  add_common_flags(*whoami, arguments);
+
   CLI::App* info = app.add_subcommand("info", "what a mesh, a .voxg or a .voxs file holds");
   info->add_option("input", inputs, "mesh, .voxg or .voxs file, - for stdin; then files with it")
       ->required()
@@ -223,6 +233,8 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
     arguments.command = render->parsed()    ? kRender
                         : jobs->parsed()    ? kJobs
                         : top->parsed()     ? kTop
+                        : share->parsed()   ? kShare
+                        : whoami->parsed()  ? kWhoami
                         : info->parsed()    ? kInfo
                         : formats->parsed() ? kFormats
                                             : kVoxelize;

@@ -18,6 +18,8 @@ struct Arguments {
     kRender,
     kJobs,
     kTop,
+    kShare,
+    kWhoami,
     kInfo,
     kFormats
   } command = Command::kVoxelize;
@@ -36,7 +38,8 @@ struct Arguments {
   std::optional<int> priority;       // of the job
   std::optional<double> deadline_s;  // of the job, from its acceptance on
 
-  std::string job;      // jobs: one of them
+  std::string job;      // jobs: one of them; share
+  int seconds = 3600;   // share: how long the link lives
   bool cancel = false;  // jobs: cancel it
   int limit = 20;       // jobs: how many
   bool once = false;    // top: one look, without a terminal

@@ -182,6 +182,49 @@ void run_jobs(const Arguments& arguments, const std::stop_token& stop) {
   }
 }
 
+void run_share(const Arguments& arguments) {
+  Client daemon(settings_of(arguments));
+  const client::Link link = daemon.share(arguments.job, std::chrono::seconds(arguments.seconds));
+  if (arguments.json) {
+    print_json({{"url", link.url}, {"expires_ms", link.expires_ms}});
+  } else {
+    std::printf("%s\n", link.url.c_str());
+  }
+}
+
+// "3 of 10", or "3" where there is no limit.
+std::string use_of(const Json& me, const char* name) {
+  const auto path = [&](const char* of) {
+    return Json::json_pointer(std::string(of) + "/" + name);
+  };
+  const Json used = me.value(path("/usage"), Json(0)), limit = me.value(path("/limits"), Json());
+  return used.dump() + (limit.is_null() ? "" : " of " + limit.dump());
+}
+
+void run_whoami(const Arguments& arguments) {
+  Client daemon(settings_of(arguments));
+  const Json me = parsed(daemon.whoami_json());
+  if (!me.is_object() || !me.contains("tenant")) {
+    throw Error("bad-answer", 0, "the answer names no tenant: is there a voxeld at this URL?");
+  }
+  if (arguments.json) {
+    print_json(me);
+    return;
+  }
+  const std::string tenant = me.value("tenant", ""), key = me.value("key", "");
+  const Json rate = me.value("/limits/requests_per_minute"_json_pointer, Json());
+  const Json cells = me.value("/limits/cells"_json_pointer, Json());
+  std::printf("tenant       %s%s\n",
+              tenant.empty() ? "- (the daemon asks for no key)" : tenant.c_str(),
+              me.value("admin", false) ? " (admin)" : "");
+  if (!key.empty()) std::printf("key          %s\n", key.c_str());
+  std::printf("queued jobs  %s\nrunning jobs %s\nbytes        %s\n",
+              use_of(me, "queued_jobs").c_str(), use_of(me, "running_jobs").c_str(),
+              use_of(me, "bytes").c_str());
+  if (!rate.is_null()) std::printf("requests     at most %s per minute\n", rate.dump().c_str());
+  if (!cells.is_null()) std::printf("cells        at most %s in a job\n", cells.dump().c_str());
+}
+
 std::vector<std::byte> read_whole(const std::string& path) {
   std::ifstream file;
   if (path != "-") {
@@ -340,6 +383,10 @@ void run_command(const Arguments& arguments, const std::stop_token& stop) {
       return run_jobs(arguments, stop);
     case Arguments::Command::kTop:
       return run_top(arguments, stop);
+    case Arguments::Command::kShare:
+      return run_share(arguments);
+    case Arguments::Command::kWhoami:
+      return run_whoami(arguments);
     case Arguments::Command::kInfo:
       return run_info(arguments, stop);
     case Arguments::Command::kFormats:

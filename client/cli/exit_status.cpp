@@ -25,6 +25,7 @@ constexpr Row kRows[] = {
     {"unsupported-media-type", kBadInput},
     {"grid-too-large", kTooLarge},
     {"payload-too-large", kTooLarge},
+    {"quota-exceeded", kTooLarge},
     {"storage-full", kTooLarge},
     {"unreachable", kUnreachable},
     {"timeout", kUnreachable},

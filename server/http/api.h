@@ -37,6 +37,8 @@ void add_event_routes(Router& router, Api& api);
 void add_result_routes(Router& router, Api& api);
 void add_grid_routes(Router& router, Api& api);
 void add_sequence_routes(Router& router, Api& api);
+void add_me_routes(Router& router, Api& api);
+void add_share_routes(Router& router, Api& api);
 void add_index_routes(Router& router, Api& api);
 
 // The problem of `error` for this request.
@@ -55,8 +57,9 @@ struct Upload {
   double ms = 0;
 };
 // Streams the body into the blob store. Errors: unsupported-media-type by Content-Type, bad-request
-// for an empty body, those of the body and the store, and of bundle manifests malformed-bundle,
-// not-found and gone for files that are not there.
+// for an empty body, those of the body and the store, quota-exceeded (before anything is read where
+// Content-Length tells), and of bundle manifests malformed-bundle, not-found and gone for files
+// that are not there.
 Result<Upload> receive_upload(Request& request, Api& api);
 Result<Asset> register_upload(const Request& request, Api& api, const Upload& upload);
 // The file name that the request gives: `filename=`, else Content-Disposition, else empty.

@@ -42,6 +42,11 @@ Result<uint64_t> chunk_size(std::string_view line) {
 
 }  // namespace
 
+Error slow_body_error() {
+  return {ErrorCode::kDeadlineExceeded, "the body arrives too slowly",
+          "at least " + std::to_string(kBodyRateMin) + " bytes per second", ""};
+}
+
 Result<bool> ChunkDecoder::feed(std::string& buffer,
                                 const std::function<Status(std::string_view)>& sink) {
   size_t at = 0;
@@ -103,9 +108,7 @@ Status BodyReader::more() {
   expects_continue_ = false;
   const auto elapsed = std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - started_);
   const int64_t late = elapsed.count() - kBodyGraceSeconds;
-  const Error slow{ErrorCode::kDeadlineExceeded, "the body arrives too slowly",
-                   "at least " + std::to_string(kBodyRateMin) + " bytes per second", ""};
-  if (late > 0 && bytes_read_ < late * kBodyRateMin) return slow;
+  if (late > 0 && bytes_read_ < late * kBodyRateMin) return slow_body_error();
   if (connection_.receive_more(Clock::now() + std::chrono::seconds(kBodyGraceSeconds),
                                kReadAhead)) {
     return {};
@@ -113,7 +116,7 @@ Status BodyReader::more() {
   if (connection_.broken()) {
     return Error{ErrorCode::kBadRequest, "the body ends early", "", ""};
   }
-  return slow;
+  return slow_body_error();
 }
 
 Status BodyReader::take(std::string_view piece, int64_t bytes_max,
@@ -156,6 +159,15 @@ Status BodyReader::read_chunked(int64_t bytes_max,
 
 Status BodyReader::read(int64_t bytes_max,
                         const std::function<Status(std::span<const uint8_t>)>& sink) {
+  if (head_.coding == ContentCoding::kNone) return read_coded(bytes_max, sink);
+  const auto decoder = make_content_decoder(head_.coding, bytes_max);
+  const auto inflate = [&](std::span<const uint8_t> piece) { return decoder->feed(piece, sink); };
+  VOXELD_TRY(read_coded(bytes_max, inflate));
+  return decoder->finish();
+}
+
+Status BodyReader::read_coded(int64_t bytes_max,
+                              const std::function<Status(std::span<const uint8_t>)>& sink) {
   if (head_.chunked) return read_chunked(bytes_max, sink);
   if (!head_.content_length) {
     return Error{ErrorCode::kLengthRequired, "the request has no body length",

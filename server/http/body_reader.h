@@ -18,6 +18,7 @@ namespace voxeld::http {
 // deadline-exceeded.
 inline constexpr int64_t kBodyRateMin = 1024;
 inline constexpr int kBodyGraceSeconds = 20;
+Error slow_body_error();
 
 // Decodes chunked coding from a growing buffer (RFC 9112 section 7.1), strictly: hexadecimal sizes
 // of at most 15 digits, CRLF, no control characters in extensions, bounded extensions and trailers.
@@ -38,9 +39,10 @@ class BodyReader {
  public:
   BodyReader(Connection& connection, const Head& head);
 
-  // Gives the whole body to `sink` piece by piece. Errors: payload-too-large over `bytes_max` (at
-  // once when Content-Length says so), length-required when the request has neither length nor
-  // chunks, bad-request for broken chunks and bodies that end early, deadline-exceeded.
+  // Gives the whole body, inflated where it comes compressed (content_coding.h), to `sink` piece by
+  // piece. Errors: payload-too-large over `bytes_max`, compressed (at once when Content-Length says
+  // so) or inflated, length-required when the request has neither length nor chunks, bad-request
+  // for broken chunks and codings and bodies that end early, deadline-exceeded.
   Status read(int64_t bytes_max, const std::function<Status(std::span<const uint8_t>)>& sink);
   Result<std::string> read_text(int64_t bytes_max);
   // Whether the connection is at the end of this request: if not, it must close.
@@ -51,6 +53,7 @@ class BodyReader {
   Status take(std::string_view piece, int64_t bytes_max,
               const std::function<Status(std::span<const uint8_t>)>& sink);
   Status more();
+  Status read_coded(int64_t bytes_max, const std::function<Status(std::span<const uint8_t>)>& sink);
   Status read_sized(int64_t bytes_max, const std::function<Status(std::span<const uint8_t>)>& sink);
   Status read_chunked(int64_t bytes_max,
                       const std::function<Status(std::span<const uint8_t>)>& sink);

@@ -67,21 +67,29 @@ bool Connection::send(std::string_view bytes) {
   return !broken_;
 }
 
-bool Connection::send_file(int file, int64_t offset, int64_t bytes) {
+int64_t Connection::send_some(std::string_view bytes) {
+  while (true) {
+    const ssize_t sent = ::send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    if (sent >= 0) return sent;
+    if (errno == EAGAIN || errno == EWOULDBLOCK) return 0;
+    if (errno == EINTR) continue;
+    broken_ = true;
+    return 0;
+  }
+}
+
+int64_t Connection::send_file_some(int file, int64_t offset, int64_t bytes) {
   constexpr int64_t kStep = int64_t{1} << 20;
   off_t at = offset;
-  while (bytes > 0 && !broken_) {
+  while (true) {
     const ssize_t sent =
         ::sendfile(fd_.get(), file, &at, static_cast<size_t>(std::min(bytes, kStep)));
-    if (sent > 0) {
-      bytes -= sent;
-    } else if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
-      broken_ = !wait(POLLOUT, Clock::now() + std::chrono::seconds(kWriteStallSeconds));
-    } else if (sent == 0 || errno != EINTR) {
-      broken_ = true;
-    }
+    if (sent > 0) return sent;
+    if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return 0;
+    if (sent < 0 && errno == EINTR) continue;
+    broken_ = true;  // also where the file ends before it should
+    return 0;
   }
-  return !broken_;
 }
 
 bool Connection::peer_closed() const {

@@ -32,12 +32,12 @@ class Connection {
   bool receive_more(Clock::time_point deadline, size_t bytes_max);
   // False when the client went away or took nothing for `kWriteStallSeconds`.
   bool send(std::string_view bytes);
-  bool send_file(int file, int64_t offset, int64_t bytes);
+  // What the socket takes now, without waiting: bytes, 0 where it takes none; broken() on errors.
+  int64_t send_some(std::string_view bytes);
+  int64_t send_file_some(int file, int64_t offset, int64_t bytes);
   // Whether the peer closed its side, without consuming anything.
   bool peer_closed() const;
   bool broken() const { return broken_; }
-
-  Clock::time_point idle_since = Clock::now();
 
  private:
   bool wait(short events, Clock::time_point deadline) const;
@@ -48,6 +48,7 @@ class Connection {
   bool broken_ = false;
 };
 
+// A client that takes nothing for so long is cut off.
 inline constexpr int kWriteStallSeconds = 30;
 
 }  // namespace voxeld::http

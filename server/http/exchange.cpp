@@ -1,6 +1,7 @@
 #include "server/http/exchange.h"
 
 #include <fcntl.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
@@ -10,6 +11,9 @@
 
 namespace voxeld::http {
 namespace {
+
+// Files up to here go out with their head, in one write.
+constexpr int64_t kInlineBytesMax = int64_t{64} << 10;
 
 struct Range {
   int64_t first = 0, last = 0;  // inclusive
@@ -142,41 +146,57 @@ Result<Response> file_response(const Head& head, const FileBody& file, std::stri
   return response;
 }
 
-int64_t send_response(Connection& connection, const Head& head, Response& response, bool keep) {
+Output::Output(const Head& head, const Response& response, bool keep) {
   const auto* text = std::get_if<std::string>(&response.body);
   const auto* file = std::get_if<FileBody>(&response.body);
-  const auto* stream = std::get_if<StreamBody>(&response.body);
   const bool bodiless = response.status == 204 || response.status == 304;
-  std::string out = "HTTP/1.1 " + std::to_string(response.status) + " " +
-                    std::string(reason_phrase(response.status)) + "\r\n";
+  text_ = "HTTP/1.1 " + std::to_string(response.status) + " " +
+          std::string(reason_phrase(response.status)) + "\r\n";
   for (const auto& [name, value] : response.headers) {
-    out += name + ": " + header_safe(value) + "\r\n";
+    text_ += name + ": " + header_safe(value) + "\r\n";
   }
-  if (stream == nullptr && !bodiless) {
+  const bool is_stream = text == nullptr && file == nullptr;
+  if (!is_stream && !bodiless) {
     const int64_t bytes = file != nullptr ? file->bytes : static_cast<int64_t>(text->size());
-    out += "Content-Length: " + std::to_string(bytes) + "\r\n";
+    text_ += "Content-Length: " + std::to_string(bytes) + "\r\n";
   }
-  out += keep ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";
+  text_ += keep ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";
+  head_bytes_ = static_cast<int64_t>(text_.size());
+  if (head.method == "HEAD" || bodiless) return;
+  if (text != nullptr) text_ += *text;  // one segment for small answers
+  if (file != nullptr && file->bytes > 0) add_file(*file);
+}
 
-  if (head.method == "HEAD" || bodiless) {
-    connection.send(out);
-    return 0;
-  }
-  if (text != nullptr) {
-    out += *text;  // one segment for small answers
-    connection.send(out);
-    return static_cast<int64_t>(text->size());
-  }
-  connection.send(out);
-  if (stream != nullptr) {
-    EventSink sink(connection);
-    (*stream)(sink);
-    return 0;
-  }
-  const UniqueFd fd(::open(file->path.c_str(), O_RDONLY | O_CLOEXEC));
+void Output::add_file(const FileBody& body) {
+  file_ = UniqueFd(::open(body.path.c_str(), O_RDONLY | O_CLOEXEC));
+  file_at_ = body.offset;
+  file_left_ = body.bytes;
   // The length was promised: that a blob vanished can only be told by breaking the connection,
   // which sending from no file does.
-  return connection.send_file(fd.get(), file->offset, file->bytes) ? file->bytes : 0;
+  if (body.bytes > kInlineBytesMax || !file_.valid()) return;
+  std::string bytes(static_cast<size_t>(body.bytes), '\0');
+  if (::pread(file_.get(), bytes.data(), bytes.size(), body.offset) != body.bytes) return;
+  text_ += bytes;
+  file_left_ = 0;
+}
+
+Output::State Output::advance(Connection& connection) {
+  while (!connection.broken()) {
+    int64_t sent = 0;
+    if (text_at_ < text_.size()) {
+      sent = connection.send_some(std::string_view(text_).substr(text_at_));
+      text_at_ += static_cast<size_t>(sent);
+    } else if (file_left_ > 0) {
+      sent = connection.send_file_some(file_.get(), file_at_, file_left_);
+      file_at_ += sent;
+      file_left_ -= sent;
+    } else {
+      return State::kDone;
+    }
+    sent_ += sent;
+    if (sent == 0 && !connection.broken()) return State::kBlocked;
+  }
+  return State::kBroken;
 }
 
 }  // namespace voxeld::http

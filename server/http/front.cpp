@@ -1,101 +1,61 @@
 #include "server/http/front.h"
 
-#include <arpa/inet.h>
-#include <netdb.h>
-#include <netinet/tcp.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
-#include <cstring>
 #include <deque>
-#include <random>
 #include <thread>
-#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "server/base/thread_annotations.h"
+#include "server/http/answer_request.h"
 #include "server/http/body_reader.h"
+#include "server/http/client_table.h"
 #include "server/http/exchange.h"
 #include "server/http/head_parser.h"
+#include "server/http/listener.h"
 
 namespace voxeld::http {
 namespace {
 
 constexpr size_t kReadStep = 65536;
+constexpr size_t kEventsMax = 256;
+// New connections are taken so many at a time, so that those that are there are looked at between.
+constexpr int kAcceptsMax = 256;
+// After a request, a buffer that grew larger than this gives its memory back.
+constexpr size_t kBufferKeptBytes = 4096;
+constexpr int64_t kLingerBytesMax = int64_t{64} << 20;
+constexpr int kPollMs = 500;
 
-Error listen_error(const std::string& address) {
-  return {ErrorCode::kInternal, address + ": " + std::strerror(errno), "", ""};
-}
+using State = Client::State;
 
-// SO_REUSEADDR alone: with SO_REUSEPORT a second daemon would take half of the connections.
-Result<UniqueFd> listen_tcp(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  if (colon == std::string::npos) {
-    return Error{ErrorCode::kInvalidOption, "listen address", "HOST:PORT", "\"" + address + "\""};
-  }
-  std::string host = address.substr(0, colon);
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  addrinfo hints{};
-  hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  const int status = ::getaddrinfo(host.c_str(), address.substr(colon + 1).c_str(), &hints, &found);
-  if (status != 0) {
-    return Error{ErrorCode::kInvalidOption, "listen address " + address, "HOST:PORT",
-                 ::gai_strerror(status)};
-  }
-  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> owner(found, ::freeaddrinfo);
-  UniqueFd fd(::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  const int on = 1;
-  if (!fd.valid() || ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0 ||
-      ::bind(fd.get(), found->ai_addr, found->ai_addrlen) != 0 ||
-      ::listen(fd.get(), kBacklog) != 0) {
-    return listen_error(address);
-  }
-  return fd;
-}
+// Which threads may take a request.
+enum class Lane { kQuick, kSlow };
 
-int port_of(int fd) {
-  sockaddr_storage address{};
-  socklen_t size = sizeof address;
-  ::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size);
-  return ntohs(address.ss_family == AF_INET6 ? reinterpret_cast<sockaddr_in6*>(&address)->sin6_port
-                                             : reinterpret_cast<sockaddr_in*>(&address)->sin_port);
-}
-
-std::string new_request_id() {
-  thread_local std::mt19937_64 random{std::random_device{}()};
-  char text[20];
-  std::snprintf(text, sizeof text, "r-%016llx", static_cast<unsigned long long>(random()));
-  return text;
-}
-
-bool is_plain_id(std::string_view id) {
-  return !id.empty() && id.size() <= 64 &&
-         id.find_first_not_of(
-             "abcdefghijklmnopqrstuvwxyz"
-             "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-             "0123456789-_.") == id.npos;
-}
-
-using ConnectionPtr = std::unique_ptr<Connection>;
-
+// The poller's thread reads heads and small bodies, and sees to those who are late; the pool's
+// threads run handlers and send. A client in a state of waiting is the poller's, a running one its
+// thread's; `mutex_` guards who is what. Each socket is armed for one event (EPOLLONESHOT), so that
+// nobody but its owner hears of it.
 class EpollFront final : public Front {
  public:
   EpollFront(UniqueFd listener, const FrontConfig& config, Handler handler, Observer observer)
       : listener_(std::move(listener)),
         port_(port_of(listener_.get())),
         config_(config),
+        slow_max_(std::max(1, config.threads - std::max(1, config.threads / 4))),
         handler_(std::move(handler)),
         observer_(std::move(observer)),
         epoll_(::epoll_create1(EPOLL_CLOEXEC)),
         wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-    watch(listener_.get());
-    watch(wake_.get());
+    control(EPOLL_CTL_ADD, listener_.get(), EPOLLIN);
+    control(EPOLL_CTL_ADD, wake_.get(), EPOLLIN);
     poller_ = std::thread([this] { poll_loop(); });
     for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this] { pool_loop(); });
   }
@@ -122,24 +82,25 @@ class EpollFront final : public Front {
     poller_.join();
     for (std::thread& thread : pool_) thread.join();
     const MutexLock lock(mutex_);
-    queue_.clear();
-    returned_.clear();
-    idle_.clear();
+    queues_ = {};
+    while (Client* client = any_client()) table_.remove(*client);
     connections_ = 0;
   }
 
  private:
-  void watch(int fd) {
+  void control(int operation, int fd, uint32_t events) {
     epoll_event event{};
-    event.events = EPOLLIN;
+    event.events = events;
     event.data.fd = fd;
-    ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event);
+    ::epoll_ctl(epoll_.get(), operation, fd, &event);
   }
 
-  // Whether a request runs or waits for a thread.
+  // Whether a request runs, waits for a thread or is being answered.
   bool is_busy() {
     const MutexLock lock(mutex_);
-    return !queue_.empty() || !running_fds_.empty();
+    return table_.count(State::kQueued) + table_.count(State::kRunning) +
+               table_.count(State::kSending) >
+           0;
   }
 
   void notify() {
@@ -147,252 +108,321 @@ class EpollFront final : public Front {
     [[maybe_unused]] const ssize_t written = ::write(wake_.get(), &one, sizeof one);
   }
 
+  Client* any_client() REQUIRES(mutex_) {
+    for (size_t state = 0; state < Client::kStates; ++state) {
+      if (Client* client = table_.longest(static_cast<State>(state))) return client;
+    }
+    return nullptr;
+  }
+
+  // Puts it where it waits, and arms its socket for what it waits for.
+  void wait_for(Client& client, State state) EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    // Of those that stand still the time goes on; each other step begins anew.
+    if (client.state != state || state == State::kIdle || state == State::kSending) {
+      table_.set_state(client, state);
+    }
+    const uint32_t events = state == State::kSending ? EPOLLOUT : EPOLLIN;
+    control(EPOLL_CTL_MOD, client.connection.fd(), events | EPOLLONESHOT);
+  }
+
+  void close(Client& client) EXCLUDES(mutex_) {
+    std::unique_ptr<Client> removed;
+    {
+      const MutexLock lock(mutex_);
+      removed = table_.remove(client);
+    }
+    --connections_;
+  }
+
+  void enqueue(Client& client, Lane lane) EXCLUDES(mutex_) {
+    {
+      const MutexLock lock(mutex_);
+      table_.set_state(client, State::kQueued);
+      queues_[static_cast<size_t>(lane)].push_back(&client);
+    }
+    ready_.notify_one();
+  }
+
   // --- the poller's thread
 
   void poll_loop() {
-    bool accepting = true;
-    for (;;) {
-      epoll_event events[64];
-      const int count = ::epoll_wait(epoll_.get(), events, 64, 1000);
-      if (stopping_ && accepting) {
+    std::array<epoll_event, kEventsMax> events{};
+    while (true) {
+      const int count = ::epoll_wait(epoll_.get(), events.data(), kEventsMax, kPollMs);
+      if (stopping_ && listener_.valid()) {
         listener_.reset();
-        accepting = false;
-        idle_.clear();
+        drop_waiting();
       }
-      for (int i = 0; i < count; ++i) {
-        const int fd = events[i].data.fd;
-        if (fd == wake_.get()) {
-          uint64_t value = 0;
-          [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &value, sizeof value);
-        } else if (accepting && fd == listener_.get()) {
-          accept_all();
-        } else {
-          receive(fd);
-        }
-      }
-      take_returned();
+      for (int i = 0; i < count; ++i) handle(events[static_cast<size_t>(i)].data.fd);
       if (has_ended()) return;
       drop_late();
     }
   }
 
-  bool has_ended() {
+  void handle(int fd) {
+    if (fd == wake_.get()) {
+      uint64_t value = 0;
+      [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &value, sizeof value);
+    } else if (listener_.valid() && fd == listener_.get()) {
+      accept_some();
+    } else if (Client* client = waiting(fd)) {
+      if (client->state == State::kSending) return enqueue(*client, Lane::kQuick);
+      if (client->state == State::kLingering) return drop_input(*client);
+      receive(*client);
+    }
+  }
+
+  bool has_ended() EXCLUDES(mutex_) {
     const MutexLock lock(mutex_);
     return ended_;
   }
 
-  void accept_all() {
-    for (;;) {
-      sockaddr_storage address{};
-      socklen_t size = sizeof address;
-      UniqueFd fd(::accept4(listener_.get(), reinterpret_cast<sockaddr*>(&address), &size,
-                            SOCK_NONBLOCK | SOCK_CLOEXEC));
-      if (!fd.valid()) {
-        // Out of descriptors: leave the rest in the backlog for a moment instead of spinning.
-        if (errno == EMFILE || errno == ENFILE) {
-          std::this_thread::sleep_for(std::chrono::milliseconds(20));
-        }
+  // Null where a thread has it: then the event is one of a socket that was closed meanwhile.
+  Client* waiting(int fd) EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    Client* client = table_.find(fd);
+    const bool is_taken =
+        client != nullptr && (client->state == State::kQueued || client->state == State::kRunning);
+    return is_taken ? nullptr : client;
+  }
+
+  void accept_some() {
+    for (int i = 0; i < kAcceptsMax; ++i) {
+      Accepted accepted = accept_one(listener_.get());
+      if (!accepted.fd.valid()) {
+        if (errno != EMFILE && errno != ENFILE) return;
+        // Out of descriptors: without an idle one to close, the rest stays in the backlog.
+        if (!make_room()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
         return;
       }
-      if (connections_.load() >= config_.connections_max) continue;  // closed at once
-      const int on = 1;
-      ::setsockopt(fd.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-      char host[INET6_ADDRSTRLEN] = "?";
-      ::getnameinfo(reinterpret_cast<sockaddr*>(&address), size, host, sizeof host, nullptr, 0,
-                    NI_NUMERICHOST);
-      auto connection = std::make_unique<Connection>(std::move(fd), host);
-      const int raw = connection->fd();
-      ++connections_;
-      idle_[raw] = std::move(connection);
-      watch(raw);
+      if (connections_.load() >= config_.connections_max && !make_room()) continue;
+      admit(std::move(accepted));
     }
   }
 
-  void drop(int fd) {
-    idle_.erase(fd);  // closing takes it out of epoll
-    --connections_;
+  // Closed at once where its address has too many.
+  void admit(Accepted accepted) EXCLUDES(mutex_) {
+    const bool is_counted = config_.connections_per_address > 0 && !accepted.is_loopback &&
+                            std::ranges::count(config_.trusted_proxies, accepted.address) == 0;
+    const int fd = accepted.fd.get();
+    const MutexLock lock(mutex_);
+    if (is_counted && table_.count_of(accepted.address) >= config_.connections_per_address) return;
+    ++connections_;
+    table_.add(std::move(accepted.fd), std::move(accepted.address), is_counted);
+    control(EPOLL_CTL_ADD, fd, EPOLLIN | EPOLLONESHOT);
   }
 
-  void receive(int fd) {
-    const auto it = idle_.find(fd);
-    if (it == idle_.end()) return;
-    Connection& connection = *it->second;
-    if (connection.buffer().empty()) connection.idle_since = Clock::now();
-    if (connection.receive_available(kReadStep) == Connection::ReadState::kClosed) {
-      drop(fd);
-      return;
-    }
-    dispatch_if_complete(fd);
-  }
-
-  // Hands the connection to the pool when its buffer holds a whole head (or too much for one).
-  void dispatch_if_complete(int fd) {
-    const auto it = idle_.find(fd);
-    if (it == idle_.end()) return;
-    const std::string& buffer = it->second->buffer();
-    if (buffer.find("\r\n\r\n") == std::string::npos && buffer.size() <= kHeadBytesMax &&
-        buffer.find("\n\n") == std::string::npos) {
-      return;
-    }
-    ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, fd, nullptr);
+  // Closes who has been idle for longest; false where nobody has been for long enough.
+  bool make_room() EXCLUDES(mutex_) {
+    Client* idle = nullptr;
     {
       const MutexLock lock(mutex_);
-      queue_.push_back(std::move(it->second));
+      idle = table_.late(State::kIdle, kIdleSecondsMin, Clock::now());
     }
-    idle_.erase(it);
-    ready_.notify_one();
+    if (idle != nullptr) close(*idle);
+    return idle != nullptr;
   }
 
-  void take_returned() {
-    std::vector<ConnectionPtr> returned;
-    {
-      const MutexLock lock(mutex_);
-      returned.swap(returned_);
+  void receive(Client& client) {
+    switch (client.connection.receive_available(kReadStep)) {
+      case Connection::ReadState::kClosed:
+        return close(client);
+      case Connection::ReadState::kNothing:
+        return wait_for(client, client.state);
+      case Connection::ReadState::kData:
+        return go_on(client);
     }
-    for (ConnectionPtr& connection : returned) {
-      if (connection == nullptr || stopping_) {
-        --connections_;
-        continue;
+  }
+
+  // Hands the client to the pool when its request can be answered, else waits for the rest of it.
+  void go_on(Client& client) {
+    std::string& buffer = client.connection.buffer();
+    if (!client.head) {
+      const size_t end = buffer.find("\r\n\r\n", client.head_scanned);
+      if (end == std::string::npos || end + 4 > kHeadBytesMax) {
+        const bool is_bad = buffer.size() > kHeadBytesMax ||
+                            buffer.find("\n\n", client.head_scanned) != std::string::npos;
+        if (is_bad) return begin(client, Lane::kQuick);
+        client.head_scanned = buffer.size() < 3 ? 0 : buffer.size() - 3;
+        return wait_for(client, buffer.empty() ? State::kIdle : State::kHead);
       }
-      const int fd = connection->fd();
-      connection->idle_since = Clock::now();
-      idle_[fd] = std::move(connection);
-      watch(fd);
-      dispatch_if_complete(fd);  // a pipelined request is there already
+      client.head.emplace(parse_head(std::string_view(buffer).substr(0, end + 4)));
+      buffer.erase(0, end + 4);
     }
+    if (!*client.head) return begin(client, Lane::kQuick);
+    const Head& head = client.head->value();
+    const int64_t length = head.content_length.value_or(0);
+    const bool is_small =
+        !head.chunked && length <= kSmallBodyBytesMax && head.header("Expect").empty();
+    if (is_small && static_cast<int64_t>(buffer.size()) < length) {
+      return wait_for(client, State::kBody);
+    }
+    const bool may_wait = config_.may_wait && config_.may_wait(head);
+    begin(client, (head.has_body() && !is_small) || may_wait ? Lane::kSlow : Lane::kQuick);
+  }
+
+  void begin(Client& client, Lane lane) {
+    client.started = Clock::now();
+    enqueue(client, lane);
+  }
+
+  void drop_input(Client& client) {
+    client.connection.buffer().clear();
+    const auto read = client.connection.receive_available(kReadStep);
+    client.lingered_bytes += static_cast<int64_t>(client.connection.buffer().size());
+    if (read == Connection::ReadState::kClosed || client.lingered_bytes > kLingerBytesMax) {
+      return close(client);
+    }
+    wait_for(client, State::kLingering);
+  }
+
+  Client* take_late(State state, double seconds) EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    return table_.late(state, seconds, Clock::now());
   }
 
   void drop_late() {
-    std::vector<int> late;
-    for (const auto& [fd, connection] : idle_) {
-      const int seconds = connection->buffer().empty() ? kIdleSecondsMax : kHeadSecondsMax;
-      if (Clock::now() - connection->idle_since > std::chrono::seconds(seconds)) late.push_back(fd);
+    while (Client* client = take_late(State::kIdle, kIdleSecondsMax)) close(*client);
+    while (Client* client = take_late(State::kHead, kHeadSecondsMax)) close(*client);
+    while (Client* client = take_late(State::kLingering, kLingerSecondsMax)) close(*client);
+    while (Client* client = take_late(State::kSending, kWriteStallSeconds)) end_cut(*client);
+    while (Client* client = take_late(State::kBody, kBodyGraceSeconds)) {
+      client->head.emplace(slow_body_error());
+      begin(*client, Lane::kQuick);
     }
-    for (const int fd : late) drop(fd);
+  }
+
+  // No request has begun: they are closed when the front stops.
+  void drop_waiting() {
+    for (const State state : {State::kIdle, State::kHead, State::kBody}) {
+      while (Client* client = take_late(state, -1)) close(*client);
+    }
+  }
+
+  void end_cut(Client& client) {
+    observe(client);
+    close(client);
   }
 
   // --- the pool's threads
 
+  // The next request for this thread; null: the front has ended.
+  Client* take_next(Lane& lane) EXCLUDES(mutex_) {
+    MutexLock lock(mutex_);
+    while (!ended_) {
+      for (const Lane candidate : {Lane::kQuick, Lane::kSlow}) {
+        auto& queue = queues_[static_cast<size_t>(candidate)];
+        if (queue.empty() || (candidate == Lane::kSlow && slow_running_ >= slow_max_)) continue;
+        Client* client = queue.front();
+        queue.pop_front();
+        lane = candidate;
+        if (lane == Lane::kSlow) ++slow_running_;
+        table_.set_state(*client, State::kRunning);
+        running_fds_.push_back(client->connection.fd());
+        return client;
+      }
+      ready_.wait(lock);
+    }
+    return nullptr;
+  }
+
+  void let_go(int fd, Lane lane) EXCLUDES(mutex_) {
+    bool wakes = false;
+    {
+      const MutexLock lock(mutex_);
+      std::erase(running_fds_, fd);
+      if (lane == Lane::kSlow) --slow_running_;
+      wakes = lane == Lane::kSlow && !queues_[static_cast<size_t>(Lane::kSlow)].empty();
+    }
+    if (wakes) ready_.notify_one();
+  }
+
   void pool_loop() {
-    for (;;) {
-      ConnectionPtr connection;
-      {
-        MutexLock lock(mutex_);
-        while (queue_.empty() && !ended_) ready_.wait(lock);
-        if (ended_) return;
-        connection = std::move(queue_.front());
-        queue_.pop_front();
-        running_fds_.push_back(connection->fd());
-      }
-      const int fd = connection->fd();
+    Lane lane = Lane::kQuick;
+    while (Client* client = take_next(lane)) {
+      const int fd = client->connection.fd();
       ++running_;
-      const bool keep = serve(*connection) && !stopping_;
+      if (client->output == nullptr) answer(*client);
+      const Output::State sent = client->output->advance(client->connection);
       --running_;
-      {
-        const MutexLock lock(mutex_);
-        std::erase(running_fds_, fd);
-        returned_.push_back(keep ? std::move(connection) : nullptr);
-      }
-      notify();
+      // From here on others may have the client, or another one this descriptor.
+      let_go(fd, lane);
+      finish(*client, sent);
     }
   }
 
-  // One exchange; true when the connection can serve another.
-  bool serve(Connection& connection) {
-    const auto start = Clock::now();
-    const size_t end = connection.buffer().find("\r\n\r\n");
-    Head head;
-    ExchangeRecord record;
-    record.head = &head;
-    record.peer = connection.peer();
-    Response response;
-    bool keep = false;
-    if (end == std::string::npos || end + 4 > kHeadBytesMax) {
-      const bool is_long = connection.buffer().size() > kHeadBytesMax;
-      response = Response::problem({ErrorCode::kBadRequest,
-                                    is_long ? "the head of the request is too long"
-                                            : "bare line feed in the head of the request",
-                                    is_long ? "at most " + std::to_string(kHeadBytesMax) + " bytes"
-                                            : "lines that end in CRLF",
-                                    ""},
-                                   "");
-    } else {
-      auto parsed = parse_head(std::string_view(connection.buffer()).substr(0, end + 4));
-      connection.buffer().erase(0, end + 4);
-      if (!parsed) {
-        response = Response::problem(parsed.error(), "");
-      } else {
-        head = std::move(parsed).value();
-        keep = answer(connection, head, response, record);
+  void answer(Client& client) {
+    Response response = answer_request(client, handler_, config_);
+    client.keep = client.keep && !stopping_;
+    static const Head kNoHead;
+    const bool has_head = client.head && *client.head;
+    client.output =
+        std::make_unique<Output>(has_head ? client.head->value() : kNoHead, response, client.keep);
+    if (const auto* stream = std::get_if<StreamBody>(&response.body)) {
+      const bool wants_body = !has_head || client.head->value().method != "HEAD";
+      if (client.output->advance(client.connection) == Output::State::kDone && wants_body) {
+        EventSink sink(client.connection);
+        (*stream)(sink);
       }
     }
-    if (record.request_id.empty()) record.request_id = new_request_id();
-    response.headers["X-Request-Id"] = record.request_id;
-    response.headers["X-Content-Type-Options"] = "nosniff";
-    keep =
-        keep && !response.close && !stopping_ && !std::holds_alternative<StreamBody>(response.body);
-    record.status = response.status;
-    record.bytes_out = send_response(connection, head, response, keep);
-    record.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  }
+
+  void finish(Client& client, Output::State sent) {
+    if (sent == Output::State::kBlocked && !is_too_slow(client)) {
+      return wait_for(client, State::kSending);
+    }
+    observe(client);
+    if (sent != Output::State::kDone || client.connection.broken()) return close(client);
+    const bool keep = client.keep && !stopping_;
+    client.output.reset();
+    client.head.reset();
+    client.head_scanned = 0;
+    client.record = {};
+    if (!keep) {
+      // Closing with unread bytes would reset the connection and take the answer with it: say that
+      // no more will be sent, and drop what still comes for a moment.
+      ::shutdown(client.connection.fd(), SHUT_WR);
+      client.lingered_bytes = 0;
+      return drop_input(client);
+    }
+    std::string& buffer = client.connection.buffer();
+    if (buffer.empty() && buffer.capacity() > kBufferKeptBytes) std::string().swap(buffer);
+    go_on(client);  // a pipelined request is there already
+  }
+
+  // An average below the least rate, so that nobody holds a place for ever by reading now and then.
+  static bool is_too_slow(const Client& client) {
+    const double seconds = std::chrono::duration<double>(Clock::now() - client.started).count();
+    return seconds > kSendGraceSeconds &&
+           static_cast<double>(client.output->sent()) <
+               (seconds - kSendGraceSeconds) * static_cast<double>(kSendRateMin);
+  }
+
+  void observe(Client& client) {
+    static const Head kNoHead;
+    ExchangeRecord& record = client.record;
+    if (record.head == nullptr) record.head = &kNoHead;
+    record.bytes_out = client.output->body_sent();
+    record.ms = std::chrono::duration<double, std::milli>(Clock::now() - client.started).count();
     observer_(record);
-    if (!keep) linger(connection);
-    return keep && !connection.broken();
-  }
-
-  // Runs the handler. False when the request's body was not read to its end.
-  bool answer(Connection& connection, const Head& head, Response& response,
-              ExchangeRecord& record) {
-    BodyReader body(connection, head);
-    Request request;
-    request.head = head;
-    request.body = &body;
-    request.client_gone = [&] { return connection.peer_closed(); };
-    const std::string_view given = head.header("X-Request-Id");
-    request.request_id = is_plain_id(given) ? std::string(given) : new_request_id();
-    record.request_id = request.request_id;
-    const auto parent = parse_traceparent(head.header("traceparent"));
-    request.trace = parent ? child_span(*parent) : new_trace();
-    record.trace_id = request.trace.trace_id;
-    try {
-      response = handler_(request);
-    } catch (const std::exception& e) {
-      // Out of memory and the like: one answer fails, the daemon goes on.
-      response = Response::problem({ErrorCode::kInternal, e.what(), "", ""}, head.path,
-                                   request.trace.trace_id);
-    }
-    response.headers["traceresponse"] = traceparent_text(request.trace);
-    record.bytes_in = body.bytes_read();
-    record.key_id = request.key_id;
-    if (!request.key_id.empty()) record.tenant = request.caller.tenant();
-    return body.finished() && head.keep_alive();
-  }
-
-  // Closing with unread bytes would reset the connection and take the answer with it: say that no
-  // more will be sent, and drop what still comes for a moment.
-  static void linger(Connection& connection) {
-    ::shutdown(connection.fd(), SHUT_WR);
-    const auto deadline = Clock::now() + std::chrono::seconds(2);
-    for (int64_t dropped = 0; dropped < (int64_t{64} << 20); dropped += kReadStep) {
-      connection.buffer().clear();
-      if (connection.broken() || !connection.receive_more(deadline, kReadStep)) return;
-    }
   }
 
   UniqueFd listener_;
   const int port_;
   const FrontConfig config_;
+  const int slow_max_;
   const Handler handler_;
   const Observer observer_;
   const UniqueFd epoll_, wake_;
   std::atomic<bool> stopping_{false};
   std::atomic<int64_t> connections_{0}, running_{0};
 
-  std::unordered_map<int, ConnectionPtr> idle_;  // the poller's alone, until it has ended
-
   Mutex mutex_;
   CondVar ready_;
-  std::deque<ConnectionPtr> queue_ GUARDED_BY(mutex_);
-  std::vector<ConnectionPtr> returned_ GUARDED_BY(mutex_);  // null: closed
+  ClientTable table_ GUARDED_BY(mutex_);
+  std::array<std::deque<Client*>, 2> queues_ GUARDED_BY(mutex_);  // by Lane
+  int slow_running_ GUARDED_BY(mutex_) = 0;
   std::vector<int> running_fds_ GUARDED_BY(mutex_);
   bool ended_ GUARDED_BY(mutex_) = false;
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "proto/result.h"
 #include "server/http/connection.h"
@@ -15,7 +16,16 @@ namespace voxeld::http {
 struct FrontConfig {
   std::string listen;  // "127.0.0.1:8080"; port 0 takes a free one
   int threads = 64;
-  int connections_max = 4096;
+  // More are closed at once, unless one has been idle for a while and gives way.
+  int connections_max = 16384;
+  // From one address that is neither loopback nor a trusted proxy; 0: any number.
+  int connections_per_address = 256;
+  // Addresses whose X-Forwarded-For is believed. From all others it is dropped, as are Forwarded,
+  // X-Real-IP and X-Forwarded-*.
+  std::vector<std::string> trusted_proxies = {};
+  // Requests whose answers may wait for something (a job, an event): a quarter of the threads is
+  // kept free of them, and of large and chunked bodies, which may come slowly. Null: none.
+  std::function<bool(const Head&)> may_wait = nullptr;
 };
 
 // What the front tells of itself, for metrics.
@@ -39,7 +49,14 @@ using Observer = std::function<void(const ExchangeRecord&)>;
 
 inline constexpr int kHeadSecondsMax = 10;   // from a request's first byte to its empty line
 inline constexpr int kIdleSecondsMax = 120;  // between requests
-inline constexpr int kBacklog = 1024;
+inline constexpr int kLingerSecondsMax = 2;  // for a client to close after its last answer
+// One that has been idle for so long gives way to a new connection when all places are taken.
+inline constexpr double kIdleSecondsMin = 1.0;
+// Bodies up to here are waited for without a thread.
+inline constexpr int64_t kSmallBodyBytesMax = int64_t{16} << 10;
+// Average bytes per second of an answer that its client must take after the first seconds.
+inline constexpr int64_t kSendRateMin = 4096;
+inline constexpr int kSendGraceSeconds = 60;
 
 class Front {
  public:

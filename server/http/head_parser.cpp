@@ -140,11 +140,7 @@ Status check_framing(Head& head) {
     }
     head.chunked = true;
   }
-  const std::string_view encoding = head.header("Content-Encoding");
-  if (!encoding.empty() && encoding != "identity") {
-    return Error{ErrorCode::kUnsupportedMedia, "Content-Encoding of the request", "identity",
-                 "\"" + std::string(encoding.substr(0, 40)) + "\""};
-  }
+  VOXELD_ASSIGN(head.coding, parse_content_coding(head.header("Content-Encoding")));
   return {};
 }
 

@@ -15,6 +15,7 @@
 #include "proto/options.h"
 #include "proto/result.h"
 #include "server/base/trace_context.h"
+#include "server/http/content_coding.h"
 #include "server/jobs/caller.h"
 
 namespace voxeld::http {
@@ -36,10 +37,19 @@ struct Head {
   Headers headers;
   std::optional<int64_t> content_length;
   bool chunked = false;
+  ContentCoding coding = ContentCoding::kNone;  // of the body
 
   std::string_view header(std::string_view name) const;
   bool has_body() const { return chunked || content_length.value_or(0) > 0; }
   bool keep_alive() const;
+};
+
+// What is left to a tenant whose requests are limited.
+struct RateState {
+  bool admitted = true;
+  int64_t burst = 0, window_s = 0;  // at most `burst` at a time, which takes this long to come back
+  int64_t left = 0, reset_s = 0;    // until all of it is there again
+  int64_t retry_s = 0;              // until there is one
 };
 
 class BodyReader;
@@ -53,7 +63,8 @@ struct Request {
   TraceContext trace;  // the span of this request
   // Whose request it is, by access.h: before it was admitted, nobody's.
   Caller caller = Caller::nobody();
-  std::string key_id;  // of the key that it came with; empty where none is needed
+  std::string key_id;             // of the key that it came with; empty where none is needed
+  std::optional<RateState> rate;  // where the tenant's requests are limited
   BodyReader* body = nullptr;
   // True when the client closed its side; cheap enough to poll.
   std::function<bool()> client_gone;

@@ -18,11 +18,26 @@ constexpr int kAdminConnectionsMax = 64;
 // thread.
 thread_local std::string current_route;
 
+// Whether the answer may wait for a job or an event: by what the request looks like, before
+// anybody knows whether its result is there already.
+bool may_wait(const Head& head) {
+  const std::string_view path = head.path;
+  const auto has = [&](std::string_view part) { return path.find(part) != std::string_view::npos; };
+  if (head.header("Prefer").find("wait=") != std::string_view::npos) return true;
+  if (head.method == "POST") return path == "/v1/voxelize" || path == "/v1/render";
+  if (head.method != "GET" && head.method != "HEAD") return false;
+  const std::string_view accept = head.header("Accept");
+  const bool converts = !head.query.empty() || (!accept.empty() && accept != "*/*");
+  return path.ends_with("/events") || has("/render") || path.starts_with("/v1/assets/") ||
+         (converts && (has("/result") || has("/frames/") || path.starts_with("/v1/grids/") ||
+                       path.starts_with("/v1/sequences/")));
+}
+
 class HttpServer final : public Server {
  public:
   HttpServer(const ServerConfig& config, JobService& jobs, const KeyRing& keys,
-             const std::shared_ptr<prometheus::Registry>& registry)
-      : config_(config), access_(keys), api_{jobs, access_, config_}, metrics_(registry) {
+             const UrlSecrets& secrets, const std::shared_ptr<prometheus::Registry>& registry)
+      : config_(config), access_(keys, secrets), api_{jobs, access_, config_}, metrics_(registry) {
     add_one_shot_routes(router_, api_);
     add_asset_routes(router_, api_);
     add_job_routes(router_, api_);
@@ -30,6 +45,8 @@ class HttpServer final : public Server {
     add_event_routes(router_, api_);
     add_result_routes(router_, api_);
     add_grid_routes(router_, api_);
+    add_me_routes(router_, api_);
+    add_share_routes(router_, api_);
     add_sequence_routes(router_, api_);
     add_index_routes(router_, api_);
     add_admin_routes(admin_router_, jobs, keys, registry, [this] {
@@ -39,9 +56,11 @@ class HttpServer final : public Server {
   ~HttpServer() override { stop(0); }
 
   Status start() {
+    FrontConfig front{config_.listen,          config_.request_threads,
+                      config_.connections_max, config_.connections_per_address,
+                      config_.trusted_proxies, may_wait};
     VOXELD_ASSIGN(front_, start_front(
-                              {config_.listen, config_.request_threads, config_.connections_max},
-                              [this](Request& request) { return answer(request); },
+                              front, [this](Request& request) { return answer(request); },
                               [this](const ExchangeRecord& exchange) {
                                 // Requests that no handler saw leave nothing behind.
                                 metrics_.record(exchange, std::exchange(current_route, {}));
@@ -68,14 +87,15 @@ class HttpServer final : public Server {
  private:
   Response answer(Request& request) {
     current_route.clear();
-    if (const Status admitted = access_.admit(request); !admitted) {
-      return problem(request, admitted.error());
-    }
-    return router_.dispatch(request, &current_route);
+    const Status admitted = access_.admit(request);
+    Response response =
+        admitted ? router_.dispatch(request, &current_route) : problem(request, admitted.error());
+    if (request.rate) add_rate_headers(*request.rate, response);
+    return response;
   }
 
   const ServerConfig config_;
-  const Access access_;
+  Access access_;
   Api api_;
   RequestMetrics metrics_;
   Router router_, admin_router_;
@@ -85,9 +105,9 @@ class HttpServer final : public Server {
 }  // namespace
 
 Result<std::unique_ptr<Server>> start_server(const ServerConfig& config, JobService& jobs,
-                                             const KeyRing& keys,
+                                             const KeyRing& keys, const UrlSecrets& secrets,
                                              const std::shared_ptr<prometheus::Registry>& metrics) {
-  auto server = std::make_unique<HttpServer>(config, jobs, keys, metrics);
+  auto server = std::make_unique<HttpServer>(config, jobs, keys, secrets, metrics);
   VOXELD_TRY(server->start());
   return std::unique_ptr<Server>(std::move(server));
 }

@@ -5,11 +5,13 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "proto/limits.h"
 #include "proto/result.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/key_ring.h"
+#include "server/jobs/url_secret.h"
 
 namespace voxeld::http {
 
@@ -18,7 +20,10 @@ struct ServerConfig {
   std::string admin_listen = "127.0.0.1:8081";
   int64_t upload_bytes_max = limits::kUploadBytesMax;
   int request_threads = 64;  // requests that are being answered at a time
-  int connections_max = 4096;
+  // As of FrontConfig.
+  int connections_max = 16384;
+  int connections_per_address = 256;
+  std::vector<std::string> trusted_proxies;
 };
 
 class Server {
@@ -34,7 +39,7 @@ class Server {
 // Errors: internal with the address and the system's words ("127.0.0.1:8080: Address already in
 // use").
 Result<std::unique_ptr<Server>> start_server(const ServerConfig& config, JobService& jobs,
-                                             const KeyRing& keys,
+                                             const KeyRing& keys, const UrlSecrets& secrets,
                                              const std::shared_ptr<prometheus::Registry>& metrics);
 
 }  // namespace voxeld::http

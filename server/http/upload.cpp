@@ -80,9 +80,19 @@ Status receive_bundle(Request& request, Api& api, Upload& upload) {
 
 Status receive_file(Request& request, Api& api, Upload& upload) {
   const int64_t bytes_max = api.config.upload_bytes_max;
-  VOXELD_ASSIGN(BlobWriter writer, api.jobs.begin_upload(bytes_max));
-  VOXELD_TRY(request.body->read(
-      bytes_max, [&](std::span<const uint8_t> piece) { return writer.append(piece); }));
+  // What is larger than any upload may be is told so, whoever asks.
+  const bool is_plain = request.head.coding == ContentCoding::kNone;
+  const int64_t asked = is_plain ? std::min(request.head.content_length.value_or(0), bytes_max) : 0;
+  VOXELD_ASSIGN(const int64_t room, api.jobs.upload_room(request.caller, asked));
+  VOXELD_ASSIGN(BlobWriter writer, api.jobs.begin_upload(std::min(bytes_max, room)));
+  const auto store = [&](std::span<const uint8_t> piece) -> Status {
+    const auto more = static_cast<int64_t>(piece.size());
+    if (writer.bytes() + more <= room) return writer.append(piece);
+    // Of a body whose length nobody told: as if it had been what has come of it.
+    VOXELD_TRY(api.jobs.upload_room(request.caller, writer.bytes() + more));
+    return writer.append(piece);
+  };
+  VOXELD_TRY(request.body->read(bytes_max, store));
   if (writer.bytes() == 0) {
     return Error{ErrorCode::kBadRequest, "the body is empty", "a mesh file", "0 bytes"};
   }

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "proto/result.h"
+#include "server/jobs/tenant_limits.h"
 
 namespace voxeld {
 
@@ -23,6 +24,7 @@ struct ApiKey {
   int64_t revoked_ms = 0;  // 0: not revoked
   int64_t weight = 1;      // 1 to kKeyWeightMax: the tenant's share beside the others'
   bool is_admin = false;
+  TenantLimits limits;
 
   bool is_live(int64_t now_ms) const {
     return revoked_ms == 0 && (expires_ms == 0 || now_ms < expires_ms);

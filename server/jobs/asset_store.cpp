@@ -5,6 +5,7 @@
 
 #include "server/jobs/blob_needs.h"
 #include "server/jobs/job_record.h"
+#include "server/jobs/quota.h"
 
 namespace voxeld {
 namespace {
@@ -59,11 +60,13 @@ Result<bool> is_owned(SqlConnection& connection, const Caller& caller, std::stri
 }
 
 Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
-               const BlobInfo& blob, std::string_view filename, std::string_view content_type) {
+               const BlobInfo& blob, std::string_view filename, std::string_view content_type,
+               int64_t bytes_max) {
   if (!blobs.stat(blob.id)) {
     return Error{ErrorCode::kConflict, "the asset was deleted while it was uploaded; send it again",
                  "", ""};
   }
+  VOXELD_TRY(check_tenant_bytes(connection, caller.tenant(), {{blob.id, blob.bytes}}, bytes_max));
   return connection.run(
       "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant, used_ms)"
       " VALUES ($1, $2, $3, $4, $5, $6, $5) ON CONFLICT (id, tenant) DO UPDATE SET"
@@ -146,11 +149,12 @@ Status check_bundle(SqlConnection& connection, std::string_view tenant, std::str
 }
 
 Result<Asset> AssetStore::put(const Caller& caller, const BlobInfo& blob,
-                              const std::string& filename, const std::string& content_type) {
+                              const std::string& filename, const std::string& content_type,
+                              int64_t bytes_max) {
   std::optional<Asset> asset;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const bool existed, is_owned(connection, caller, blob.id));
-    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, content_type));
+    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, content_type, bytes_max));
     VOXELD_ASSIGN(asset, load_own(connection, caller, blob.id));
     asset->existed = existed;
     return {};
@@ -161,12 +165,12 @@ Result<Asset> AssetStore::put(const Caller& caller, const BlobInfo& blob,
 
 Result<Asset> AssetStore::put_bundle(const Caller& caller, const BlobInfo& blob,
                                      const std::string& filename,
-                                     const std::vector<BundleFile>& files) {
+                                     const std::vector<BundleFile>& files, int64_t bytes_max) {
   std::optional<Asset> asset;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const bool existed, is_owned(connection, caller, blob.id));
     VOXELD_TRY(put_files(connection, caller.tenant(), blob.id, files));
-    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, kBundleMediaType));
+    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, kBundleMediaType, bytes_max));
     VOXELD_ASSIGN(asset, load_own(connection, caller, blob.id));
     asset->existed = existed;
     return {};
@@ -232,6 +236,24 @@ Result<int64_t> AssetStore::remove_unneeded() {
   });
   VOXELD_TRY(committed);
   return removed;
+}
+
+Status AssetStore::remove_unnamed(const std::vector<std::string>& ids) {
+  return database_.write([&](SqlConnection& connection) -> Status {
+    for (const std::string& id : ids) {
+      VOXELD_ASSIGN(SqlStatement named,
+                    connection.query("SELECT 1 FROM holdings WHERE blob = $1"
+                                     " UNION ALL SELECT 1 FROM assets WHERE id = $1"
+                                     " LIMIT 1",
+                                     id));
+      VOXELD_ASSIGN(const bool is_named, named.step());
+      if (is_named) continue;
+      const Status gone = blobs_.remove(id);
+      // Somebody makes or uploads the same just now.
+      if (!gone && gone.error().code != ErrorCode::kConflict) return gone;
+    }
+    return {};
+  });
 }
 
 }  // namespace voxeld

@@ -21,14 +21,15 @@ class AssetStore {
   AssetStore(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
 
   // Registers a blob as the caller's, or brings its deleted asset back. A name or type that is
-  // empty keeps the one that is known. Errors: conflict when the blob was removed since it was
-  // stored, which a pinned one cannot be.
+  // empty keeps the one that is known. Errors: quota-exceeded and payload-too-large where the
+  // caller's tenant would keep more than `bytes_max` (0: any); conflict when the blob was removed
+  // since it was stored, which a pinned one cannot be.
   Result<Asset> put(const Caller& caller, const BlobInfo& blob, const std::string& filename,
-                    const std::string& content_type);
+                    const std::string& content_type, int64_t bytes_max);
   // The same for a bundle manifest with these files. Errors: as put(); not-found and gone, naming
   // the file whose asset is not there; malformed-bundle for a bundle in a bundle.
   Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, const std::string& filename,
-                           const std::vector<BundleFile>& files);
+                           const std::vector<BundleFile>& files, int64_t bytes_max);
   // Of the tenant's asset, in the order of the manifest; none when it is no bundle.
   Result<std::vector<BundleFile>> bundle_files(std::string_view tenant, std::string_view id);
   // Errors: not-found, gone.
@@ -41,6 +42,8 @@ class AssetStore {
   // bundle of a live job, result or grid needs. Runs where nothing can start to need one
   // meanwhile: inside the database's only writer. Returns how many went.
   Result<int64_t> remove_unneeded();
+  // Removes those of these blobs that nobody's row names: what a job left that may not keep it.
+  Status remove_unnamed(const std::vector<std::string>& ids);
 
  private:
   Database& database_;

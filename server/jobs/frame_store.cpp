@@ -6,6 +6,7 @@
 
 #include "server/base/file.h"
 #include "server/jobs/blob_needs.h"
+#include "server/jobs/quota.h"
 #include "server/jobs/visibility.h"
 
 namespace voxeld {
@@ -29,24 +30,27 @@ Error no_sequence(std::string_view id) {
           std::string(id.substr(0, 80))};
 }
 
-// Whether the job runs under this fence.
-Result<bool> is_current(SqlConnection& connection, const TaskFrame& frame) {
+// Whose job it is, while it runs under this fence.
+Result<std::optional<std::string>> current_tenant(SqlConnection& connection,
+                                                  const TaskFrame& frame) {
   VOXELD_ASSIGN(
       SqlStatement found,
-      connection.query("SELECT 1 FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'",
+      connection.query("SELECT tenant FROM jobs WHERE id = $1 AND fence = $2 AND state = 'running'",
                        frame.task, frame.fence));
-  return found.step();
+  VOXELD_ASSIGN(const bool row, found.step());
+  return row ? std::optional(found.text(0)) : std::nullopt;
 }
 
-Status insert_frame(SqlConnection& connection, const TaskFrame& frame, std::string_view grid) {
+Status insert_frame(SqlConnection& connection, const TaskFrame& frame, const BlobInfo& grid,
+                    std::string_view tenant) {
   return connection.run(
-      "INSERT INTO frames (job_id, frame, time_s, grid, voxel_count, content_hash, tenant)"
-      " VALUES ($1, $2, $3, $4, $5, $6, (SELECT tenant FROM jobs WHERE id = $1)) ON CONFLICT "
-      "(job_id, frame) DO UPDATE SET"
+      "INSERT INTO frames (job_id, frame, time_s, grid, voxel_count, content_hash, tenant, bytes)"
+      " VALUES ($1, $2, $3, $4, $5, $6, $7, $8) ON CONFLICT (job_id, frame) DO UPDATE SET"
       " time_s = excluded.time_s, grid = excluded.grid, voxel_count = excluded.voxel_count,"
-      " content_hash = excluded.content_hash, expired_ms = 0",
-      frame.task, frame.index, time_text(frame.time_s), grid,
-      static_cast<int64_t>(frame.voxel_count), frame.content_hash);
+      " content_hash = excluded.content_hash, bytes = excluded.bytes,"
+      " expired_ms = 0",
+      frame.task, frame.index, time_text(frame.time_s), grid.id,
+      static_cast<int64_t>(frame.voxel_count), frame.content_hash, tenant, grid.bytes);
 }
 
 Result<int64_t> count_frames(SqlConnection& connection, std::string_view job) {
@@ -58,13 +62,14 @@ Result<int64_t> count_frames(SqlConnection& connection, std::string_view job) {
 
 }  // namespace
 
-Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, std::string_view grid,
-                                               int64_t frames_total) {
+Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, const BlobInfo& grid,
+                                               int64_t frames_total, int64_t bytes_max) {
   std::optional<int64_t> listed;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const bool current, is_current(connection, frame));
-    if (!current) return {};
-    VOXELD_TRY(insert_frame(connection, frame, grid));
+    VOXELD_ASSIGN(const auto tenant, current_tenant(connection, frame));
+    if (!tenant) return {};
+    VOXELD_TRY(check_tenant_bytes(connection, *tenant, {{grid.id, grid.bytes}}, bytes_max));
+    VOXELD_TRY(insert_frame(connection, frame, grid, *tenant));
     if (frames_total > 0) {
       VOXELD_TRY(connection.run("UPDATE jobs SET frames_total = $2 WHERE id = $1", frame.task,
                                 frames_total));

@@ -24,9 +24,10 @@ class FrameStore {
 
   // Lists a frame of a running job whose container `grid` is in the store, in place of an earlier
   // attempt's of the same index. Returns how many the job has now; nullopt when another worker owns
-  // the job and nothing changed.
-  Result<std::optional<int64_t>> add(const TaskFrame& frame, std::string_view grid,
-                                     int64_t frames_total);
+  // the job and nothing changed. Errors: quota-exceeded and payload-too-large where the job's
+  // tenant would keep more than `bytes_max` (0: any).
+  Result<std::optional<int64_t>> add(const TaskFrame& frame, const BlobInfo& grid,
+                                     int64_t frames_total, int64_t bytes_max);
   // By ascending index; those of earlier attempts count. Whoever asks may see the job.
   Result<std::vector<ListedFrame>> of_job(std::string_view job);
 

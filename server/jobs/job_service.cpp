@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <utility>
@@ -20,6 +21,7 @@
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/queue_forecast.h"
+#include "server/jobs/quota.h"
 #include "server/jobs/retention.h"
 #include "server/jobs/store_sweep.h"
 #include "server/jobs/supervisor.h"
@@ -80,13 +82,18 @@ class Service final : public JobService {
     VOXELD_TRY(sweep_.room());
     return blobs_.begin(bytes_max);
   }
+  Result<int64_t> upload_room(const Caller& caller, int64_t asked) override;
+  TenantLimits limits(const Caller& caller) override {
+    return config_.limits_of ? config_.limits_of(caller.tenant()) : TenantLimits{};
+  }
+  Result<TenantUsage> usage(const Caller& caller) override { return jobs_.usage(caller.tenant()); }
   Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
                           std::string content_type) override {
-    return assets_.put(caller, blob, filename, content_type);
+    return assets_.put(caller, blob, filename, content_type, limits(caller).bytes);
   }
   Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
                            const std::vector<BundleFile>& files) override {
-    return assets_.put_bundle(caller, blob, filename, files);
+    return assets_.put_bundle(caller, blob, filename, files, limits(caller).bytes);
   }
   Result<Asset> get_asset(const Caller& caller, std::string_view id) override {
     return assets_.get(caller, id);
@@ -191,6 +198,10 @@ Status Service::start() {
     const auto job = jobs_.get(Caller::daemon(), id);
     return job && !job->status.ended();
   });
+  VOXELD_TRY(jobs_.measure_holdings([this](std::string_view id) {
+    const auto blob = blobs_.stat(id);
+    return blob ? blob->bytes : int64_t{0};
+  }));
   update_gauges();
   forecast_waiting();
 
@@ -211,6 +222,7 @@ TaskServerConfig Service::server_config() {
   server.socket = config_.data_dir / "run" / "tasks.sock";
   server.scratch_root = config_.data_dir / "run" / "scratch";
   server.limits = config_.limits;
+  server.limits_of = config_.limits_of;
   server.exit_reason = [this](int64_t pid) -> std::string {
     Supervisor* supervisor = supervising_;
     if (supervisor == nullptr) return "";
@@ -343,6 +355,15 @@ Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request
   return priced;
 }
 
+Result<int64_t> Service::upload_room(const Caller& caller, int64_t asked) {
+  const int64_t bytes_max = limits(caller).bytes;
+  if (bytes_max <= 0) return std::numeric_limits<int64_t>::max();
+  VOXELD_ASSIGN(const TenantUsage used, usage(caller));
+  const int64_t room = std::max<int64_t>(0, bytes_max - used.bytes);
+  if (asked > room) return bytes_error(asked, used.bytes, bytes_max);
+  return room;
+}
+
 Status Service::delete_asset(const Caller& caller, std::string_view id) {
   VOXELD_TRY(assets_.mark_deleted(caller, id));
   // It is deleted; that its bytes go may wait for the next time.
@@ -369,7 +390,8 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
   }
   verify_reusable(caller, request);
   VOXELD_ASSIGN(JobStore::Submitted submitted,
-                jobs_.submit(caller, request, options, config_.queued_jobs_max));
+                jobs_.submit(caller, request, options,
+                             {config_.queued_jobs_max, limits(caller).queued_jobs}));
   JobRecord& record = submitted.record;
   if (submitted.existed) {
     overlay(record.status);

@@ -22,6 +22,7 @@
 #include "proto/sequence.h"
 #include "proto/task_api.h"
 #include "server/jobs/caller.h"
+#include "server/jobs/tenant_limits.h"
 #include "server/store/blob_store.h"
 
 namespace prometheus {
@@ -116,7 +117,10 @@ class JobService {
   // --- assets
   // Where an upload is written to: at most `bytes_max` bytes. Errors: storage-full.
   virtual Result<BlobWriter> begin_upload(int64_t bytes_max) = 0;
-  // Registers what a writer of begin_upload() finished.
+  // How many bytes an upload of the caller may have beside what its tenant keeps; `asked` of them,
+  // or 0 where that is not known. Errors: quota-exceeded, payload-too-large.
+  virtual Result<int64_t> upload_room(const Caller& caller, int64_t asked) = 0;
+  // Registers what a writer of begin_upload() finished. Errors: as upload_room().
   virtual Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
                                   std::string content_type) = 0;
   // The same for a manifest with these files. Errors: not-found and gone, naming the file whose
@@ -133,7 +137,7 @@ class JobService {
   // Durable when it returns. Equal work of the same tenant that is done already (same input,
   // canonical options and algorithm version) comes back at once with `cached` set, unless use_cache
   // is off. Errors: not-found (asset, file of a bundle, grid, sequence), gone, invalid-option,
-  // queue-full, idempotency-mismatch, shutting-down.
+  // queue-full, too-many-requests (the tenant's own jobs), idempotency-mismatch, shutting-down.
   virtual Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                                    const SubmitOptions& options) = 0;
   // What submit() would answer now, without a job: estimate, place in the queue and expected times;
@@ -170,6 +174,9 @@ class JobService {
 
   // Live jobs, at most `limit` that wait, and who works.
   virtual Result<QueueView> queue(const Caller& caller, int limit) = 0;
+  // --- what the caller's tenant may have, and has
+  virtual TenantLimits limits(const Caller& caller) = 0;
+  virtual Result<TenantUsage> usage(const Caller& caller) = 0;
 
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;
@@ -219,6 +226,7 @@ struct JobServiceConfig {
   std::function<int64_t(const std::string& tenant)> weight_of;
   TaskLimits limits;
   StorageLimits storage;
+  std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
 };
 
 // Opens the store (recovering what an earlier process left: running jobs are queued again), starts

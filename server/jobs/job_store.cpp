@@ -8,6 +8,7 @@
 #include "proto/limits.h"
 #include "server/base/check.h"
 #include "server/jobs/asset_store.h"
+#include "server/jobs/quota.h"
 #include "server/jobs/request_hash.h"
 #include "server/jobs/scheduler.h"
 #include "server/jobs/visibility.h"
@@ -106,7 +107,7 @@ Result<std::string> check_input(SqlConnection& connection, const Caller& caller,
   return check_asset(connection, caller, request);
 }
 
-Status check_queue(SqlConnection& connection, int queued_jobs_max) {
+Status check_queue(SqlConnection& connection, int64_t queued_jobs_max) {
   VOXELD_ASSIGN(SqlStatement count,
                 connection.query("SELECT COUNT(*) FROM jobs WHERE state = 'queued'"));
   VOXELD_TRY(count.step());
@@ -269,25 +270,40 @@ Result<Due> next_due(SqlConnection& connection) {
 Result<int64_t> insert_result(SqlConnection& connection, const JobRecord& job,
                               const FinishedTask& task) {
   const JobResult& result = task.result;
-  VOXELD_ASSIGN(SqlStatement inserted,
-                connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
-                                 " filename, grid, meta_json, warnings_json, created_ms,"
-                                 " sequence, frames, job_id, tenant, used_ms)"
-                                 " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13,"
-                                 " $9)"
-                                 " RETURNING seq",
-                                 job.request_hash, result.blob, result.bytes, result.media_type,
-                                 result.filename, result.grid, result.meta_json,
-                                 warnings_text(result.warnings), unix_time_ms(), result.sequence,
-                                 task.frames, task.task, job.tenant));
+  VOXELD_ASSIGN(
+      SqlStatement inserted,
+      connection.query("INSERT INTO results (request_hash, blob, bytes, media_type,"
+                       " filename, grid, meta_json, warnings_json, created_ms,"
+                       " sequence, frames, job_id, tenant, grid_bytes, sequence_bytes, used_ms)"
+                       " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13,"
+                       " $14, $15, $9)"
+                       " RETURNING seq",
+                       job.request_hash, result.blob, result.bytes, result.media_type,
+                       result.filename, result.grid, result.meta_json,
+                       warnings_text(result.warnings), unix_time_ms(), result.sequence, task.frames,
+                       task.task, job.tenant, task.grid_bytes, task.sequence_bytes));
   VOXELD_TRY(inserted.step());
   return inserted.int64(0);
+}
+
+Status end_with_result(SqlConnection& connection, const JobRecord& running,
+                       const FinishedTask& task, int64_t live_version) {
+  VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, running, task));
+  VOXELD_TRY(connection.run(
+      "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"
+      " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1 WHERE id = $1",
+      task.task, result_seq, unix_time_ms(), timings_text(all_timings(running, task.timings)),
+      live_version));
+  if (running.status.kind != JobKind::kInspect) return {};
+  return connection.run("UPDATE assets SET description_json = $3 WHERE id = $1 AND tenant = $2",
+                        running.status.asset, running.asset_tenant, task.result.meta_json);
 }
 
 }  // namespace
 
 Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest request,
-                                             const SubmitOptions& options, int queued_jobs_max) {
+                                             const SubmitOptions& options,
+                                             const QueueLimits& queued_max) {
   VOXELD_TRY(check_frame_options(request));
   VOXELD_TRY(check_urgency(request));
   const std::string id = new_job_id();
@@ -315,7 +331,10 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
     if (request.options.use_cache) {
       VOXELD_ASSIGN(cached, cached_result(connection, tenant, hash, is_stored_));
     }
-    if (cached == 0) VOXELD_TRY(check_queue(connection, queued_jobs_max));
+    if (cached == 0) {
+      VOXELD_TRY(check_tenant_queue(connection, tenant, queued_max.of_tenant));
+      VOXELD_TRY(check_queue(connection, queued_max.in_all));
+    }
     VOXELD_TRY(insert_job(connection, {request, options, id, hash, tenant, asset_tenant}, now));
     if (cached != 0) VOXELD_TRY(end_with_cached(connection, id, cached, now));
     if (!options.idempotency_key.empty()) {
@@ -419,18 +438,16 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task, co
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
     if (!running) return {};
-    VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, *running, task));
-    const int64_t now = unix_time_ms();
-    VOXELD_TRY(connection.run(
-        "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"
-        " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1,"
-        " device_us = device_us + $6 WHERE id = $1",
-        task.task, result_seq, now, timings_text(all_timings(*running, task.timings)), live.version,
-        live.device_us));
-    if (running->status.kind == JobKind::kInspect) {
-      VOXELD_TRY(
-          connection.run("UPDATE assets SET description_json = $3 WHERE id = $1 AND tenant = $2",
-                         running->status.asset, running->asset_tenant, task.result.meta_json));
+    const JobResult& result = task.result;
+    const Status kept = check_tenant_bytes(connection, running->tenant,
+                                           {{result.blob, result.bytes},
+                                            {result.grid, task.grid_bytes},
+                                            {result.sequence, task.sequence_bytes}},
+                                           task.bytes_max);
+    if (kept) {
+      VOXELD_TRY(end_with_result(connection, *running, task, live));
+    } else {
+      VOXELD_TRY(end_with_error(connection, task.task, kept.error(), live));
     }
     VOXELD_ASSIGN(ended, record_change(connection, task.task));
     return {};
@@ -599,6 +616,31 @@ Result<std::vector<JobRecord>> JobStore::live(const Caller& caller, int limit) {
                 load_jobs(*reader, caller, limit, JobState::kQueued, JobOrder::kOldestFirst));
   for (JobRecord& record : waiting) records.push_back(std::move(record));
   return records;
+}
+
+Result<TenantUsage> JobStore::usage(std::string_view tenant) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return tenant_usage(*reader, tenant);
+}
+
+Status JobStore::measure_holdings(const std::function<int64_t(std::string_view id)>& bytes_of) {
+  return database_.write([&](SqlConnection& connection) -> Status {
+    std::vector<std::string> ids;
+    {
+      VOXELD_ASSIGN(SqlStatement rows,
+                    connection.query("SELECT DISTINCT blob FROM holdings WHERE bytes < 0"));
+      while (true) {
+        VOXELD_ASSIGN(const bool row, rows.step());
+        if (!row) break;
+        ids.push_back(rows.text(0));
+      }
+    }
+    for (const std::string& id : ids) {
+      VOXELD_TRY(connection.run("UPDATE holdings SET bytes = $2 WHERE blob = $1 AND bytes < 0", id,
+                                bytes_of(id)));
+    }
+    return {};
+  });
 }
 
 }  // namespace voxeld

@@ -25,6 +25,7 @@
 #include "server/jobs/job_record.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/scheduler.h"
+#include "server/jobs/tenant_limits.h"
 
 namespace voxeld {
 
@@ -35,6 +36,8 @@ struct FinishedTask {
   JobResult result;
   StageTimes timings;  // of the worker
   int64_t frames = 0;  // of result.sequence
+  int64_t grid_bytes = 0, sequence_bytes = 0;
+  int64_t bytes_max = 0;  // that the job's tenant may keep; 0: any
 };
 
 // What is known of a running job and not yet in the database.
@@ -59,9 +62,14 @@ class JobStore {
   };
   // Inserts a job: queued, or done at once when an equal one of the same tenant has a result and
   // use_cache is on. An empty filename becomes the asset's. Errors: not-found (asset, file of a
-  // bundle, grid, sequence), gone, invalid-option, queue-full, idempotency-mismatch.
+  // bundle, grid, sequence), gone, invalid-option, queue-full, too-many-requests (of the tenant's
+  // own jobs wait `queued_max.of_tenant`; 0: any), idempotency-mismatch.
+  struct QueueLimits {
+    int64_t in_all = 0;
+    int64_t of_tenant = 0;
+  };
   Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
-                           int queued_jobs_max);
+                           const QueueLimits& queued_max);
 
   // Whether submit() would answer from a result that is there. Fills in what submit() fills in.
   // Errors: those of the input.
@@ -80,6 +88,7 @@ class JobStore {
   // left meanwhile ends as done without a worker: it comes back with that state.
   Result<std::optional<JobRecord>> claim(std::string_view worker, const PickHead& pick = {});
 
+  // Failed with quota-exceeded or payload-too-large where the tenant may not keep the result.
   Result<std::optional<JobRecord>> complete(const FinishedTask& task, const LiveJob& live);
   Result<std::optional<JobRecord>> fail(std::string_view id, int64_t fence, const Error& error,
                                         const LiveJob& live);
@@ -111,6 +120,10 @@ class JobStore {
   Result<int64_t> count(const Caller& caller, JobState state);
   // Running ones, and the first `limit` that arrived of those that wait.
   Result<std::vector<JobRecord>> live(const Caller& caller, int limit);
+  Result<TenantUsage> usage(std::string_view tenant);
+  // Gives sizes to the blobs whose rows are older than their columns; `bytes_of` says 0 where there
+  // is no such blob.
+  Status measure_holdings(const std::function<int64_t(std::string_view id)>& bytes_of);
 
  private:
   Database& database_;

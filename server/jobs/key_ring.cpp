@@ -1,14 +1,11 @@
 #include "server/jobs/key_ring.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <utility>
 
 #include "server/base/log.h"
 #include "server/base/sha256.h"
 #include "server/jobs/job_record.h"
-#include "server/jobs/key_file.h"
 
 namespace voxeld {
 
@@ -28,7 +25,7 @@ Result<std::unique_ptr<KeyRing>> KeyRing::open(const std::filesystem::path& data
 std::optional<KeyRing::Holder> KeyRing::admit(std::string_view presented) const {
   const std::shared_ptr<const Keys> keys = current();
   if (keys->is_open) return Holder{Caller::open(), ""};
-  static const ApiKey nobody{"", "", sha256_id("nobody"), 0, 0, 0, 1, false};
+  static const ApiKey nobody{"", "", sha256_id("nobody"), 0, 0, 0, 1, false, {}};
   const PresentedKey key = split_key(presented);
   const ApiKey* known = keys->find(key.id);
   const ApiKey& candidate = known != nullptr ? *known : nobody;
@@ -55,6 +52,22 @@ int64_t KeyRing::weight_of(std::string_view tenant) const {
   return weight;
 }
 
+std::optional<KeyRing::Holder> KeyRing::holder_of(std::string_view key_id) const {
+  const std::shared_ptr<const Keys> keys = current();
+  if (keys->is_open && key_id.empty()) return Holder{Caller::open(), ""};
+  const ApiKey* key = keys->find(key_id);
+  if (key == nullptr || !key->is_live(unix_time_ms())) return std::nullopt;
+  return Holder{Caller::tenant(key->tenant, key->is_admin), key->id};
+}
+
+TenantLimits KeyRing::limits_of(std::string_view tenant) const {
+  const std::shared_ptr<const Keys> keys = current();
+  const auto own = keys->by_tenant.find(tenant);
+  if (own == keys->by_tenant.end()) return {};
+  const ApiKey* key = newest_live_key(own->second, tenant, unix_time_ms());
+  return key == nullptr ? TenantLimits{} : key->limits;
+}
+
 Status KeyRing::status() const {
   current();
   const MutexLock lock(mutex_);
@@ -63,13 +76,7 @@ Status KeyRing::status() const {
 
 const ApiKey* KeyRing::Keys::find(std::string_view id) const {
   const auto it = by_id.find(id);
-  return it == by_id.end() ? nullptr : &it->second;
-}
-
-KeyRing::FileMark KeyRing::mark_of(const std::filesystem::path& file) {
-  struct stat info {};
-  if (::stat(file.c_str(), &info) != 0) return {};
-  return {true, info.st_ino, info.st_size, info.st_ctim.tv_sec, info.st_ctim.tv_nsec};
+  return it == by_id.end() ? nullptr : it->second;
 }
 
 std::shared_ptr<const KeyRing::Keys> KeyRing::current() const {
@@ -95,12 +102,14 @@ Status KeyRing::load() const {
     if (keys_->is_open) return {};
     return Error{ErrorCode::kInternal, file_.string() + " is gone", "", ""};
   }
-  Keys keys;
-  for (ApiKey& key : *list) {
-    std::string id = key.id;
-    keys.by_id.emplace(std::move(id), std::move(key));
+  // The maps point into the list: it is made where it stays.
+  auto keys = std::make_shared<Keys>();
+  keys->list = *std::move(list);
+  for (const ApiKey& key : keys->list) {
+    keys->by_id.emplace(key.id, &key);
+    keys->by_tenant[key.tenant].push_back(key);
   }
-  keys_ = std::make_shared<const Keys>(std::move(keys));
+  keys_ = std::move(keys);
   return {};
 }
 

@@ -12,6 +12,8 @@
 #include "server/base/thread_annotations.h"
 #include "server/jobs/api_key.h"
 #include "server/jobs/caller.h"
+#include "server/jobs/key_file.h"
+#include "server/jobs/private_file.h"
 
 namespace voxeld {
 
@@ -38,24 +40,24 @@ class KeyRing {
   int64_t weight_of(std::string_view tenant) const;
 
   bool needs_keys() const { return !current()->is_open; }
+  // The holder of the key of that id, as if it had been presented; for links that were signed in
+  // its name. nullopt where is_live() is false.
+  std::optional<Holder> holder_of(std::string_view key_id) const;
+  // Of the tenant's newest live key; none without keys.
+  TenantLimits limits_of(std::string_view tenant) const;
+
   // Why nobody is admitted, where that is not what the file says.
   Status status() const EXCLUDES(mutex_);
 
  private:
   struct Keys {
     bool is_open = false;
-    std::map<std::string, ApiKey, std::less<>> by_id;
+    KeyList list;
+    std::map<std::string_view, const ApiKey*> by_id;
+    std::map<std::string_view, KeyList> by_tenant;
     const ApiKey* find(std::string_view id) const;
   };
-  // Tells a file that was replaced from the one before.
-  struct FileMark {
-    bool exists = false;
-    uint64_t inode = 0;
-    int64_t bytes = 0, changed_s = 0, changed_ns = 0;
-    bool operator==(const FileMark&) const = default;
-  };
   explicit KeyRing(std::filesystem::path file) : file_(std::move(file)) {}
-  static FileMark mark_of(const std::filesystem::path& file);
   std::shared_ptr<const Keys> current() const EXCLUDES(mutex_);
   Status load() const REQUIRES(mutex_);
 

@@ -37,7 +37,15 @@ namespace {
 // rows of frames.
 //
 // Step 6: whose request submitted a job, for the log and for tracing.
-constexpr std::array<std::string_view, 6> kSteps = {
+//
+// Step 7: what each tenant keeps. A row of `holdings` is a blob that at least one of the tenant's
+// assets, results or frames names (`refs` of them), `tenant_usage` is their sum. Triggers on the
+// rows that name blobs keep both, so that whoever adds or removes such a row need not know of them;
+// expired ones count no more;
+// a row whose blob changes must be removed and added, but for frames.grid and assets.deleted_ms.
+// `holding_changes` is no table: what is inserted is a step of `refs` up or down. Bytes of -1 are
+// not known yet: JobStore::measure_holdings() asks the blob store.
+constexpr std::array<std::string_view, 7> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -243,6 +251,99 @@ CREATE INDEX idempotency_keys_by_job ON idempotency_keys (job_id);
     R"sql(
 ALTER TABLE jobs ADD COLUMN request_id TEXT NOT NULL DEFAULT '';
 ALTER TABLE jobs ADD COLUMN trace_id TEXT NOT NULL DEFAULT '';
+)sql",
+    R"sql(
+ALTER TABLE results ADD COLUMN grid_bytes BIGINT NOT NULL DEFAULT -1;
+ALTER TABLE results ADD COLUMN sequence_bytes BIGINT NOT NULL DEFAULT -1;
+ALTER TABLE frames ADD COLUMN bytes BIGINT NOT NULL DEFAULT -1;
+CREATE INDEX jobs_queued_by_tenant ON jobs (tenant) WHERE state = 'queued';
+CREATE INDEX jobs_running_by_tenant ON jobs (tenant) WHERE state = 'running';
+
+CREATE TABLE tenant_usage (
+  tenant TEXT PRIMARY KEY,
+  bytes BIGINT NOT NULL
+);
+CREATE TABLE holdings (
+  tenant TEXT NOT NULL,
+  blob TEXT NOT NULL,
+  bytes BIGINT NOT NULL,
+  refs BIGINT NOT NULL,
+  PRIMARY KEY (tenant, blob)
+);
+CREATE INDEX holdings_by_blob ON holdings (blob);
+CREATE INDEX holdings_to_measure ON holdings (blob) WHERE bytes < 0;
+
+CREATE TRIGGER holdings_insert AFTER INSERT ON holdings BEGIN
+  INSERT INTO tenant_usage (tenant, bytes) VALUES (NEW.tenant, MAX(NEW.bytes, 0))
+    ON CONFLICT (tenant) DO UPDATE SET bytes = bytes + excluded.bytes;
+END;
+CREATE TRIGGER holdings_measure AFTER UPDATE OF bytes ON holdings BEGIN
+  UPDATE tenant_usage SET bytes = bytes + MAX(NEW.bytes, 0) - MAX(OLD.bytes, 0)
+    WHERE tenant = NEW.tenant;
+END;
+CREATE TRIGGER holdings_delete AFTER DELETE ON holdings BEGIN
+  UPDATE tenant_usage SET bytes = bytes - MAX(OLD.bytes, 0) WHERE tenant = OLD.tenant;
+END;
+
+CREATE VIEW holding_changes AS SELECT tenant, blob, bytes, refs AS step FROM holdings;
+CREATE TRIGGER holding_changes_insert INSTEAD OF INSERT ON holding_changes
+WHEN NEW.blob <> '' BEGIN
+  INSERT INTO holdings (tenant, blob, bytes, refs)
+    VALUES (NEW.tenant, NEW.blob, NEW.bytes, NEW.step)
+    ON CONFLICT (tenant, blob) DO UPDATE SET refs = refs + excluded.refs;
+  DELETE FROM holdings WHERE tenant = NEW.tenant AND blob = NEW.blob AND refs <= 0;
+END;
+
+CREATE TRIGGER assets_insert AFTER INSERT ON assets WHEN NEW.deleted_ms = 0 BEGIN
+  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.id, NEW.bytes, 1);
+END;
+CREATE TRIGGER assets_restore AFTER UPDATE OF deleted_ms ON assets
+WHEN OLD.deleted_ms <> 0 AND NEW.deleted_ms = 0 BEGIN
+  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.id, NEW.bytes, 1);
+END;
+CREATE TRIGGER assets_mark_deleted AFTER UPDATE OF deleted_ms ON assets
+WHEN OLD.deleted_ms = 0 AND NEW.deleted_ms <> 0 BEGIN
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.id, OLD.bytes, -1);
+END;
+CREATE TRIGGER assets_delete AFTER DELETE ON assets WHEN OLD.deleted_ms = 0 BEGIN
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.id, OLD.bytes, -1);
+END;
+CREATE TRIGGER results_insert AFTER INSERT ON results BEGIN
+  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.blob, NEW.bytes, 1);
+  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.grid, NEW.grid_bytes, 1);
+  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.sequence, NEW.sequence_bytes, 1);
+END;
+CREATE TRIGGER results_delete AFTER DELETE ON results WHEN OLD.expired_ms = 0 BEGIN
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.blob, OLD.bytes, -1);
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.grid_bytes, -1);
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.sequence, OLD.sequence_bytes, -1);
+END;
+CREATE TRIGGER results_expire AFTER UPDATE OF expired_ms ON results
+WHEN OLD.expired_ms = 0 AND NEW.expired_ms <> 0 BEGIN
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.blob, OLD.bytes, -1);
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.grid_bytes, -1);
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.sequence, OLD.sequence_bytes, -1);
+END;
+CREATE TRIGGER frames_expire AFTER UPDATE OF expired_ms ON frames
+WHEN OLD.expired_ms = 0 AND NEW.expired_ms <> 0 BEGIN
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.bytes, -1);
+END;
+CREATE TRIGGER frames_insert AFTER INSERT ON frames BEGIN
+  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.grid, NEW.bytes, 1);
+END;
+CREATE TRIGGER frames_replace AFTER UPDATE OF grid ON frames BEGIN
+  INSERT INTO holding_changes SELECT OLD.tenant, OLD.grid, OLD.bytes, -1 WHERE OLD.expired_ms = 0;
+  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.grid, NEW.bytes, 1);
+END;
+CREATE TRIGGER frames_delete AFTER DELETE ON frames WHEN OLD.expired_ms = 0 BEGIN
+  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.bytes, -1);
+END;
+
+INSERT INTO holding_changes SELECT tenant, id, bytes, 1 FROM assets WHERE deleted_ms = 0;
+INSERT INTO holding_changes SELECT tenant, blob, bytes, 1 FROM results WHERE expired_ms = 0;
+INSERT INTO holding_changes SELECT tenant, grid, grid_bytes, 1 FROM results WHERE expired_ms = 0;
+INSERT INTO holding_changes SELECT tenant, sequence, sequence_bytes, 1 FROM results WHERE expired_ms = 0;
+INSERT INTO holding_changes SELECT tenant, grid, bytes, 1 FROM frames WHERE expired_ms = 0;
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

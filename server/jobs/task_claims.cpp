@@ -185,6 +185,7 @@ Result<Task> TaskServer::make_task(const WorkerFiles& files, const JobRecord& re
   task.filename = status.filename;
   task.options_json = status.options_json;
   task.tenant = record.tenant;
+  if (config_.limits_of) task.cells_max = config_.limits_of(record.tenant).cells;
   task.request_id = record.request_id;
   task.trace_id = record.trace_id;
   if (task.input_is_sequence) {

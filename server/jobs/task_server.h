@@ -44,6 +44,7 @@ struct TaskServerConfig {
   std::function<void(const std::string& device)> on_connected;
   bool is_fair = true;  // false: jobs are claimed as they arrived
   TaskLimits limits;
+  std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
 };
 
 // What the connections work on; all of it outlives the server.
@@ -117,8 +118,9 @@ class TaskServer {
   Status take_failure(Connection& connection, const nlohmann::json& message);
   Result<std::optional<JobRecord>> end_completed(const Connection& connection,
                                                  TaskCompletion completion);
-  Result<JobResult> adopt_outputs(const Connection& connection, const TaskCompletion& completion,
-                                  std::map<std::string, BlobInfo>& adopted);
+  Status adopt_outputs(const Connection& connection, const TaskCompletion& completion,
+                       std::map<std::string, BlobInfo>& adopted, FinishedTask& finished);
+  TenantLimits limits_of(std::string_view task);
   void put_back(Connection& connection, const Error& why) noexcept;
   std::string lost_reason(Connection& connection, const Error& why, bool counts);
   WorkerWatch::Calls watch_calls();

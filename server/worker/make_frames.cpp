@@ -250,6 +250,7 @@ json animation_facts(const Clip& clip) {
 
 Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions& options,
                                  FrameListener* listener) {
+  VOXELD_TRY(check_cells(run.task, clip.spec, clip.times.times_s.size()));
   const Placed placed{world_from_file(options.voxelize.placement), clip.spec};
   const Scene& scene = clip.moving.bind();
   expect_bytes(

@@ -185,6 +185,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   const Stopwatch watch;
   run.monitor.set_stage("voxelize");
   VOXELD_ASSIGN(const Placed placed, place(input, options.voxelize));
+  VOXELD_TRY(check_cells(run.task, placed.spec));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(placed.spec, asked));
   VOXELD_TRY(check_encodable(selected, asked));
   expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed));
@@ -218,6 +219,17 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   }
   VOXELD_TRY(run.monitor.check());
   return written;
+}
+
+Status check_cells(const Task& task, const GridSpec& spec, size_t frames) {
+  const int64_t cells = spec.cell_count();
+  const auto count = static_cast<int64_t>(frames);
+  if (task.cells_max <= 0 || cells <= task.cells_max / count) return {};
+  std::string got = std::to_string(spec.dims.x) + " x " + std::to_string(spec.dims.y) + " x " +
+                    std::to_string(spec.dims.z) + " = " + std::to_string(cells);
+  if (count > 1) got += " in each of " + std::to_string(count) + " frames";
+  return Error{ErrorCode::kGridTooLarge, "cells of one job, for this tenant",
+               "at most " + std::to_string(task.cells_max), std::move(got)};
 }
 
 void keep_grid(TaskRun& run, WrittenGrid& made, const std::string& key) {

@@ -84,6 +84,9 @@ struct WrittenGrid {
 };
 Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                                      const RequestOptions& options);
+// That the tenant may make a grid like this, or `frames` of them, in one job. Errors:
+// grid-too-large with the numbers.
+Status check_cells(const Task& task, const GridSpec& spec, size_t frames = 1);
 // Keeps it in the cache: who has voxelized a mesh mostly looks at it next.
 void keep_grid(TaskRun& run, WrittenGrid& made, const std::string& key);
 // Errors: invalid-option where `frames` is asked for, of a grid.

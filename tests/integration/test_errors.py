@@ -4,9 +4,10 @@ import json
 import pathlib
 import re
 import socket
+import subprocess
 import unittest
 
-from harness import ROOT, Daemon, DaemonTest
+from harness import BIN, ROOT, Daemon, DaemonTest
 
 # Codes that no request to a healthy daemon on loopback can provoke, and where they are tested.
 TESTED_ELSEWHERE = {
@@ -16,6 +17,7 @@ TESTED_ELSEWHERE = {
     "idempotency-mismatch": "test_jobs",
     "range-not-satisfiable": "test_jobs",
     "cancelled": "test_jobs",
+    "quota-exceeded": "test_quotas",
     "storage-full": "test_storage",
     "shutting-down": "unit_http: drain",
     "device-unavailable": "unit_jobs: no worker",
@@ -254,6 +256,11 @@ class Errors(DaemonTest):
         status = self.daemon.wait(job)
         self.assertEqual(status["state"], "done")
         self.assertIn("m.mtl", json.dumps(status["result"]["warnings"]))
+
+    def test_no_http_library_is_linked(self):
+        linked = subprocess.run(["ldd", BIN / "voxeld"], check=True, capture_output=True, text=True)
+        self.assertIn("libcrypto", linked.stdout)
+        self.assertNotIn("httplib", linked.stdout)
 
     def test_zz_every_error_code_is_tested(self):
         """Runs last: each code of proto/error_code.h is provoked here or named with its place."""

@@ -118,7 +118,8 @@ class Tenants(unittest.TestCase):
     def test_every_route_hides_what_another_has(self):
         on = self.attacks()
         public = {("get", "/"), ("get", "/openapi.json")}
-        lists = {("get", "/v1/assets"), ("get", "/v1/jobs"), ("get", "/v1/queue")}
+        # What they say is of the caller alone.
+        lists = {("get", "/v1/assets"), ("get", "/v1/jobs"), ("get", "/v1/queue"), ("get", "/v1/me")}
         for template, operations in self.daemon.openapi.spec["paths"].items():
             for method in set(operations) - {"parameters"}:
                 # A new route: say here how one tenant could reach another's things by it.
@@ -191,6 +192,53 @@ class Tenants(unittest.TestCase):
                 self.lab.request("DELETE", f"/v1/jobs/{job}")
         for job in jobs:
             self.lab.wait(job)
+
+    # --- links
+
+    def test_a_link_opens_what_it_names_and_nothing_else(self):
+        job, grid = self.things["job"], self.things["grid"]
+        made = self.lab.post(f"/v1/jobs/{job}/share?seconds=60").json()
+        anyone = self.daemon.holding(None)
+        whole = anyone.get(made["url"])
+        self.assertEqual(whole.status, 200)
+        self.assertEqual(whole.body, self.lab.get(f"/v1/jobs/{job}/result").body)
+        part = anyone.get(made["url"], headers={"Range": "bytes=0-3"})
+        self.assertEqual((part.status, part.body), (206, whole.body[:4]))
+        etag = whole.headers["ETag"]
+        self.assertEqual(anyone.get(made["url"], headers={"If-None-Match": etag}).status, 304)
+        self.assertEqual(anyone.request("HEAD", made["url"]).status, 200)
+        picture = self.lab.post(f"/v1/grids/{grid}/share?view=render.png&width=16&height=16").json()
+        self.assertEqual(anyone.get(picture["url"]).headers["Content-Type"], "image/png")
+        # The signature is of this path and this query.
+        for url in (made["url"].replace("/result", ""), made["url"] + "&format=vox",
+                    made["url"].replace(job, self.things["frames"]),
+                    made["url"].replace(job, NO_JOB), made["url"].replace("key=", "key=a"),
+                    picture["url"].replace("width=16", "width=17"),
+                    picture["url"].replace("/render.png", "/tiles")):
+            answer = anyone.get(url)
+            self.assertEqual((answer.status, answer.json()["detail"]), (404, "no such link"), url)
+        self.assertEqual(anyone.request("DELETE", made["url"]).status, 405)
+        self.assertEqual(self.studio.post(f"/v1/jobs/{job}/share").status, 404)
+
+    def test_links_end_in_time_with_their_key_and_with_their_secret(self):
+        key = add_key(self.data_dir, "shop")
+        shop = self.daemon.holding(key)
+        self.wait_for(lambda: shop.get("/v1/jobs").status == 200)
+        asset = shop.upload(self.fixtures / "sample.ply")
+        job = shop.submit(kind="voxelize", asset=asset, options={"size": 11})
+        shop.wait(job)
+        anyone = self.daemon.holding(None)
+        short = shop.post(f"/v1/jobs/{job}/share?seconds=1").json()["url"]
+        self.wait_for(lambda: anyone.get(short).status == 410)
+        self.assertEqual(anyone.get(short).json()["code"], "gone")
+        first = shop.post(f"/v1/jobs/{job}/share").json()["url"]
+        keys(self.data_dir, "rotate-urls")
+        second = shop.post(f"/v1/jobs/{job}/share").json()["url"]
+        self.assertEqual([anyone.get(url).status for url in (first, second)], [200, 200])
+        keys(self.data_dir, "rotate-urls")
+        self.assertEqual([anyone.get(url).status for url in (first, second)], [404, 200])
+        keys(self.data_dir, "revoke", key_id(key))
+        self.wait_for(lambda: anyone.get(second).status == 404)
 
     # --- no oracle by an upload or by the cache
 

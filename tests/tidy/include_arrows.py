@@ -39,7 +39,7 @@ ONLY_IN = {
     "sqlite3.h": {"server/jobs"},
     "curl/curl.h": {"client"},
     "zip.h": {"server/scene", "server/formats", "client"},
-    "zstd.h": {"proto"},
+    "zstd.h": {"proto", "server/http"},
     "OpenImageIO/imageio.h": {"server/scene", "server/render"},
     "spdlog/spdlog.h": {"server/base"},
     "GL/glcorearb.h": {"server/gpu"},

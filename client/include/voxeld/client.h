@@ -253,6 +253,12 @@ struct BundleFile {
 // Gets pieces of a result in order.
 using Sink = std::function<void(std::span<const std::byte>)>;
 
+// Whoever has the URL may fetch what it names, without a key, until it expires.
+struct Link {
+  std::string url;
+  std::int64_t expires_ms = 0;  // Unix time
+};
+
 class ClientImpl;
 
 // One daemon. Progress callbacks run on the calling thread.
@@ -304,6 +310,11 @@ class VOXELD_CLIENT_API Client {
   // another one; the sink has the beginning of the old one.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
+  // A link to a job's result. options: of the result ("format", …). Throws Error "invalid-option"
+  // for more than 30 days.
+  Link share(std::string_view job, std::chrono::seconds lifetime, const Options& options = {});
+  // Whose key this is, its tenant's limits and what it uses of them: the JSON object of GET /v1/me.
+  std::string whoami_json();
 
  private:
   std::unique_ptr<ClientImpl> impl_;

@@ -44,6 +44,7 @@ TEST(ExitStatus, every_code_of_the_api_has_its_number) {
                                                    {"shutting-down", 5},
                                                    {"queue-full", 5},
                                                    {"deadline-exceeded", 6},
+                                                   {"quota-exceeded", 4},
                                                    {"storage-full", 4}};
   EXPECT_EQ(numbers.size(), all_error_codes().size());
   for (const ErrorCodeInfo& info : all_error_codes()) {

@@ -120,7 +120,7 @@ TEST(Config, keys_are_added_listed_and_revoked_in_a_data_directory) {
   EXPECT_EQ(add.tenant, "lab");
   EXPECT_EQ(add.data_dir, "/state/elsewhere");
   EXPECT_FALSE(add.is_admin);
-  EXPECT_EQ(add.weight, 1);
+  EXPECT_FALSE(add.weight);  // stays what the tenant has
   EXPECT_EQ(add.expires, "");
   const auto all = std::get<KeysCommand>(parse(
       {"keys", "add", "boss", "--admin", "--expires", "30d", "--weight", "5", "--data", "/d"}));

@@ -120,7 +120,7 @@ TEST_F(DrainTest, a_stream_is_cut_at_the_end_of_the_grace) {
 TEST_F(DrainTest, an_upload_that_stands_still_is_cut_at_the_end_of_the_grace) {
   start();
   HttpClient client(port());
-  ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 10\r\n\r\nabc"));
+  ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 100000\r\n\r\nabc"));
   ASSERT_TRUE(comes_true([&] { return front_->state().requests_running == 1; }));
   EXPECT_LT(stop_seconds(0), 15) << "less than a body may stand still";
   EXPECT_EQ(observed(1)[0].status, 400);

@@ -188,13 +188,17 @@ TEST(HeadParser, the_largest_length_is_a_number_and_chunked_is_known_in_any_case
   EXPECT_FALSE(parse_head(with_lines("Content-Length: 0\r\n"))->has_body());
 }
 
-TEST(HeadParser, a_content_encoding_is_an_unsupported_media_type) {
-  const auto head = parse_head(with_lines("Content-Encoding: gzip\r\n"));
+TEST(HeadParser, a_content_encoding_is_one_that_is_decoded_or_an_unsupported_media_type) {
+  const auto head = parse_head(with_lines("Content-Encoding: br\r\n"));
   ASSERT_FALSE(head);
   EXPECT_EQ(head.error().code, ErrorCode::kUnsupportedMedia);
-  EXPECT_EQ(head.error().message(),
-            "Content-Encoding of the request: expected identity, got \"gzip\"");
-  EXPECT_TRUE(parse_head(with_lines("Content-Encoding: identity\r\n")));
+  EXPECT_EQ(
+      head.error().message(),
+      "Content-Encoding of the request: expected gzip or zstd, once, or identity, got \"br\"");
+  EXPECT_EQ(parse_head(with_lines(""))->coding, ContentCoding::kNone);
+  EXPECT_EQ(parse_head(with_lines("Content-Encoding: identity\r\n"))->coding, ContentCoding::kNone);
+  EXPECT_EQ(parse_head(with_lines("Content-Encoding: gzip\r\n"))->coding, ContentCoding::kGzip);
+  EXPECT_EQ(parse_head(with_lines("Content-Encoding: zstd\r\n"))->coding, ContentCoding::kZstd);
 }
 
 TEST(HeadParser, a_hundred_header_lines_are_taken_and_one_more_is_refused) {
@@ -237,6 +241,13 @@ TEST(HeadParser, paths_and_queries_are_percent_decoded) {
   EXPECT_EQ(
       parse_head(target_of("/?a+b=c%2Bd&e=%2f&&f&g=&h=i=j&a=2"))->query,
       (OptionPairs{{"a b", "c+d"}, {"e", "/"}, {"f", ""}, {"g", ""}, {"h", "i=j"}, {"a", "2"}}));
+}
+
+TEST(HeadParser, header_values_are_not_decoded) {
+  const auto head = parse_head(with_lines("X-Note: a%0d%0aInjected: 1\r\n"));
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->header("X-Note"), "a%0d%0aInjected: 1");
+  EXPECT_EQ(head->header("Injected"), "");
 }
 
 TEST(HeadParser, broken_percent_encoding_is_refused) {

@@ -38,6 +38,9 @@ class ServerTest : public ::testing::Test {
     JobServiceConfig jobs;
     jobs.data_dir = dir_.path() / "data";
     jobs.start_workers = false;
+    jobs.limits_of = [this](std::string_view tenant) {
+      return keys_ == nullptr ? TenantLimits{} : keys_->limits_of(tenant);
+    };
     auto service = start_job_service(jobs, registry_);
     ASSERT_TRUE(service) << service.error().message();
     jobs_ = *std::move(service);
@@ -45,7 +48,10 @@ class ServerTest : public ::testing::Test {
     auto keys = KeyRing::open(dir_.path() / "data");
     ASSERT_TRUE(keys) << keys.error().message();
     keys_ = *std::move(keys);
-    auto server = start_server(config, *jobs_, *keys_, registry_);
+    auto secrets = UrlSecrets::open(dir_.path() / "data");
+    ASSERT_TRUE(secrets) << secrets.error().message();
+    secrets_ = *std::move(secrets);
+    auto server = start_server(config, *jobs_, *keys_, *secrets_, registry_);
     ASSERT_TRUE(server) << server.error().message();
     server_ = *std::move(server);
   }
@@ -99,6 +105,7 @@ class ServerTest : public ::testing::Test {
   std::shared_ptr<prometheus::Registry> registry_;
   std::unique_ptr<JobService> jobs_;
   std::unique_ptr<KeyRing> keys_;
+  std::unique_ptr<UrlSecrets> secrets_;
   std::unique_ptr<Server> server_;
 };
 

@@ -45,7 +45,7 @@ class JobStoreTest : public ::testing::Test {
   std::string put_asset(const std::string& text, const std::string& filename = "bunny.ply") {
     const std::string id = put_blob(text);
     EXPECT_TRUE(
-        assets_->put(Caller::open(), {id, static_cast<int64_t>(text.size())}, filename, ""));
+        assets_->put(Caller::open(), {id, static_cast<int64_t>(text.size())}, filename, "", 0));
     return id;
   }
   JobRequest request(const std::string& asset) {
@@ -54,7 +54,7 @@ class JobStoreTest : public ::testing::Test {
     return request;
   }
   JobRecord submit(const JobRequest& request, const SubmitOptions& options = {}) {
-    auto submitted = store_->submit(Caller::open(), request, options, kQueueMax);
+    auto submitted = store_->submit(Caller::open(), request, options, {kQueueMax, 0});
     EXPECT_TRUE(submitted) << submitted.error().message();
     return submitted->record;
   }
@@ -260,13 +260,15 @@ TEST_F(JobStoreTest, unknown_jobs_assets_and_grids_are_not_found) {
   EXPECT_EQ(store_->get(Caller::open(), "j-nothing").error().code, ErrorCode::kNotFound);
   EXPECT_EQ(store_->cancel(Caller::open(), "j-nothing").error().detail, "no such job");
   EXPECT_EQ(store_->events(Caller::open(), "j-nothing", 0).error().code, ErrorCode::kNotFound);
-  const auto no_asset = store_->submit(Caller::open(), request(sha256_id("never")), {}, kQueueMax);
+  const auto no_asset =
+      store_->submit(Caller::open(), request(sha256_id("never")), {}, {kQueueMax, 0});
   EXPECT_EQ(no_asset.error().code, ErrorCode::kNotFound);
   EXPECT_EQ(no_asset.error().detail, "no such asset");
   JobRequest render;
   render.kind = JobKind::kRender;
   render.grid = put_asset("an asset is not a grid");
-  EXPECT_EQ(store_->submit(Caller::open(), render, {}, kQueueMax).error().detail, "no such grid");
+  EXPECT_EQ(store_->submit(Caller::open(), render, {}, {kQueueMax, 0}).error().detail,
+            "no such grid");
 }
 
 TEST_F(JobStoreTest, a_finished_grid_can_be_rendered) {
@@ -281,8 +283,10 @@ TEST_F(JobStoreTest, a_finished_grid_can_be_rendered) {
 
 TEST_F(JobStoreTest, a_full_queue_refuses_with_the_limit) {
   const std::string asset = put_asset("mesh");
-  for (int i = 0; i < 3; ++i) ASSERT_TRUE(store_->submit(Caller::open(), request(asset), {}, 3));
-  const auto refused = store_->submit(Caller::open(), request(asset), {}, 3);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(store_->submit(Caller::open(), request(asset), {}, {3, 0}));
+  }
+  const auto refused = store_->submit(Caller::open(), request(asset), {}, {3, 0});
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kQueueFull);
   EXPECT_EQ(refused.error().message(),
@@ -327,15 +331,15 @@ TEST_F(JobStoreTest, an_idempotency_key_gives_the_same_job_and_refuses_another_r
   SubmitOptions options;
   options.idempotency_key = "key-1";
   JobRequest first = request(put_asset("mesh"));
-  const auto one = store_->submit(Caller::open(), first, options, kQueueMax);
+  const auto one = store_->submit(Caller::open(), first, options, {kQueueMax, 0});
   open();
-  const auto two = store_->submit(Caller::open(), first, options, kQueueMax);
+  const auto two = store_->submit(Caller::open(), first, options, {kQueueMax, 0});
   ASSERT_TRUE(one && two);
   EXPECT_FALSE(one->existed);
   EXPECT_TRUE(two->existed);
   EXPECT_EQ(one->record.status.id, two->record.status.id);
   first.options.voxelize.placement.size = 64;
-  const auto other = store_->submit(Caller::open(), first, options, kQueueMax);
+  const auto other = store_->submit(Caller::open(), first, options, {kQueueMax, 0});
   ASSERT_FALSE(other);
   EXPECT_EQ(other.error().code, ErrorCode::kIdempotencyMismatch);
   EXPECT_EQ(other.error().detail, "this Idempotency-Key was used for another request");
@@ -405,7 +409,7 @@ TEST_F(JobStoreTest, a_deleted_asset_is_gone_and_comes_back_with_an_upload) {
   ASSERT_TRUE(assets_->mark_deleted(Caller::open(), id));
   EXPECT_EQ(assets_->get(Caller::open(), id).error().code, ErrorCode::kGone);
   EXPECT_EQ(assets_->mark_deleted(Caller::open(), id).error().code, ErrorCode::kGone);
-  EXPECT_EQ(store_->submit(Caller::open(), request(id), {}, kQueueMax).error().code,
+  EXPECT_EQ(store_->submit(Caller::open(), request(id), {}, {kQueueMax, 0}).error().code,
             ErrorCode::kGone);
   EXPECT_TRUE(assets_->list(Caller::open(), 10).value().empty());
   EXPECT_EQ(assets_->remove_unneeded().value(), 1);
@@ -418,7 +422,7 @@ TEST_F(JobStoreTest, a_deleted_asset_is_gone_and_comes_back_with_an_upload) {
 TEST_F(JobStoreTest, an_asset_whose_blob_went_away_during_the_upload_must_be_sent_again) {
   const std::string id = put_blob("mesh");
   ASSERT_TRUE(blobs_->remove(id));
-  const auto refused = assets_->put(Caller::open(), {id, 4}, "a.ply", "");
+  const auto refused = assets_->put(Caller::open(), {id, 4}, "a.ply", "", 0);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kConflict);
 }
@@ -446,18 +450,18 @@ TEST_F(JobStoreTest, frames_of_an_earlier_claim_are_void) {
   const std::string id = submit(moving).status.id;
   const JobRecord first = claim();
   const TaskFrame frame{id, first.fence, 0, 0.125, "", 7, "sha256-c"};
-  const auto listed = frames.add(frame, "sha256-1", 9);
+  const auto listed = frames.add(frame, {"sha256-1", 1}, 9, 0);
   ASSERT_TRUE(listed && *listed) << listed.error().message();
   EXPECT_EQ(**listed, 1);
   ASSERT_TRUE(store_->lose_worker(id, first.fence, "gone", true, 0));
-  ASSERT_TRUE(frames.add(frame, "sha256-2", 9));
-  EXPECT_FALSE(*frames.add(frame, "sha256-2", 9));  // queued: nobody owns it
+  ASSERT_TRUE(frames.add(frame, {"sha256-2", 1}, 9, 0));
+  EXPECT_FALSE(*frames.add(frame, {"sha256-2", 1}, 9, 0));  // queued: nobody owns it
   const JobRecord second = claim();
-  EXPECT_FALSE(*frames.add(frame, "sha256-2", 9));
+  EXPECT_FALSE(*frames.add(frame, {"sha256-2", 1}, 9, 0));
   EXPECT_EQ(frames.of_job(id)->at(0).frame.grid, "sha256-1");
   TaskFrame again = frame;
   again.fence = second.fence;
-  EXPECT_EQ(**frames.add(again, "sha256-3", 9), 1);
+  EXPECT_EQ(**frames.add(again, {"sha256-3", 1}, 9, 0), 1);
   const auto now = frames.of_job(id);
   ASSERT_EQ(now->size(), 1u);
   EXPECT_EQ(now->at(0).frame.grid, "sha256-3");

@@ -15,6 +15,9 @@ namespace voxeld {
 namespace {
 
 constexpr const char* kHead =
+    "# voxeld keys 2: id tenant hash created_ms expires_ms revoked_ms weight role"
+    " requests_per_minute queued_jobs bytes cells\n";
+constexpr const char* kHead1 =
     "# voxeld keys 1: id tenant hash created_ms expires_ms revoked_ms weight role\n";
 
 class KeyFileTest : public ::testing::Test {
@@ -37,7 +40,7 @@ class KeyFileTest : public ::testing::Test {
     return head;
   }
   static std::string line(const std::string& id) {
-    return id + " lab " + sha256_id("secret of " + id) + " 0 0 0 1 tenant\n";
+    return id + " lab " + sha256_id("secret of " + id) + " 0 0 0 1 tenant 0 0 0 0\n";
   }
   testing::TemporaryDir dir_;
 };
@@ -49,9 +52,10 @@ TEST_F(KeyFileTest, a_list_is_read_as_it_was_written) {
   one.revoked_ms = 3;
   one.weight = kKeyWeightMax;
   one.is_admin = true;
+  one.limits = {60, 5, 1000, 7};
   const std::string text = keys_text({one, two});
-  EXPECT_EQ(text, std::string(kHead) + "abcdefgh lab " + one.secret_hash + " 1 2 3 1000 admin\n" +
-                      line("234567zz"));
+  EXPECT_EQ(text, std::string(kHead) + "abcdefgh lab " + one.secret_hash +
+                      " 1 2 3 1000 admin 60 5 1000 7\n" + line("234567zz"));
   const auto keys = parse_keys(text, "keys");
   ASSERT_TRUE(keys) << keys.error().message();
   ASSERT_EQ(keys->size(), 2u);
@@ -59,6 +63,27 @@ TEST_F(KeyFileTest, a_list_is_read_as_it_was_written) {
   EXPECT_TRUE((*keys)[0].is_admin);
   EXPECT_FALSE((*keys)[1].is_admin);
   EXPECT_EQ((*keys)[0].expires_ms, 2);
+}
+
+TEST_F(KeyFileTest, a_file_without_limits_is_read_and_written_with_them) {
+  const std::string old =
+      std::string(kHead1) + "abcdefgh lab " + sha256_id("secret of abcdefgh") + " 0 0 0 1 tenant\n";
+  const auto keys = parse_keys(old, "keys");
+  ASSERT_TRUE(keys) << keys.error().message();
+  EXPECT_EQ(keys->at(0).limits, TenantLimits{});
+  EXPECT_EQ(keys_text(*keys), std::string(kHead) + line("abcdefgh"));
+  EXPECT_FALSE(parse_keys(std::string(kHead1) + line("abcdefgh"), "keys"));
+}
+
+TEST_F(KeyFileTest, limits_and_weight_are_those_of_the_newest_live_key) {
+  ApiKey old = key("abcdefgh"), now = key("bbcdefgh"), revoked = key("cbcdefgh");
+  old.created_ms = 1;
+  now.created_ms = 2;
+  revoked.created_ms = 3;
+  revoked.revoked_ms = 4;
+  const KeyList keys = {now, old, revoked};
+  EXPECT_EQ(newest_live_key(keys, "lab", 10)->id, now.id);
+  EXPECT_EQ(newest_live_key(keys, "other", 10), nullptr);
 }
 
 TEST_F(KeyFileTest, no_file_is_no_list_and_a_head_alone_is_an_empty_one) {
@@ -75,23 +100,25 @@ TEST_F(KeyFileTest, errors_name_the_line_and_what_it_should_be) {
       {kHead + line("abcdefgh") + "abc",
        "keys line 3: it ends here: expected a line feed, got \"abc\""},
       {std::string(kHead) + "\n",
-       "keys line 2: fields: expected 8 between single spaces, got \"\""},
+       "keys line 2: fields: expected 12 between single spaces, got \"\""},
       {std::string(kHead) + "a b c\n",
-       "keys line 2: fields: expected 8 between single spaces, got \"a b c\""},
-      {std::string(kHead) + "abcdefg1 lab " + hash + " 0 0 0 1 tenant\n",
+       "keys line 2: fields: expected 12 between single spaces, got \"a b c\""},
+      {std::string(kHead) + "abcdefg1 lab " + hash + " 0 0 0 1 tenant 0 0 0 0\n",
        "keys line 2: id: expected 8 of a-z and 2-7, got \"abcdefg1\""},
-      {std::string(kHead) + "abcdefgh Lab " + hash + " 0 0 0 1 tenant\n",
+      {std::string(kHead) + "abcdefgh Lab " + hash + " 0 0 0 1 tenant 0 0 0 0\n",
        "keys line 2: tenant: expected a tenant's name, got \"Lab\""},
-      {std::string(kHead) + "abcdefgh lab sha256-0 0 0 0 1 tenant\n",
+      {std::string(kHead) + "abcdefgh lab sha256-0 0 0 0 1 tenant 0 0 0 0\n",
        "keys line 2: hash: expected sha256- and 64 hex digits, got \"sha256-0\""},
-      {std::string(kHead) + "abcdefgh lab " + hash + " 0 -1 0 1 tenant\n",
+      {std::string(kHead) + "abcdefgh lab " + hash + " 0 -1 0 1 tenant 0 0 0 0\n",
        "keys line 2: expires_ms: expected 0 to 9007199254740992, got \"-1\""},
-      {std::string(kHead) + "abcdefgh lab " + hash + " 0 0 0 0 tenant\n",
+      {std::string(kHead) + "abcdefgh lab " + hash + " 0 0 0 0 tenant 0 0 0 0\n",
        "keys line 2: weight: expected 1 to 1000, got \"0\""},
-      {std::string(kHead) + "abcdefgh lab " + hash + " 0 0 0 1 root\n",
+      {std::string(kHead) + "abcdefgh lab " + hash + " 0 0 0 1 root 0 0 0 0\n",
        "keys line 2: role: expected tenant or admin, got \"root\""},
-      {std::string(kHead) + "abcdefgh lab " + hash + " 0 0 0 1 admin x\n",
-       "keys line 2: role: expected tenant or admin, got \"admin x\""},
+      {std::string(kHead) + "abcdefgh lab " + hash + " 0 0 0 1 admin 0 0 0 0 x\n",
+       "keys line 2: cells: expected 0 to 9007199254740992, got \"0 x\""},
+      {std::string(kHead) + "abcdefgh lab " + hash + " 0 0 0 1 tenant -1 0 0 0\n",
+       "keys line 2: requests_per_minute: expected 0 to 60000000, got \"-1\""},
       {kHead + line("abcdefgh") + line("abcdefgh"),
        "keys line 3: id: expected one that no line before has, got \"abcdefgh\""}};
   for (const auto& [text, message] : cases) {

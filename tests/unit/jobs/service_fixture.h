@@ -25,6 +25,7 @@ class ServiceTest : public ::testing::Test {
     JobServiceConfig config;
     config.data_dir = dir_.path() / "data";
     config.start_workers = false;
+    config.limits_of = [this](std::string_view) { return limits_; };
     auto service = start_job_service(config, nullptr);
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
@@ -59,6 +60,7 @@ class ServiceTest : public ::testing::Test {
   }
 
   TemporaryDir dir_;
+  TenantLimits limits_;  // of every tenant
   std::unique_ptr<JobService> service_;
 };
 

@@ -1,0 +1,12 @@
+// HMAC-SHA256 (RFC 2104).
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace voxeld {
+
+// 64 lower-case hex digits.
+std::string hmac_sha256(std::string_view key, std::string_view text);
+
+}  // namespace voxeld

@@ -1,0 +1,59 @@
+#include "server/http/client_table.h"
+
+namespace voxeld::http {
+
+Client& ClientTable::add(UniqueFd fd, std::string address, bool is_counted) {
+  const int raw = fd.get();
+  auto client = std::make_unique<Client>(std::move(fd), std::move(address));
+  Client& added = *client;
+  added.is_counted = is_counted;
+  if (is_counted) ++by_address_[added.connection.peer()];
+  auto& list = lists_[index(added.state)];
+  added.place = list.insert(list.end(), &added);
+  by_fd_[raw] = std::move(client);
+  return added;
+}
+
+Client* ClientTable::find(int fd) {
+  const auto it = by_fd_.find(fd);
+  return it == by_fd_.end() ? nullptr : it->second.get();
+}
+
+std::unique_ptr<Client> ClientTable::remove(Client& client) {
+  lists_[index(client.state)].erase(client.place);
+  if (client.is_counted) {
+    const auto counted = by_address_.find(client.connection.peer());
+    if (--counted->second == 0) by_address_.erase(counted);
+  }
+  const auto it = by_fd_.find(client.connection.fd());
+  std::unique_ptr<Client> removed = std::move(it->second);
+  by_fd_.erase(it);
+  return removed;
+}
+
+void ClientTable::set_state(Client& client, Client::State state) {
+  auto& to = lists_[index(state)];
+  to.splice(to.end(), lists_[index(client.state)], client.place);
+  client.state = state;
+  client.since = Clock::now();
+}
+
+int ClientTable::count_of(const std::string& address) const {
+  const auto it = by_address_.find(address);
+  return it == by_address_.end() ? 0 : it->second;
+}
+
+Client* ClientTable::longest(Client::State state) const {
+  const auto& list = lists_[index(state)];
+  return list.empty() ? nullptr : list.front();
+}
+
+Client* ClientTable::late(Client::State state, double seconds, Clock::time_point now) const {
+  Client* client = longest(state);
+  if (client == nullptr || std::chrono::duration<double>(now - client->since).count() <= seconds) {
+    return nullptr;
+  }
+  return client;
+}
+
+}  // namespace voxeld::http

@@ -1,0 +1,78 @@
+// The connections of a front, what each of them waits for, and who has waited too long.
+#pragma once
+
+#include <array>
+#include <list>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <utility>
+
+#include "server/http/connection.h"
+#include "server/http/exchange.h"
+#include "server/http/front.h"
+
+namespace voxeld::http {
+
+struct Client {
+  // idle ─> head ─> body ─> queued ─> running ─> idle | sending | lingering | gone
+  //                           └──────────────────────── sending
+  enum class State {
+    kIdle,       // for the first byte of a request
+    kHead,       // for the rest of its head
+    kBody,       // for the rest of a small body
+    kQueued,     // for a thread
+    kRunning,    // a thread has it
+    kSending,    // for its client to take more of an answer
+    kLingering,  // for its client to close, after an answer that ends the connection
+  };
+  static constexpr size_t kStates = 7;
+
+  explicit Client(UniqueFd fd, std::string address)
+      : connection(std::move(fd), std::move(address)) {}
+
+  Connection connection;
+  bool is_counted = false;  // by address
+  State state = State::kIdle;
+  Clock::time_point since = Clock::now();  // of the state
+  std::list<Client*>::iterator place;      // among those of its state
+
+  // --- of the request; whoever has the client by its state uses them
+  std::optional<Result<Head>> head;  // once it is whole
+  size_t head_scanned = 0;           // bytes of the buffer without an empty line
+  Clock::time_point started;         // its head was whole
+  std::unique_ptr<Output> output;    // its answer
+  ExchangeRecord record;
+  bool keep = false;
+  int64_t lingered_bytes = 0;
+};
+
+// Not thread-safe. Everything is O(1), but for taking those who are late, which is O(of them).
+class ClientTable {
+ public:
+  // Takes it in as idle. `is_counted`: against count_of() its address.
+  Client& add(UniqueFd fd, std::string address, bool is_counted);
+  Client* find(int fd);
+  // The socket closes when the caller lets go of it.
+  std::unique_ptr<Client> remove(Client& client);
+  // `since` now, and to the end of those of that state.
+  void set_state(Client& client, Client::State state);
+
+  size_t size() const { return by_fd_.size(); }
+  size_t count(Client::State state) const { return lists_[index(state)].size(); }
+  int count_of(const std::string& address) const;
+  // Who has been in that state for longest; null where nobody is.
+  Client* longest(Client::State state) const;
+  // The same, if it has been for more than `seconds`.
+  Client* late(Client::State state, double seconds, Clock::time_point now) const;
+
+ private:
+  static size_t index(Client::State state) { return static_cast<size_t>(state); }
+  std::unordered_map<int, std::unique_ptr<Client>> by_fd_;
+  std::map<std::string, int, std::less<>> by_address_;
+  std::array<std::list<Client*>, Client::kStates> lists_;
+};
+
+}  // namespace voxeld::http

@@ -1,0 +1,77 @@
+#include "server/http/client_table.h"
+
+#include <gtest/gtest.h>
+#include <sys/eventfd.h>
+
+#include "server/http/answer_request.h"
+#include "server/http/head_parser.h"
+
+namespace voxeld::http {
+namespace {
+
+UniqueFd some_fd() {
+  return UniqueFd(::eventfd(0, EFD_CLOEXEC));
+}
+
+TEST(ClientTable, who_waits_for_longest_comes_first) {
+  ClientTable table;
+  Client& first = table.add(some_fd(), "10.0.0.1", true);
+  Client& second = table.add(some_fd(), "10.0.0.1", true);
+  EXPECT_EQ(table.longest(Client::State::kIdle), &first);
+  table.set_state(first, Client::State::kHead);
+  EXPECT_EQ(table.longest(Client::State::kIdle), &second);
+  table.set_state(first, Client::State::kIdle);
+  EXPECT_EQ(table.longest(Client::State::kIdle), &second) << "the first one began anew";
+  EXPECT_EQ(table.count(Client::State::kIdle), 2u);
+  EXPECT_EQ(table.longest(Client::State::kHead), nullptr);
+}
+
+TEST(ClientTable, late_is_who_has_been_there_for_longer_than_that) {
+  ClientTable table;
+  Client& client = table.add(some_fd(), "10.0.0.1", true);
+  const auto now = client.since;
+  EXPECT_EQ(table.late(Client::State::kIdle, 5, now + std::chrono::seconds(5)), nullptr);
+  EXPECT_EQ(table.late(Client::State::kIdle, 5, now + std::chrono::seconds(6)), &client);
+}
+
+TEST(ClientTable, addresses_are_counted_while_their_connections_are_there) {
+  ClientTable table;
+  Client& first = table.add(some_fd(), "10.0.0.1", true);
+  const int fd = first.connection.fd();
+  table.add(some_fd(), "10.0.0.1", true);
+  table.add(some_fd(), "10.0.0.1", false);
+  EXPECT_EQ(table.count_of("10.0.0.1"), 2);
+  EXPECT_EQ(table.count_of("10.0.0.2"), 0);
+  EXPECT_EQ(table.find(fd), &first);
+  table.remove(first);
+  EXPECT_EQ(table.find(fd), nullptr);
+  EXPECT_EQ(table.count_of("10.0.0.1"), 1);
+  EXPECT_EQ(table.size(), 2u);
+}
+
+// The address that is told of a request with these lines, from 10.0.0.9.
+std::string address_of(const std::string& lines, const std::vector<std::string>& trusted) {
+  Head head = parse_head("GET / HTTP/1.1\r\nHost: h\r\n" + lines + "\r\n").value();
+  const std::string address = take_client_address(head, "10.0.0.9", trusted);
+  EXPECT_EQ(head.headers.size(), 1u) << "nothing of what was forwarded is left";
+  return address;
+}
+
+TEST(ClientAddress, is_the_peers_whatever_strangers_say) {
+  EXPECT_EQ(address_of(
+                "X-Forwarded-For: 6.6.6.6\r\nX-Real-IP: 6.6.6.6\r\nForwarded: for=6.6.6.6\r\n", {}),
+            "10.0.0.9");
+  EXPECT_EQ(address_of("X-Forwarded-For: 6.6.6.6\r\n", {"10.0.0.8"}), "10.0.0.9");
+}
+
+TEST(ClientAddress, is_the_last_one_that_no_trusted_proxy_has) {
+  const std::vector<std::string> trusted = {"10.0.0.9", "10.0.0.8"};
+  EXPECT_EQ(address_of("", trusted), "10.0.0.9");
+  EXPECT_EQ(address_of("X-Forwarded-For: 6.6.6.6, 7.7.7.7\r\n", trusted), "7.7.7.7");
+  EXPECT_EQ(address_of("X-Forwarded-For: 6.6.6.6, 7.7.7.7, 10.0.0.8\r\n", trusted), "7.7.7.7");
+  EXPECT_EQ(address_of("X-Forwarded-For: 6.6.6.6\r\nX-Forwarded-For: ::1\r\n", trusted), "::1");
+  EXPECT_EQ(address_of("X-Forwarded-For: 6.6.6.6, somewhere else\r\n", trusted), "10.0.0.9");
+}
+
+}  // namespace
+}  // namespace voxeld::http

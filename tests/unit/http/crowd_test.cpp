@@ -1,0 +1,173 @@
+// Many clients and few threads: who waits holds none.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/unit/http/front_fixture.h"
+
+namespace voxeld::http {
+namespace {
+
+constexpr size_t kLargeBytes = size_t{64} << 20;  // more than the buffers of both sockets hold
+
+class CrowdTest : public FrontTest {
+ protected:
+  CrowdTest() {
+    router_.add("GET", "/large",
+                [](Request&) { return Response::text(200, std::string(kLargeBytes, 'x')); });
+  }
+  void start_with(FrontConfig config) {
+    config.listen = "127.0.0.1:0";
+    auto front = start_front(
+        config,
+        [this](Request& request) {
+          std::string route;
+          return router_.dispatch(request, &route);
+        },
+        [this](const ExchangeRecord& record) {
+          const std::lock_guard lock(observed_mutex_);
+          observed_.push_back({record.head->method, record.head->path, record.request_id,
+                               record.peer, record.status, record.bytes_in, record.bytes_out});
+        });
+    ASSERT_TRUE(front) << front.error().message();
+    front_ = *std::move(front);
+  }
+};
+
+TEST_F(CrowdTest, idle_and_slow_connections_hold_no_thread) {
+  start(/*threads=*/1);
+  std::vector<HttpClient> clients;
+  for (int i = 0; i < 150; ++i) {
+    clients.emplace_back(port());
+    const std::string beginnings[] = {
+        "", "GET /hello HTTP/1.1\r\nHos",
+        "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 9\r\n\r\nab"};
+    ASSERT_TRUE(clients.back().send(beginnings[i % 3]));
+  }
+  ASSERT_TRUE(comes_true([&] { return front_->state().connections == 150; }));
+  EXPECT_EQ(get("/hello").body, "hello");
+  ASSERT_TRUE(clients[2].send("cdefghi"));
+  EXPECT_EQ(clients[2].receive().value_or(HttpAnswer{}).body, "abcdefghi");
+}
+
+TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
+  start(/*threads=*/1);
+  HttpClient slow(port());
+  ASSERT_TRUE(slow.send_get("/large"));
+  ASSERT_TRUE(comes_true([&] { return front_->state().requests_running == 0; }));
+  EXPECT_EQ(get("/hello").body, "hello");
+  const auto answer = slow.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->body.size(), kLargeBytes);
+  ASSERT_TRUE(slow.send_get("/hello"));
+  EXPECT_EQ(slow.receive().value_or(HttpAnswer{}).body, "hello");
+  const auto seen = observed(3);
+  EXPECT_EQ(seen[1].path, "/large");
+  EXPECT_EQ(seen[1].bytes_out, static_cast<int64_t>(kLargeBytes));
+}
+
+TEST_F(CrowdTest, large_bodies_leave_a_thread_to_others) {
+  start(/*threads=*/2);
+  std::vector<HttpClient> clients;
+  for (int i = 0; i < 4; ++i) {
+    clients.emplace_back(port());
+    ASSERT_TRUE(clients.back().send(
+        "POST /echo HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n1\r\na\r\n"));
+  }
+  ASSERT_TRUE(comes_true([&] { return front_->state().requests_running == 1; }));
+  EXPECT_EQ(get("/hello").body, "hello");
+  for (HttpClient& client : clients) {
+    ASSERT_TRUE(client.send("0\r\n\r\n"));
+    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "a");
+  }
+}
+
+TEST_F(CrowdTest, what_may_wait_leaves_a_thread_to_others) {
+  router_.add("GET", "/wait", [](Request& request) {
+    EXPECT_TRUE(comes_true(request.client_gone));
+    return Response::text(200, "");
+  });
+  FrontConfig config;
+  config.threads = 2;
+  config.may_wait = [](const Head& head) { return head.path == "/wait"; };
+  start_with(config);
+  std::vector<HttpClient> clients;
+  for (int i = 0; i < 3; ++i) {
+    clients.emplace_back(port());
+    ASSERT_TRUE(clients.back().send_get("/wait"));
+  }
+  ASSERT_TRUE(comes_true([&] { return front_->state().requests_running == 1; }));
+  EXPECT_EQ(get("/hello").body, "hello");
+}
+
+TEST_F(CrowdTest, who_has_been_idle_for_longest_gives_way_when_all_places_are_taken) {
+  start(2, /*connections_max=*/2);
+  HttpClient first(port());
+  ASSERT_TRUE(first.send_get("/hello") && first.receive());
+  HttpClient second(port());
+  ASSERT_TRUE(second.send_get("/hello") && second.receive());
+  // Nobody has been idle for long enough yet, and then somebody has.
+  ASSERT_TRUE(comes_true([&] {
+    HttpClient third(port());
+    return third.send_get("/hello") && third.receive().has_value();
+  }));
+  EXPECT_EQ(first.receive_to_end(), "");
+  ASSERT_TRUE(second.send_get("/hello"));
+  EXPECT_TRUE(second.receive());
+}
+
+TEST_F(CrowdTest, loopback_and_trusted_proxies_have_no_cap_by_address) {
+  FrontConfig config;
+  config.connections_per_address = 1;
+  start_with(config);
+  HttpClient first(port()), second(port());
+  ASSERT_TRUE(first.send_get("/hello") && second.send_get("/hello"));
+  EXPECT_TRUE(first.receive() && second.receive());
+}
+
+TEST_F(CrowdTest, what_clients_say_of_their_address_is_believed_of_trusted_proxies_alone) {
+  router_.add("GET", "/headers", [](Request& request) {
+    std::string names;
+    for (const auto& [name, value] : request.head.headers) names += name + " ";
+    return Response::text(200, names);
+  });
+  const std::string lines =
+      "X-Forwarded-For: 6.6.6.6\r\nX-Real-IP: 6.6.6.6\r\nForwarded: for=6.6.6.6\r\n";
+  start();
+  EXPECT_EQ(get("/headers", lines).body, "Host ");
+  EXPECT_EQ(observed(1)[0].peer, "127.0.0.1");
+  front_->stop(0);
+  FrontConfig config;
+  config.trusted_proxies = {"127.0.0.1"};
+  start_with(config);
+  EXPECT_EQ(get("/headers", lines).body, "Host ");
+  EXPECT_EQ(observed(2)[1].peer, "6.6.6.6");
+}
+
+TEST_F(CrowdTest, a_path_of_8_kilobytes_is_looked_up_like_any_other) {
+  start();
+  EXPECT_EQ(get("/" + std::string(8000, 'a')).status, 404);
+  std::string deep;
+  for (int i = 0; i < 4000; ++i) deep += "/a";
+  EXPECT_EQ(get(deep).status, 404);
+}
+
+TEST_F(CrowdTest, a_download_that_runs_is_sent_to_its_end_when_the_front_stops) {
+  start(/*threads=*/1);
+  HttpClient client(port());
+  ASSERT_TRUE(client.send_get("/large"));
+  const auto head = client.receive_head();
+  ASSERT_TRUE(head);
+  std::thread stopper([&] { front_->stop(kPatienceSeconds); });
+  size_t bytes = 0;
+  for (std::string some = client.receive_some(); !some.empty(); some = client.receive_some()) {
+    bytes += some.size();
+  }
+  stopper.join();
+  EXPECT_EQ(bytes, kLargeBytes);
+}
+
+}  // namespace
+}  // namespace voxeld::http

@@ -1,0 +1,193 @@
+// What tenants may have: counted to the byte, whatever adds or removes it.
+#include "server/jobs/quota.h"
+
+#include <string>
+
+#include "server/base/sha256.h"
+#include "server/jobs/asset_store.h"
+#include "server/jobs/database.h"
+#include "server/jobs/schema.h"
+#include "tests/unit/jobs/service_fixture.h"
+
+namespace voxeld {
+namespace {
+
+using testing::FakeWorker;
+
+class QuotaTest : public testing::ServiceTest {
+ protected:
+  Result<Asset> put(const Caller& caller, const std::string& text) {
+    return service_->put_asset(caller, put_blob(text), "a.ply", "");
+  }
+  int64_t used(const Caller& caller) { return service_->usage(caller).value().bytes; }
+  // A job of the caller that a worker ends with `result` as result and grid.
+  JobStatus finish(const Caller& caller, const std::string& result, int size = 64) {
+    JobRequest request;
+    request.asset = put(caller, "mesh").value().id;
+    request.options.voxelize.placement.size = size;
+    const auto submitted = service_->submit(caller, request, {});
+    EXPECT_TRUE(submitted) << submitted.error().message();
+    FakeWorker worker = connect();
+    const auto task = worker.claim();
+    EXPECT_TRUE(task && worker.complete(*task, result));
+    return service_->wait_end(caller, submitted->id, Clock::now() + std::chrono::seconds(20), {})
+        .value();
+  }
+  bool is_stored(const std::string& text) { return blobs().stat(sha256_id(text)).ok(); }
+
+  const Caller lab_ = Caller::tenant("lab", false);
+  const Caller studio_ = Caller::tenant("studio", false);
+};
+
+TEST_F(QuotaTest, each_blob_of_a_tenant_counts_once_and_for_each_tenant) {
+  EXPECT_EQ(used(lab_), 0);
+  const std::string id = put(lab_, "12345").value().id;
+  ASSERT_TRUE(put(lab_, "12345"));
+  EXPECT_EQ(used(lab_), 5);
+  ASSERT_TRUE(put(studio_, "12345"));
+  EXPECT_EQ(used(studio_), 5);
+  ASSERT_TRUE(service_->delete_asset(lab_, id));
+  EXPECT_EQ(used(lab_), 0);
+  EXPECT_EQ(used(studio_), 5);
+  ASSERT_TRUE(put(lab_, "12345"));  // brought back
+  EXPECT_EQ(used(lab_), 5);
+}
+
+TEST_F(QuotaTest, results_count_too) {
+  finish(lab_, "0123456789");  // one file in two roles, beside "mesh"
+  EXPECT_EQ(used(lab_), 14);
+  finish(lab_, "0123456789", 32);
+  EXPECT_EQ(used(lab_), 14);
+  finish(lab_, "other", 16);
+  EXPECT_EQ(used(lab_), 19);
+}
+
+TEST_F(QuotaTest, frames_of_a_running_job_count_and_what_does_not_fit_ends_it) {
+  limits_.bytes = 20;
+  JobRequest moving;
+  moving.asset = put(lab_, "mesh").value().id;
+  moving.options.animation.animation = "0";
+  const std::string id = service_->submit(lab_, moving, {}).value().id;
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  EXPECT_FALSE(worker.frame(*task, 0, "0123456789").fenced);
+  EXPECT_EQ(used(lab_), 14);
+  EXPECT_FALSE(worker.frame(*task, 1, "0123456789").fenced);  // the same grid
+  EXPECT_EQ(used(lab_), 14);
+  worker.frame(*task, 2, "seven77");
+  const auto status =
+      service_->wait_end(lab_, id, Clock::now() + std::chrono::seconds(20), {}).value();
+  ASSERT_TRUE(status.error);
+  EXPECT_EQ(status.error->code, ErrorCode::kQuotaExceeded);
+  EXPECT_EQ(used(lab_), 14);
+  EXPECT_FALSE(is_stored("seven77"));
+}
+
+TEST_F(QuotaTest, an_upload_that_does_not_fit_is_refused_with_the_numbers) {
+  limits_.bytes = 10;
+  ASSERT_TRUE(put(lab_, "1234567"));
+  EXPECT_EQ(service_->upload_room(lab_, 3).value(), 3);
+  const auto more = service_->upload_room(lab_, 4);
+  ASSERT_FALSE(more);
+  EXPECT_EQ(more.error().code, ErrorCode::kQuotaExceeded);
+  EXPECT_EQ(more.error().expected, "at most 10 bytes in all");
+  EXPECT_EQ(more.error().got, "4 beside 7 used");
+  EXPECT_EQ(service_->upload_room(lab_, 11).error().code, ErrorCode::kPayloadTooLarge);
+  EXPECT_EQ(service_->upload_room(studio_, 10).value(), 10);
+  // Whoever asked first: the row itself is refused.
+  EXPECT_EQ(put(lab_, "8901").error().code, ErrorCode::kQuotaExceeded);
+  EXPECT_TRUE(put(lab_, "1234567"));  // it is there already
+  EXPECT_TRUE(put(lab_, "890"));
+}
+
+TEST_F(QuotaTest, a_result_that_does_not_fit_fails_its_job_and_is_not_kept) {
+  limits_.bytes = 10;
+  const JobStatus status = finish(lab_, "1234567");
+  EXPECT_EQ(status.state, JobState::kFailed);
+  ASSERT_TRUE(status.error);
+  EXPECT_EQ(status.error->code, ErrorCode::kQuotaExceeded);
+  EXPECT_EQ(status.error->got, "7 beside 4 used");
+  EXPECT_EQ(used(lab_), 4);
+  EXPECT_FALSE(is_stored("1234567"));
+  limits_.bytes = 11;
+  EXPECT_EQ(finish(lab_, "1234567").state, JobState::kDone);
+}
+
+TEST_F(QuotaTest, what_another_has_is_kept_when_a_result_like_it_is_refused) {
+  finish(studio_, "1234567");
+  limits_.bytes = 10;
+  EXPECT_EQ(finish(lab_, "1234567").state, JobState::kFailed);
+  EXPECT_TRUE(is_stored("1234567"));
+}
+
+TEST_F(QuotaTest, so_many_jobs_of_a_tenant_may_wait) {
+  limits_.queued_jobs = 2;
+  JobRequest request;
+  const auto submit_for = [&](const Caller& caller) {
+    request.asset = put(caller, "mesh").value().id;
+    return service_->submit(caller, request, {});
+  };
+  ASSERT_TRUE(submit_for(lab_));
+  const std::string second = submit_for(lab_).value().id;
+  const auto third = submit_for(lab_);
+  ASSERT_FALSE(third);
+  EXPECT_EQ(third.error().code, ErrorCode::kTooManyRequests);
+  EXPECT_EQ(third.error().expected, "fewer than 2");
+  EXPECT_TRUE(submit_for(studio_));
+  EXPECT_EQ(service_->usage(lab_).value().queued_jobs, 2);
+  ASSERT_TRUE(service_->cancel(lab_, second));
+  EXPECT_TRUE(submit_for(lab_));
+}
+
+TEST_F(QuotaTest, the_worker_is_told_how_many_cells_a_job_may_have) {
+  limits_.cells = 1000;
+  JobRequest request;
+  request.asset = put(lab_, "mesh").value().id;
+  ASSERT_TRUE(service_->submit(lab_, request, {}));
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  EXPECT_EQ(task->cells_max, 1000);
+}
+
+TEST_F(QuotaTest, what_an_older_database_holds_is_measured_at_start) {
+  const BlobInfo grid = put_blob("a grid");
+  service_.reset();
+  const auto file = dir_.path() / "data/jobs.sqlite";
+  for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + end);
+  {
+    auto writer = SqlConnection::open(file, SqlConnection::Role::kWriter);
+    ASSERT_TRUE(writer && migrate_schema(*writer, 3));
+    ASSERT_TRUE(writer->run(
+        "INSERT INTO assets (tenant, id, filename, content_type, bytes, created_ms, deleted_ms)"
+        " VALUES ('lab', 'sha256-a', '', '', 7, 1, 0), ('lab', 'sha256-d', '', '', 9, 1, 5)"));
+    ASSERT_TRUE(writer->run(
+        "INSERT INTO results (tenant, request_hash, blob, bytes, media_type, filename, grid,"
+        " meta_json, warnings_json, created_ms) VALUES ('lab', 'h', 'sha256-b', 100, '', '', $1,"
+        " '{}', '[]', 1)",
+        grid.id));
+  }
+  start();
+  EXPECT_EQ(used(lab_), 7 + 100 + 6);
+}
+
+// Whoever removes rows need not know of the sums.
+TEST_F(QuotaTest, rows_that_go_take_their_bytes_along) {
+  finish(lab_, "0123456789");
+  service_.reset();
+  {
+    auto writer =
+        SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
+    ASSERT_TRUE(writer && writer->run("DELETE FROM results"));
+    ASSERT_TRUE(writer->run("DELETE FROM assets"));
+    auto left = writer->query("SELECT COUNT(*) FROM holdings");
+    ASSERT_TRUE(left && left->step());
+    EXPECT_EQ(left->int64(0), 0);
+  }
+  start();
+  EXPECT_EQ(used(lab_), 0);
+}
+
+}  // namespace
+}  // namespace voxeld
