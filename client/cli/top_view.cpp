@@ -33,9 +33,10 @@ std::string cell(std::string_view text, size_t width) {
 std::string duration_text(int64_t ms) {
   const int64_t seconds = std::max<int64_t>(0, ms) / 1000;
   if (seconds < 100) return std::to_string(seconds) + "s";
-  if (seconds < 100 * 60) return std::to_string(seconds / 60) + "m";
-  if (seconds < 100 * 3600) return std::to_string(seconds / 3600) + "h";
-  return std::to_string(seconds / 86400) + "d";
+  constexpr int64_t kMinute = 60, kHour = 60 * kMinute, kDay = 24 * kHour;
+  if (seconds < 100 * kMinute) return std::to_string(seconds / kMinute) + "m";
+  if (seconds < 100 * kHour) return std::to_string(seconds / kHour) + "h";
+  return std::to_string(seconds / kDay) + "d";
 }
 
 std::string clock_text(int64_t now_ms) {

@@ -210,10 +210,11 @@ void TaskServer::end_worker(Connection& connection) noexcept {
 
 Result<json> TaskServer::receive_first(Connection& connection) {
   VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
-  VOXELD_TRY(connection.files.create());
   VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
   VOXELD_ASSIGN(json message, parse_json_bounded(frame));
-  if (type_of(message) != "prepare") return message;
+  const std::string type = type_of(message);
+  if (type != "turns") VOXELD_TRY(connection.files.create());
+  if (type != "prepare") return message;
   VOXELD_TRY(connection.socket.send(dump(to_json_message(connection.files.folders()))));
   VOXELD_ASSIGN(const std::string next, connection.socket.receive());
   return parse_json_bounded(next);

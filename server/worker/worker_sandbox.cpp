@@ -87,6 +87,7 @@ void add_variable_paths(const char* variable, std::vector<FileRule>& rules) {
 
 std::vector<FileRule> driver_rules() {
   std::vector<FileRule> rules;
+  rules.reserve(kReadPaths.size() + kReadWritePaths.size() + kDevicePaths.size());
   for (const char* path : kReadPaths) rules.push_back({path, Access::kRead});
   for (const char* path : kReadWritePaths) rules.push_back({path, Access::kReadWrite});
   for (const char* path : kDevicePaths) rules.push_back({path, Access::kDevice});

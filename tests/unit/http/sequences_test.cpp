@@ -264,8 +264,7 @@ TEST_F(BundlesApi, a_bundle_is_an_asset_that_a_job_works_on) {
   const auto task = worker.claim();
   ASSERT_TRUE(task);
   EXPECT_EQ(task->filename, "knight.bundle.json");
-  EXPECT_EQ(task->bundle_paths,
-            (std::vector<std::string>{blobs().path_of(mesh), blobs().path_of(anim)}));
+  EXPECT_EQ(task->bundle_paths, (std::vector<std::string>{worker.input(mesh), worker.input(anim)}));
 }
 
 TEST_F(BundlesApi, a_one_shot_request_takes_a_bundle_as_its_body) {
