@@ -217,7 +217,7 @@ class Tenants(unittest.TestCase):
                     picture["url"].replace("/render.png", "/tiles")):
             answer = anyone.get(url)
             self.assertEqual((answer.status, answer.json()["detail"]), (404, "no such link"), url)
-        self.assertEqual(anyone.request("DELETE", made["url"]).status, 405)
+        self.assertEqual(anyone.post(made["url"].replace("/result", "/share")).status, 401)
         self.assertEqual(self.studio.post(f"/v1/jobs/{job}/share").status, 404)
 
     def test_links_end_in_time_with_their_key_and_with_their_secret(self):
@@ -403,7 +403,7 @@ class Start(unittest.TestCase):
         add_key(self.data_dir, "lab")
         with open(self.data_dir + "/keys", "a") as file:
             file.write("nonsense\n")
-        self.assertIn(f"{self.data_dir}/keys line 3: fields: expected 8", self.refused())
+        self.assertIn(f"{self.data_dir}/keys line 3: fields: expected 12", self.refused())
 
     def test_other_machines_are_not_let_in_without_keys_and_never_to_the_admin_port(self):
         self.assertIn("voxeld keys add", self.refused("--listen", "0.0.0.0:0"))
