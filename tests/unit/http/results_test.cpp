@@ -100,10 +100,10 @@ TEST_F(ResultsTest, equal_work_is_answered_from_the_cache) {
   EXPECT_EQ(json(again).value("cached", false), true);
 }
 
-TEST_F(ResultsTest, a_result_that_vanished_from_the_store_is_not_found) {
+TEST_F(ResultsTest, a_result_that_vanished_from_the_store_is_gone) {
   const std::string blob = get(result_).header("x-voxeld-grid");
   ASSERT_TRUE(blobs().remove(blob));
-  EXPECT_EQ(get(result_).code(), "not-found");
+  EXPECT_EQ(get(result_).code(), "gone");
 }
 
 TEST_F(ResultsTest, a_grid_that_is_no_container_is_told_so_and_its_bytes_still_come) {
