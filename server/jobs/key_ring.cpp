@@ -47,7 +47,7 @@ int64_t KeyRing::weight_of(std::string_view tenant) const {
   const int64_t now_ms = unix_time_ms();
   int64_t weight = 1;
   for (const auto& [id, key] : keys->by_id) {
-    if (key.tenant == tenant && key.is_live(now_ms)) weight = std::max(weight, key.weight);
+    if (key->tenant == tenant && key->is_live(now_ms)) weight = std::max(weight, key->weight);
   }
   return weight;
 }

@@ -362,6 +362,12 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
   return estimate;
 }
 
+int64_t Voxelizer::device_bytes(const Scene& scene, const VoxelizeOptions& options) const {
+  const bool on_device = impl_->device && !impl_->traits().is_software &&
+                         asked_pipeline(options.pipeline) != Pipeline::kCpu;
+  return on_device ? impl_->device->device_bytes(scene, wanted_channels(scene, options)) : 0;
+}
+
 void Voxelizer::set_host_bytes_max(int64_t bytes) {
   impl_->host_bytes_max = bytes;
 }

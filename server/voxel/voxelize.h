@@ -59,6 +59,10 @@ class Voxelizer {
   // Places the grid, snaps the mesh and checks limits. Errors: as voxelize().
   Result<VoxelizeEstimate> estimate(const Scene& scene, const VoxelizeOptions& options) const;
 
+  // Bytes that the request takes of a device's own memory at most, without looking at the mesh; 0
+  // where it runs on the machine's.
+  int64_t device_bytes(const Scene& scene, const VoxelizeOptions& options) const;
+
   // Requests that are estimated to need more memory of the machine are grid-too-large. Default:
   // three quarters of it.
   void set_host_bytes_max(int64_t bytes);

@@ -257,7 +257,8 @@ Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions&
       run,
       voxelize_bytes(run.engine, scene, options, placed) + static_cast<int64_t>(kWaitingBytesMax) +
           (listener == nullptr ? 0
-                               : sequence_bytes(grid_bytes(run.engine, scene, options, placed))));
+                               : sequence_bytes(grid_bytes(run.engine, scene, options, placed))),
+      run.engine.voxelizer.device_bytes(scene, options.voxelize));
   run.monitor.set_frames(0, static_cast<int64_t>(clip.times.times_s.size()));
   Result<MadeSequence> made = Error{};
   {

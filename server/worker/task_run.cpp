@@ -188,7 +188,8 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   VOXELD_TRY(check_cells(run.task, placed.spec));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(placed.spec, asked));
   VOXELD_TRY(check_encodable(selected, asked));
-  expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed));
+  expect_bytes(run, voxelize_bytes(run.engine, scene, options, placed),
+               run.engine.voxelizer.device_bytes(scene, options.voxelize));
   MeshReport mesh(run.engine.cache, input.key, scene);
   VoxelizeStats stats;
   {

@@ -52,12 +52,14 @@ void handle_signals(int fd, int fd_of_turns) {
   ::signal(SIGPIPE, SIG_IGN);
 }
 
-json device_json(const gpu::DeviceInfo& info) {
+// memory_bytes: 0 where the driver does not tell.
+json device_json(const gpu::DeviceInfo& info, int64_t memory_bytes) {
   return {{"vendor", info.vendor},
           {"renderer", info.renderer},
           {"version", info.version},
           {"glsl_version", info.glsl_version},
           {"is_software", info.is_software},
+          {"memory_bytes", memory_bytes},
           {"has_int64", info.has_int64},
           {"ssbo_bytes_max", info.ssbo_bytes_max},
           {"texture_side_max", info.texture_side_max},
@@ -178,7 +180,8 @@ Result<int> run_worker(const WorkerConfig& config) {
   hello.sandbox = sandbox.level();
   hello.renderer = info.renderer;
   hello.driver = info.version;
-  hello.device_json = device_json(info).dump(-1, ' ', false, json::error_handler_t::replace);
+  hello.device_json = device_json(info, engine.device.memory().bytes_total)
+                          .dump(-1, ' ', false, json::error_handler_t::replace);
   VOXELD_ASSIGN(const std::string scratch, client->hello(hello));
   return serve_tasks(engine, *client, *turns, scratch);
 }
