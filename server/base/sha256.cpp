@@ -11,6 +11,8 @@ namespace voxeld {
 
 namespace {
 constexpr std::string_view kPrefix = "sha256-";
+// Looked up before main(): OpenSSL 3.0 crashes when memory runs out while it sets itself up.
+const EVP_MD* const kAlgorithm = EVP_MD_fetch(nullptr, "SHA256", nullptr);
 }  // namespace
 
 struct Sha256::Impl {
@@ -20,7 +22,7 @@ struct Sha256::Impl {
 
 Sha256::Sha256() : impl_(std::make_unique<Impl>()) {
   // It can fail for want of memory alone.
-  if (impl_->context == nullptr || EVP_DigestInit_ex(impl_->context, EVP_sha256(), nullptr) != 1) {
+  if (impl_->context == nullptr || EVP_DigestInit_ex(impl_->context, kAlgorithm, nullptr) != 1) {
     throw std::bad_alloc();
   }
 }
