@@ -287,13 +287,14 @@ Result<int64_t> insert_result(SqlConnection& connection, const JobRecord& job,
 }
 
 Status end_with_result(SqlConnection& connection, const JobRecord& running,
-                       const FinishedTask& task, int64_t live_version) {
+                       const FinishedTask& task, const LiveJob& live) {
   VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, running, task));
   VOXELD_TRY(connection.run(
       "UPDATE jobs SET state = 'done', result_seq = $2, ended_ms = $3, timings_json = $4,"
-      " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1 WHERE id = $1",
+      " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1,"
+      " device_us = device_us + $6 WHERE id = $1",
       task.task, result_seq, unix_time_ms(), timings_text(all_timings(running, task.timings)),
-      live_version));
+      live.version, live.device_us));
   if (running.status.kind != JobKind::kInspect) return {};
   return connection.run("UPDATE assets SET description_json = $3 WHERE id = $1 AND tenant = $2",
                         running.status.asset, running.asset_tenant, task.result.meta_json);
