@@ -85,7 +85,7 @@ int report_unavailable(TaskClient& client, const gpu::DeviceId& device, const Er
 }
 
 // Runs one task and reports on it. Returns an exit status when the process should end.
-std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient& turns,
+std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* turns,
                                const Task& task, const std::filesystem::path& scratch) {
   const Stopwatch watch;
   Result<TaskCompletion> completion = Error{};
@@ -93,7 +93,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient& t
   engine.begin_task_of(task.tenant);
   {
     TaskMonitor monitor(client, task, engine.device.memory);
-    completion = run_task(engine, task, scratch, monitor, &turns);
+    completion = run_task(engine, task, scratch, monitor, turns);
     dropped = monitor.dropped();
   }
   log::info(completion ? "task done" : "task failed",
@@ -123,7 +123,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient& t
 
 }  // namespace
 
-int serve_tasks(Engine& engine, TaskClient& client, TurnClient& turns,
+int serve_tasks(Engine& engine, TaskClient& client, TurnClient* turns,
                 const std::filesystem::path& scratch) {
   while (true) {
     const auto task = client.claim();
@@ -183,7 +183,7 @@ Result<int> run_worker(const WorkerConfig& config) {
   hello.device_json = device_json(info, engine.device.memory().bytes_total)
                           .dump(-1, ' ', false, json::error_handler_t::replace);
   VOXELD_ASSIGN(const std::string scratch, client->hello(hello));
-  return serve_tasks(engine, *client, *turns, scratch);
+  return serve_tasks(engine, *client, turns.get(), scratch);
 }
 
 }  // namespace

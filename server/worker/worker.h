@@ -5,6 +5,7 @@
 #include <string>
 
 #include "server/gpu/device.h"
+#include "server/worker/device_turn.h"
 #include "server/worker/engine.h"
 #include "server/worker/task_client.h"
 #include "server/worker/worker_sandbox.h"
@@ -25,6 +26,8 @@ struct WorkerConfig {
 int worker_main(const WorkerConfig& config);
 
 // Claims and runs tasks; returns the status that the process ends with. Part of worker_main().
-int serve_tasks(Engine& engine, TaskClient& client, const std::filesystem::path& scratch);
+// `turns`: as of run_task().
+int serve_tasks(Engine& engine, TaskClient& client, TurnClient* turns,
+                const std::filesystem::path& scratch);
 
 }  // namespace voxeld

@@ -29,11 +29,12 @@ class RetentionTest : public ::testing::Test {
   }
   std::string put_asset(const std::string& text) {
     const std::string id = put_blob(text);
-    EXPECT_TRUE(assets_.put(Caller::open(), {id, static_cast<int64_t>(text.size())}, "a.ply", ""));
+    EXPECT_TRUE(
+        assets_.put(Caller::open(), {id, static_cast<int64_t>(text.size())}, "a.ply", "", 0));
     return id;
   }
   JobStatus submit(const JobRequest& request) {
-    auto submitted = jobs_.submit(Caller::open(), request, {}, 100);
+    auto submitted = jobs_.submit(Caller::open(), request, {}, {100, 0});
     EXPECT_TRUE(submitted) << submitted.error().message();
     return submitted->record.status;
   }
@@ -106,7 +107,7 @@ TEST_F(RetentionTest, results_expire_by_their_last_use_and_are_gone_then) {
   JobRequest request;
   request.kind = JobKind::kExport;
   request.grid = old.result->grid;
-  EXPECT_EQ(jobs_.submit(Caller::open(), request, {}, 100).error().code, ErrorCode::kGone);
+  EXPECT_EQ(jobs_.submit(Caller::open(), request, {}, {100, 0}).error().code, ErrorCode::kGone);
   EXPECT_EQ(retention_.expire_results(1000).value(), 0);
 }
 
@@ -157,6 +158,32 @@ TEST_F(RetentionTest, bytes_that_another_result_or_asset_has_stay) {
   EXPECT_FALSE(stored("same"));
 }
 
+TEST_F(RetentionTest, what_expired_is_not_counted_as_kept) {
+  submit(put_asset("mesh"), /*use_cache=*/false);
+  const JobRecord record = jobs_.claim("cpu").value().value();
+  TaskFrame frame;
+  frame.task = record.status.id;
+  frame.fence = record.fence;
+  ASSERT_TRUE(frames_.add(frame, {put_blob("frame"), 5}, 1, 0).value());
+  FinishedTask task;
+  task.task = record.status.id;
+  task.fence = record.fence;
+  task.result.blob = put_blob("result");
+  task.result.bytes = 6;
+  task.result.grid = put_blob("grid");
+  task.grid_bytes = 4;
+  task.result.meta_json = "{}";
+  ASSERT_TRUE(jobs_.complete(task, 1).value());
+  EXPECT_EQ(jobs_.usage("").value().bytes, 4 + 5 + 6 + 4);  // the mesh, the frame, the result
+  EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
+  retention_.expire_frames(kNow).value();
+  EXPECT_EQ(jobs_.usage("").value().bytes, 4);
+  // Its rows go later, and are not taken off twice.
+  EXPECT_EQ(retention_.trim_jobs(kNow).value(), 1);
+  EXPECT_EQ(count("results"), 0);
+  EXPECT_EQ(jobs_.usage("").value().bytes, 4);
+}
+
 TEST_F(RetentionTest, frames_of_failed_jobs_expire) {
   submit(put_asset("mesh"));
   const JobRecord record = jobs_.claim("cpu").value().value();
@@ -164,7 +191,7 @@ TEST_F(RetentionTest, frames_of_failed_jobs_expire) {
   frame.task = record.status.id;
   frame.fence = record.fence;
   frame.content_hash = "h";
-  ASSERT_TRUE(frames_.add(frame, put_blob("frame"), 2).value());
+  ASSERT_TRUE(frames_.add(frame, {put_blob("frame"), 5}, 2, 0).value());
   EXPECT_EQ(retention_.expire_frames(kNow).value(), 0);  // it runs
   ASSERT_TRUE(jobs_.fail(record.status.id, record.fence, {ErrorCode::kInternal, "no", "", ""}, 1));
   EXPECT_EQ(retention_.expire_frames(kNow).value(), 1);
@@ -204,10 +231,10 @@ TEST_F(RetentionTest, a_key_of_a_job_that_was_forgotten_is_free_again) {
   options.idempotency_key = "key";
   JobRequest request;
   request.asset = put_asset("mesh");
-  const auto first = jobs_.submit(Caller::open(), request, options, 100);
+  const auto first = jobs_.submit(Caller::open(), request, options, {100, 0});
   run("result");
   ASSERT_TRUE(sql("DELETE FROM jobs"));
-  const auto second = jobs_.submit(Caller::open(), request, options, 100);
+  const auto second = jobs_.submit(Caller::open(), request, options, {100, 0});
   ASSERT_TRUE(second) << second.error().message();
   EXPECT_FALSE(second->existed);
   EXPECT_NE(second->record.status.id, first->record.status.id);

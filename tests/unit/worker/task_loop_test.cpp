@@ -59,7 +59,7 @@ class TaskLoopTest : public ::testing::Test {
     device.check = [&](std::string_view) { return context; };
     Engine engine(std::move(device));
     const auto client = TaskClient::connect(gateway.address()).value();
-    return serve_tasks(engine, *client, dir_.path());
+    return serve_tasks(engine, *client, nullptr, dir_.path());
   }
 
   testing::TemporaryDir dir_;
