@@ -25,7 +25,9 @@ constexpr const char* kTaken = "taken";
 void empty_folder(const fs::path& folder) {
   const auto names = directory_names(folder);
   if (!names) return;
-  for (const std::string& name : *names) remove_tree(folder / name);
+  for (const std::string& name : *names) {
+    if (::unlink((folder / name).c_str()) != 0) remove_tree(folder / name);
+  }
 }
 
 // A lease for reading is given when nobody has the file open for writing, mapped or not.
