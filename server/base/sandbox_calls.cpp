@@ -197,6 +197,7 @@ scmp_arg_cmp is_int(unsigned argument, uint64_t value) {
   return masked(argument, kLow32Bits, value & kLow32Bits);
 }
 
+#ifndef VOXELD_SANITIZED
 // Those that are allowed for some arguments.
 Status add_conditional(const Filter& filter) {
   // A thread shares all with this process; what clone() makes without the flag is a process. The
@@ -214,6 +215,7 @@ Status add_conditional(const Filter& filter) {
   }
   return {};
 }
+#endif
 
 Result<Filter> allow_list() {
   VOXELD_ASSIGN(Filter filter, make_filter(SCMP_ACT_ERRNO(ENOSYS)));

@@ -277,8 +277,8 @@ void Service::job_changed(const JobRecord& record) {
   forecast_.changed(record, 0);
   if (status.ended()) {
     parts_.remove(status.id);
-    board_.changed(status.id, status.version, false);
     metrics_.ended(status, record.tenant, record.worker);
+    board_.changed(status.id, status.version, false);
     log::info("job ended", {{"job", status.id},
                             {"tenant", record.tenant},
                             {"request", record.request_id},

@@ -525,8 +525,9 @@ void TaskServer::end_task(Connection& connection, const JobRecord& record) {
     connection.idle.ended_at = ++tasks_ended_;
   }
   connection.files.clear();
-  context_.board.changed(record.status.id, record.status.version, false);
+  // First the metrics and all that goes with the job's end, then those who wait for it.
   context_.job_changed(record);
+  context_.board.changed(record.status.id, record.status.version, false);
   if (Status status = connection.socket.set_receive_timeout(0); !status) {
     log::warn("task socket", {{"error", status.error().message()}});
   }

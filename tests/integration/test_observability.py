@@ -78,7 +78,12 @@ class Observability(DaemonTest):
         self.assertEqual(self.daemon.wait(job)["state"], "done")
         bad = self.daemon.post("/v1/voxelize?filename=a.ply", b"ply\nnonsense")
         self.assertEqual(bad.status, 422)
+        # An answer may come a moment before it is counted.
+        deadline = time.monotonic() + 10
         samples = self.metrics()
+        while (not any(labels.get("outcome") == "failed" for labels, _ in samples["voxeld_jobs_total"])
+               and time.monotonic() < deadline):
+            samples = self.metrics()
         self.assertGreaterEqual(
             self.value(samples, "voxeld_jobs_total", tenant="", kind="voxelize", outcome="done"), 1)
         self.assertGreaterEqual(

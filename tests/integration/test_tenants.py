@@ -181,7 +181,7 @@ class Tenants(unittest.TestCase):
             self.assertEqual(studio["jobs"], [])
             self.assertGreaterEqual(studio["others"]["queued"], 1)
             self.assertEqual([device["jobs"] for device in studio["devices"]], [[]])
-            self.assertEqual([device["workers"] for device in studio["devices"]], [1])
+            self.assertEqual([device["workers"] for device in studio["devices"]], [3])
             self.assertNotIn("j-", json.dumps(studio))
             self.assertNotIn("lab", json.dumps(studio))
             self.assertLessEqual({job["id"] for job in boss["jobs"]}, set(jobs))

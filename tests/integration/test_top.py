@@ -69,6 +69,7 @@ def lines_of(frame):
 
 class Top(DaemonTest):
     device = "cpu"
+    arguments = ("--workers-per-device", "1")
 
     def setUp(self):
         asset = self.daemon.upload(self.fixtures / "sample.ply")
