@@ -21,6 +21,7 @@
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/queue_forecast.h"
+#include "server/jobs/queue_view.h"
 #include "server/jobs/quota.h"
 #include "server/jobs/retention.h"
 #include "server/jobs/store_sweep.h"
@@ -123,7 +124,10 @@ class Service final : public JobService {
   Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
     return frames_.read(caller, id);
   }
-  Result<QueueView> queue(const Caller& caller, int limit) override;
+  Result<QueueView> queue(const Caller& caller, int limit) override {
+    return queue_view(jobs_, workers(), caller, limit,
+                      [this](JobStatus& status) { overlay(status); });
+  }
   std::vector<WorkerState> workers() override;
   int64_t queued_jobs() override;
   Status ready() override;
@@ -539,37 +543,6 @@ Result<JobFrames> Service::frames(const Caller& caller, std::string_view job) {
     frames.frames.push_back({static_cast<int64_t>(frames.frames.size()), std::move(frame)});
   }
   return frames;
-}
-
-Result<QueueView> Service::queue(const Caller& caller, int limit) {
-  QueueView view;
-  VOXELD_ASSIGN(view.queued, jobs_.count(JobState::kQueued));
-  VOXELD_ASSIGN(view.running, jobs_.count(JobState::kRunning));
-  VOXELD_ASSIGN(const int64_t queued, jobs_.count(caller, JobState::kQueued));
-  VOXELD_ASSIGN(const int64_t running, jobs_.count(caller, JobState::kRunning));
-  // Between two counts a job may have started.
-  view.others_queued = std::max<int64_t>(0, view.queued - queued);
-  view.others_running = std::max<int64_t>(0, view.running - running);
-  VOXELD_ASSIGN(std::vector<JobRecord> records, jobs_.live(caller, limit));
-  for (JobRecord& record : records) {
-    board_.overlay(record.status);
-    view.jobs.push_back(
-        {std::move(record.tenant), std::move(record.worker), std::move(record.status)});
-  }
-  std::ranges::stable_sort(view.jobs, {}, [](const QueueView::Job& job) {
-    return job.status.queue_position;  // 0: it runs
-  });
-  for (const WorkerState& worker : workers()) {
-    const auto known = std::ranges::find(view.devices, worker.device, &QueueView::Device::device);
-    QueueView::Device& device = known == view.devices.end() ? view.devices.emplace_back() : *known;
-    device.device = worker.device;
-    if (!worker.renderer.empty()) device.renderer = worker.renderer;
-    device.workers += worker.connected ? 1 : 0;
-    if (worker.task.empty()) continue;
-    ++device.workers_busy;
-    if (jobs_.get(caller, worker.task)) device.jobs.push_back(worker.task);
-  }
-  return view;
 }
 
 std::vector<WorkerState> Service::workers() {
