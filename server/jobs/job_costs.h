@@ -15,7 +15,7 @@ namespace voxeld {
 
 // What of a job its cost depends on.
 struct JobWork {
-  std::string sort;  // "voxelize surface color": jobs of one sort have one law
+  std::string sort;  // "voxelize npy surface occupancy": jobs of one sort have one law
   CostFeatures features;
 };
 // `input_bytes`: of the asset, with the files of a bundle, or of the grid.
@@ -28,7 +28,7 @@ struct MeasuredSeconds {
 };
 MeasuredSeconds measured_seconds(const JobStatus& status);
 
-// DIR/costs, a line for each sort and quantity: "voxelize surface color\tseconds\t<CostModel>".
+// DIR/costs, a line for each sort and quantity: "voxelize npy surface occupancy\tseconds\t<CostModel>".
 // Losing it costs some guesses. Thread-safe.
 class JobCosts {
  public:
