@@ -1,0 +1,152 @@
+// What jobs cost, learned and kept; when those that wait are expected.
+#include "server/jobs/job_costs.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "server/jobs/queue_forecast.h"
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+RequestOptions options(int size, Format format = Format::kNative) {
+  RequestOptions options;
+  options.voxelize.placement.size = size;
+  options.output.format = format;
+  return options;
+}
+
+JobWork work(int size, Format format = Format::kNative) {
+  return work_of(JobKind::kVoxelize, options(size, format), 1 << 20);
+}
+
+// Took 10 ms in the queue, and of 400 ms of work 100 on the device, for which it waited 200.
+JobStatus done_job() {
+  JobStatus status;
+  status.id = "j-1";
+  status.state = JobState::kDone;
+  status.timings = {
+      {"queue", 10}, {"upload", 5}, {"parse", 100}, {"voxelize", 300}, {"store", 200}};
+  status.device_ms = 100;
+  status.result = JobResult{};
+  status.result->bytes = 5000;
+  status.result->meta_json = R"({"host_bytes_peak": 123456789})";
+  return status;
+}
+
+class JobCostsTest : public ::testing::Test {
+ protected:
+  std::filesystem::path file() const { return dir_.path() / "costs"; }
+  testing::TemporaryDir dir_;
+};
+
+TEST_F(JobCostsTest, waits_are_no_work) {
+  const MeasuredSeconds seconds = measured_seconds(done_job());
+  EXPECT_DOUBLE_EQ(seconds.device, 0.1);
+  EXPECT_DOUBLE_EQ(seconds.worker, 0.4);
+}
+
+TEST_F(JobCostsTest, jobs_of_other_sorts_teach_nothing) {
+  JobCosts costs(file());
+  for (int i = 0; i < 200; ++i) costs.learn(work(256), done_job());
+  const JobEstimate known = costs.estimate(work(256));
+  EXPECT_EQ(known.learned_from, 200);
+  EXPECT_NEAR(known.seconds, 0.4, 0.01);
+  EXPECT_NEAR(known.device_seconds, 0.1, 0.005);
+  EXPECT_NEAR(static_cast<double>(known.result_bytes), 5000, 100);
+  EXPECT_NEAR(static_cast<double>(known.host_bytes), 123456789, 2e6);
+  EXPECT_LT(known.seconds_high / known.seconds_low, 1.6);
+  EXPECT_EQ(costs.estimate(work(256, Format::kNpy)).learned_from, 0);
+  RequestOptions solid = options(256);
+  solid.voxelize.fill = Fill::kSolid;
+  EXPECT_EQ(costs.estimate(work_of(JobKind::kVoxelize, solid, 1 << 20)).learned_from, 0);
+}
+
+TEST_F(JobCostsTest, what_was_learned_outlives_the_process) {
+  std::string before;
+  {
+    JobCosts costs(file());
+    costs.learn(work(256), done_job());
+    before = std::to_string(costs.estimate(work(700)).seconds);
+  }
+  JobCosts costs(file());
+  EXPECT_EQ(costs.estimate(work(256)).learned_from, 1);
+  EXPECT_EQ(std::to_string(costs.estimate(work(700)).seconds), before);
+}
+
+TEST_F(JobCostsTest, a_broken_file_costs_its_broken_lines) {
+  {
+    JobCosts costs(file());
+    costs.learn(work(256), done_job());
+  }
+  std::ofstream(file(), std::ios::app) << "nonsense\nvoxelize\tseconds\t1 2 3\n\tx\t\n";
+  EXPECT_EQ(JobCosts(file()).estimate(work(256)).learned_from, 1);
+  std::ofstream(file(), std::ios::trunc) << std::string(1000, '\t') << '\0';
+  EXPECT_EQ(JobCosts(file()).estimate(work(256)).learned_from, 0);
+}
+
+JobRecord record(const std::string& id, const std::string& tenant, int64_t seq) {
+  JobRecord record;
+  record.status.id = id;
+  record.status.options_json = R"({"size":256})";
+  record.status.asset = "sha256-1";
+  record.tenant = tenant;
+  record.seq = seq;
+  return record;
+}
+
+TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
+  JobCosts costs(file());
+  const auto weight = [](const std::string& tenant) { return tenant == "heavy" ? 9.0 : 1.0; };
+  QueueForecast queue(costs, 1, weight, [](JobStatus&) {});
+  JobRecord urgent = record("urgent", "light", 3);
+  urgent.status.priority = 5;
+  queue.changed(record("first", "light", 1), 1 << 20);
+  queue.changed(record("second", "light", 2), 1 << 20);
+  queue.changed(urgent, 1 << 20);
+  queue.changed(record("heavy", "heavy", 4), 1 << 20);
+  const auto end_of = [&](const char* id) {
+    JobStatus status;
+    status.id = id;
+    queue.fill(status);
+    EXPECT_TRUE(status.estimate);
+    EXPECT_LE(status.expected_start_ms, status.expected_end_ms);
+    return status.expected_end_ms;
+  };
+  EXPECT_LT(end_of("heavy"), end_of("urgent"));
+  EXPECT_LT(end_of("urgent"), end_of("first"));
+  EXPECT_LT(end_of("first"), end_of("second"));
+  JobRequest request;
+  request.asset = "sha256-1";
+  request.options = options(256);
+  const JobStatus priced = queue.price("light", request, 1 << 20);
+  EXPECT_EQ(priced.queue_position, 5);
+  EXPECT_GE(priced.expected_start_ms, end_of("second") - 1000);
+}
+
+TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {
+  JobCosts costs(file());
+  QueueForecast queue(
+      costs, 1, [](const std::string&) { return 1.0; }, [](JobStatus&) {});
+  queue.changed(record("j-1", "", 1), 1 << 20);
+  JobRecord ended = record("j-1", "", 1);
+  ended.status = done_job();
+  queue.changed(ended, 0);
+  EXPECT_EQ(costs.estimate(work(256)).learned_from, 1);
+  JobStatus status;
+  status.id = "j-1";
+  queue.fill(status);
+  EXPECT_FALSE(status.estimate);
+  // Answered from another one's result: it says nothing of what such work costs.
+  queue.changed(record("j-2", "", 2), 1 << 20);
+  ended.status.id = "j-2";
+  ended.status.cached = true;
+  queue.changed(ended, 0);
+  EXPECT_EQ(costs.estimate(work(256)).learned_from, 1);
+}
+
+}  // namespace
+}  // namespace voxeld
