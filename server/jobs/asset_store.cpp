@@ -240,18 +240,7 @@ Result<int64_t> AssetStore::remove_unneeded() {
 
 Status AssetStore::remove_unnamed(const std::vector<std::string>& ids) {
   return database_.write([&](SqlConnection& connection) -> Status {
-    for (const std::string& id : ids) {
-      VOXELD_ASSIGN(SqlStatement named,
-                    connection.query("SELECT 1 FROM holdings WHERE blob = $1"
-                                     " UNION ALL SELECT 1 FROM assets WHERE id = $1"
-                                     " LIMIT 1",
-                                     id));
-      VOXELD_ASSIGN(const bool is_named, named.step());
-      if (is_named) continue;
-      const Status gone = blobs_.remove(id);
-      // Somebody makes or uploads the same just now.
-      if (!gone && gone.error().code != ErrorCode::kConflict) return gone;
-    }
+    VOXELD_TRY(remove_blobs(connection, database_, blobs_, ids));
     return {};
   });
 }

@@ -21,6 +21,7 @@ struct Lane {
 // Rates in proportion to the weights, none above one device; what that leaves goes to the others.
 void share(std::map<std::string, Lane>& lanes, double devices) {
   std::vector<Lane*> open;
+  open.reserve(lanes.size());
   for (auto& [tenant, lane] : lanes) open.push_back(&lane);
   while (!open.empty()) {
     double weights = 0;
