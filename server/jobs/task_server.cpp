@@ -463,6 +463,7 @@ Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& con
   if (!ended) return fail(ended.error());
   if (*ended && (*ended)->status.error) {  // more than its tenant may keep
     std::vector<std::string> ids;
+    ids.reserve(adopted.size());
     for (const auto& [path, blob] : adopted) ids.push_back(blob.id);
     adopted.clear();  // lets go of them
     if (const Status removed = context_.assets.remove_unnamed(ids); !removed) {
