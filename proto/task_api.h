@@ -149,7 +149,7 @@ struct TaskFrameReply {
 };
 
 // Tiles of one grid that are done, after those of the parts before. The gateway keeps the container
-// with them, whose meta tells how far they reach, until the job ends: another attempt goes on there.
+// with them, whose meta tells how far they reach, until the job ends: others go on there.
 struct TaskPart {
   std::string task;
   int64_t fence = 0;

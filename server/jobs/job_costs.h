@@ -28,8 +28,8 @@ struct MeasuredSeconds {
 };
 MeasuredSeconds measured_seconds(const JobStatus& status);
 
-// DIR/costs, a line for each sort and quantity: "voxelize npy surface occupancy\tseconds\t<CostModel>".
-// Losing it costs some guesses. Thread-safe.
+// DIR/costs, a line for each sort and quantity, between tabs: "voxelize npy surface occupancy",
+// "seconds", CostModel::text(). Losing it costs some guesses. Thread-safe.
 class JobCosts {
  public:
   // A file that is missing or broken is as if nothing had been learned; the log tells.

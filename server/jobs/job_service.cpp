@@ -8,11 +8,11 @@
 #include <utility>
 
 #include "server/base/file.h"
-#include "server/base/file_lock.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/blob_needs.h"
+#include "server/jobs/data_dir.h"
 #include "server/jobs/database.h"
 #include "server/jobs/deadline_watch.h"
 #include "server/jobs/device_turns.h"
@@ -38,18 +38,6 @@ constexpr std::chrono::milliseconds kWaitSlice{200};
 // How long the end of a worker's connection waits for the end of its process, to name the signal.
 constexpr std::chrono::milliseconds kExitReasonWait{1000};
 constexpr double kWorkerGraceSeconds = 5.0;
-
-Result<UniqueFd> prepare_data_dir(const fs::path& dir) {
-  std::error_code failed;
-  const bool made = fs::create_directories(dir, failed);
-  if (!failed && made) {
-    fs::permissions(dir, fs::perms::owner_all, failed);
-    VOXELD_TRY(sync_path(fs::absolute(dir).lexically_normal().parent_path()));
-  }
-  if (!failed) fs::create_directories(dir / "run", failed);
-  if (failed) return code_error("cannot create the data directory", dir, failed);
-  return lock_file(dir / "lock");
-}
 
 // Everything below runs on HTTP threads and on the task server's connection threads.
 class Service final : public JobService {

@@ -342,7 +342,8 @@ END;
 INSERT INTO holding_changes SELECT tenant, id, bytes, 1 FROM assets WHERE deleted_ms = 0;
 INSERT INTO holding_changes SELECT tenant, blob, bytes, 1 FROM results WHERE expired_ms = 0;
 INSERT INTO holding_changes SELECT tenant, grid, grid_bytes, 1 FROM results WHERE expired_ms = 0;
-INSERT INTO holding_changes SELECT tenant, sequence, sequence_bytes, 1 FROM results WHERE expired_ms = 0;
+INSERT INTO holding_changes
+  SELECT tenant, sequence, sequence_bytes, 1 FROM results WHERE expired_ms = 0;
 INSERT INTO holding_changes SELECT tenant, grid, bytes, 1 FROM frames WHERE expired_ms = 0;
 )sql"};
 

@@ -14,8 +14,8 @@
 
 namespace voxeld {
 
-// What changes when somebody writes to a file, cuts it or puts another one in its place. Not the time
-// of the inode's change: links to blobs come and go with the tasks that read them.
+// What changes when somebody writes to a file, cuts it or puts another one in its place. Not the
+// time of the inode's change: links to blobs come and go with the tasks that read them.
 struct FileStamp {
   uint64_t device = 0;
   uint64_t inode = 0;
