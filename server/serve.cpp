@@ -13,6 +13,7 @@
 
 #include "server/base/host_memory.h"
 #include "server/base/log.h"
+#include "server/base/memory_reserve.h"
 #include "server/base/stopwatch.h"
 #include "server/gpu/device.h"
 #include "server/http/server.h"
@@ -216,6 +217,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
 
 int serve_main(const ServeConfig& config, const std::string& self_executable) {
   log::configure(config.log_level, "gateway");
+  hold_memory_reserve();
   const Status status = serve(config, self_executable);
   if (status) {
     log::info("stopped");

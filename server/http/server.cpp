@@ -2,10 +2,12 @@
 
 #include <utility>
 
+#include "server/base/memory_reserve.h"
 #include "server/http/access.h"
 #include "server/http/admin.h"
 #include "server/http/api.h"
 #include "server/http/front.h"
+#include "server/http/process_metrics.h"
 #include "server/http/request_metrics.h"
 
 namespace voxeld::http {
@@ -33,11 +35,21 @@ bool may_wait(const Head& head) {
                        path.starts_with("/v1/sequences/")));
 }
 
+// New work is what the daemon keeps memory for; reads and cancels go on while that is short.
+Status check_memory(const Request& request) {
+  if (request.head.method != "POST" || memory_reserve_is_whole()) return {};
+  return Error{ErrorCode::kQueueFull, "no new work is taken while memory is short", "", ""};
+}
+
 class HttpServer final : public Server {
  public:
   HttpServer(const ServerConfig& config, JobService& jobs, const KeyRing& keys,
              const UrlSecrets& secrets, const std::shared_ptr<prometheus::Registry>& registry)
-      : config_(config), access_(keys, secrets), api_{jobs, access_, config_}, metrics_(registry) {
+      : config_(config),
+        access_(keys, secrets),
+        api_{jobs, access_, config_},
+        metrics_(registry),
+        process_metrics_(registry) {
     add_one_shot_routes(router_, api_);
     add_asset_routes(router_, api_);
     add_job_routes(router_, api_);
@@ -51,6 +63,7 @@ class HttpServer final : public Server {
     add_index_routes(router_, api_);
     add_admin_routes(admin_router_, jobs, keys, registry, [this] {
       if (front_) metrics_.set_state(front_->state(), api_.subscribers);
+      process_metrics_.refresh();
     });
   }
   ~HttpServer() override { stop(0); }
@@ -87,7 +100,8 @@ class HttpServer final : public Server {
  private:
   Response answer(Request& request) {
     current_route.clear();
-    const Status admitted = access_.admit(request);
+    Status admitted = access_.admit(request);
+    if (admitted) admitted = check_memory(request);
     Response response =
         admitted ? router_.dispatch(request, &current_route) : problem(request, admitted.error());
     if (request.rate) add_rate_headers(*request.rate, response);
@@ -98,6 +112,7 @@ class HttpServer final : public Server {
   Access access_;
   Api api_;
   RequestMetrics metrics_;
+  ProcessMetrics process_metrics_;
   Router router_, admin_router_;
   std::unique_ptr<Front> front_, admin_front_;
 };

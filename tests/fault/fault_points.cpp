@@ -28,7 +28,17 @@ void* __libc_memalign(size_t alignment, size_t bytes);
 
 namespace {
 
-enum class FaultClass { kNone, kAlloc, kWrite, kShortWrite, kSync, kRename, kCreate, kSqlite };
+enum class FaultClass {
+  kNone,
+  kAlloc,
+  kAllocTwice,
+  kWrite,
+  kShortWrite,
+  kSync,
+  kRename,
+  kCreate,
+  kSqlite
+};
 
 std::atomic<FaultClass> armed{FaultClass::kNone};
 std::atomic<long> target{0};
@@ -44,6 +54,21 @@ bool fails(FaultClass which) {
   if (armed.load(std::memory_order_relaxed) != which || paused != 0) return false;
   if (++counted != target) return false;
   fired = true;
+  return true;
+}
+
+// Calls of malloc and its like: one fails, or the same once more when it is tried again.
+bool allocation_fails() {
+  __attribute__((tls_model("initial-exec"))) static thread_local bool again = false;
+  if (again) {
+    again = false;
+    errno = ENOMEM;
+    return true;
+  }
+  const bool twice = armed.load(std::memory_order_relaxed) == FaultClass::kAllocTwice;
+  if (!fails(twice ? FaultClass::kAllocTwice : FaultClass::kAlloc)) return false;
+  again = twice;
+  errno = ENOMEM;
   return true;
 }
 
@@ -63,9 +88,13 @@ FaultClass class_of(const char* name) {
   const struct {
     const char* name;
     FaultClass value;
-  } kNames[] = {{"alloc", FaultClass::kAlloc},   {"write", FaultClass::kWrite},
-                {"sync", FaultClass::kSync},     {"short-write", FaultClass::kShortWrite},
-                {"rename", FaultClass::kRename}, {"create", FaultClass::kCreate},
+  } kNames[] = {{"alloc", FaultClass::kAlloc},
+                {"alloc-twice", FaultClass::kAllocTwice},
+                {"write", FaultClass::kWrite},
+                {"sync", FaultClass::kSync},
+                {"short-write", FaultClass::kShortWrite},
+                {"rename", FaultClass::kRename},
+                {"create", FaultClass::kCreate},
                 {"sqlite", FaultClass::kSqlite}};
   for (const auto& one : kNames) {
     if (strcmp(one.name, name) == 0) return one.value;
@@ -114,34 +143,22 @@ long voxeld_fault_count() {
   return counted;
 }
 
-// --- memory; operator new of libstdc++ calls malloc and throws where it gives nothing
+// --- memory; operator new of libstdc++ calls malloc, then its handler, then malloc again
 
 void* malloc(size_t bytes) {
-  if (fails(FaultClass::kAlloc)) {
-    errno = ENOMEM;
-    return nullptr;
-  }
+  if (allocation_fails()) return nullptr;
   return __libc_malloc(bytes);
 }
 void* calloc(size_t count, size_t bytes) {
-  if (fails(FaultClass::kAlloc)) {
-    errno = ENOMEM;
-    return nullptr;
-  }
+  if (allocation_fails()) return nullptr;
   return __libc_calloc(count, bytes);
 }
 void* realloc(void* old, size_t bytes) {
-  if (fails(FaultClass::kAlloc)) {
-    errno = ENOMEM;
-    return nullptr;
-  }
+  if (allocation_fails()) return nullptr;
   return __libc_realloc(old, bytes);
 }
 void* aligned_alloc(size_t alignment, size_t bytes) {
-  if (fails(FaultClass::kAlloc)) {
-    errno = ENOMEM;
-    return nullptr;
-  }
+  if (allocation_fails()) return nullptr;
   return __libc_memalign(alignment, bytes);
 }
 

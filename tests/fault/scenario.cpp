@@ -21,6 +21,7 @@
 #include <thread>
 
 #include "server/base/log.h"
+#include "server/base/memory_reserve.h"
 #include "server/base/sha256.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/store_check.h"
@@ -66,7 +67,7 @@ bool fault_fired() {
 // Whether the fault says that there is no space.
 bool is_full_fault() {
   return fault_class == "sqlite" ? fault_errno == kSqliteFull
-                                 : fault_errno == ENOSPC && fault_class != "alloc";
+                                 : fault_errno == ENOSPC && !fault_class.starts_with("alloc");
 }
 
 void check_error(const std::string& step, const Error& error) {
@@ -331,6 +332,7 @@ int worker_main(const std::string& gateway, const std::string& device) {
 int main(int argc, char** argv) {
   const std::string command = argc > 1 ? argv[1] : "";
   voxeld::log::configure(voxeld::log::Level::kError, "gateway");
+  voxeld::hold_memory_reserve();
   voxeld::testing::self = std::filesystem::read_symlink("/proc/self/exe").string();
   if (command == "run") return voxeld::testing::run_main(argc, argv);
   if (command == "worker" && argc >= 6) return voxeld::testing::worker_main(argv[3], argv[5]);

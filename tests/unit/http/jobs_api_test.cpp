@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "server/base/memory_reserve.h"
 #include "server/http/api.h"
 #include "tests/unit/http/server_fixture.h"
 
@@ -36,6 +37,20 @@ TEST_F(JobsApi, a_draining_daemon_refuses_new_work_as_shutting_down_and_is_not_r
   EXPECT_EQ(json(ready).value("ready", true), false);
   EXPECT_EQ(json(ready).value("reason", ""), "the daemon is shutting down");
   EXPECT_EQ(admin("/livez").status, 200);
+}
+
+TEST_F(JobsApi, while_memory_is_short_new_work_is_refused_and_the_rest_goes_on) {
+  const std::string id = submit();
+  hold_memory_reserve(size_t{1} << 62);  // which nobody has
+  const HttpAnswer refused = post_job();
+  EXPECT_EQ(refused.status, 503);
+  EXPECT_EQ(refused.code(), "queue-full");
+  EXPECT_EQ(refused.header("retry-after"), "2");
+  EXPECT_EQ(get("/v1/jobs/" + id).status, 200);
+  EXPECT_EQ(request("DELETE", "/v1/jobs/" + id).status, 200);
+  hold_memory_reserve(1024);
+  EXPECT_EQ(post_job().status, 202);
+  hold_memory_reserve(0);
 }
 
 TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <prometheus/registry.h>
 #include <prometheus/text_serializer.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -15,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "server/http/process_metrics.h"
 #include "tests/unit/http/server_fixture.h"
 
 namespace voxeld::http {
@@ -131,6 +133,26 @@ TEST_F(RequestMetricsTest, exchanges_are_counted_by_route_and_status) {
   EXPECT_EQ(samples.at(seconds + "_count{" + label + "}"), 3);
   EXPECT_NEAR(samples.at(seconds + "_sum{" + label + "}"), 0.506, 1e-9);
   EXPECT_EQ(samples.at(seconds + "_bucket{" + label + ",le=\"0.01\"}"), 2);
+}
+
+TEST(ProcessMetrics, tell_of_this_process) {
+  const auto registry = std::make_shared<prometheus::Registry>();
+  ProcessMetrics metrics(registry);
+  metrics.refresh();
+  const auto read = [&] {
+    return parse(prometheus::TextSerializer().Serialize(registry->Collect()));
+  };
+  const Samples before = read();
+  EXPECT_GT(before.at("process_resident_memory_bytes"), 1e6);
+  EXPECT_GE(before.at("process_threads"), 1);
+  EXPECT_GT(before.at("process_max_fds"), before.at("process_open_fds"));
+  EXPECT_GT(before.at("process_start_time_seconds"), 1.7e9);
+  EXPECT_GT(before.at("process_cpu_seconds_total"), 0);
+  const int opened = ::dup(0);
+  ASSERT_GE(opened, 0);
+  metrics.refresh();
+  EXPECT_EQ(read().at("process_open_fds"), before.at("process_open_fds") + 1);
+  ::close(opened);
 }
 
 TEST_F(RequestMetricsTest, the_state_is_the_last_one_that_was_set) {
