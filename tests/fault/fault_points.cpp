@@ -32,10 +32,12 @@ enum class FaultClass {
   kNone,
   kAlloc,
   kAllocTwice,
+  kRead,
   kWrite,
   kShortWrite,
   kSync,
   kRename,
+  kLink,
   kCreate,
   kSqlite
 };
@@ -90,10 +92,12 @@ FaultClass class_of(const char* name) {
     FaultClass value;
   } kNames[] = {{"alloc", FaultClass::kAlloc},
                 {"alloc-twice", FaultClass::kAllocTwice},
+                {"read", FaultClass::kRead},
                 {"write", FaultClass::kWrite},
-                {"sync", FaultClass::kSync},
                 {"short-write", FaultClass::kShortWrite},
+                {"sync", FaultClass::kSync},
                 {"rename", FaultClass::kRename},
+                {"link", FaultClass::kLink},
                 {"create", FaultClass::kCreate},
                 {"sqlite", FaultClass::kSqlite}};
   for (const auto& one : kNames) {
@@ -169,6 +173,24 @@ static bool is_file(int fd) {
   return fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
 }
 
+// Files alone: of sockets and pipes others than the disk would have to fail.
+ssize_t read(int fd, void* data, size_t bytes) {
+  static const auto real = next<ssize_t (*)(int, void*, size_t)>("read");
+  if (armed == FaultClass::kRead && is_file(fd) && fails_with_errno(FaultClass::kRead)) return -1;
+  return real(fd, data, bytes);
+}
+static ssize_t pread_at(const char* name, int fd, void* data, size_t bytes, off_t at) {
+  using Function = ssize_t (*)(int, void*, size_t, off_t);
+  static const Function real = next<Function>(name);
+  return fails_with_errno(FaultClass::kRead) ? -1 : real(fd, data, bytes, at);
+}
+ssize_t pread(int fd, void* data, size_t bytes, off_t at) {
+  return pread_at("pread", fd, data, bytes, at);
+}
+ssize_t pread64(int fd, void* data, size_t bytes, off64_t at) {
+  return pread_at("pread64", fd, data, bytes, at);
+}
+
 ssize_t write(int fd, const void* data, size_t bytes) {
   static const auto real = next<ssize_t (*)(int, const void*, size_t)>("write");
   if (armed == FaultClass::kNone || !is_file(fd)) return real(fd, data, bytes);
@@ -207,6 +229,14 @@ int fdatasync(int fd) {
 int rename(const char* from, const char* to) {
   static const auto real = next<int (*)(const char*, const char*)>("rename");
   return fails_with_errno(FaultClass::kRename) ? -1 : real(from, to);
+}
+int link(const char* from, const char* to) {
+  static const auto real = next<int (*)(const char*, const char*)>("link");
+  return fails_with_errno(FaultClass::kLink) ? -1 : real(from, to);
+}
+int linkat(int from_dir, const char* from, int to_dir, const char* to, int flags) {
+  static const auto real = next<int (*)(int, const char*, int, const char*, int)>("linkat");
+  return fails_with_errno(FaultClass::kLink) ? -1 : real(from_dir, from, to_dir, to, flags);
 }
 int unlink(const char* path) {
   static const auto real = next<int (*)(const char*)>("unlink");

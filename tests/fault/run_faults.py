@@ -16,6 +16,7 @@ import time
 
 # SQLite's codes: SQLITE_BUSY, _NOMEM, _IOERR, _FULL.
 CLASSES = [("sync", errno.EIO), ("rename", errno.ENOSPC), ("rename", errno.EIO),
+           ("link", errno.EMLINK), ("link", errno.ENOSPC), ("read", errno.EIO),
            ("create", errno.ENOSPC), ("create", errno.EMFILE), ("write", errno.ENOSPC),
            ("write", errno.EIO), ("short-write", 0), ("sqlite", 13), ("sqlite", 10),
            ("sqlite", 7), ("sqlite", 5), ("alloc", errno.ENOMEM), ("alloc-twice", errno.ENOMEM)]
