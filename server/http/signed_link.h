@@ -32,7 +32,8 @@ Error unknown_link();
 class SignedLinks {
  public:
   explicit SignedLinks(const UrlSecrets& secrets) : secrets_(secrets) {}
-  // Path and query to ask for. Errors: internal.
+  // Path and query to ask for. `path` is a route's, of unreserved characters and slashes.
+  // Errors: internal.
   Result<std::string> make(std::string_view path, const OptionPairs& query, std::string_view key_id,
                            int64_t expires_s) const;
   // The id of the key in whose name the link of this request was made. Errors: not-found (any but
