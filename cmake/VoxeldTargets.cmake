@@ -39,6 +39,10 @@ function(voxeld_test name)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
+  if(VOXELD_SANITIZE)
+    # They make programs several times slower; a limit is there for what hangs.
+    math(EXPR ARG_TIMEOUT "6 * ${ARG_TIMEOUT}")
+  endif()
   set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT})
 endfunction()
 

@@ -103,6 +103,11 @@ Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Rol
   sqlite3_busy_timeout(raw, kBusyTimeoutMs);
   SqlConnection connection(std::move(db));
   if (role == Role::kWriter) {
+    // Where SQLite may not write, it opens the file for reading and says so with the first change.
+    if (sqlite3_db_readonly(raw, "main") != 0) {
+      return Error{ErrorCode::kInternal, "job database: cannot write to " + path.string(),
+                   "a file that its owner may change", ""};
+    }
     VOXELD_TRY(connection.run_script(
         "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
   } else {

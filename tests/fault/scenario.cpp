@@ -73,8 +73,10 @@ bool is_full_fault() {
 void check_error(const std::string& step, const Error& error) {
   require(fault_fired(), step + " failed without a fault: " + error.message());
   if (!is_full_fault()) return;
-  // SQLite tries once more without creating the file, and then knows another reason.
-  if (error.detail.find("unable to open database file") != std::string::npos) return;
+  // SQLite tries once more without creating the file or changing it, and then knows another reason.
+  for (const char* other : {"unable to open database file", "cannot write to"}) {
+    if (error.detail.find(other) != std::string::npos) return;
+  }
   require(error.code == ErrorCode::kStorageFull,
           step + ": a full disk is storage-full, not: " + error.message());
 }

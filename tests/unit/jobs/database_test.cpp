@@ -1,6 +1,7 @@
 #include "server/jobs/database.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <fstream>
@@ -124,6 +125,20 @@ TEST_F(DatabaseTest, a_file_that_is_no_database_is_refused) {
   EXPECT_EQ(database.error().detail,
             "job database is corrupt; move it away or put back a copy: run: file is not a "
             "database");
+}
+
+TEST_F(DatabaseTest, a_file_that_cannot_be_written_is_refused_with_its_name) {
+  open().reset();
+  namespace fs = std::filesystem;
+  fs::permissions(path(), fs::perms{0444});
+  fs::permissions(dir_.path(), fs::perms{0755});
+  constexpr uid_t kNobody = 65534;
+  const bool is_root = ::geteuid() == 0;  // who may write all
+  ASSERT_TRUE(!is_root || ::seteuid(kNobody) == 0);
+  const auto refused = Database::open(path());
+  ASSERT_TRUE(!is_root || ::seteuid(0) == 0);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().detail, "job database: cannot write to " + path().string());
 }
 
 TEST_F(DatabaseTest, a_damaged_database_is_refused_at_start) {
