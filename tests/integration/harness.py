@@ -103,6 +103,7 @@ class OpenApi:
 
 class Daemon:
     """One voxeld with a data directory of its own."""
+    program = [BIN / "voxeld"]
 
     def __init__(self, device="llvmpipe", data_dir=None, arguments=()):
         self.device = device
@@ -118,7 +119,7 @@ class Daemon:
         self.log = open(self.data_dir.rstrip("/") + ".log", "ab")
         sandbox = [] if "--sandbox" in self.arguments else ["--sandbox", "require"]
         self.process = subprocess.Popen(
-            [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0",
+            [*self.program, "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0",
              "--data", self.data_dir, "--device", self.device, *sandbox, *self.arguments],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self.log, text=True)
         line = self.process.stdout.readline()
