@@ -7,7 +7,7 @@ import socket
 import subprocess
 import unittest
 
-from harness import BIN, ROOT, Daemon, DaemonTest
+from harness import PROGRAM_FILE, ROOT, Daemon, DaemonTest
 
 # Codes that no request to a healthy daemon on loopback can provoke, and where they are tested.
 TESTED_ELSEWHERE = {
@@ -258,7 +258,7 @@ class Errors(DaemonTest):
         self.assertIn("m.mtl", json.dumps(status["result"]["warnings"]))
 
     def test_no_http_library_is_linked(self):
-        linked = subprocess.run(["ldd", BIN / "voxeld"], check=True, capture_output=True, text=True)
+        linked = subprocess.run(["ldd", PROGRAM_FILE], check=True, capture_output=True, text=True)
         self.assertIn("libcrypto", linked.stdout)
         self.assertNotIn("httplib", linked.stdout)
 

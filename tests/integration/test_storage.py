@@ -60,7 +60,7 @@ class Storage(DaemonTest):
 
 class Limits(Storage):
     def test_over_the_limit_the_results_go_that_were_not_used_for_longest(self):
-        daemon = self.start("--store-bytes-max", "760K")  # the asset takes most of it
+        daemon = self.start("--store-bytes-max", "900K")  # the asset takes most of it
         jobs = [self.voxelize(daemon, size) for size in range(40, 56)]
         self.wait_evictions(daemon, 1)  # to ask for results would be a use
         problem = self.assert_problem(daemon.get(f"/v1/jobs/{jobs[0]}/result"), 410, "gone",
@@ -69,7 +69,7 @@ class Limits(Storage):
         self.assertEqual(daemon.get(f"/v1/jobs/{jobs[0]}").status, 200)
         self.assertEqual(daemon.get(f"/v1/jobs/{jobs[-1]}/result").status, 200)
         deadline = time.monotonic() + SWEEP_SECONDS_MAX
-        while self.metric(daemon, "voxeld_store_bytes") > 760 << 10:
+        while self.metric(daemon, "voxeld_store_bytes") > 900 << 10:
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.2)
         self.assertEqual(daemon.get(f"/v1/jobs/{self.voxelize(daemon, 40)}/result").status, 200)
