@@ -49,6 +49,12 @@ Error long_head(size_t bytes) {
       ""};
 }
 
+Response refuse(Request& request) {
+  return Response::problem(
+      {ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""},
+      request.head.path, request.trace.trace_id);
+}
+
 // False in `keep` when the request's body was not read to its end.
 Response run_handler(Client& client, const Handler& handler, Request& request) {
   Response response;
@@ -120,7 +126,8 @@ Response answer_request(Client& client, const Handler& handler, const FrontConfi
     const auto parent = parse_traceparent(head.header("traceparent"));
     request.trace = parent ? child_span(*parent) : new_trace();
     record.trace_id = request.trace.trace_id;
-    response = run_handler(client, handler, request);
+    static const Handler kRefuse = refuse;
+    response = run_handler(client, client.is_refused ? kRefuse : handler, request);
   }
   if (record.request_id.empty()) record.request_id = new_request_id();
   record.status = response.status;

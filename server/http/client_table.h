@@ -46,7 +46,12 @@ struct Client {
   std::unique_ptr<Output> output;    // its answer
   ExchangeRecord record;
   bool keep = false;
+  bool is_refused = false;  // new work while the front drains
   int64_t lingered_bytes = 0;
+
+ private:
+  friend class ClientTable;
+  bool is_in_flight_ = false;
 };
 
 // Not thread-safe. Everything is O(1), but for taking those who are late, which is O(of them).
@@ -62,6 +67,8 @@ class ClientTable {
 
   size_t size() const { return by_fd_.size(); }
   size_t count(Client::State state) const { return lists_[index(state)].size(); }
+  // Those with a request that has begun, was not refused, and is not answered to its end.
+  size_t in_flight() const { return in_flight_; }
   int count_of(const std::string& address) const;
   // Who has been in that state for longest; null where nobody is.
   Client* longest(Client::State state) const;
@@ -70,9 +77,12 @@ class ClientTable {
 
  private:
   static size_t index(Client::State state) { return static_cast<size_t>(state); }
+  void count_in_flight(Client& client, bool is_in_flight);
+
   std::unordered_map<int, std::unique_ptr<Client>> by_fd_;
   std::map<std::string, int, std::less<>> by_address_;
   std::array<std::list<Client*>, Client::kStates> lists_;
+  size_t in_flight_ = 0;
 };
 
 }  // namespace voxeld::http

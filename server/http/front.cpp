@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/base/log.h"
 #include "server/base/thread_annotations.h"
 #include "server/http/answer_request.h"
 #include "server/http/body_reader.h"
@@ -33,6 +34,7 @@ constexpr int kAcceptsMax = 256;
 constexpr size_t kBufferKeptBytes = 4096;
 constexpr int64_t kLingerBytesMax = int64_t{64} << 20;
 constexpr int kPollMs = 500;
+constexpr auto kDrainStep = std::chrono::milliseconds(10);
 
 using State = Client::State;
 
@@ -66,11 +68,7 @@ class EpollFront final : public Front {
 
   void stop(double seconds) override {
     if (stopping_.exchange(true)) return;
-    notify();
-    const auto deadline = Clock::now() + std::chrono::duration<double>(seconds);
-    while (is_busy() && Clock::now() < deadline) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
+    drain(seconds);
     {
       const MutexLock lock(mutex_);
       ended_ = true;  // from here on nothing that waits begins
@@ -81,6 +79,7 @@ class EpollFront final : public Front {
     notify();
     poller_.join();
     for (std::thread& thread : pool_) thread.join();
+    listener_.reset();
     const MutexLock lock(mutex_);
     queues_ = {};
     while (Client* client = any_client()) table_.remove(*client);
@@ -95,12 +94,31 @@ class EpollFront final : public Front {
     ::epoll_ctl(epoll_.get(), operation, fd, &event);
   }
 
-  // Whether a request runs, waits for a thread or is being answered.
-  bool is_busy() {
+  // Until nothing is in flight, and then for a moment for clients to close: with bytes of theirs
+  // unread, closing would take their last answer away.
+  void drain(double seconds) EXCLUDES(mutex_) {
+    const auto until = [](double from_now) {
+      return Clock::now() +
+             std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(from_now));
+    };
+    const auto deadline = until(seconds);
+    const auto wait_while = [](const auto& condition, Clock::time_point end) {
+      while (condition() && Clock::now() < end) std::this_thread::sleep_for(kDrainStep);
+    };
+    wait_while([this] { return in_flight() > 0; }, deadline);
+    if (const size_t cut = in_flight(); cut > 0) {
+      log::warn("the time to drain is over: answers are cut", {{"answers", cut}});
+    }
+    wait_while([this] { return is_lingering(); }, std::min(deadline, until(kLingerSecondsMax)));
+  }
+
+  size_t in_flight() EXCLUDES(mutex_) {
     const MutexLock lock(mutex_);
-    return table_.count(State::kQueued) + table_.count(State::kRunning) +
-               table_.count(State::kSending) >
-           0;
+    return table_.in_flight();
+  }
+  bool is_lingering() EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    return table_.count(State::kLingering) > 0;
   }
 
   void notify() {
@@ -150,10 +168,6 @@ class EpollFront final : public Front {
     std::array<epoll_event, kEventsMax> events{};
     while (true) {
       const int count = ::epoll_wait(epoll_.get(), events.data(), kEventsMax, kPollMs);
-      if (stopping_ && listener_.valid()) {
-        listener_.reset();
-        drop_waiting();
-      }
       for (int i = 0; i < count; ++i) handle(events[static_cast<size_t>(i)].data.fd);
       if (has_ended()) return;
       drop_late();
@@ -164,7 +178,7 @@ class EpollFront final : public Front {
     if (fd == wake_.get()) {
       uint64_t value = 0;
       [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &value, sizeof value);
-    } else if (listener_.valid() && fd == listener_.get()) {
+    } else if (fd == listener_.get()) {
       accept_some();
     } else if (Client* client = waiting(fd)) {
       if (client->state == State::kSending) return enqueue(*client, Lane::kQuick);
@@ -264,7 +278,9 @@ class EpollFront final : public Front {
 
   void begin(Client& client, Lane lane) {
     client.started = Clock::now();
-    enqueue(client, lane);
+    client.is_refused = stopping_ && client.head && *client.head && config_.is_new_work &&
+                        config_.is_new_work(client.head->value());
+    enqueue(client, client.is_refused ? Lane::kQuick : lane);
   }
 
   void drop_input(Client& client) {
@@ -286,17 +302,11 @@ class EpollFront final : public Front {
     while (Client* client = take_late(State::kIdle, kIdleSecondsMax)) close(*client);
     while (Client* client = take_late(State::kHead, kHeadSecondsMax)) close(*client);
     while (Client* client = take_late(State::kLingering, kLingerSecondsMax)) close(*client);
-    while (Client* client = take_late(State::kSending, kWriteStallSeconds)) end_cut(*client);
+    while (Client* client = take_late(State::kSending, config_.send.stall_seconds))
+      end_cut(*client);
     while (Client* client = take_late(State::kBody, kBodyGraceSeconds)) {
       client->head.emplace(slow_body_error());
       begin(*client, Lane::kQuick);
-    }
-  }
-
-  // No request has begun: they are closed when the front stops.
-  void drop_waiting() {
-    for (const State state : {State::kIdle, State::kHead, State::kBody}) {
-      while (Client* client = take_late(state, -1)) close(*client);
     }
   }
 
@@ -374,12 +384,11 @@ class EpollFront final : public Front {
     }
     observe(client);
     if (sent != Output::State::kDone || client.connection.broken()) return close(client);
-    const bool keep = client.keep && !stopping_;
     client.output.reset();
     client.head.reset();
     client.head_scanned = 0;
     client.record = {};
-    if (!keep) {
+    if (!client.keep) {
       // Closing with unread bytes would reset the connection and take the answer with it: say that
       // no more will be sent, and drop what still comes for a moment.
       ::shutdown(client.connection.fd(), SHUT_WR);
@@ -392,11 +401,12 @@ class EpollFront final : public Front {
   }
 
   // An average below the least rate, so that nobody holds a place for ever by reading now and then.
-  static bool is_too_slow(const Client& client) {
+  bool is_too_slow(const Client& client) const {
+    const SendLimits& limits = config_.send;
     const double seconds = std::chrono::duration<double>(Clock::now() - client.started).count();
-    return seconds > kSendGraceSeconds &&
+    return seconds > limits.grace_seconds &&
            static_cast<double>(client.output->sent()) <
-               (seconds - kSendGraceSeconds) * static_cast<double>(kSendRateMin);
+               (seconds - limits.grace_seconds) * static_cast<double>(limits.rate_min);
   }
 
   void observe(Client& client) {

@@ -33,6 +33,13 @@ bool may_wait(const Head& head) {
                        path.starts_with("/v1/sequences/")));
 }
 
+// What a client asks for that has nothing here yet. Who has a job may look at it, fetch what is
+// there and cancel it to the end; a GET that would start work is refused by the job service.
+bool is_new_work(const Head& head) {
+  return head.method != "GET" && head.method != "HEAD" && head.method != "OPTIONS" &&
+         head.method != "DELETE";
+}
+
 class HttpServer final : public Server {
  public:
   HttpServer(const ServerConfig& config, JobService& jobs, const KeyRing& keys,
@@ -56,9 +63,13 @@ class HttpServer final : public Server {
   ~HttpServer() override { stop(0); }
 
   Status start() {
-    FrontConfig front{config_.listen,          config_.request_threads,
-                      config_.connections_max, config_.connections_per_address,
-                      config_.trusted_proxies, may_wait};
+    FrontConfig front{config_.listen,
+                      config_.request_threads,
+                      config_.connections_max,
+                      config_.connections_per_address,
+                      config_.trusted_proxies,
+                      may_wait,
+                      is_new_work};
     VOXELD_ASSIGN(front_, start_front(
                               front, [this](Request& request) { return answer(request); },
                               [this](const ExchangeRecord& exchange) {
