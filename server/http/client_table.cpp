@@ -59,11 +59,17 @@ Client* ClientTable::longest(Client::State state) const {
 }
 
 Client* ClientTable::late(Client::State state, double seconds, Clock::time_point now) const {
-  Client* client = longest(state);
-  if (client == nullptr || std::chrono::duration<double>(now - client->since).count() <= seconds) {
-    return nullptr;
+  for (Client* client : lists_[index(state)]) {
+    if (std::chrono::duration<double>(now - client->since).count() <= seconds) return nullptr;
+    if (!client->is_taken) return client;
   }
-  return client;
+  return nullptr;
+}
+
+std::vector<int> ClientTable::sockets(Client::State state) const {
+  std::vector<int> sockets;
+  for (const Client* client : lists_[index(state)]) sockets.push_back(client->connection.fd());
+  return sockets;
 }
 
 }  // namespace voxeld::http

@@ -87,6 +87,8 @@ TEST_F(DrainTest, running_and_waiting_requests_are_answered_and_then_idle_connec
   ASSERT_TRUE(waiting.send_get("/hello") && half.send("GET /hello HTTP/1.1\r\n"));
   settle();
   std::thread stopper([&] { front_->stop(kPatienceSeconds); });
+  // As its only thread is held, nothing tells from outside that it drains.
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
   held_.count_down();
   const auto first = running.receive();
   ASSERT_TRUE(first);
