@@ -4,6 +4,7 @@
 
 #include "client/answers.h"
 #include "client/client_impl.h"
+#include "proto/percent_encoding.h"
 
 namespace voxeld::client {
 namespace {
@@ -135,7 +136,7 @@ std::string Client::bundle(std::span<const BundleFile> files) {
 
 std::string Client::asset_json(std::string_view asset) {
   HttpRequest request;
-  request.url = impl_->url("/v1/assets/" + Transport::escape(asset));
+  request.url = impl_->url("/v1/assets/" + percent_encode(asset));
   return impl_->call(std::move(request)).body;
 }
 
@@ -145,32 +146,31 @@ JobInfo Client::submit(std::string_view kind, const Input& input, const Options&
 
 JobInfo Client::job(std::string_view id) {
   HttpRequest request;
-  request.url = impl_->url("/v1/jobs/" + Transport::escape(id));
+  request.url = impl_->url("/v1/jobs/" + percent_encode(id));
   return job_info(parse_object(impl_->call(std::move(request)).body));
 }
 
 JobInfo Client::wait(std::string_view id, const ProgressCallback& progress,
                      const std::stop_token& stop) {
-  return impl_->wait(Transport::escape(id), progress, stop);
+  return impl_->wait(percent_encode(id), progress, stop);
 }
 
 JobInfo Client::cancel(std::string_view id) {
   HttpRequest request;
   request.method = "DELETE";
-  request.url = impl_->url("/v1/jobs/" + Transport::escape(id));
+  request.url = impl_->url("/v1/jobs/" + percent_encode(id));
   return job_info(parse_object(impl_->call(std::move(request)).body));
 }
 
 JobFrames Client::frames(std::string_view job) {
   HttpRequest request;
-  request.url = impl_->url("/v1/jobs/" + Transport::escape(job) + "/frames");
+  request.url = impl_->url("/v1/jobs/" + percent_encode(job) + "/frames");
   return job_frames(parse_object(impl_->call(std::move(request)).body));
 }
 
 Grid Client::frame(std::string_view job, std::int64_t index) {
   HttpRequest request;
-  request.url =
-      impl_->url("/v1/jobs/" + Transport::escape(job) + "/frames/" + std::to_string(index));
+  request.url = impl_->url("/v1/jobs/" + percent_encode(job) + "/frames/" + std::to_string(index));
   const std::string body = impl_->call(std::move(request)).body;
   return Grid::decode(std::as_bytes(std::span(body)));
 }
@@ -196,7 +196,7 @@ std::vector<JobInfo> Client::jobs(int limit) {
 
 void Client::download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
                       const std::stop_token& stop) {
-  impl_->download(Transport::escape(job), sink, progress, stop);
+  impl_->download(percent_encode(job), sink, progress, stop);
 }
 
 Link Client::share(std::string_view job, std::chrono::seconds lifetime, const Options& options) {
@@ -204,9 +204,9 @@ Link Client::share(std::string_view job, std::chrono::seconds lifetime, const Op
   request.method = "POST";
   std::string query = "?seconds=" + std::to_string(lifetime.count());
   for (const auto& [name, value] : options.pairs()) {
-    query += "&" + Transport::escape(name) + "=" + Transport::escape(value);
+    query += "&" + percent_encode(name) + "=" + percent_encode(value);
   }
-  request.url = impl_->url("/v1/jobs/" + Transport::escape(job) + "/share" + query);
+  request.url = impl_->url("/v1/jobs/" + percent_encode(job) + "/share" + query);
   const nlohmann::json answer = parse_object(impl_->call(std::move(request)).body);
   return {impl_->url(text_of(answer, "url")), number_of(answer, "expires_ms")};
 }

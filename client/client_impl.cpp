@@ -9,6 +9,7 @@
 
 #include "client/answers.h"
 #include "proto/job.h"
+#include "proto/percent_encoding.h"
 
 namespace voxeld::client {
 namespace {
@@ -188,7 +189,7 @@ std::string ClientImpl::upload(const Source& source, const ProgressCallback& pro
     request.method = "POST";
     request.url = url("/v1/assets");
     if (!source.filename_.empty()) {
-      request.url += "?filename=" + Transport::escape(source.filename_);
+      request.url += "?filename=" + percent_encode(source.filename_);
     }
     request.headers = {"Content-Type: application/octet-stream"};
     request.body_bytes = reader.bytes;

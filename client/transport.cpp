@@ -136,23 +136,6 @@ Transport::~Transport() {
   curl_easy_cleanup(impl_->curl);
 }
 
-std::string Transport::escape(std::string_view text) {
-  static constexpr char kHex[] = "0123456789ABCDEF";
-  std::string out;
-  for (const char c : text) {
-    const bool plain = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
-                       c == '-' || c == '_' || c == '.' || c == '~';
-    if (plain) {
-      out += c;
-    } else {
-      out += '%';
-      out += kHex[static_cast<unsigned char>(c) >> 4];
-      out += kHex[static_cast<unsigned char>(c) & 15];
-    }
-  }
-  return out;
-}
-
 HttpAnswer Transport::exchange(const HttpRequest& request) {
   CURL* curl = impl_->curl;
   curl_easy_reset(curl);

@@ -55,7 +55,6 @@ class Transport {
   Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout, std::string key);
   ~Transport();
   HttpAnswer exchange(const HttpRequest& request);
-  static std::string escape(std::string_view text);
 
  private:
   struct Impl;

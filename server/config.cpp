@@ -191,7 +191,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->envname("VOXELD_TRUSTED_PROXY");
   serve
       ->add_option("--drain-seconds", config.drain_seconds,
-                   "How long running answers may go on after SIGTERM")
+                   "How long running answers may go on after SIGTERM, while new work gets 503")
       ->check(CLI::NonNegativeNumber)
       ->envname("VOXELD_DRAIN_SECONDS")
       ->capture_default_str();

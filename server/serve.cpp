@@ -74,8 +74,20 @@ int wait_for_signal(double seconds) {
   return std::max(0, ::sigtimedwait(&set, nullptr, &limit));
 }
 
+// As the signal ends any process. The first one of a container is not ended by its own signals: by
+// the status that shells give for that.
+void end_at_once(int signal) {
+  ::raise(signal);
+  ::_exit(128 + signal);
+}
+
 // A second signal ends the process at once; its workers end with it.
 void let_next_signal_kill() {
+  struct sigaction action {};
+  action.sa_handler = end_at_once;
+  action.sa_flags = static_cast<int>(SA_RESETHAND | SA_NODEFER);
+  ::sigaction(SIGTERM, &action, nullptr);
+  ::sigaction(SIGINT, &action, nullptr);
   const sigset_t set = ending_signals();
   ::pthread_sigmask(SIG_UNBLOCK, &set, nullptr);
 }

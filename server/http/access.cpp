@@ -41,6 +41,7 @@ Status Access::admit(Request& request) {
   }
   request.caller = std::move(holder->caller);
   request.key_id = std::move(holder->key_id);
+  if (request.key_id.empty()) return {};  // limits stand with keys
   const TenantLimits limits = keys_.limits_of(request.caller.tenant());
   if (limits.requests_per_minute == 0) return {};
   request.rate =

@@ -49,6 +49,12 @@ Error long_head(size_t bytes) {
       ""};
 }
 
+Response refuse(Request& request) {
+  return Response::problem(
+      {ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""},
+      request.head.path, request.trace.trace_id);
+}
+
 // False in `keep` when the request's body was not read to its end.
 Response run_handler(Client& client, const Handler& handler, Request& request) {
   Response response;
@@ -67,7 +73,7 @@ Response run_handler(Client& client, const Handler& handler, Request& request) {
   client.record.bytes_in = request.body->bytes_read();
   client.record.key_id = request.key_id;
   if (!request.key_id.empty()) client.record.tenant = request.caller.tenant();
-  client.keep = request.body->finished() && client.head->value().keep_alive();
+  client.keep = request.body->finished() && request.head.keep_alive();
   return response;
 }
 
@@ -106,12 +112,13 @@ Response answer_request(Client& client, const Handler& handler, const FrontConfi
   } else if (!*client.head) {
     response = Response::problem(client.head->error(), "");
   } else {
-    Head& head = client.head->value();
-    record.head = &head;
-    record.peer = take_client_address(head, client.connection.peer(), config.trusted_proxies);
-    BodyReader body(client.connection, head);
     Request request;
-    request.head = head;
+    request.head = std::move(client.head->value());
+    const Head& head = request.head;
+    record.head = &client.head->value();  // that is put back below
+    record.peer =
+        take_client_address(request.head, client.connection.peer(), config.trusted_proxies);
+    BodyReader body(client.connection, head);
     request.body = &body;
     request.client_gone = [&] { return client.connection.peer_closed(); };
     const std::string_view given = head.header("X-Request-Id");
@@ -120,7 +127,9 @@ Response answer_request(Client& client, const Handler& handler, const FrontConfi
     const auto parent = parse_traceparent(head.header("traceparent"));
     request.trace = parent ? child_span(*parent) : new_trace();
     record.trace_id = request.trace.trace_id;
-    response = run_handler(client, handler, request);
+    static const Handler kRefuse = refuse;
+    response = run_handler(client, client.is_refused ? kRefuse : handler, request);
+    client.head->value() = std::move(request.head);
   }
   if (record.request_id.empty()) record.request_id = new_request_id();
   record.status = response.status;

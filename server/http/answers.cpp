@@ -30,19 +30,40 @@ std::string meta_header(const Json& meta) {
   return text.size() <= kMetaHeaderBytesMax ? text : "{}";
 }
 
+// What of meta goes into headers.
+struct MetaHeaders {
+  std::string content_hash, pipeline, device, brief;
+};
+
+// This thread's last one is remembered: who fetches a result in ranges asks for it again and again,
+// and to parse it takes longer than to look the job up. By job, so that nobody learns from the time
+// of an answer what others have.
+const MetaHeaders& meta_headers(const std::string& job, const std::string& meta_json) {
+  thread_local std::string last_job, last_meta;
+  thread_local MetaHeaders headers;
+  if (last_job == job && last_meta == meta_json) return headers;
+  last_job.clear();  // should the rest throw
+  headers = {};
+  if (const Json meta = Json::parse(meta_json, nullptr, false); meta.is_object()) {
+    headers = {text_member(meta, "content_hash"), text_member(meta, "pipeline"),
+               text_member(meta, "device"), meta_header(meta)};
+  }
+  last_meta = meta_json;
+  last_job = job;
+  return headers;
+}
+
 void add_result_headers(Response& response, const JobStatus& status) {
   const JobResult& result = *status.result;
-  const Json meta = Json::parse(result.meta_json, nullptr, false);
+  const MetaHeaders& meta = meta_headers(status.id, result.meta_json);
   auto& headers = response.headers;
   headers["X-Voxeld-Job"] = status.id;
   if (!result.grid.empty()) headers["X-Voxeld-Grid"] = result.grid;
   if (!result.sequence.empty()) headers["X-Voxeld-Sequence"] = result.sequence;
-  if (meta.is_object()) {
-    headers["X-Voxeld-Content-Hash"] = text_member(meta, "content_hash");
-    headers["X-Voxeld-Pipeline"] = text_member(meta, "pipeline");
-    headers["X-Voxeld-Device"] = text_member(meta, "device");
-    headers["X-Voxeld-Meta"] = meta_header(meta);
-  }
+  headers["X-Voxeld-Content-Hash"] = meta.content_hash;
+  headers["X-Voxeld-Pipeline"] = meta.pipeline;
+  headers["X-Voxeld-Device"] = meta.device;
+  headers["X-Voxeld-Meta"] = meta.brief;
   std::string warnings;
   for (const Warning& warning : result.warnings) {
     warnings += (warnings.empty() ? "" : ", ") + warning.code;

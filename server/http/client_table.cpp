@@ -21,6 +21,7 @@ Client* ClientTable::find(int fd) {
 
 std::unique_ptr<Client> ClientTable::remove(Client& client) {
   lists_[index(client.state)].erase(client.place);
+  count_in_flight(client, false);
   if (client.is_counted) {
     const auto counted = by_address_.find(client.connection.peer());
     if (--counted->second == 0) by_address_.erase(counted);
@@ -36,6 +37,15 @@ void ClientTable::set_state(Client& client, Client::State state) {
   to.splice(to.end(), lists_[index(client.state)], client.place);
   client.state = state;
   client.since = Clock::now();
+  const bool has_begun = state == Client::State::kQueued || state == Client::State::kRunning ||
+                         state == Client::State::kSending;
+  count_in_flight(client, has_begun && !client.is_refused);
+}
+
+void ClientTable::count_in_flight(Client& client, bool is_in_flight) {
+  if (client.is_in_flight_ == is_in_flight) return;
+  client.is_in_flight_ = is_in_flight;
+  in_flight_ = is_in_flight ? in_flight_ + 1 : in_flight_ - 1;
 }
 
 int ClientTable::count_of(const std::string& address) const {
@@ -49,11 +59,17 @@ Client* ClientTable::longest(Client::State state) const {
 }
 
 Client* ClientTable::late(Client::State state, double seconds, Clock::time_point now) const {
-  Client* client = longest(state);
-  if (client == nullptr || std::chrono::duration<double>(now - client->since).count() <= seconds) {
-    return nullptr;
+  for (Client* client : lists_[index(state)]) {
+    if (std::chrono::duration<double>(now - client->since).count() <= seconds) return nullptr;
+    if (!client->is_taken) return client;
   }
-  return client;
+  return nullptr;
+}
+
+std::vector<int> ClientTable::sockets(Client::State state) const {
+  std::vector<int> sockets;
+  for (const Client* client : lists_[index(state)]) sockets.push_back(client->connection.fd());
+  return sockets;
 }
 
 }  // namespace voxeld::http

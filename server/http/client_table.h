@@ -9,6 +9,7 @@
 #include <string>
 #include <unordered_map>
 #include <utility>
+#include <vector>
 
 #include "server/http/connection.h"
 #include "server/http/exchange.h"
@@ -17,13 +18,13 @@
 namespace voxeld::http {
 
 struct Client {
-  // idle ─> head ─> body ─> queued ─> running ─> idle | sending | lingering | gone
-  //                           └──────────────────────── sending
+  // idle ─> head ─> body ─> queued ─> running ─> idle | queued | sending | lingering | gone
+  //                                      └──────────────────────── sending
   enum class State {
     kIdle,       // for the first byte of a request
     kHead,       // for the rest of its head
     kBody,       // for the rest of a small body
-    kQueued,     // for a thread
+    kQueued,     // for a thread: of those that may be slow, or for its turn, where it pipelines
     kRunning,    // a thread has it
     kSending,    // for its client to take more of an answer
     kLingering,  // for its client to close, after an answer that ends the connection
@@ -35,6 +36,7 @@ struct Client {
 
   Connection connection;
   bool is_counted = false;  // by address
+  bool is_taken = false;    // by a thread, or by the queue: nobody else may touch it
   State state = State::kIdle;
   Clock::time_point since = Clock::now();  // of the state
   std::list<Client*>::iterator place;      // among those of its state
@@ -46,10 +48,17 @@ struct Client {
   std::unique_ptr<Output> output;    // its answer
   ExchangeRecord record;
   bool keep = false;
+  bool is_slow = false;     // it takes one of the threads that may be slow
+  bool is_refused = false;  // new work while the front drains
   int64_t lingered_bytes = 0;
+
+ private:
+  friend class ClientTable;
+  bool is_in_flight_ = false;
 };
 
-// Not thread-safe. Everything is O(1), but for taking those who are late, which is O(of them).
+// Not thread-safe. Everything is O(1), but for taking those who are late, which is O(of them) and
+// of those that are taken.
 class ClientTable {
  public:
   // Takes it in as idle. `is_counted`: against count_of() its address.
@@ -62,17 +71,24 @@ class ClientTable {
 
   size_t size() const { return by_fd_.size(); }
   size_t count(Client::State state) const { return lists_[index(state)].size(); }
+  // Those with a request that has begun, was not refused, and is not answered to its end.
+  size_t in_flight() const { return in_flight_; }
   int count_of(const std::string& address) const;
   // Who has been in that state for longest; null where nobody is.
   Client* longest(Client::State state) const;
-  // The same, if it has been for more than `seconds`.
+  // The same of those that are not taken, if it has been for more than `seconds`.
   Client* late(Client::State state, double seconds, Clock::time_point now) const;
+  // The sockets of those in that state.
+  std::vector<int> sockets(Client::State state) const;
 
  private:
   static size_t index(Client::State state) { return static_cast<size_t>(state); }
+  void count_in_flight(Client& client, bool is_in_flight);
+
   std::unordered_map<int, std::unique_ptr<Client>> by_fd_;
   std::map<std::string, int, std::less<>> by_address_;
   std::array<std::list<Client*>, Client::kStates> lists_;
+  size_t in_flight_ = 0;
 };
 
 }  // namespace voxeld::http

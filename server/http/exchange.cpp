@@ -14,6 +14,8 @@ namespace {
 
 // Files up to here go out with their head, in one write.
 constexpr int64_t kInlineBytesMax = int64_t{64} << 10;
+// Of heads with small bodies; others grow.
+constexpr size_t kUsualBytes = 2048;
 
 struct Range {
   int64_t first = 0, last = 0;  // inclusive
@@ -150,10 +152,15 @@ Output::Output(const Head& head, const Response& response, bool keep) {
   const auto* text = std::get_if<std::string>(&response.body);
   const auto* file = std::get_if<FileBody>(&response.body);
   const bool bodiless = response.status == 204 || response.status == 304;
-  text_ = "HTTP/1.1 " + std::to_string(response.status) + " " +
-          std::string(reason_phrase(response.status)) + "\r\n";
+  text_.reserve(kUsualBytes);
+  text_ += "HTTP/1.1 " + std::to_string(response.status) + " ";
+  text_ += reason_phrase(response.status);
+  text_ += "\r\n";
   for (const auto& [name, value] : response.headers) {
-    text_ += name + ": " + header_safe(value) + "\r\n";
+    text_ += name;
+    text_ += ": ";
+    text_ += header_safe(value);
+    text_ += "\r\n";
   }
   const bool is_stream = text == nullptr && file == nullptr;
   if (!is_stream && !bodiless) {

@@ -1,5 +1,6 @@
 #include "server/http/front.h"
 
+#include <poll.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
@@ -14,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "server/base/log.h"
 #include "server/base/thread_annotations.h"
 #include "server/http/answer_request.h"
 #include "server/http/body_reader.h"
@@ -26,23 +28,23 @@ namespace voxeld::http {
 namespace {
 
 constexpr size_t kReadStep = 65536;
-constexpr size_t kEventsMax = 256;
-// New connections are taken so many at a time, so that those that are there are looked at between.
+// New connections are taken so many at a time, so that who is late is looked for between.
 constexpr int kAcceptsMax = 256;
 // After a request, a buffer that grew larger than this gives its memory back.
 constexpr size_t kBufferKeptBytes = 4096;
 constexpr int64_t kLingerBytesMax = int64_t{64} << 20;
 constexpr int kPollMs = 500;
+constexpr auto kDrainStep = std::chrono::milliseconds(10);
+// Against those who ask again and again, and would keep the front from ending.
+constexpr double kUnheardSecondsMax = 1;
 
 using State = Client::State;
 
-// Which threads may take a request.
-enum class Lane { kQuick, kSlow };
-
-// The poller's thread reads heads and small bodies, and sees to those who are late; the pool's
-// threads run handlers and send. A client in a state of waiting is the poller's, a running one its
-// thread's; `mutex_` guards who is what. Each socket is armed for one event (EPOLLONESHOT), so that
-// nobody but its owner hears of it.
+// The keeper's thread accepts and sees to those who are late. All threads of the pool wait for the
+// same events: who hears of a client reads from it, and runs its request then and there, without a
+// thread that hands requests on. Each socket is armed for one event (EPOLLONESHOT), and whoever
+// hears of it takes the client (`is_taken`, guarded by `mutex_`) until it arms it again; an event
+// of a socket that was closed meanwhile finds nobody, or somebody new who has nothing to say yet.
 class EpollFront final : public Front {
  public:
   EpollFront(UniqueFd listener, const FrontConfig& config, Handler handler, Observer observer)
@@ -53,10 +55,9 @@ class EpollFront final : public Front {
         handler_(std::move(handler)),
         observer_(std::move(observer)),
         epoll_(::epoll_create1(EPOLL_CLOEXEC)),
-        wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-    control(EPOLL_CTL_ADD, listener_.get(), EPOLLIN);
-    control(EPOLL_CTL_ADD, wake_.get(), EPOLLIN);
-    poller_ = std::thread([this] { poll_loop(); });
+        end_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+    control(EPOLL_CTL_ADD, end_.get(), EPOLLIN);
+    keeper_ = std::thread([this] { keep_loop(); });
     for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this] { pool_loop(); });
   }
   ~EpollFront() override { stop(0); }
@@ -66,23 +67,20 @@ class EpollFront final : public Front {
 
   void stop(double seconds) override {
     if (stopping_.exchange(true)) return;
-    notify();
-    const auto deadline = Clock::now() + std::chrono::duration<double>(seconds);
-    while (is_busy() && Clock::now() < deadline) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
+    drain(seconds);
     {
       const MutexLock lock(mutex_);
       ended_ = true;  // from here on nothing that waits begins
       // What still runs has its socket cut, so that its thread comes back.
-      for (const int fd : running_fds_) ::shutdown(fd, SHUT_RDWR);
+      for (const int fd : table_.sockets(State::kRunning)) ::shutdown(fd, SHUT_RDWR);
     }
-    ready_.notify_all();
-    notify();
-    poller_.join();
+    const uint64_t one = 1;  // never read again: all threads see it
+    [[maybe_unused]] const ssize_t written = ::write(end_.get(), &one, sizeof one);
+    keeper_.join();
     for (std::thread& thread : pool_) thread.join();
+    listener_.reset();
     const MutexLock lock(mutex_);
-    queues_ = {};
+    slow_queue_.clear();
     while (Client* client = any_client()) table_.remove(*client);
     connections_ = 0;
   }
@@ -95,17 +93,47 @@ class EpollFront final : public Front {
     ::epoll_ctl(epoll_.get(), operation, fd, &event);
   }
 
-  // Whether a request runs, waits for a thread or is being answered.
-  bool is_busy() {
-    const MutexLock lock(mutex_);
-    return table_.count(State::kQueued) + table_.count(State::kRunning) +
-               table_.count(State::kSending) >
-           0;
+  // Until nothing is in flight, and then for a moment for clients to close: with bytes of theirs
+  // unread, closing would take their last answer away.
+  void drain(double seconds) EXCLUDES(mutex_) {
+    const auto until = [](double from_now) {
+      return Clock::now() +
+             std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(from_now));
+    };
+    const auto deadline = until(seconds);
+    const auto wait_while = [](const auto& condition, Clock::time_point end) {
+      while (condition() && Clock::now() < end) std::this_thread::sleep_for(kDrainStep);
+    };
+    const auto is_busy = [this] { return in_flight() > 0; };
+    wait_while(is_busy, deadline);
+    // Requests that nobody has read yet, as all threads were busy, come in within a moment.
+    wait_while([&] { return is_busy() || has_unheard(); },
+               std::min(deadline, until(kUnheardSecondsMax)));
+    wait_while(is_busy, deadline);
+    if (const size_t cut = in_flight(); cut > 0) {
+      log::warn("the time to drain is over: answers are cut", {{"answers", cut}});
+    }
+    wait_while([this] { return is_lingering(); }, std::min(deadline, until(kLingerSecondsMax)));
   }
 
-  void notify() {
-    const uint64_t one = 1;
-    [[maybe_unused]] const ssize_t written = ::write(wake_.get(), &one, sizeof one);
+  size_t in_flight() EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    return table_.in_flight();
+  }
+  // Whether anything came from a client that waits for nothing else.
+  bool has_unheard() EXCLUDES(mutex_) {
+    std::vector<pollfd> entries;
+    {
+      const MutexLock lock(mutex_);
+      for (const State state : {State::kIdle, State::kHead, State::kBody}) {
+        for (const int fd : table_.sockets(state)) entries.push_back({fd, POLLIN, 0});
+      }
+    }
+    return ::poll(entries.data(), entries.size(), 0) > 0;
+  }
+  bool is_lingering() EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    return table_.count(State::kLingering) > 0;
   }
 
   Client* any_client() REQUIRES(mutex_) {
@@ -122,7 +150,11 @@ class EpollFront final : public Front {
     if (client.state != state || state == State::kIdle || state == State::kSending) {
       table_.set_state(client, state);
     }
-    const uint32_t events = state == State::kSending ? EPOLLOUT : EPOLLIN;
+    client.is_taken = false;
+    uint32_t events = EPOLLIN;
+    if (state == State::kSending) events = EPOLLOUT;
+    // What it waits for is there: this puts it behind all others that have something to say.
+    if (state == State::kQueued) events = EPOLLIN | EPOLLOUT;
     control(EPOLL_CTL_MOD, client.connection.fd(), events | EPOLLONESHOT);
   }
 
@@ -135,56 +167,15 @@ class EpollFront final : public Front {
     --connections_;
   }
 
-  void enqueue(Client& client, Lane lane) EXCLUDES(mutex_) {
-    {
-      const MutexLock lock(mutex_);
-      table_.set_state(client, State::kQueued);
-      queues_[static_cast<size_t>(lane)].push_back(&client);
-    }
-    ready_.notify_one();
-  }
+  // --- the keeper's thread
 
-  // --- the poller's thread
-
-  void poll_loop() {
-    std::array<epoll_event, kEventsMax> events{};
-    while (true) {
-      const int count = ::epoll_wait(epoll_.get(), events.data(), kEventsMax, kPollMs);
-      if (stopping_ && listener_.valid()) {
-        listener_.reset();
-        drop_waiting();
-      }
-      for (int i = 0; i < count; ++i) handle(events[static_cast<size_t>(i)].data.fd);
-      if (has_ended()) return;
+  void keep_loop() {
+    std::array<pollfd, 2> entries{{{listener_.get(), POLLIN, 0}, {end_.get(), POLLIN, 0}}};
+    while (entries[1].revents == 0) {
+      const int count = ::poll(entries.data(), entries.size(), kPollMs);
+      if (count > 0 && entries[0].revents != 0) accept_some();
       drop_late();
     }
-  }
-
-  void handle(int fd) {
-    if (fd == wake_.get()) {
-      uint64_t value = 0;
-      [[maybe_unused]] const ssize_t got = ::read(wake_.get(), &value, sizeof value);
-    } else if (listener_.valid() && fd == listener_.get()) {
-      accept_some();
-    } else if (Client* client = waiting(fd)) {
-      if (client->state == State::kSending) return enqueue(*client, Lane::kQuick);
-      if (client->state == State::kLingering) return drop_input(*client);
-      receive(*client);
-    }
-  }
-
-  bool has_ended() EXCLUDES(mutex_) {
-    const MutexLock lock(mutex_);
-    return ended_;
-  }
-
-  // Null where a thread has it: then the event is one of a socket that was closed meanwhile.
-  Client* waiting(int fd) EXCLUDES(mutex_) {
-    const MutexLock lock(mutex_);
-    Client* client = table_.find(fd);
-    const bool is_taken =
-        client != nullptr && (client->state == State::kQueued || client->state == State::kRunning);
-    return is_taken ? nullptr : client;
   }
 
   void accept_some() {
@@ -215,88 +206,31 @@ class EpollFront final : public Front {
 
   // Closes who has been idle for longest; false where nobody has been for long enough.
   bool make_room() EXCLUDES(mutex_) {
-    Client* idle = nullptr;
-    {
-      const MutexLock lock(mutex_);
-      idle = table_.late(State::kIdle, kIdleSecondsMin, Clock::now());
-    }
+    Client* idle = take_late(State::kIdle, kIdleSecondsMin);
     if (idle != nullptr) close(*idle);
     return idle != nullptr;
   }
 
-  void receive(Client& client) {
-    switch (client.connection.receive_available(kReadStep)) {
-      case Connection::ReadState::kClosed:
-        return close(client);
-      case Connection::ReadState::kNothing:
-        return wait_for(client, client.state);
-      case Connection::ReadState::kData:
-        return go_on(client);
-    }
-  }
-
-  // Hands the client to the pool when its request can be answered, else waits for the rest of it.
-  void go_on(Client& client) {
-    std::string& buffer = client.connection.buffer();
-    if (!client.head) {
-      const size_t end = buffer.find("\r\n\r\n", client.head_scanned);
-      if (end == std::string::npos || end + 4 > kHeadBytesMax) {
-        const bool is_bad = buffer.size() > kHeadBytesMax ||
-                            buffer.find("\n\n", client.head_scanned) != std::string::npos;
-        if (is_bad) return begin(client, Lane::kQuick);
-        client.head_scanned = buffer.size() < 3 ? 0 : buffer.size() - 3;
-        return wait_for(client, buffer.empty() ? State::kIdle : State::kHead);
-      }
-      client.head.emplace(parse_head(std::string_view(buffer).substr(0, end + 4)));
-      buffer.erase(0, end + 4);
-    }
-    if (!*client.head) return begin(client, Lane::kQuick);
-    const Head& head = client.head->value();
-    const int64_t length = head.content_length.value_or(0);
-    const bool is_small =
-        !head.chunked && length <= kSmallBodyBytesMax && head.header("Expect").empty();
-    if (is_small && static_cast<int64_t>(buffer.size()) < length) {
-      return wait_for(client, State::kBody);
-    }
-    const bool may_wait = config_.may_wait && config_.may_wait(head);
-    begin(client, (head.has_body() && !is_small) || may_wait ? Lane::kSlow : Lane::kQuick);
-  }
-
-  void begin(Client& client, Lane lane) {
-    client.started = Clock::now();
-    enqueue(client, lane);
-  }
-
-  void drop_input(Client& client) {
-    client.connection.buffer().clear();
-    const auto read = client.connection.receive_available(kReadStep);
-    client.lingered_bytes += static_cast<int64_t>(client.connection.buffer().size());
-    if (read == Connection::ReadState::kClosed || client.lingered_bytes > kLingerBytesMax) {
-      return close(client);
-    }
-    wait_for(client, State::kLingering);
-  }
-
+  // Who has waited for too long is this thread's from then on.
   Client* take_late(State state, double seconds) EXCLUDES(mutex_) {
     const MutexLock lock(mutex_);
-    return table_.late(state, seconds, Clock::now());
+    Client* client = table_.late(state, seconds, Clock::now());
+    if (client != nullptr) client->is_taken = true;
+    return client;
   }
 
   void drop_late() {
     while (Client* client = take_late(State::kIdle, kIdleSecondsMax)) close(*client);
     while (Client* client = take_late(State::kHead, kHeadSecondsMax)) close(*client);
     while (Client* client = take_late(State::kLingering, kLingerSecondsMax)) close(*client);
-    while (Client* client = take_late(State::kSending, kWriteStallSeconds)) end_cut(*client);
+    // It pipelines, and its socket has no room for the next answer.
+    while (Client* client = take_late(State::kQueued, config_.send.stall_seconds)) close(*client);
+    while (Client* client = take_late(State::kSending, config_.send.stall_seconds)) {
+      end_cut(*client);
+    }
     while (Client* client = take_late(State::kBody, kBodyGraceSeconds)) {
       client->head.emplace(slow_body_error());
-      begin(*client, Lane::kQuick);
-    }
-  }
-
-  // No request has begun: they are closed when the front stops.
-  void drop_waiting() {
-    for (const State state : {State::kIdle, State::kHead, State::kBody}) {
-      while (Client* client = take_late(state, -1)) close(*client);
+      if (begin(*client, /*is_slow=*/false)) run(*client);
     }
   }
 
@@ -307,49 +241,138 @@ class EpollFront final : public Front {
 
   // --- the pool's threads
 
-  // The next request for this thread; null: the front has ended.
-  Client* take_next(Lane& lane) EXCLUDES(mutex_) {
-    MutexLock lock(mutex_);
-    while (!ended_) {
-      for (const Lane candidate : {Lane::kQuick, Lane::kSlow}) {
-        auto& queue = queues_[static_cast<size_t>(candidate)];
-        if (queue.empty() || (candidate == Lane::kSlow && slow_running_ >= slow_max_)) continue;
-        Client* client = queue.front();
-        queue.pop_front();
-        lane = candidate;
-        if (lane == Lane::kSlow) ++slow_running_;
-        table_.set_state(*client, State::kRunning);
-        running_fds_.push_back(client->connection.fd());
-        return client;
-      }
-      ready_.wait(lock);
-    }
-    return nullptr;
-  }
-
-  void let_go(int fd, Lane lane) EXCLUDES(mutex_) {
-    bool wakes = false;
-    {
-      const MutexLock lock(mutex_);
-      std::erase(running_fds_, fd);
-      if (lane == Lane::kSlow) --slow_running_;
-      wakes = lane == Lane::kSlow && !queues_[static_cast<size_t>(Lane::kSlow)].empty();
-    }
-    if (wakes) ready_.notify_one();
-  }
-
   void pool_loop() {
-    Lane lane = Lane::kQuick;
-    while (Client* client = take_next(lane)) {
-      const int fd = client->connection.fd();
-      ++running_;
-      if (client->output == nullptr) answer(*client);
-      const Output::State sent = client->output->advance(client->connection);
-      --running_;
-      // From here on others may have the client, or another one this descriptor.
-      let_go(fd, lane);
-      finish(*client, sent);
+    while (Client* client = next()) {
+      const bool has_begun = client->state == State::kRunning;
+      if (has_begun || hear(*client)) run(*client);
     }
+  }
+
+  // Whom this thread sees to next: a client of the queue, which begins to run, or one that has
+  // something to say. Null: the front has ended.
+  Client* next() EXCLUDES(mutex_) {
+    while (true) {
+      {
+        const MutexLock lock(mutex_);
+        if (ended_) return nullptr;
+        if (!slow_queue_.empty() && slow_running_ < slow_max_) {
+          Client* client = slow_queue_.front();
+          slow_queue_.pop_front();
+          ++slow_running_;
+          table_.set_state(*client, State::kRunning);
+          return client;
+        }
+      }
+      epoll_event event{};
+      if (::epoll_wait(epoll_.get(), &event, 1, -1) != 1) continue;
+      if (Client* client = take(event.data.fd)) return client;
+    }
+  }
+
+  // Null where another thread has it already.
+  Client* take(int fd) EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    Client* client = table_.find(fd);
+    if (client == nullptr || client->is_taken) return nullptr;
+    client->is_taken = true;
+    return client;
+  }
+
+  // True: it is to be run by this thread.
+  bool hear(Client& client) {
+    if (client.state == State::kSending) return begin_again(client);
+    if (client.state == State::kQueued) return go_on(client);  // its buffer has it already
+    if (client.state == State::kLingering) {
+      drop_input(client);
+      return false;
+    }
+    const auto read = client.connection.receive_available(kReadStep);
+    if (read == Connection::ReadState::kData) return go_on(client);
+    if (read == Connection::ReadState::kClosed) {
+      close(client);
+    } else {
+      wait_for(client, client.state);
+    }
+    return false;
+  }
+
+  // True when its request can be answered, by this thread; else it waits for the rest of it.
+  bool go_on(Client& client) {
+    std::string& buffer = client.connection.buffer();
+    if (!client.head) {
+      const size_t end = buffer.find("\r\n\r\n", client.head_scanned);
+      if (end == std::string::npos || end + 4 > kHeadBytesMax) {
+        const bool is_bad = buffer.size() > kHeadBytesMax ||
+                            buffer.find("\n\n", client.head_scanned) != std::string::npos;
+        if (is_bad) return begin(client, /*is_slow=*/false);
+        client.head_scanned = buffer.size() < 3 ? 0 : buffer.size() - 3;
+        wait_for(client, buffer.empty() ? State::kIdle : State::kHead);
+        return false;
+      }
+      client.head.emplace(parse_head(std::string_view(buffer).substr(0, end + 4)));
+      buffer.erase(0, end + 4);
+    }
+    if (!*client.head) return begin(client, /*is_slow=*/false);
+    const Head& head = client.head->value();
+    const int64_t length = head.content_length.value_or(0);
+    const bool is_small =
+        !head.chunked && length <= kSmallBodyBytesMax && head.header("Expect").empty();
+    if (is_small && static_cast<int64_t>(buffer.size()) < length) {
+      wait_for(client, State::kBody);
+      return false;
+    }
+    const bool may_wait = config_.may_wait && config_.may_wait(head);
+    return begin(client, (head.has_body() && !is_small) || may_wait);
+  }
+
+  // A request begins. False: it waits for one of the threads that may be slow; the one that gets
+  // free takes it, so that nobody has to be woken.
+  bool begin(Client& client, bool is_slow) EXCLUDES(mutex_) {
+    client.started = Clock::now();
+    client.is_refused = stopping_ && client.head && *client.head && config_.is_new_work &&
+                        config_.is_new_work(client.head->value());
+    client.is_slow = is_slow && !client.is_refused;
+    const MutexLock lock(mutex_);
+    const bool waits = client.is_slow && slow_running_ >= slow_max_;
+    table_.set_state(client, waits || ended_ ? State::kQueued : State::kRunning);
+    if (ended_) return false;
+    if (waits) {
+      slow_queue_.push_back(&client);
+    } else if (client.is_slow) {
+      ++slow_running_;
+    }
+    return !waits;
+  }
+
+  // The rest of an answer.
+  bool begin_again(Client& client) EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    if (ended_) return false;
+    client.is_slow = false;
+    table_.set_state(client, State::kRunning);
+    return true;
+  }
+
+  void run(Client& client) {
+    ++running_;
+    if (client.output == nullptr) answer(client);
+    const Output::State sent = client.output->advance(client.connection);
+    --running_;
+    if (client.is_slow) {
+      const MutexLock lock(mutex_);
+      --slow_running_;
+    }
+    finish(client, sent);  // from then on others may have the client
+  }
+
+  void drop_input(Client& client) {
+    client.connection.buffer().clear();
+    const auto read = client.connection.receive_available(kReadStep);
+    client.lingered_bytes += static_cast<int64_t>(client.connection.buffer().size());
+    if (read == Connection::ReadState::kClosed || client.lingered_bytes > kLingerBytesMax) {
+      return close(client);
+    }
+    wait_for(client, State::kLingering);
   }
 
   void answer(Client& client) {
@@ -374,12 +397,11 @@ class EpollFront final : public Front {
     }
     observe(client);
     if (sent != Output::State::kDone || client.connection.broken()) return close(client);
-    const bool keep = client.keep && !stopping_;
     client.output.reset();
     client.head.reset();
     client.head_scanned = 0;
     client.record = {};
-    if (!keep) {
+    if (!client.keep) {
       // Closing with unread bytes would reset the connection and take the answer with it: say that
       // no more will be sent, and drop what still comes for a moment.
       ::shutdown(client.connection.fd(), SHUT_WR);
@@ -388,15 +410,17 @@ class EpollFront final : public Front {
     }
     std::string& buffer = client.connection.buffer();
     if (buffer.empty() && buffer.capacity() > kBufferKeptBytes) std::string().swap(buffer);
-    go_on(client);  // a pipelined request is there already
+    // Where it pipelines, its next request is there already.
+    wait_for(client, buffer.empty() ? State::kIdle : State::kQueued);
   }
 
   // An average below the least rate, so that nobody holds a place for ever by reading now and then.
-  static bool is_too_slow(const Client& client) {
+  bool is_too_slow(const Client& client) const {
+    const SendLimits& limits = config_.send;
     const double seconds = std::chrono::duration<double>(Clock::now() - client.started).count();
-    return seconds > kSendGraceSeconds &&
+    return seconds > limits.grace_seconds &&
            static_cast<double>(client.output->sent()) <
-               (seconds - kSendGraceSeconds) * static_cast<double>(kSendRateMin);
+               (seconds - limits.grace_seconds) * static_cast<double>(limits.rate_min);
   }
 
   void observe(Client& client) {
@@ -414,19 +438,18 @@ class EpollFront final : public Front {
   const int slow_max_;
   const Handler handler_;
   const Observer observer_;
-  const UniqueFd epoll_, wake_;
+  const UniqueFd epoll_;  // of clients
+  const UniqueFd end_;    // readable when the front has ended
   std::atomic<bool> stopping_{false};
   std::atomic<int64_t> connections_{0}, running_{0};
 
   Mutex mutex_;
-  CondVar ready_;
   ClientTable table_ GUARDED_BY(mutex_);
-  std::array<std::deque<Client*>, 2> queues_ GUARDED_BY(mutex_);  // by Lane
+  std::deque<Client*> slow_queue_ GUARDED_BY(mutex_);
   int slow_running_ GUARDED_BY(mutex_) = 0;
-  std::vector<int> running_fds_ GUARDED_BY(mutex_);
   bool ended_ GUARDED_BY(mutex_) = false;
 
-  std::thread poller_;
+  std::thread keeper_;
   std::vector<std::thread> pool_;
 };
 

@@ -13,6 +13,24 @@
 
 namespace voxeld::http {
 
+inline constexpr int kHeadSecondsMax = 10;   // from a request's first byte to its empty line
+inline constexpr int kIdleSecondsMax = 120;  // between requests
+inline constexpr int kLingerSecondsMax = 2;  // for a client to close after its last answer
+// One that has been idle for so long gives way to a new connection when all places are taken.
+inline constexpr double kIdleSecondsMin = 1.0;
+// Bodies up to here are waited for without a thread.
+inline constexpr int64_t kSmallBodyBytesMax = int64_t{16} << 10;
+// Average bytes per second of an answer that its client must take after the first seconds.
+inline constexpr int64_t kSendRateMin = 4096;
+inline constexpr int kSendGraceSeconds = 60;
+
+// When an answer is cut whose client does not take it.
+struct SendLimits {
+  double stall_seconds = kWriteStallSeconds;  // without a byte
+  double grace_seconds = kSendGraceSeconds;   // until the average counts
+  int64_t rate_min = kSendRateMin;
+};
+
 struct FrontConfig {
   std::string listen;  // "127.0.0.1:8080"; port 0 takes a free one
   int threads = 64;
@@ -26,6 +44,9 @@ struct FrontConfig {
   // Requests whose answers may wait for something (a job, an event): a quarter of the threads is
   // kept free of them, and of large and chunked bodies, which may come slowly. Null: none.
   std::function<bool(const Head&)> may_wait = nullptr;
+  // Requests that are refused with shutting-down while the front drains. Null: none.
+  std::function<bool(const Head&)> is_new_work = nullptr;
+  SendLimits send = {};
 };
 
 // What the front tells of itself, for metrics.
@@ -47,23 +68,13 @@ struct ExchangeRecord {
 };
 using Observer = std::function<void(const ExchangeRecord&)>;
 
-inline constexpr int kHeadSecondsMax = 10;   // from a request's first byte to its empty line
-inline constexpr int kIdleSecondsMax = 120;  // between requests
-inline constexpr int kLingerSecondsMax = 2;  // for a client to close after its last answer
-// One that has been idle for so long gives way to a new connection when all places are taken.
-inline constexpr double kIdleSecondsMin = 1.0;
-// Bodies up to here are waited for without a thread.
-inline constexpr int64_t kSmallBodyBytesMax = int64_t{16} << 10;
-// Average bytes per second of an answer that its client must take after the first seconds.
-inline constexpr int64_t kSendRateMin = 4096;
-inline constexpr int kSendGraceSeconds = 60;
-
 class Front {
  public:
   virtual ~Front() = default;
   virtual int port() const = 0;
   virtual FrontState state() const = 0;
-  // Stops accepting, waits for running answers for at most `seconds`, closes all.
+  // Drains for at most `seconds`, as long as anything runs that is not refused: new and kept
+  // connections are served, each answer being their last. Then cuts what still runs, closes all.
   virtual void stop(double seconds) = 0;
 };
 

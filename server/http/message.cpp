@@ -68,10 +68,9 @@ Response Response::problem(const Error& error, std::string_view instance,
 }
 
 std::string header_safe(std::string_view text) {
-  std::string safe;
-  for (const char c : text) {
-    safe += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
-  }
+  std::string safe(text);
+  std::ranges::replace_if(
+      safe, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }, '?');
   return safe;
 }
 

@@ -35,9 +35,16 @@ bool may_wait(const Head& head) {
                        path.starts_with("/v1/sequences/")));
 }
 
-// New work is what the daemon keeps memory for; reads and cancels go on while that is short.
-Status check_memory(const Request& request) {
-  if (request.head.method != "POST" || memory_reserve_is_whole()) return {};
+// What a client asks for that has nothing here yet. Who has a job may look at it, fetch what is
+// there and cancel it to the end; a GET that would start work is refused by the job service.
+bool is_new_work(const Head& head) {
+  return head.method != "GET" && head.method != "HEAD" && head.method != "OPTIONS" &&
+         head.method != "DELETE";
+}
+
+// Reads and cancels go on.
+Status check_memory(const Head& head) {
+  if (!is_new_work(head) || memory_reserve_is_whole()) return {};
   return Error{ErrorCode::kQueueFull, "no new work is taken while memory is short", "", ""};
 }
 
@@ -69,9 +76,13 @@ class HttpServer final : public Server {
   ~HttpServer() override { stop(0); }
 
   Status start() {
-    FrontConfig front{config_.listen,          config_.request_threads,
-                      config_.connections_max, config_.connections_per_address,
-                      config_.trusted_proxies, may_wait};
+    FrontConfig front{config_.listen,
+                      config_.request_threads,
+                      config_.connections_max,
+                      config_.connections_per_address,
+                      config_.trusted_proxies,
+                      may_wait,
+                      is_new_work};
     VOXELD_ASSIGN(front_, start_front(
                               front, [this](Request& request) { return answer(request); },
                               [this](const ExchangeRecord& exchange) {
@@ -101,7 +112,7 @@ class HttpServer final : public Server {
   Response answer(Request& request) {
     current_route.clear();
     Status admitted = access_.admit(request);
-    if (admitted) admitted = check_memory(request);
+    if (admitted) admitted = check_memory(request.head);
     Response response =
         admitted ? router_.dispatch(request, &current_route) : problem(request, admitted.error());
     if (request.rate) add_rate_headers(*request.rate, response);

@@ -31,7 +31,8 @@ class Server {
   virtual ~Server() = default;
   virtual int port() const = 0;
   virtual int admin_port() const = 0;
-  // Graceful: stops accepting, lets running answers finish for at most `seconds`, then closes.
+  // Graceful: for at most `seconds`, running answers finish and new work is refused with
+  // shutting-down; then closes. The admin listener goes on until then.
   virtual void stop(double seconds) = 0;
 };
 

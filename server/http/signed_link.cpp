@@ -2,12 +2,15 @@
 
 #include <charconv>
 
+#include "proto/percent_encoding.h"
 #include "server/jobs/job_record.h"
 
 namespace voxeld::http {
 namespace {
 
 constexpr std::string_view kExpires = "expires", kKey = "key", kSignature = "signature";
+// Lists of numbers have it; encoded, links would be hard to read.
+constexpr std::string_view kAlsoPlain = ",";
 
 struct Link {
   std::string_view expires, key, path;
@@ -23,24 +26,6 @@ std::string signed_text(const Link& link) {
     if (!is_link_parameter(name)) text.append(name).append("\n").append(value).append("\n");
   }
   return text;
-}
-
-// For a query; RFC 3986's unreserved characters stay, and the comma, which lists of numbers have.
-std::string percent_encode(std::string_view text) {
-  static constexpr char kHex[] = "0123456789ABCDEF";
-  std::string out;
-  for (const char c : text) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                       std::string_view("-._~,").find(c) != std::string_view::npos;
-    if (plain) {
-      out += c;
-    } else {
-      out += '%';
-      out += kHex[static_cast<unsigned char>(c) >> 4];
-      out += kHex[static_cast<unsigned char>(c) & 15];
-    }
-  }
-  return out;
 }
 
 // The only value of that name; nullptr where there is none or another.
@@ -76,7 +61,7 @@ Result<std::string> SignedLinks::make(std::string_view path, const OptionPairs& 
   std::string url(path);
   url += '?';
   for (const auto& [name, value] : query) {
-    url += percent_encode(name) + "=" + percent_encode(value) + "&";
+    url += percent_encode(name, kAlsoPlain) + "=" + percent_encode(value, kAlsoPlain) + "&";
   }
   return url + "expires=" + expires + "&key=" + std::string(key_id) + "&signature=" + signature;
 }

@@ -93,6 +93,8 @@ int64_t BlobChecks::damaged_count() const {
 }
 
 Result<bool> BlobChecks::is_intact(const std::string& id, const std::filesystem::path& path) {
+  VOXELD_ASSIGN(const FileStamp before, stamp_of(path));
+  if (const auto answer = known(id, before)) return *answer;
   {
     MutexLock lock(mutex_);
     while (reading_.contains(id)) changed_.wait(lock);

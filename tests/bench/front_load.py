@@ -3,6 +3,7 @@
 throughput beside nginx's in the same run.
 
   tests/bench/front_load.py [--bin DIR] [--idle N] [--slow N] [--queued N] [--seconds S] [--no-nginx]
+                            [--repeats N] [--no-held]
 
 Prints JSON. Needs a limit on open files (ulimit -Hn) of idle + slow + 600, and for the comparison
 nginx (nginx-light). The file of 100 MB and the answer of 64 bytes are parts of uploads' results.
@@ -71,34 +72,37 @@ def large_result(daemon, asset):
     return f"/v1/jobs/{job}/result"
 
 
-def throughput(front_load, daemon, small, large, seconds):
-    """Each of the two in turn, twice; the better one counts."""
+def beside(runs, repeats):
+    """Each of the two in turn, so many times: rates by name, and the ratios of the pairs."""
+    rates = {name: [] for name in runs}
+    for _ in range(repeats):
+        for name, run in runs.items():
+            rates[name].append(run())
+    ratios = sorted(round(one / other, 3) for one, other in zip(rates["voxeld"], rates["nginx"]))
+    return {**{name: sorted(values) for name, values in rates.items()}, "ratios": ratios,
+            "ratio": ratios[len(ratios) // 2]}
+
+
+def throughput(front_load, daemon, small, large, seconds, repeats):
     folder = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-nginx-"))
     (folder / "files").mkdir()
     (folder / "files/small").write_bytes(b"x" * 64)
     (folder / "files/large").write_bytes(daemon.get(large).body)
     nginx = Nginx(folder)
+
+    def rate(port, path, connections, key, *headers):
+        return lambda: front_load.run("rate", port, path, seconds, connections, *headers)[key]
+
     facts = {}
     try:
         for connections in (1, 8, 32):
-            rates = {"voxeld": [], "nginx": []}
-            for _ in range(2):
-                rates["voxeld"].append(front_load.run("rate", daemon.port, small, seconds, connections,
-                                                      "Range: bytes=0-63")["per_second"])
-                rates["nginx"].append(front_load.run("rate", nginx.port, "/small", seconds,
-                                                     connections)["per_second"])
-            best = {name: max(values) for name, values in rates.items()}
-            facts[f"get_64_bytes_c{connections}"] = {
-                **best, "ratio": round(best["voxeld"] / best["nginx"], 3)}
+            facts[f"get_64_bytes_c{connections}"] = beside({
+                "voxeld": rate(daemon.port, small, connections, "per_second", "Range: bytes=0-63"),
+                "nginx": rate(nginx.port, "/small", connections, "per_second")}, repeats)
         for connections in (1, 4):
-            rates = {"voxeld": [], "nginx": []}
-            for _ in range(2):
-                for name, port, path in (("voxeld", daemon.port, large), ("nginx", nginx.port, "/large")):
-                    rates[name].append(front_load.run("rate", port, path, seconds,
-                                                      connections)["mb_per_second"])
-            best = {name: max(values) for name, values in rates.items()}
-            facts[f"download_mb_per_s_c{connections}"] = {
-                **best, "ratio": round(best["voxeld"] / best["nginx"], 3)}
+            facts[f"download_mb_per_s_c{connections}"] = beside({
+                "voxeld": rate(daemon.port, large, connections, "mb_per_second"),
+                "nginx": rate(nginx.port, "/large", connections, "mb_per_second")}, repeats)
     finally:
         nginx.stop()
         shutil.rmtree(folder, ignore_errors=True)
@@ -112,7 +116,9 @@ def main():
     parser.add_argument("--slow", type=int, default=1_000)
     parser.add_argument("--queued", type=int, default=1_000)
     parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--repeats", type=int, default=5, help="pairs of runs beside nginx")
     parser.add_argument("--no-nginx", action="store_true")
+    parser.add_argument("--no-held", action="store_true", help="only what is beside nginx")
     arguments = parser.parse_args()
     os.environ["VOXELD_BIN_DIR"] = arguments.bin
     import front_load
@@ -128,9 +134,11 @@ def main():
         facts = {"cores": os.cpu_count(), "load_before": os.getloadavg()[0]}
         if not arguments.no_nginx and shutil.which("nginx"):
             facts.update(throughput(front_load, daemon, f"/v1/jobs/{job}/result",
-                                    large_result(daemon, asset), min(arguments.seconds, 4)))
-        facts["held"] = front_load.measure(daemon, asset, job, arguments.idle, arguments.slow,
-                                           arguments.queued, arguments.seconds)
+                                    large_result(daemon, asset), min(arguments.seconds, 4),
+                                    arguments.repeats))
+        if not arguments.no_held:
+            facts["held"] = front_load.measure(daemon, asset, job, arguments.idle, arguments.slow,
+                                               arguments.queued, arguments.seconds)
         facts["load_after"] = os.getloadavg()[0]
         print(json.dumps(facts, indent=1))
     finally:

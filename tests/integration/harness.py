@@ -107,8 +107,9 @@ class Daemon:
     """One voxeld with a data directory of its own."""
     program = [BIN / "voxeld"]
 
-    def __init__(self, device="llvmpipe", data_dir=None, arguments=()):
+    def __init__(self, device="llvmpipe", data_dir=None, arguments=(), listen="127.0.0.1:0"):
         self.device = device
+        self.listen = listen
         self.own_data = data_dir is None
         self.data_dir = data_dir or tempfile.mkdtemp(prefix="voxeld-test-")
         self.arguments = list(arguments)
@@ -121,11 +122,11 @@ class Daemon:
         self.log = open(self.data_dir.rstrip("/") + ".log", "ab")
         sandbox = [] if "--sandbox" in self.arguments else ["--sandbox", "require"]
         self.process = subprocess.Popen(
-            [*self.program, "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0",
+            [*self.program, "serve", "--listen", self.listen, "--admin-listen", "127.0.0.1:0",
              "--data", self.data_dir, "--device", self.device, *sandbox, *self.arguments],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=self.log, text=True)
         line = self.process.stdout.readline()
-        match = re.match(r"ready http://127\.0\.0\.1:(\d+) admin=http://127\.0\.0\.1:(\d+)", line)
+        match = re.match(r"ready http://[\d.]+:(\d+) admin=http://127\.0\.0\.1:(\d+)", line)
         if not match:
             self.process.wait(10)
             raise AssertionError(f"daemon did not start: {line!r}\n{self.log_tail()}")

@@ -34,6 +34,38 @@ TEST(ClientTable, late_is_who_has_been_there_for_longer_than_that) {
   EXPECT_EQ(table.late(Client::State::kIdle, 5, now + std::chrono::seconds(6)), &client);
 }
 
+TEST(ClientTable, who_is_taken_is_not_late_but_who_comes_after) {
+  ClientTable table;
+  Client& first = table.add(some_fd(), "10.0.0.1", true);
+  Client& second = table.add(some_fd(), "10.0.0.1", true);
+  const auto later = second.since + std::chrono::seconds(6);
+  first.is_taken = true;
+  EXPECT_EQ(table.late(Client::State::kIdle, 5, later), &second);
+  second.is_taken = true;
+  EXPECT_EQ(table.late(Client::State::kIdle, 5, later), nullptr);
+}
+
+TEST(ClientTable, in_flight_is_what_has_begun_and_was_not_refused) {
+  ClientTable table;
+  Client& client = table.add(some_fd(), "10.0.0.1", true);
+  Client& refused = table.add(some_fd(), "10.0.0.1", true);
+  refused.is_refused = true;
+  for (const auto state : {Client::State::kHead, Client::State::kBody, Client::State::kLingering}) {
+    table.set_state(client, state);
+    EXPECT_EQ(table.in_flight(), 0u);
+  }
+  for (const auto state :
+       {Client::State::kQueued, Client::State::kRunning, Client::State::kSending}) {
+    table.set_state(client, state);
+    table.set_state(refused, state);
+    EXPECT_EQ(table.in_flight(), 1u);
+  }
+  EXPECT_EQ(table.sockets(Client::State::kSending),
+            (std::vector<int>{client.connection.fd(), refused.connection.fd()}));
+  table.remove(client);
+  EXPECT_EQ(table.in_flight(), 0u);
+}
+
 TEST(ClientTable, addresses_are_counted_while_their_connections_are_there) {
   ClientTable table;
   Client& first = table.add(some_fd(), "10.0.0.1", true);

@@ -1,6 +1,9 @@
 // Many clients and few threads: who waits holds none.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <atomic>
+#include <latch>
 #include <string>
 #include <thread>
 #include <vector>
@@ -17,22 +20,6 @@ class CrowdTest : public FrontTest {
   CrowdTest() {
     router_.add("GET", "/large",
                 [](Request&) { return Response::text(200, std::string(kLargeBytes, 'x')); });
-  }
-  void start_with(FrontConfig config) {
-    config.listen = "127.0.0.1:0";
-    auto front = start_front(
-        config,
-        [this](Request& request) {
-          std::string route;
-          return router_.dispatch(request, &route);
-        },
-        [this](const ExchangeRecord& record) {
-          const std::lock_guard lock(observed_mutex_);
-          observed_.push_back({record.head->method, record.head->path, record.request_id,
-                               record.peer, record.status, record.bytes_in, record.bytes_out});
-        });
-    ASSERT_TRUE(front) << front.error().message();
-    front_ = *std::move(front);
   }
 };
 
@@ -66,6 +53,47 @@ TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
   const auto seen = observed(3);
   EXPECT_EQ(seen[1].path, "/large");
   EXPECT_EQ(seen[1].bytes_out, static_cast<int64_t>(kLargeBytes));
+}
+
+TEST_F(CrowdTest, who_pipelines_is_behind_others_after_each_answer) {
+  std::latch held{1};
+  std::atomic<bool> has_entered{false};
+  router_.add("GET", "/held", [&](Request&) {
+    has_entered = true;
+    held.wait();
+    return Response::text(200, "held");
+  });
+  router_.add("GET", "/other", [](Request&) { return Response::text(200, "other"); });
+  start(/*threads=*/1);
+  constexpr int kPipelined = 200;
+  std::string text = "GET /held HTTP/1.1\r\nHost: h\r\n\r\n";
+  for (int i = 0; i < kPipelined; ++i) text += "GET /hello HTTP/1.1\r\nHost: h\r\n\r\n";
+  HttpClient greedy(port()), other(port());
+  ASSERT_TRUE(greedy.send(text));
+  ASSERT_TRUE(comes_true([&] { return has_entered.load(); }));
+  ASSERT_TRUE(other.send_get("/other"));
+  held.count_down();
+  EXPECT_EQ(other.receive().value_or(HttpAnswer{}).body, "other");
+  EXPECT_EQ(greedy.receive().value_or(HttpAnswer{}).body, "held");
+  for (int i = 0; i < kPipelined; ++i) {
+    ASSERT_EQ(greedy.receive().value_or(HttpAnswer{}).body, "hello") << i;
+  }
+  const auto seen = observed(kPipelined + 2);
+  const auto at = std::ranges::find(seen, "/other", &Observed::path) - seen.begin();
+  EXPECT_LE(at, 2) << "behind what runs and at most one more of the other's";
+}
+
+TEST_F(CrowdTest, what_was_pipelined_before_a_client_finished_sending_is_answered) {
+  start(/*threads=*/2);
+  HttpClient client(port());
+  ASSERT_TRUE(
+      client.send("GET /hello HTTP/1.1\r\nHost: h\r\n\r\nGET /hello HTTP/1.1\r\nHost: h\r\n\r\n"
+                  "GET /hello HTTP/1.1\r\nHost: h\r\n\r\n"));
+  client.finish_sending();
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "hello") << i;
+  }
+  EXPECT_EQ(client.receive_to_end(), "");
 }
 
 TEST_F(CrowdTest, large_bodies_leave_a_thread_to_others) {
@@ -106,6 +134,8 @@ TEST_F(CrowdTest, who_has_been_idle_for_longest_gives_way_when_all_places_are_ta
   start(2, /*connections_max=*/2);
   HttpClient first(port());
   ASSERT_TRUE(first.send_get("/hello") && first.receive());
+  // It is idle when the front has seen to that, which is after the answer came.
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
   HttpClient second(port());
   ASSERT_TRUE(second.send_get("/hello") && second.receive());
   // Nobody has been idle for long enough yet, and then somebody has.

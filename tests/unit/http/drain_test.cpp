@@ -38,6 +38,35 @@ class DrainTest : public FrontTest {
       ASSERT_TRUE(comes_true([&] { return front_->state().connections > before; }));
     }
   }
+  // With POST as new work.
+  void start_refusing(int threads) {
+    FrontConfig config;
+    config.threads = threads;
+    config.is_new_work = [](const Head& head) { return head.method == "POST"; };
+    start_with(config);
+  }
+  // Stops while `work` runs, which has to end by itself: one request is held all that time.
+  template <typename Work>
+  void while_draining(const Work& work) {
+    HttpClient running(port());
+    ASSERT_TRUE(running.send_get("/held"));
+    ASSERT_TRUE(comes_true([&] { return entered_ == 1; }));
+    std::thread stopper([&] { front_->stop(kPatienceSeconds); });
+    // An answer that is the connection's last one says that the front has begun to drain.
+    EXPECT_TRUE(comes_true([&] { return get("/hello").header("connection") == "close"; }));
+    work();
+    held_.count_down();
+    EXPECT_EQ(running.receive().value_or(HttpAnswer{}).body, "held");
+    running.close();
+    stopper.join();
+  }
+  static void expect_refused(const HttpAnswer& answer) {
+    EXPECT_EQ(answer.status, 503);
+    EXPECT_EQ(answer.code(), "shutting-down");
+    EXPECT_EQ(answer.header("content-type"), "application/problem+json");
+    EXPECT_EQ(answer.header("retry-after"), "2");
+    EXPECT_EQ(answer.header("connection"), "close");
+  }
   double stop_seconds(double grace) {
     const auto start = Clock::now();
     front_->stop(grace);
@@ -49,7 +78,7 @@ class DrainTest : public FrontTest {
   std::vector<HttpClient> fillers_;
 };
 
-TEST_F(DrainTest, running_and_waiting_requests_are_answered_and_idle_connections_closed) {
+TEST_F(DrainTest, running_and_waiting_requests_are_answered_and_then_idle_connections_closed) {
   start(/*threads=*/1);
   HttpClient idle(port()), running(port()), waiting(port()), half(port());
   ASSERT_TRUE(idle.send_get("/hello") && idle.receive());
@@ -58,8 +87,8 @@ TEST_F(DrainTest, running_and_waiting_requests_are_answered_and_idle_connections
   ASSERT_TRUE(waiting.send_get("/hello") && half.send("GET /hello HTTP/1.1\r\n"));
   settle();
   std::thread stopper([&] { front_->stop(kPatienceSeconds); });
-  EXPECT_EQ(idle.receive_to_end(), "");
-  EXPECT_EQ(half.receive_to_end(), "");
+  // As its only thread is held, nothing tells from outside that it drains.
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
   held_.count_down();
   const auto first = running.receive();
   ASSERT_TRUE(first);
@@ -71,6 +100,8 @@ TEST_F(DrainTest, running_and_waiting_requests_are_answered_and_idle_connections
   EXPECT_EQ(second->body, "hello");
   EXPECT_EQ(second->header("connection"), "close");
   waiting.close();
+  EXPECT_EQ(idle.receive_to_end(), "");
+  EXPECT_EQ(half.receive_to_end(), "");
   stopper.join();
   EXPECT_EQ(front_->state().connections, 0);
   EXPECT_EQ(front_->state().requests_running, 0);
@@ -81,6 +112,57 @@ TEST_F(DrainTest, nobody_is_let_in_any_more) {
   const int port_before = port();
   front_->stop(0);
   EXPECT_FALSE(HttpClient(port_before).is_open());
+}
+
+TEST_F(DrainTest, new_work_is_refused_on_new_and_kept_connections_and_the_rest_answered) {
+  start_refusing(/*threads=*/4);
+  const std::string work = "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 2\r\n\r\nab";
+  HttpClient kept(port()), reading(port()), half(port());
+  ASSERT_TRUE(kept.send(work) && reading.send_get("/hello") && half.send(work.substr(0, 30)));
+  EXPECT_EQ(kept.receive().value_or(HttpAnswer{}).body, "ab");
+  EXPECT_EQ(reading.receive().value_or(HttpAnswer{}).header("connection"), "keep-alive");
+  while_draining([&] {
+    ASSERT_TRUE(kept.send(work) && half.send(work.substr(30)) && reading.send_get("/hello"));
+    expect_refused(kept.receive().value_or(HttpAnswer{}));
+    EXPECT_EQ(kept.receive_to_end(), "");
+    expect_refused(half.receive().value_or(HttpAnswer{}));
+    EXPECT_EQ(reading.receive().value_or(HttpAnswer{}).body, "hello");
+    EXPECT_EQ(reading.receive_to_end(), "");
+    HttpClient fresh(port());
+    ASSERT_TRUE(fresh.send(work));
+    expect_refused(fresh.receive().value_or(HttpAnswer{}));
+  });
+}
+
+TEST_F(DrainTest, a_refused_upload_is_not_asked_for_its_body) {
+  start_refusing(/*threads=*/2);
+  while_draining([&] {
+    for (const std::string expect : {"Expect: 100-continue\r\n", ""}) {
+      HttpClient client(port());
+      ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\n" + expect +
+                              "Content-Length: 1000000\r\n\r\n"));
+      EXPECT_TRUE(client.receive_some().starts_with("HTTP/1.1 503 ")) << "and no 100 before it";
+    }
+  });
+}
+
+TEST_F(DrainTest, who_asks_for_work_again_and_again_does_not_keep_it_from_ending) {
+  start_refusing(/*threads=*/4);
+  std::atomic<bool> ended{false};
+  std::vector<std::thread> clients;
+  for (int i = 0; i < 3; ++i) {
+    clients.emplace_back([&] {
+      while (!ended) {
+        HttpClient client(port());
+        if (client.send("POST /ignore HTTP/1.1\r\nHost: h\r\n\r\n")) (void)client.receive();
+      }
+    });
+  }
+  const auto start = Clock::now();
+  while_draining([] {});
+  EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), kPatienceSeconds / 2);
+  ended = true;
+  for (std::thread& client : clients) client.join();
 }
 
 TEST_F(DrainTest, what_runs_past_the_grace_is_cut_and_what_waited_behind_it_is_dropped) {

@@ -43,8 +43,16 @@ class FrontTest : public ::testing::Test {
     if (front_) front_->stop(0);
   }
   void start(int threads = 4, int connections_max = 1000) {
+    FrontConfig config;
+    config.threads = threads;
+    config.connections_max = connections_max;
+    start_with(config);
+  }
+  // `config` without its address.
+  void start_with(FrontConfig config) {
+    config.listen = "127.0.0.1:0";
     auto front = start_front(
-        {"127.0.0.1:0", threads, connections_max},
+        config,
         [this](Request& request) {
           std::string route;
           return router_.dispatch(request, &route);

@@ -6,6 +6,7 @@
 #include <future>
 #include <memory>
 #include <string>
+#include <thread>
 
 #include "server/http/body_reader.h"
 #include "server/http/front.h"
@@ -125,6 +126,28 @@ TEST_F(SlowClients, an_answer_that_is_not_read_is_broken_off) {
   const auto rest = suite_->reader->receive_to_end();
   ASSERT_TRUE(rest);
   EXPECT_LT(static_cast<int64_t>(rest->size()), kLargeBytes);
+}
+
+TEST(SlowReader, who_takes_less_than_the_least_rate_is_cut_though_never_still) {
+  std::promise<int64_t> sent;
+  FrontConfig config;
+  config.listen = "127.0.0.1:0";
+  config.send.grace_seconds = 1;
+  config.send.rate_min = kLargeBytes;  // what the buffers of both sockets took does not suffice
+  auto front = start_front(
+      config, [](Request&) { return Response::text(200, std::string(kLargeBytes, 'x')); },
+      [&](const ExchangeRecord& record) { sent.set_value(record.bytes_out); });
+  ASSERT_TRUE(front) << front.error().message();
+  HttpClient client((*front)->port());
+  ASSERT_TRUE(client.send_get("/large"));
+  const auto start = Clock::now();
+  // As much as its socket holds at a time, with a pause: never still for as long as a stall is.
+  while (!client.receive_some().empty()) {
+    ASSERT_LT(seconds_since(start), kWriteStallSeconds);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  EXPECT_GE(seconds_since(start), config.send.grace_seconds);
+  EXPECT_LT(sent.get_future().get(), kLargeBytes);
 }
 
 TEST_F(SlowClients, others_are_served_at_once_after_all) {

@@ -1,0 +1,80 @@
+"""--connections-per-address: in a network of the test's own, whose loopback has foreign addresses."""
+import ctypes
+import errno
+import fcntl
+import http.client
+import os
+import socket
+import struct
+import unittest
+
+from harness import Daemon
+
+CLONE_NEWUSER, CLONE_NEWNET = 0x10000000, 0x40000000
+SIOCSIFADDR, SIOCSIFFLAGS, IFF_UP = 0x8916, 0x8914, 1
+CAP = 3
+GREEDY, OTHER = "192.0.2.1", "192.0.2.2"  # of those that documentation may use
+
+
+def enter_network():
+    """False where the system does not let this process have a network of its own."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    for flags in (CLONE_NEWNET, CLONE_NEWUSER | CLONE_NEWNET):
+        if libc.unshare(flags) == 0:
+            break
+    else:
+        if ctypes.get_errno() in (errno.EPERM, errno.ENOSPC, errno.EINVAL):
+            return False
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
+        fcntl.ioctl(control, SIOCSIFFLAGS, struct.pack("16sH14x", b"lo", IFF_UP))
+        for i, address in enumerate((GREEDY, OTHER)):
+            fcntl.ioctl(control, SIOCSIFADDR, struct.pack(
+                "16sHH4s8x", f"lo:{i + 1}".encode(), socket.AF_INET, 0, socket.inet_aton(address)))
+    return True
+
+
+class ConnectionCap(unittest.TestCase):
+    def connect(self, source):
+        connection = http.client.HTTPConnection(source, self.daemon.port, timeout=30,
+                                                source_address=(source, 0))
+        self.addCleanup(connection.close)
+        connection.connect()
+        return connection
+
+    def ask(self, connection):
+        """The status, or None where the connection was closed."""
+        try:
+            connection.request("GET", "/")
+            response = connection.getresponse()
+            response.read()
+            return response.status
+        except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError):
+            return None
+
+    def test_one_address_gets_so_many_connections_and_others_are_served(self):
+        self.daemon = Daemon(device="cpu", listen="0.0.0.0:0", arguments=(
+            "--allow-remote", "--connections-per-address", str(CAP)))
+        self.addCleanup(self.daemon.stop)
+        held = [self.connect(GREEDY) for _ in range(CAP)]
+        self.assertEqual([self.ask(one) for one in held], [200] * CAP)
+        self.assertIsNone(self.ask(self.connect(GREEDY)), "one more is closed")
+        self.assertEqual(self.ask(self.connect(OTHER)), 200)
+        # Loopback has no cap: proxies of the same machine speak for many.
+        for source in ("127.0.0.1", "127.0.0.2"):
+            self.assertEqual([self.ask(self.connect(source)) for _ in range(2 * CAP)], [200] * 2 * CAP)
+        self.assertEqual([self.ask(one) for one in held], [200] * CAP, "those that were there stay")
+        held[0].close()
+        self.assertTrue(self.comes_true(lambda: self.ask(self.connect(GREEDY)) == 200))
+
+    def comes_true(self, condition):
+        return any(condition() for _ in range(200))
+
+
+def setUpModule():
+    if not enter_network():
+        raise unittest.SkipTest("no network namespaces for this user")
+
+
+if __name__ == "__main__":
+    unittest.main()

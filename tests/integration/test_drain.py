@@ -1,0 +1,186 @@
+"""SIGTERM and what clients meet until the daemon is gone; clients that do not take their answers."""
+import http.client
+import json
+import signal
+import socket
+import time
+import unittest
+
+from harness import Daemon, DaemonTest
+
+# More than the buffers of both sockets take: 256^3 cells of one byte.
+SIDE = 256
+RECEIVE_BUFFER_BYTES = 16384
+
+
+class SlowDownload:
+    """A GET of which nothing is read yet but the head."""
+
+    def __init__(self, port, path):
+        self.socket = socket.socket()
+        # Before the connection: later the system has promised more already.
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        self.socket.settimeout(60)
+        self.socket.connect(("127.0.0.1", port))
+        self.socket.sendall(f"GET {path} HTTP/1.1\r\nHost: h\r\n\r\n".encode())
+        self.response = http.client.HTTPResponse(self.socket)
+        self.response.begin()
+        assert self.response.status == 200, self.response.status
+        self.bytes = int(self.response.headers["Content-Length"])
+
+    def read(self):
+        """All of it, or what came before the connection ended."""
+        try:
+            return self.response.read()
+        except http.client.IncompleteRead as cut:
+            return cut.partial
+        except ConnectionResetError:
+            return b""
+
+    def close(self):
+        self.response.close()
+        self.socket.close()
+
+
+class Drain(unittest.TestCase):
+    def start(self, *arguments):
+        daemon = Daemon(device="cpu", arguments=arguments)
+        self.addCleanup(daemon.stop)
+        job = daemon.submit(kind="voxelize", asset=self.upload(daemon),
+                            options={"dims": [SIDE] * 3, "format": "npy"})
+        self.assertEqual(daemon.wait(job)["state"], "done")
+        return daemon, job, f"/v1/jobs/{job}/result"
+
+    def upload(self, daemon):
+        response = daemon.post("/v1/assets?filename=one.obj",
+                               b"v 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n")
+        self.assertIn(response.status, (200, 201), response.body)
+        return response.json()["id"]
+
+    def slow_download(self, daemon, path):
+        download = SlowDownload(daemon.port, path)
+        self.addCleanup(download.close)
+        self.assertGreater(download.bytes, SIDE ** 3)
+        return download
+
+    def wait_draining(self, daemon):
+        deadline = time.monotonic() + 10
+        while daemon.request("GET", "/readyz", port=daemon.admin_port).status != 503:
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.01)
+
+    def assert_refused(self, response):
+        self.assertEqual(response.status, 503, response.body)
+        self.assertEqual(response.headers["Content-Type"], "application/problem+json")
+        self.assertEqual(response.json()["code"], "shutting-down")
+        self.assertGreater(int(response.headers["Retry-After"]), 0)
+        self.assertEqual(response.headers["Connection"], "close")
+
+    def assert_gone(self, daemon, seconds, status):
+        start = time.monotonic()
+        self.assertEqual(daemon.process.wait(seconds), status, daemon.log_tail())
+        return time.monotonic() - start
+
+    def test_new_work_is_refused_and_a_download_that_runs_is_whole(self):
+        daemon, job, path = self.start("--drain-seconds", "60")
+        whole = daemon.get(path).body
+        download = self.slow_download(daemon, path)
+        kept = http.client.HTTPConnection("127.0.0.1", daemon.port, timeout=30)
+        self.addCleanup(kept.close)
+        kept.request("GET", f"/v1/jobs/{job}")
+        self.assertEqual(json.loads(kept.getresponse().read())["state"], "done")
+        daemon.process.send_signal(signal.SIGTERM)
+        self.wait_draining(daemon)
+
+        work = {"kind": "voxelize", "asset": "sha256-" + "0" * 64}
+        self.assert_refused(daemon.post("/v1/jobs", work))
+        self.assert_refused(daemon.post("/v1/assets?filename=a.obj", b"v 0 0 0\n" * 100_000))
+        kept.request("POST", "/v1/jobs", json.dumps(work), {"Content-Type": "application/json"})
+        raw = kept.getresponse()
+        self.assertEqual((raw.status, raw.headers["Connection"]), (503, "close"))
+        raw.read()
+        # A picture would be work; what is there already is not.
+        status = daemon.get(f"/v1/jobs/{job}")
+        self.assertEqual((status.status, status.headers["Connection"]), (200, "close"))
+        grid = status.json()["result"]["grid"]
+        self.assert_refused(daemon.get(f"/v1/grids/{grid}/render.png?width=64&height=64"))
+        self.assertEqual(daemon.get(path).body, whole)
+        self.assertEqual(daemon.request("DELETE", f"/v1/jobs/{job}").status, 200)
+        admin = {name: daemon.request("GET", name, port=daemon.admin_port)
+                 for name in ("/livez", "/readyz", "/metrics")}
+        self.assertEqual({name: answer.status for name, answer in admin.items()},
+                         {"/livez": 200, "/readyz": 503, "/metrics": 200})
+        self.assertIn("shutting down", admin["/readyz"].json()["reason"])
+        self.assertIn(b'status="503"', admin["/metrics"].body)
+
+        self.assertIsNone(daemon.process.poll(), "it waits for the download")
+        self.assertEqual(download.read(), whole)
+        self.assert_gone(daemon, 20, 0)
+
+    def test_a_second_signal_ends_it_at_once(self):
+        for second in (signal.SIGTERM, signal.SIGINT):
+            with self.subTest(second.name):
+                daemon, _, path = self.start("--drain-seconds", "300")
+                download = self.slow_download(daemon, path)
+                workers = daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]
+                daemon.process.send_signal(signal.SIGTERM)
+                self.wait_draining(daemon)
+                time.sleep(0.5)
+                self.assertIsNone(daemon.process.poll(), "it waits for the download")
+                daemon.process.send_signal(second)
+                self.assertLess(self.assert_gone(daemon, 20, -second), 5)
+                self.assertLess(len(download.read()), download.bytes)
+                for worker in workers:
+                    self.assert_no_process(worker["pid"])
+
+    def assert_no_process(self, pid):
+        deadline = time.monotonic() + 10
+        while True:
+            try:
+                with open(f"/proc/{pid}/stat") as stat:
+                    if stat.read().rsplit(")", 1)[1].split()[0] == "Z":
+                        return  # nobody has asked how it ended yet
+            except FileNotFoundError:
+                return
+            self.assertLess(time.monotonic(), deadline, f"worker {pid} outlives the daemon")
+            time.sleep(0.05)
+
+    def test_the_time_to_drain_is_bounded(self):
+        daemon, _, path = self.start("--drain-seconds", "1")
+        download = self.slow_download(daemon, path)
+        daemon.process.send_signal(signal.SIGTERM)
+        self.assert_gone(daemon, 25, 0)
+        self.assertLess(len(download.read()), download.bytes)
+        self.assertIn("the time to drain is over", daemon.log_tail())
+
+    def test_without_anything_in_flight_it_ends_at_once(self):
+        daemon, _, _ = self.start("--drain-seconds", "300")
+        idle = socket.create_connection(("127.0.0.1", daemon.port))
+        self.addCleanup(idle.close)
+        daemon.process.send_signal(signal.SIGTERM)
+        self.assert_gone(daemon, 25, 0)
+
+
+class Readers(DaemonTest):
+    device = "cpu"
+
+    def test_who_takes_nothing_of_an_answer_is_cut_after_half_a_minute(self):
+        asset = self.daemon.upload(self.fixtures / "sample.glb")
+        job = self.daemon.submit(kind="voxelize", asset=asset,
+                                 options={"dims": [SIDE] * 3, "format": "npy"})
+        self.assertEqual(self.daemon.wait(job)["state"], "done")
+        start = time.monotonic()
+        download = SlowDownload(self.daemon.port, f"/v1/jobs/{job}/result")
+        self.addCleanup(download.close)
+        while b'what="connections"} 1\n' in self.metrics():
+            self.assertLess(time.monotonic() - start, 60)
+            time.sleep(0.5)
+        self.assertGreater(time.monotonic() - start, 25)
+        self.assertLess(len(download.read()), download.bytes)
+
+    def metrics(self):
+        return self.daemon.request("GET", "/metrics", port=self.daemon.admin_port).body
+
+
+if __name__ == "__main__":
+    unittest.main()
