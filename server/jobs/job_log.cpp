@@ -24,6 +24,12 @@ void log_job_change(const JobRecord& record) {
                              {"trace", record.trace_id},
                              {"worker", record.worker},
                              {"attempt", status.attempt}});
+  } else if (record.was_parked) {
+    log::info("job is parked", {{"job", status.id},
+                                {"tenant", record.tenant},
+                                {"request", record.request_id},
+                                {"trace", record.trace_id},
+                                {"times", status.parked}});
   } else {
     log::warn("job is queued again", {{"job", status.id},
                                       {"tenant", record.tenant},

@@ -216,6 +216,9 @@ TaskServerConfig Service::server_config() {
   server.scratch_root = config_.data_dir / "run" / "scratch";
   server.limits = config_.limits;
   server.limits_of = config_.limits_of;
+  server.expected_seconds = [this](const std::string& job) {
+    return forecast_.expected_seconds(job);
+  };
   server.exit_reason = [this](int64_t pid) -> std::string {
     Supervisor* supervisor = supervising_;
     if (supervisor == nullptr) return "";
@@ -278,6 +281,8 @@ void Service::job_changed(const JobRecord& record) {
     }
   } else if (status.state == JobState::kRunning) {
     metrics_.claimed(status);
+  } else if (record.was_parked) {
+    metrics_.parked(status, record.tenant);
   } else {
     metrics_.requeued(status);
   }

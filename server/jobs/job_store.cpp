@@ -7,6 +7,7 @@
 
 #include "proto/limits.h"
 #include "server/base/check.h"
+#include "server/base/stopwatch.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/job_changes.h"
 #include "server/jobs/quota.h"
@@ -204,13 +205,13 @@ Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) 
       job.options.trace_id);
 }
 
-// queue, upload, then what the worker measured.
+// queue, upload, then what workers measured: those of attempts that were parked, and the last one.
 StageTimes all_timings(const JobRecord& record, const StageTimes& of_worker) {
   StageTimes timings;
-  timings.emplace_back("queue",
-                       static_cast<double>(record.status.started_ms - record.status.created_ms));
+  timings.emplace_back("queue", static_cast<double>(record.status.started_ms - record.queued_ms));
   if (record.upload_ms > 0) timings.emplace_back("upload", record.upload_ms);
-  timings.insert(timings.end(), of_worker.begin(), of_worker.end());
+  for (const auto& [stage, ms] : record.status.timings) add_stage(timings, stage, ms);
+  for (const auto& [stage, ms] : of_worker) add_stage(timings, stage, ms);
   return timings;
 }
 

@@ -1,5 +1,6 @@
 // How a job that runs comes back into the queue.
 #include "proto/limits.h"
+#include "server/base/stopwatch.h"
 #include "server/jobs/job_changes.h"
 #include "server/jobs/job_store.h"
 
@@ -38,6 +39,37 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
           id, int64_t{counts ? 0 : 1}, lost, live.version, live.device_us));
     }
     VOXELD_ASSIGN(changed, record_change(connection, id));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return changed;
+}
+
+Result<std::optional<JobRecord>> JobStore::park(const TaskPark& park, const LiveJob& live) {
+  std::optional<JobRecord> changed;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto running, fenced_job(connection, park.task, park.fence));
+    if (!running) return {};
+    const bool is_wanted = !running->cancel_requested;
+    if (is_wanted) {
+      const JobStatus& status = running->status;
+      StageTimes timings = status.timings;
+      add_stage(timings, "queue", static_cast<double>(status.started_ms - running->queued_ms));
+      for (const auto& [stage, ms] : park.timings) add_stage(timings, stage, ms);
+      VOXELD_TRY(connection.run(
+          "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
+          " parked = parked + 1, tiles_done = $2, tiles_total = $3, timings_json = $4,"
+          " queued_ms = $7,"
+          " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1,"
+          " device_us = device_us + $6 WHERE id = $1",
+          park.task, park.tiles_done, park.tiles_total, timings_text(timings), live.version,
+          live.device_us, unix_time_ms()));
+    } else {
+      VOXELD_TRY(end_with_error(connection, park.task,
+                                {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
+    }
+    VOXELD_ASSIGN(changed, record_change(connection, park.task));
+    changed->was_parked = is_wanted;
     return {};
   });
   VOXELD_TRY(committed);

@@ -273,8 +273,9 @@ Status TaskServer::answer(Connection& connection, const std::string& frame) {
   if (type == "part") return take_part(connection, message);
   if (type == "complete") return take_completion(connection, message);
   if (type == "fail") return take_failure(connection, message);
-  return protocol_error("unknown task message", "claim, progress, frame, part, complete or fail",
-                        type);
+  if (type == "park") return take_park(connection, message);
+  return protocol_error("unknown task message",
+                        "claim, progress, frame, part, complete, fail or park", type);
 }
 
 LiveJob TaskServer::live(const std::string& task) const {
@@ -303,7 +304,9 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
       config_.kill_worker(connection.pid);
     }
   }
-  return connection.socket.send(dump({{"cancel", cancel_age >= 0}, {"fenced", fenced}}));
+  const bool park = !fenced && cancel_age < 0 && is_told_to_park(connection, progress);
+  return connection.socket.send(
+      dump({{"cancel", cancel_age >= 0}, {"fenced", fenced}, {"park", park}}));
 }
 
 // Stores and lists a frame; nullopt when another worker owns the job by now.

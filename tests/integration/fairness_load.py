@@ -19,11 +19,14 @@ class Contention:
         self.data_dir = tempfile.mkdtemp(prefix="voxeld-fairness-")
         self.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
         make_fixtures(self.fixtures)
-        keys = {name: self.add_key(name, weight) for name, weight in weights.items()}
+        self.keys = {name: self.add_key(name, weight) for name, weight in weights.items()}
         self.daemon = Daemon(device=device, data_dir=self.data_dir, arguments=arguments)
-        self.tenants = {name: self.daemon.holding(key) for name, key in keys.items()}
+        self.connect()
         self.assets = {name: tenant.upload(self.fixtures / "sample.ply")
                        for name, tenant in self.tenants.items()}
+
+    def connect(self):
+        self.tenants = {name: self.daemon.holding(key) for name, key in self.keys.items()}
 
     def add_key(self, name, weight):
         made = subprocess.run([BIN / "voxeld", "keys", "add", name, "--weight", str(weight),
@@ -80,6 +83,34 @@ def shares(weights, seconds, device="cpu", arguments=()):
             for job in own:
                 load.cancel(name, job)
         return {name: after[name] - before[name] for name in weights}
+
+
+def many_tenants(weights, seconds, giant, small_every_s=0.5, device="cpu", arguments=()):
+    """More tenants than workers, each with a giant job: milliseconds of the device that each had, how
+    often each job was parked, and the seconds from acceptance to the end of small jobs that one more
+    tenant submits meanwhile."""
+    with Contention({**weights, "small": 1}, device, arguments) as load:
+        jobs = {name: load.submit(name, giant) for name in weights}
+        for name, job in jobs.items():
+            load.wait_for_device(name, job)
+
+        def statuses():
+            return {name: load.status(name, job) for name, job in jobs.items()}
+
+        before = statuses()
+        begin = time.monotonic()
+        ended = []
+        while time.monotonic() < begin + seconds:
+            time.sleep(small_every_s)
+            status = load.tenants["small"].wait(load.submit("small", SMALL), 3600)
+            assert status["state"] == "done", status
+            ended.append((status["ended_ms"] - status["created_ms"]) / 1000)
+        after = statuses()
+        for name, job in jobs.items():
+            assert after[name]["state"] in ("queued", "running"), after[name]
+            load.cancel(name, job)
+        had = {name: after[name]["device_ms"] - before[name]["device_ms"] for name in weights}
+        return had, {name: after[name]["parked"] for name in weights}, sorted(ended)
 
 
 def waits(scheduler, seconds, giant, small_every_s=0.25, device="cpu", arguments=()):
