@@ -86,18 +86,20 @@ def shares(weights, seconds, device="cpu", arguments=()):
 
 
 def many_tenants(weights, seconds, giant, small_every_s=0.5, device="cpu", arguments=()):
-    """More tenants than workers, each with a giant job: milliseconds of the device that each had, how
-    often each job was parked, and the seconds from acceptance to the end of small jobs that one more
+    """More tenants than workers, each with giant jobs: milliseconds of the device that each had, how
+    often its jobs were parked, and the seconds from acceptance to the end of small jobs that one more
     tenant submits meanwhile."""
     with Contention({**weights, "small": 1}, device, arguments) as load:
-        jobs = {name: load.submit(name, giant) for name in weights}
-        for name, job in jobs.items():
-            load.wait_for_device(name, job)
+        jobs = {name: [load.submit(name, {**giant, "padding": i}) for i in range(4)]
+                for name in weights}
+        for name, own in jobs.items():
+            load.wait_for_device(name, own[0])
 
-        def statuses():
-            return {name: load.status(name, job) for name, job in jobs.items()}
+        def total(member):
+            return {name: sum(load.status(name, job)[member] for job in own)
+                    for name, own in jobs.items()}
 
-        before = statuses()
+        before = total("device_ms")
         begin = time.monotonic()
         ended = []
         while time.monotonic() < begin + seconds:
@@ -105,12 +107,13 @@ def many_tenants(weights, seconds, giant, small_every_s=0.5, device="cpu", argum
             status = load.tenants["small"].wait(load.submit("small", SMALL), 3600)
             assert status["state"] == "done", status
             ended.append((status["ended_ms"] - status["created_ms"]) / 1000)
-        after = statuses()
-        for name, job in jobs.items():
-            assert after[name]["state"] in ("queued", "running"), after[name]
-            load.cancel(name, job)
-        had = {name: after[name]["device_ms"] - before[name]["device_ms"] for name in weights}
-        return had, {name: after[name]["parked"] for name in weights}, sorted(ended)
+        after, parked = total("device_ms"), total("parked")
+        for name, own in jobs.items():
+            last = load.status(name, own[-1])
+            assert last["state"] in ("queued", "running"), last  # else there was no contention
+            for job in own:
+                load.cancel(name, job)
+        return {name: after[name] - before[name] for name in weights}, parked, sorted(ended)
 
 
 def waits(scheduler, seconds, giant, small_every_s=0.25, device="cpu", arguments=()):
