@@ -230,6 +230,7 @@ Json job_status_json(const JobStatus& status) {
               {"options", object_of(status.options_json)},
               {"version", status.version},
               {"attempt", status.attempt},
+              {"parked", status.parked},
               {"tiles_done", status.tiles_done},
               {"tiles_total", status.tiles_total},
               {"frames_done", status.frames_done},
@@ -268,6 +269,7 @@ Result<JobStatus> parse_job_status(const Json& body) {
   fields.read("filename", status.filename);
   fields.read("version", status.version);
   fields.read("attempt", status.attempt);
+  fields.read("parked", status.parked);
   fields.read("tiles_done", status.tiles_done);
   fields.read("tiles_total", status.tiles_total);
   fields.read("frames_done", status.frames_done);

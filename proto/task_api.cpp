@@ -188,7 +188,9 @@ Json to_json_message(const TaskProgress& progress) {
           {"frames_done", progress.frames_done},
           {"frames_total", progress.frames_total},
           {"device_bytes_total", progress.device_memory.bytes_total},
-          {"device_bytes_free", progress.device_memory.bytes_free}};
+          {"device_bytes_free", progress.device_memory.bytes_free},
+          {"can_park", progress.can_park},
+          {"preparation_ms", progress.preparation_ms}};
 }
 
 Result<TaskProgress> parse_task_progress(const Json& message) {
@@ -205,6 +207,11 @@ Result<TaskProgress> parse_task_progress(const Json& message) {
   fields.read("frames_total", progress.frames_total);
   fields.read("device_bytes_total", progress.device_memory.bytes_total);
   fields.read("device_bytes_free", progress.device_memory.bytes_free);
+  fields.read("can_park", progress.can_park);
+  fields.read("preparation_ms", progress.preparation_ms);
+  if (progress.preparation_ms < 0) {
+    fields.fail("preparation_ms", "0 or more", std::to_string(progress.preparation_ms));
+  }
   VOXELD_TRY(fields.finish());
   return progress;
 }
@@ -337,6 +344,34 @@ Result<TaskCompletion> parse_task_completion(const Json& message) {
   VOXELD_ASSIGN(completion.timings, parse_timings(*timings));
   VOXELD_ASSIGN(completion.warnings, parse_warnings(*warnings));
   return completion;
+}
+
+Json to_json_message(const TaskPark& park) {
+  return {{"type", "park"},
+          {"task", park.task},
+          {"fence", park.fence},
+          {"tiles_done", park.tiles_done},
+          {"tiles_total", park.tiles_total},
+          {"timings", timings_json(park.timings)}};
+}
+
+Result<TaskPark> parse_task_park(const Json& message) {
+  VOXELD_TRY(check_type(message, "park"));
+  TaskPark park;
+  JsonFields fields(message, "park");
+  fields.require({"task", "fence", "tiles_done", "tiles_total", "timings"});
+  fields.read("task", park.task);
+  fields.read("fence", park.fence);
+  fields.read("tiles_done", park.tiles_done);
+  fields.read("tiles_total", park.tiles_total);
+  const Json* timings = fields.member("timings");
+  if (park.tiles_done < 0 || park.tiles_done > park.tiles_total) {
+    fields.fail("tiles_done", "0 to " + std::to_string(park.tiles_total),
+                std::to_string(park.tiles_done));
+  }
+  VOXELD_TRY(fields.finish());
+  VOXELD_ASSIGN(park.timings, parse_timings(*timings));
+  return park;
 }
 
 Json to_json_message(const TaskFailure& failure) {

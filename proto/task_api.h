@@ -7,10 +7,11 @@
 //   prepare {}                       ->   {scratch_dir, input_dir, cache_dir}   (optional)
 //   hello {protocol, pid, device}    ->   {ok, scratch_dir}
 //   claim {}                         ->   {task: Task}            (blocks until there is one)
-//   progress {task, fence, …}        ->   {cancel: bool, fenced: bool}
+//   progress {task, fence, …}        ->   {cancel: bool, fenced: bool, park: bool}
 //   frame {task, fence, frame…}      ->   {cancel, fenced, grid, path}
 //   part {task, fence, part…}        ->   {cancel, fenced}
 //   complete {task, fence, outputs…} ->   {ok} | {fenced}
+//   park {task, fence, …}            ->   {ok} | {fenced}
 //   fail {task, fence, error}        ->   {ok} | {fenced}
 //
 // A device works for one task at a time. Its workers ask for turns on it on a second connection
@@ -23,6 +24,9 @@
 //
 // How long a turn was held is what the gateway measures: a worker that a hostile file has taken
 // over cannot say less. A connection that ends gives its turn back.
+//
+// A worker that is asked to park hands over what it has done (part, frame) at the next tile or
+// frame and gives the task back: it is queued again, and goes on from there later.
 //
 // A worker that sees `fenced` drops the task: another one owns it. A connection that ends means
 // that the worker died: its task is put back at once.
@@ -123,10 +127,15 @@ struct TaskProgress {
   int64_t tiles_done = 0, tiles_total = 0;
   int64_t frames_done = 0, frames_total = 0;
   DeviceMemory device_memory;
+  // It has got further than what it went on from, and would lose next to nothing if it were parked.
+  bool can_park = false;
+  // What it took to get there, which another worker would need again; 0 before it is known.
+  int64_t preparation_ms = 0;
 };
 struct TaskProgressReply {
   bool cancel = false;
   bool fenced = false;
+  bool park = false;  // another tenant needs the worker more
 };
 
 // A frame that is done. The gateway takes its container into the store at once: it can be fetched
@@ -169,6 +178,13 @@ struct TaskCompletion {
   std::string meta_json = "{}";
   std::vector<Warning> warnings;
 };
+// All that it has done is with the gateway. Only where it was asked to.
+struct TaskPark {
+  std::string task;
+  int64_t fence = 0;
+  int64_t tiles_done = 0, tiles_total = 0;  // of a sequence 0, 0: its frames are listed
+  StageTimes timings;                       // of this attempt
+};
 struct TaskFailure {
   std::string task;
   int64_t fence = 0;
@@ -209,6 +225,7 @@ nlohmann::json to_json_message(const TaskFrame& frame);
 nlohmann::json to_json_message(const TaskFrameReply& reply);
 nlohmann::json to_json_message(const TaskPart& part);
 nlohmann::json to_json_message(const TaskCompletion& completion);
+nlohmann::json to_json_message(const TaskPark& park);
 nlohmann::json to_json_message(const TaskFailure& failure);
 nlohmann::json to_json_message(const TurnsHello& hello);
 nlohmann::json to_json_message(const TurnRequest& request);
@@ -224,6 +241,7 @@ Result<TaskFrame> parse_task_frame(const nlohmann::json& message);
 Result<TaskFrameReply> parse_task_frame_reply(const nlohmann::json& message);
 Result<TaskPart> parse_task_part(const nlohmann::json& message);
 Result<TaskCompletion> parse_task_completion(const nlohmann::json& message);
+Result<TaskPark> parse_task_park(const nlohmann::json& message);
 Result<TaskFailure> parse_task_failure(const nlohmann::json& message);
 
 }  // namespace voxeld

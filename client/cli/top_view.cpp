@@ -63,12 +63,19 @@ std::string job_cells(const QueuedJob& one) {
          cell(one.job.kind, kKindWidth);
 }
 
+// Of a job that was started and gave its worker to another one; empty of those that are new.
+std::string parked_text(const JobInfo& job) {
+  const auto [done, total] = counts_of(job);
+  if (done == 0 || total == 0) return "";
+  return " parked at " + std::to_string(done) + "/" + std::to_string(total);
+}
+
 std::string queue_line(const QueuedJob& one, int64_t now_ms) {
   char position[8];
   std::snprintf(position, sizeof position, "%5lld ",
                 static_cast<long long>(one.job.queue_position));
   return position + job_cells(one) + " " + cell(one.job.state, 8) + " " +
-         duration_text(now_ms - one.created_ms);
+         duration_text(now_ms - one.created_ms) + parked_text(one.job);
 }
 
 }  // namespace

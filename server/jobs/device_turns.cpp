@@ -54,15 +54,24 @@ void DeviceTurns::set_device_bytes(const std::string& device, int64_t bytes_max)
   grant_free();
 }
 
-double DeviceTurns::start_tag(const std::string& device, const std::string& tenant) const {
+void DeviceTurns::set_queued(const std::string& device,
+                             std::set<std::string, std::less<>> tenants) {
+  MutexLock lock(mutex_);
+  for (const auto& [id, task] : tasks_) {
+    if (task->task.device == device) tenants.insert(task->task.tenant);
+  }
+  devices_[device].shares.set_wanting(std::move(tenants));
+}
+
+double DeviceTurns::share(const std::string& device, const std::string& tenant) const {
   MutexLock lock(mutex_);
   const auto found = devices_.find(device);
   if (found == devices_.end()) return 0;
   const Started* holder = found->second.holder;
-  const double tag = tag_of(found->second, tenant);
-  if (holder == nullptr || holder->task.tenant != tenant) return tag;
+  const double had = found->second.shares.of(tenant);
+  if (holder == nullptr || holder->task.tenant != tenant) return had;
   const std::chrono::duration<double> held = config_.now() - holder->granted_at;
-  return tag + held.count() / static_cast<double>(weight_of(tenant));
+  return had + held.count() / static_cast<double>(weight_of(tenant));
 }
 
 Result<DeviceTurns::Answer> DeviceTurns::take(std::string_view id, int64_t fence,
@@ -189,6 +198,7 @@ void DeviceTurns::end_turn(Started& task) {
   task.device_us += std::chrono::duration_cast<std::chrono::microseconds>(held).count();
   device.finish[task.task.tenant] =
       task.start_tag + seconds / static_cast<double>(weight_of(task.task.tenant));
+  device.shares.charge(task.task.tenant, seconds, weight_of(task.task.tenant));
   if (config_.charged) config_.charged(task.task, seconds);
 }
 

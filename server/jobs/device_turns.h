@@ -21,6 +21,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <tuple>
@@ -28,6 +29,7 @@
 
 #include "proto/result.h"
 #include "server/base/thread_annotations.h"
+#include "server/jobs/tenant_shares.h"
 
 namespace voxeld {
 
@@ -76,8 +78,12 @@ class DeviceTurns {
   void end_task(std::string_view id, int64_t fence) EXCLUDES(mutex_);
   // How much memory the device has for tasks; 0: not known, not limited.
   void set_device_bytes(const std::string& device, int64_t bytes_max) EXCLUDES(mutex_);
-  // The start tag that a turn of the tenant would have now: who has had the least, for its weight.
-  double start_tag(const std::string& device, const std::string& tenant) const EXCLUDES(mutex_);
+  // What tenants have had of the device while they wanted it (tenant_shares.h): those with queued
+  // jobs, and those with started ones.
+  void set_queued(const std::string& device, std::set<std::string, std::less<>> tenants)
+      EXCLUDES(mutex_);
+  double share(const std::string& device, const std::string& tenant) const EXCLUDES(mutex_);
+  int64_t weight_of(const std::string& tenant) const;
 
   // --- a worker's side
   // Blocks. Errors: grid-too-large for what never fits.
@@ -113,6 +119,7 @@ class DeviceTurns {
     double now_tag = 0;                    // V
     std::map<std::string, double> finish;  // F
     Started* holder = nullptr;
+    TenantShares shares;
   };
 
   Task find(std::string_view id, int64_t fence) const REQUIRES(mutex_);
@@ -143,7 +150,6 @@ class DeviceTurns {
   // Smaller ones are first: the tenant's tag and its first wait; priority, deadline, arrival.
   using Order = std::tuple<double, uint64_t, int, uint64_t, int64_t>;
   Order order_of(const Started& task) const REQUIRES(mutex_);
-  int64_t weight_of(const std::string& tenant) const;
 
   const TurnsConfig config_;
   mutable Mutex mutex_;

@@ -13,6 +13,7 @@ void JobBoard::start(const std::string& id, int64_t version) {
   entry->version = std::max(entry->version, version);
   entry->stage.clear();
   entry->tiles_done = entry->tiles_total = 0;
+  entry->has_tiles = false;
   entry->frames_done = entry->frames_total = 0;
   entry->is_untold = false;
   entry->changed_at = {};
@@ -36,6 +37,7 @@ void JobBoard::progress(const std::string& id, std::string_view stage, int64_t t
   entry.stage = stage;
   entry.tiles_done = tiles_done;
   entry.tiles_total = tiles_total;
+  entry.has_tiles |= tiles_total > 0;
   entry.frames_done = std::max(entry.frames_done, frames_done);
   entry.frames_total = frames_total;
   entry.is_untold = false;
@@ -84,8 +86,10 @@ void JobBoard::overlay(JobStatus& status) const {
   if (entry.version < status.version) return;
   status.version = entry.version;
   status.stage = entry.stage;
-  status.tiles_done = entry.tiles_done;
-  status.tiles_total = entry.tiles_total;
+  if (entry.has_tiles) {  // until it is where it was parked, that counts
+    status.tiles_done = entry.tiles_done;
+    status.tiles_total = entry.tiles_total;
+  }
   status.frames_done = std::max(status.frames_done, entry.frames_done);
   status.frames_total = std::max(status.frames_total, entry.frames_total);
 }

@@ -64,6 +64,7 @@ class JobBoard {
     int64_t version = 0;
     std::string stage;
     int64_t tiles_done = 0, tiles_total = 0;
+    bool has_tiles = false;  // this attempt has told of tiles
     int64_t frames_done = 0, frames_total = 0;
     bool is_untold = false;  // something changed within kThrottle
     Clock::time_point changed_at{};

@@ -53,6 +53,11 @@ struct JobMetrics::Impl {
                      .Name("voxeld_jobs_requeued_total")
                      .Help("Jobs that were put back because their worker went away, by kind.")
                      .Register(*registry)),
+        parked(BuildCounter()
+                   .Name("voxeld_jobs_parked_total")
+                   .Help("Times that a started job gave its worker to another one, by tenant and "
+                         "kind.")
+                   .Register(*registry)),
         queue_seconds(BuildHistogram()
                           .Name("voxeld_job_queue_seconds")
                           .Help("Time from acceptance to the start of the first attempt, by kind.")
@@ -123,6 +128,7 @@ struct JobMetrics::Impl {
   Family<Counter>& submitted;
   Family<Counter>& ended;
   Family<Counter>& requeued;
+  Family<Counter>& parked;
   Family<Histogram>& queue_seconds;
   Family<Histogram>& stage_seconds;
   Counter& frames_done;
@@ -161,7 +167,7 @@ void JobMetrics::submitted(const JobStatus& status) {
 }
 
 void JobMetrics::claimed(const JobStatus& status) {
-  if (!impl_ || status.attempt != 1) return;
+  if (!impl_ || status.attempt != 1 || status.parked > 0) return;
   impl_->queue_seconds.Add({{"kind", kind_of(status)}}, seconds_buckets())
       .Observe(static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
 }
@@ -178,6 +184,12 @@ void JobMetrics::had_turn(const std::string& device, const std::string& tenant, 
 
 void JobMetrics::requeued(const JobStatus& status) {
   if (impl_) impl_->requeued.Add({{"kind", kind_of(status)}}).Increment();
+}
+
+void JobMetrics::parked(const JobStatus& status, const std::string& tenant) {
+  if (!impl_) return;
+  impl_->parked.Add({{"tenant", impl_->tenant_label(tenant)}, {"kind", kind_of(status)}})
+      .Increment();
 }
 
 void JobMetrics::ended(const JobStatus& status, const std::string& tenant,

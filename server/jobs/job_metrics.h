@@ -28,6 +28,8 @@ class JobMetrics {
   void had_turn(const std::string& device, const std::string& tenant, double seconds);
   // Its worker was lost and it waits again.
   void requeued(const JobStatus& status);
+  // It gave its worker to another tenant's job and waits again.
+  void parked(const JobStatus& status, const std::string& tenant);
   // Counts by tenant, kind and outcome, and observes each stage on the device that ran it.
   void ended(const JobStatus& status, const std::string& tenant, const std::string& device);
   // A frame was listed.

@@ -17,7 +17,9 @@ constexpr std::string_view kSelect =
     "j.options_json,"
     " j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
     " j.attempt, j.fence, j.worker, j.lost_workers, j.upload_us, j.created_ms, j.started_ms,"
-    " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.sequence, j.frames_total,"
+    " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.parked, j.queued_ms, j.tiles_done,"
+    " j.tiles_total,"
+    " j.sequence, j.frames_total,"
     " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id),"
     " j.timings_json, j.error_code, j.error_detail, j.error_expected, j.error_got,"
     " j.request_id, j.trace_id, j.result_seq, r.blob, r.bytes, r.media_type, r.filename, r.grid, "
@@ -105,6 +107,14 @@ JobRecord read_record(const SqlStatement& statement) {
   const int64_t deadline_ms = column.int64();
   status.deadline_at_ms = deadline_ms == kNoDeadline ? 0 : deadline_ms;
   status.device_ms = static_cast<double>(column.int64()) / 1000.0;
+  status.parked = static_cast<int>(column.int64());
+  record.queued_ms = column.int64();
+  if (record.queued_ms == 0) record.queued_ms = status.created_ms;
+  const int64_t tiles_done = column.int64(), tiles_total = column.int64();
+  if (!status.ended()) {
+    status.tiles_done = tiles_done;
+    status.tiles_total = tiles_total;
+  }
   status.sequence = column.text();
   status.frames_total = column.int64();
   status.frames_done = column.int64();

@@ -18,6 +18,7 @@
 #include "server/jobs/device_turns.h"
 #include "server/jobs/frame_store.h"
 #include "server/jobs/job_board.h"
+#include "server/jobs/job_log.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/queue_forecast.h"
@@ -215,6 +216,9 @@ TaskServerConfig Service::server_config() {
   server.scratch_root = config_.data_dir / "run" / "scratch";
   server.limits = config_.limits;
   server.limits_of = config_.limits_of;
+  server.expected_seconds = [this](const std::string& job) {
+    return forecast_.expected_seconds(job);
+  };
   server.exit_reason = [this](int64_t pid) -> std::string {
     Supervisor* supervisor = supervising_;
     if (supervisor == nullptr) return "";
@@ -267,39 +271,20 @@ Service::~Service() {
 void Service::job_changed(const JobRecord& record) {
   const JobStatus& status = record.status;
   forecast_.changed(record, 0);
+  log_job_change(record);
   if (status.ended()) {
     parts_.remove(status.id);
     metrics_.ended(status, record.tenant, record.worker);
     board_.changed(status.id, status.version, false);
-    log::info("job ended", {{"job", status.id},
-                            {"tenant", record.tenant},
-                            {"request", record.request_id},
-                            {"trace", record.trace_id},
-                            {"worker", record.worker},
-                            {"kind", job_kind_name(status.kind)},
-                            {"state", job_state_name(status.state)},
-                            {"cached", status.cached ? 1 : 0},
-                            {"ms", status.ended_ms - status.created_ms},
-                            {"error", status.error ? status.error->message() : ""}});
     if (auto removed = assets_.remove_unneeded(); !removed) {
       log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
     }
   } else if (status.state == JobState::kRunning) {
     metrics_.claimed(status);
-    log::info("job starts", {{"job", status.id},
-                             {"tenant", record.tenant},
-                             {"request", record.request_id},
-                             {"trace", record.trace_id},
-                             {"worker", record.worker},
-                             {"attempt", status.attempt}});
+  } else if (record.was_parked) {
+    metrics_.parked(status, record.tenant);
   } else {
     metrics_.requeued(status);
-    log::warn("job is queued again", {{"job", status.id},
-                                      {"tenant", record.tenant},
-                                      {"request", record.request_id},
-                                      {"trace", record.trace_id},
-                                      {"attempt", status.attempt},
-                                      {"workers", record.lost_workers}});
   }
   update_gauges();
 }

@@ -7,7 +7,9 @@
 
 #include "proto/limits.h"
 #include "server/base/check.h"
+#include "server/base/stopwatch.h"
 #include "server/jobs/asset_store.h"
+#include "server/jobs/job_changes.h"
 #include "server/jobs/quota.h"
 #include "server/jobs/request_hash.h"
 #include "server/jobs/scheduler.h"
@@ -15,11 +17,6 @@
 
 namespace voxeld {
 namespace {
-
-constexpr int64_t kIdempotencyKeptMs = int64_t{24} * 60 * 60 * 1000;
-// Progress is not stored, so after a crash the database does not know how far a running job's
-// version had got. Ten events a second for three years are fewer than this.
-constexpr int64_t kVersionJump = 1'000'000'000;
 
 // "j-" and 32 hex digits of the kernel's generator: ids cannot be guessed.
 std::string new_job_id() {
@@ -33,18 +30,6 @@ std::string new_job_id() {
     id += kHex[byte & 15];
   }
   return id;
-}
-
-// Reads the job back after a change and writes the event of it.
-Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
-  VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
-  const std::string data =
-      job_status_json(record.status).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-  VOXELD_TRY(
-      connection.run("INSERT INTO job_events (job_id, id, type, data_json, created_ms) VALUES ($1, "
-                     "$2, $3, $4, $5)",
-                     id, record.status.version, "state", data, unix_time_ms()));
-  return record;
 }
 
 // The asset must be there; its name is the request's where the client gave none. Returns whose it
@@ -220,37 +205,14 @@ Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) 
       job.options.trace_id);
 }
 
-// queue, upload, then what the worker measured.
+// queue, upload, then what workers measured: those of attempts that were parked, and the last one.
 StageTimes all_timings(const JobRecord& record, const StageTimes& of_worker) {
   StageTimes timings;
-  timings.emplace_back("queue",
-                       static_cast<double>(record.status.started_ms - record.status.created_ms));
+  timings.emplace_back("queue", static_cast<double>(record.status.started_ms - record.queued_ms));
   if (record.upload_ms > 0) timings.emplace_back("upload", record.upload_ms);
-  timings.insert(timings.end(), of_worker.begin(), of_worker.end());
+  for (const auto& [stage, ms] : record.status.timings) add_stage(timings, stage, ms);
+  for (const auto& [stage, ms] : of_worker) add_stage(timings, stage, ms);
   return timings;
-}
-
-// The job, when it is running with this fence.
-Result<std::optional<JobRecord>> fenced_job(SqlConnection& connection, std::string_view id,
-                                            int64_t fence) {
-  VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
-  if (record.status.state != JobState::kRunning || record.fence != fence) {
-    return std::optional<JobRecord>();
-  }
-  return std::optional<JobRecord>(std::move(record));
-}
-
-Status end_with_error(SqlConnection& connection, std::string_view id, const Error& error,
-                      const LiveJob& live) {
-  const JobState state =
-      error.code == ErrorCode::kCancelled ? JobState::kCancelled : JobState::kFailed;
-  return connection.run(
-      "UPDATE jobs SET state = $2, error_code = $3, error_detail = $4, error_expected = $5,"
-      " error_got = $6, ended_ms = $7,"
-      " version = CASE WHEN version > $8 THEN version ELSE $8 END + 1,"
-      " device_us = device_us + $9 WHERE id = $1",
-      id, job_state_name(state), info_of(error.code).name, error.detail, error.expected, error.got,
-      unix_time_ms(), live.version, live.device_us);
 }
 
 // The queued job whose deadline is next; deadline_ms 0: none has one.
@@ -440,38 +402,6 @@ Result<std::optional<JobRecord>> JobStore::fail(std::string_view id, int64_t fen
   return ended;
 }
 
-Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int64_t fence,
-                                                       std::string_view reason, bool counts,
-                                                       const LiveJob& live) {
-  std::optional<JobRecord> changed;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
-    if (!running) return {};
-    std::string lost = running->lost_workers;
-    if (counts) lost += (lost.empty() ? "" : ", ") + std::string(reason);
-    if (running->cancel_requested) {
-      VOXELD_TRY(end_with_error(connection, id,
-                                {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
-    } else if (counts && running->status.attempt >= limits::kJobAttemptsMax) {
-      const Error error{
-          ErrorCode::kWorkerCrashed,
-          "the job ended " + std::to_string(running->status.attempt) + " workers: " + lost, "", ""};
-      VOXELD_TRY(end_with_error(connection, id, error, live));
-    } else {
-      VOXELD_TRY(connection.run(
-          "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - $2, lost_workers = "
-          "$3,"
-          " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1,"
-          " device_us = device_us + $5 WHERE id = $1",
-          id, int64_t{counts ? 0 : 1}, lost, live.version, live.device_us));
-    }
-    VOXELD_ASSIGN(changed, record_change(connection, id));
-    return {};
-  });
-  VOXELD_TRY(committed);
-  return changed;
-}
-
 Result<JobRecord> JobStore::cancel(const Caller& caller, std::string_view id) {
   std::optional<JobRecord> result;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
@@ -512,47 +442,6 @@ Result<JobStore::Expired> JobStore::expire(int64_t now_ms) {
   });
   VOXELD_TRY(committed);
   return expired;
-}
-
-Result<int64_t> JobStore::recover() {
-  int64_t touched = 0;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE created_ms <= $1",
-                              unix_time_ms() - kIdempotencyKeptMs));
-    std::vector<std::string> ids;
-    {
-      VOXELD_ASSIGN(SqlStatement rows,
-                    connection.query("SELECT id FROM jobs WHERE state = 'running'"
-                                     " OR (state = 'queued' AND transient = 1) ORDER BY seq"));
-      while (true) {
-        VOXELD_ASSIGN(const bool row, rows.step());
-        if (!row) break;
-        ids.push_back(rows.text(0));
-      }
-    }
-    for (const std::string& id : ids) {
-      VOXELD_ASSIGN(const JobRecord record, load_job(connection, Caller::daemon(), id));
-      const int64_t live_version = record.status.version + kVersionJump;
-      if (record.cancel_requested || record.transient) {
-        const Error error{ErrorCode::kCancelled,
-                          record.cancel_requested
-                              ? "the job was cancelled"
-                              : "the daemon restarted while the client was waiting",
-                          "", ""};
-        VOXELD_TRY(end_with_error(connection, id, error, live_version));
-      } else {
-        VOXELD_TRY(
-            connection.run("UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
-                           " version = $2 WHERE id = $1",
-                           id, live_version));
-      }
-      VOXELD_TRY(record_change(connection, id));
-    }
-    touched = static_cast<int64_t>(ids.size());
-    return {};
-  });
-  VOXELD_TRY(committed);
-  return touched;
 }
 
 Result<bool> JobStore::is_grid(const Caller& caller, std::string_view id) {

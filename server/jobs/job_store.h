@@ -97,6 +97,9 @@ class JobStore {
   Result<std::optional<JobRecord>> lose_worker(std::string_view id, int64_t fence,
                                                std::string_view reason, bool counts,
                                                const LiveJob& live);
+  // Queued again without counting the attempt, at its place in the order of arrival and with its
+  // progress; cancelled where that was asked for.
+  Result<std::optional<JobRecord>> park(const TaskPark& park, const LiveJob& live);
   // Idempotent. Queued: cancelled. Running: marked; its worker is told. Errors: not-found.
   Result<JobRecord> cancel(const Caller& caller, std::string_view id);
 
@@ -116,6 +119,8 @@ class JobStore {
   // it.
   Result<bool> is_grid(const Caller& caller, std::string_view id);
   Result<int64_t> count(JobState state);
+  // The first queued job of each tenant.
+  Result<std::vector<QueueHead>> queue_heads();
   // Of those that the caller sees.
   Result<int64_t> count(const Caller& caller, JobState state);
   // Running ones, and the first `limit` that arrived of those that wait.

@@ -18,6 +18,11 @@ Result<std::vector<JobRecord>> JobStore::list(const Caller& caller, int limit,
   return load_jobs(*reader, caller, limit, state);
 }
 
+Result<std::vector<QueueHead>> JobStore::queue_heads() {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return voxeld::queue_heads(*reader);
+}
+
 Result<std::vector<JobEvent>> JobStore::events(const Caller& caller, std::string_view id,
                                                int64_t after_id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());

@@ -62,16 +62,19 @@ void QueueForecast::changed(const JobRecord& record, int64_t input_bytes) {
   }
   live.is_running = status.state == JobState::kRunning;
   live.status = status;
+  live.share_kept = share_done(status);
 }
 
 double QueueForecast::seconds_left(const Live& live, int64_t now_ms) {
-  if (!live.is_running) return live.estimate.seconds;
+  const double expected = live.estimate.seconds * (1 - live.share_kept);
+  if (!live.is_running) return expected;
   JobStatus status = live.status;
   overlay_(status);
   const double elapsed = static_cast<double>(now_ms - status.started_ms) / 1000.0;
   const double done = share_done(status);
-  if (done > kShareKnown) return std::max(0.0, elapsed * (1 - done) / done);
-  return std::max(live.estimate.seconds - elapsed, kLateShare * elapsed);
+  const double since = done - live.share_kept;
+  if (since > kShareKnown) return std::max(0.0, elapsed * (1 - done) / since);
+  return std::max(expected - elapsed, kLateShare * elapsed);
 }
 
 // In the order in which each tenant's jobs are taken.
@@ -93,6 +96,12 @@ std::vector<std::pair<std::string, ForecastJob>> QueueForecast::queue() {
                                                     seconds_left(*live, now_ms), live->is_running});
   }
   return queue;
+}
+
+double QueueForecast::expected_seconds(std::string_view id) {
+  const MutexLock lock(mutex_);
+  const auto live = live_.find(id);
+  return live == live_.end() ? 0 : seconds_left(live->second, unix_time_ms());
 }
 
 void QueueForecast::refresh() {

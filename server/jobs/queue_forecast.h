@@ -34,6 +34,8 @@ class QueueForecast {
   void changed(const JobRecord& record, int64_t input_bytes) EXCLUDES(mutex_);
   // Adds estimate and expected times to the status of a job that has not ended.
   void fill(JobStatus& status) EXCLUDES(mutex_);
+  // That a job is expected to take from now on; 0 of one that is not known.
+  double expected_seconds(std::string_view id) EXCLUDES(mutex_);
   // What a job would cost, and when one submitted now would start and end: a status without id.
   JobStatus price(const std::string& tenant, const JobRequest& request, int64_t input_bytes)
       EXCLUDES(mutex_);
@@ -49,7 +51,8 @@ class QueueForecast {
     bool is_running = false;
     JobWork work;
     JobEstimate estimate;
-    JobStatus status;  // as it was told last
+    JobStatus status;       // as it was told last
+    double share_kept = 0;  // of the work, that was done when it was queued or started last
   };
   struct Expected {
     int64_t start_ms = 0, end_ms = 0;

@@ -17,22 +17,6 @@ Result<std::optional<std::string>> next_tenant(SqlConnection& connection,
   return found ? std::optional(row.text(0)) : std::nullopt;
 }
 
-Result<std::vector<QueueHead>> queue_heads(SqlConnection& connection) {
-  std::vector<QueueHead> heads;
-  std::optional<std::string> tenant;
-  while (true) {
-    VOXELD_ASSIGN(tenant, next_tenant(connection, tenant));
-    if (!tenant) return heads;
-    VOXELD_ASSIGN(SqlStatement row,
-                  connection.query("SELECT seq, priority FROM jobs"
-                                   " WHERE state = 'queued' AND tenant = $1"
-                                   " ORDER BY priority DESC, deadline_ms, seq LIMIT 1",
-                                   *tenant));
-    VOXELD_ASSIGN(const bool found, row.step());
-    if (found) heads.push_back({*tenant, row.int64(0), static_cast<int>(row.int64(1))});
-  }
-}
-
 Result<std::optional<int64_t>> oldest(SqlConnection& connection) {
   VOXELD_ASSIGN(SqlStatement row, connection.query("SELECT seq FROM jobs WHERE state = 'queued'"
                                                    " ORDER BY seq LIMIT 1"));
@@ -48,6 +32,25 @@ Result<std::optional<int64_t>> picked(SqlConnection& connection, const PickHead&
 }
 
 }  // namespace
+
+Result<std::vector<QueueHead>> queue_heads(SqlConnection& connection) {
+  std::vector<QueueHead> heads;
+  std::optional<std::string> tenant;
+  while (true) {
+    VOXELD_ASSIGN(tenant, next_tenant(connection, tenant));
+    if (!tenant) return heads;
+    VOXELD_ASSIGN(SqlStatement row,
+                  connection.query("SELECT seq, priority, deadline_ms, id FROM jobs"
+                                   " WHERE state = 'queued' AND tenant = $1"
+                                   " ORDER BY priority DESC, deadline_ms, seq LIMIT 1",
+                                   *tenant));
+    VOXELD_ASSIGN(const bool found, row.step());
+    if (found) {
+      heads.push_back(
+          {*tenant, row.int64(0), static_cast<int>(row.int64(1)), row.int64(2), row.text(3)});
+    }
+  }
+}
 
 Result<std::optional<std::string>> claim_next(SqlConnection& connection, std::string_view worker,
                                               int64_t now_ms, const PickHead& pick) {

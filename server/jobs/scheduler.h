@@ -21,7 +21,12 @@ struct QueueHead {
   std::string tenant;
   int64_t seq = 0;  // order of arrival
   int priority = 0;
+  int64_t deadline_ms = kNoDeadline;  // Unix time
+  std::string id;
 };
+
+// The first queued job of each tenant. Takes a few look-ups in an index for each of them.
+Result<std::vector<QueueHead>> queue_heads(SqlConnection& connection);
 
 // Which of them is claimed; nullopt: none now. Without one, jobs are claimed as they arrived.
 using PickHead = std::function<std::optional<size_t>(const std::vector<QueueHead>& heads)>;

@@ -45,7 +45,10 @@ namespace {
 // a row whose blob changes must be removed and added, but for frames.grid and assets.deleted_ms.
 // `holding_changes` is no table: what is inserted is a step of `refs` up or down. Bytes of -1 are
 // not known yet: JobStore::measure_holdings() asks the blob store.
-constexpr std::array<std::string_view, 7> kSteps = {
+//
+// Step 8: jobs that were parked: how often, how far they had got, and since when they have been in
+// the queue again (jobs.queued_ms; 0: since created_ms).
+constexpr std::array<std::string_view, 8> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -345,6 +348,12 @@ INSERT INTO holding_changes SELECT tenant, grid, grid_bytes, 1 FROM results WHER
 INSERT INTO holding_changes
   SELECT tenant, sequence, sequence_bytes, 1 FROM results WHERE expired_ms = 0;
 INSERT INTO holding_changes SELECT tenant, grid, bytes, 1 FROM frames WHERE expired_ms = 0;
+)sql",
+    R"sql(
+ALTER TABLE jobs ADD COLUMN parked BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN tiles_done BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN tiles_total BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN queued_ms BIGINT NOT NULL DEFAULT 0;
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

@@ -18,12 +18,12 @@ bool may_take_last_slot(const QueueHead& head, const std::vector<StartedJob>& st
 
 std::optional<size_t> pick_head(const std::vector<QueueHead>& heads, size_t free_slots,
                                 const std::vector<StartedJob>& started,
-                                const std::function<double(const std::string&)>& start_tag) {
+                                const std::function<double(const std::string&)>& share) {
   std::optional<size_t> best;
   std::tuple<double, int64_t> best_order;
   for (size_t i = 0; i < heads.size(); ++i) {
     if (free_slots <= 1 && !may_take_last_slot(heads[i], started)) continue;
-    const std::tuple order(start_tag(heads[i].tenant), heads[i].seq);
+    const std::tuple order(share(heads[i].tenant), heads[i].seq);
     if (best && best_order <= order) continue;
     best = i;
     best_order = order;

@@ -26,14 +26,21 @@ struct IdleSlot {
 struct StartedJob {
   std::string tenant;
   int priority = 0;
+  int64_t deadline_ms = kNoDeadline;  // Unix time
+  int64_t seq = 0;                    // order of arrival
+  bool can_park = false;              // as its worker says
+  bool is_asked = false;              // to park
+  double slot_seconds = 0;            // since it has its worker …
+  double preparation_seconds = 0;     // … of which before its first step
+  double device_seconds = 0;          // of all attempts
 };
 
-// The tenant's head whose start tag is the smallest, at equal tags the one that arrived first.
+// The tenant's head who has had the least, at equal shares the one that arrived first.
 // The last free slot is kept from tenants that have started jobs on the device, unless the head is
 // more urgent than all of them: however many long jobs one has, the others find a worker.
 std::optional<size_t> pick_head(const std::vector<QueueHead>& heads, size_t free_slots,
                                 const std::vector<StartedJob>& started,
-                                const std::function<double(const std::string&)>& start_tag);
+                                const std::function<double(const std::string&)>& share);
 
 // The slot that has the input in its cache, else the one that worked for the tenant last, else that
 // of the smallest number: without contention one process has all caches. At least one is idle.

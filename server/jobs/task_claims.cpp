@@ -88,8 +88,9 @@ void TaskServer::assign_jobs(const std::string& device, bool is_poll) {
     const std::vector<IdleSlot> idle = slots_of(device, started);
     if (idle.empty()) break;
     const auto pick = [&](const std::vector<QueueHead>& heads) {
+      context_.turns.set_queued(device, tenants_of(heads));
       return pick_head(heads, idle.size(), started, [&](const std::string& tenant) {
-        return context_.turns.start_tag(device, tenant);
+        return context_.turns.share(device, tenant);
       });
     };
     auto claimed = context_.jobs.claim(device, config_.is_fair ? PickHead(pick) : PickHead());
@@ -145,9 +146,16 @@ bool TaskServer::assign(const std::vector<IdleSlot>& idle, const JobRecord& reco
   MutexLock lock(mutex_);
   for (const auto& connection : connections_) {
     if (connection->number != wanted || !connection->is_idle) continue;
-    StartedJob started{record.tenant, status.priority};
+    StartedJob started;
+    started.tenant = record.tenant;
+    started.priority = status.priority;
+    started.deadline_ms = status.deadline_at_ms == 0 ? kNoDeadline : status.deadline_at_ms;
+    started.seq = record.seq;
+    started.device_seconds = status.device_ms / 1000.0;
     connection->assigned = record;
     connection->started = std::move(started);
+    connection->started_at = std::chrono::steady_clock::now();
+    connection->was_asked = false;
     connection->is_idle = false;
     work_.notify_all();
     return true;
@@ -240,7 +248,7 @@ Status TaskServer::send_task(Connection& connection, const JobRecord& record, co
   connection.deadline_at_ms = status.deadline_at_ms;
   context_.turns.begin_task({status.id, record.fence, connection.device, record.tenant,
                              status.priority, status.deadline_at_ms, record.seq});
-  if (status.attempt == 1) {
+  if (status.attempt == 1 && status.parked == 0) {
     context_.metrics.waited(record.tenant,
                             static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -55,6 +56,8 @@ struct TaskServer::Connection {
   IdleSlot idle;                      // what is known of it while it waits
   std::optional<JobRecord> assigned;  // claimed for it; its thread has not seen it yet
   std::optional<StartedJob> started;  // from the claim on until the task ended
+  std::chrono::steady_clock::time_point started_at{};
+  bool was_asked = false;  // to park it, even if nobody waits any more
 };
 
 }  // namespace voxeld

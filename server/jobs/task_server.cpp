@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
@@ -274,39 +273,9 @@ Status TaskServer::answer(Connection& connection, const std::string& frame) {
   if (type == "part") return take_part(connection, message);
   if (type == "complete") return take_completion(connection, message);
   if (type == "fail") return take_failure(connection, message);
-  return protocol_error("unknown task message", "claim, progress, frame, part, complete or fail",
-                        type);
-}
-
-// Why a worker that still reports has to go; empty while all is well.
-std::string TaskServer::overdue(Connection& connection, const TaskProgress& progress,
-                                double cancel_age) {
-  const TaskProgress& last = connection.progress;
-  if (progress.stage != last.stage || progress.tiles_done != last.tiles_done ||
-      progress.tiles_total != last.tiles_total || progress.frames_done != last.frames_done ||
-      progress.frames_total != last.frames_total) {
-    connection.progress = progress;
-    connection.since_progress.lap();
-  }
-  const auto seconds = [](double value) { return std::to_string(std::lround(value)) + " s"; };
-  if (cancel_age > config_.limits.cancel_seconds_max) {
-    return "ignored a cancel for " + seconds(cancel_age);
-  }
-  // Who waits for a turn or for memory says the same all the while, and so does who prepares.
-  if (context_.turns.is_waiting(progress.task)) connection.since_progress.lap();
-  if (connection.since_progress.ms() > config_.limits.stall_seconds_max * 1000.0) {
-    return "no progress in stage " + progress.stage + " for " +
-           seconds(connection.since_progress.ms() / 1000.0);
-  }
-  return "";
-}
-
-// For how long nobody has wanted the task's result any more; negative: it is wanted.
-double TaskServer::stop_age_seconds(Connection& connection) {
-  const double cancelled = context_.board.cancel_age_seconds(connection.task());
-  const int64_t late_ms = unix_time_ms() - connection.deadline_at_ms;
-  if (connection.deadline_at_ms == 0 || late_ms < 0) return cancelled;
-  return std::max(cancelled, static_cast<double>(late_ms) / 1000.0);
+  if (type == "park") return take_park(connection, message);
+  return protocol_error("unknown task message",
+                        "claim, progress, frame, part, complete, fail or park", type);
 }
 
 LiveJob TaskServer::live(const std::string& task) const {
@@ -335,7 +304,9 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
       config_.kill_worker(connection.pid);
     }
   }
-  return connection.socket.send(dump({{"cancel", cancel_age >= 0}, {"fenced", fenced}}));
+  const bool park = !fenced && cancel_age < 0 && is_told_to_park(connection, progress);
+  return connection.socket.send(
+      dump({{"cancel", cancel_age >= 0}, {"fenced", fenced}, {"park", park}}));
 }
 
 // Stores and lists a frame; nullopt when another worker owns the job by now.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -9,6 +10,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -43,6 +45,8 @@ struct TaskServerConfig {
   // A worker that has opened its device is there.
   std::function<void(const std::string& device)> on_connected;
   bool is_fair = true;  // false: jobs are claimed as they arrived
+  // That a queued job will take, as it is estimated; 0: not known. null: never known.
+  std::function<double(const std::string& job)> expected_seconds;
   TaskLimits limits;
   std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
 };
@@ -101,6 +105,16 @@ class TaskServer {
       EXCLUDES(mutex_);
   bool assign(const std::vector<IdleSlot>& idle, const JobRecord& record) EXCLUDES(mutex_);
   bool put_back_unassigned() REQUIRES(claim_mutex_);
+  static std::set<std::string, std::less<>> tenants_of(const std::vector<QueueHead>& heads);
+  // --- task_parking.cpp
+  // Takes what a report says of it, and looks who waits for a worker.
+  bool is_told_to_park(Connection& connection, const TaskProgress& progress) EXCLUDES(mutex_);
+  bool is_time_to_look(const std::string& device) EXCLUDES(mutex_);
+  std::vector<Connection*> busy_workers(const std::string& device, std::vector<StartedJob>& started)
+      REQUIRES(mutex_);
+  void look_for_waiting(const std::string& device) EXCLUDES(mutex_);
+  Status take_park(Connection& connection, const nlohmann::json& message);
+  // --- task_claims.cpp
   Result<Task> make_task(const WorkerFiles& files, const JobRecord& record);
   Status add_done(const WorkerFiles& files, const JobRecord& record, Task& task);
   Result<std::string> hand_over(const WorkerFiles& files, std::string_view id,
@@ -147,6 +161,8 @@ class TaskServer {
   mutable Mutex mutex_;
   CondVar work_;
   uint64_t work_epoch_ GUARDED_BY(mutex_) = 0;
+  // By device: when its busy workers have last looked who waits.
+  std::map<std::string, std::chrono::steady_clock::time_point> looked_at_ GUARDED_BY(mutex_);
   int64_t connections_made_ GUARDED_BY(mutex_) = 0;
   int64_t tasks_ended_ GUARDED_BY(mutex_) = 0;
   std::list<std::unique_ptr<Connection>> connections_ GUARDED_BY(mutex_);

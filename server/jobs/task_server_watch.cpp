@@ -1,4 +1,7 @@
 // The task server's ends of the watch: which workers there are, what they take, which has to go.
+#include <algorithm>
+#include <cmath>
+
 #include "server/base/log.h"
 #include "server/jobs/task_connection.h"
 #include "server/jobs/task_server.h"
@@ -57,6 +60,37 @@ void TaskServer::condemn(const WatchedWorker& worker, const Error& error) {
     if (config_.kill_worker) config_.kill_worker(worker.pid);
     connection->socket.shutdown();
   }
+}
+
+// Why a worker that still reports has to go; empty while all is well.
+std::string TaskServer::overdue(Connection& connection, const TaskProgress& progress,
+                                double cancel_age) {
+  const TaskProgress& last = connection.progress;
+  if (progress.stage != last.stage || progress.tiles_done != last.tiles_done ||
+      progress.tiles_total != last.tiles_total || progress.frames_done != last.frames_done ||
+      progress.frames_total != last.frames_total) {
+    connection.progress = progress;
+    connection.since_progress.lap();
+  }
+  const auto seconds = [](double value) { return std::to_string(std::lround(value)) + " s"; };
+  if (cancel_age > config_.limits.cancel_seconds_max) {
+    return "ignored a cancel for " + seconds(cancel_age);
+  }
+  // Who waits for a turn or for memory says the same all the while, and so does who prepares.
+  if (context_.turns.is_waiting(progress.task)) connection.since_progress.lap();
+  if (connection.since_progress.ms() > config_.limits.stall_seconds_max * 1000.0) {
+    return "no progress in stage " + progress.stage + " for " +
+           seconds(connection.since_progress.ms() / 1000.0);
+  }
+  return "";
+}
+
+// For how long nobody has wanted the task's result any more; negative: it is wanted.
+double TaskServer::stop_age_seconds(Connection& connection) {
+  const double cancelled = context_.board.cancel_age_seconds(connection.task());
+  const int64_t late_ms = unix_time_ms() - connection.deadline_at_ms;
+  if (connection.deadline_at_ms == 0 || late_ms < 0) return cancelled;
+  return std::max(cancelled, static_cast<double>(late_ms) / 1000.0);
 }
 
 }  // namespace voxeld

@@ -16,6 +16,13 @@
 namespace voxeld {
 namespace {
 
+// Between steps before the first tile, each of which goes over the whole mesh: others have the
+// device, and a cancel is heard.
+Status between_steps(const TileProgress& progress) {
+  if (!progress || progress(0, 0)) return {};
+  return Error{ErrorCode::kCancelled, "the job was cancelled while it was prepared", "", ""};
+}
+
 // Progress over the tiles of the surface and the columns of tiles that are filled after them.
 class Steps {
  public:
@@ -102,7 +109,8 @@ struct Voxelizer::Impl {
                           const WantedChannels& channels) const;
   Status check_asked(PipelineChoice asked) const;
   Status plan_job(const Scene& scene, const VoxelizeOptions& options, SharedFrames* frames,
-                  bool keeps_tiles, VoxelizePlan& plan, VoxelizeStats& stats) const;
+                  bool keeps_tiles, const TileProgress& progress, VoxelizePlan& plan,
+                  VoxelizeStats& stats) const;
   // The plan's mesh, of vertices that the device or the CPU moves where they are a frame's.
   // Vertices that the device moved are there where `wants_vertices`.
   Status snap_mesh(SharedFrames* frames, int64_t bytes_max, bool wants_vertices, VoxelizePlan& plan,
@@ -169,7 +177,8 @@ Result<Placed> place(const Scene& scene, const VoxelizeOptions& options,
 
 // From the scene to snapped triangles, and whether the result will fit.
 Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& options,
-                                 SharedFrames* frames, bool keeps_tiles, VoxelizePlan& plan,
+                                 SharedFrames* frames, bool keeps_tiles,
+                                 const TileProgress& progress, VoxelizePlan& plan,
                                  VoxelizeStats& stats) const {
   Stopwatch watch;
   VOXELD_ASSIGN(const Placed placed, place(scene, options, frames));
@@ -183,7 +192,9 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   const bool fills = needs_all_tiles(options, plan.channels);
   const bool estimates =
       keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left);
+  VOXELD_TRY(between_steps(progress));
   VOXELD_TRY(snap_mesh(frames, bytes_left, estimates, plan, stats));
+  VOXELD_TRY(between_steps(progress));
   if (estimates) {
     VOXELD_TRY(check_host_bytes(
         placed.spec, job_bytes(scene, plan.mesh, placed, options, plan.channels), host_bytes_max));
@@ -203,7 +214,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
     plan.textures_key = frames->textures_key();
   }
   add_stage(stats.passes, "levels", watch.lap());
-  return {};
+  return between_steps(progress);
 }
 
 Status Voxelizer::Impl::snap_mesh(SharedFrames* frames, int64_t bytes_max, bool wants_vertices,
@@ -286,6 +297,7 @@ Status Voxelizer::Impl::run_plan(const VoxelizePlan& plan, SharedFrames* frames,
   Stopwatch watch;
   const TileBins bins(plan.mesh, plan.spec.tile_dims());
   add_stage(stats.passes, "bin", watch.lap());
+  VOXELD_TRY(between_steps(progress));
   VOXELD_ASSIGN(const Pipeline chosen, choose(plan, bins.bins(), frames, stats));
   if (needs_all_tiles(plan.options, plan.channels)) {
     return run_solid(*pipeline(chosen), plan, bins, sink, progress, stats);
@@ -326,7 +338,7 @@ Status Voxelizer::voxelize(const Scene& scene, const VoxelizeOptions& options, S
       scene, options,
       frames != nullptr ? frames->channels(scene, options) : wanted_channels(scene, options)};
   const bool keeps_tiles = needs_all_tiles(options, plan.channels) || sink.keeps_tiles();
-  VOXELD_TRY(impl_->plan_job(scene, options, frames, keeps_tiles, plan, *stats));
+  VOXELD_TRY(impl_->plan_job(scene, options, frames, keeps_tiles, progress, plan, *stats));
   VOXELD_TRY(impl_->run_plan(plan, frames, sink, progress, *stats));
   if (frames != nullptr) frames->keep_mesh(std::move(plan.mesh));
   return {};

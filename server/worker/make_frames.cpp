@@ -131,6 +131,8 @@ class FrameLoop {
     const DeviceTurn::Scope turn(run_.turn);  // of all frames: a turn is longer than most of them
     for (size_t k = first; k < times_s.size(); ++k) {
       VOXELD_TRY(run_.monitor.check());
+      run_.monitor.set_can_park(k > first);
+      if (k > first && run_.monitor.is_asked_to_park()) return park(side);
       VOXELD_TRY(moving.wait());
       show_next();
       if (k + 1 < times_s.size()) VOXELD_TRY(move_later(moving, k + 1));
@@ -138,6 +140,7 @@ class FrameLoop {
       VOXELD_TRY(voxelize(*output));
       VOXELD_TRY(output->finish(meta, stats_.fill, made, listener));
     }
+    run_.monitor.set_can_park(false);
     run_.turn.end();
     VOXELD_TRY(side.wait());
     add_making_meta(run_, made.manifest.meta_json, stats_);
@@ -167,6 +170,13 @@ class FrameLoop {
       run_.monitor.set_frames(static_cast<int64_t>(k) + 1, static_cast<int64_t>(times_s.size()));
     }
     return count;
+  }
+
+  // The frames before this one are reported; the others are left to another attempt.
+  Error park(SideThread& side) {
+    run_.turn.end();
+    const Status reported = side.wait();
+    return reported ? run_.monitor.park() : reported.error();
   }
 
   Status move_later(SideThread& moving, size_t k) {

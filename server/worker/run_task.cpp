@@ -161,7 +161,11 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   const PeakMemory peak;
   try {
     add_meta(run, {{"source_hash", task.input_hash}});
-    VOXELD_TRY(run_kind(run));
+    if (const Status done = run_kind(run); !done) {
+      if (!monitor.is_parked()) return done.error();
+      run.completion.outputs.clear();
+      return std::move(run.completion);
+    }
     add_meta(run, {{"host_bytes_peak", peak.bytes()}});
     return std::move(run.completion);
   } catch (const std::bad_alloc&) {

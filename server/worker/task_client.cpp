@@ -54,7 +54,8 @@ Result<Task> TaskClient::claim() {
 
 Result<TaskProgressReply> TaskClient::progress(const TaskProgress& progress) {
   VOXELD_ASSIGN(const json reply, call(to_json_message(progress)));
-  return TaskProgressReply{reply.value("cancel", false), reply.value("fenced", false)};
+  return TaskProgressReply{reply.value("cancel", false), reply.value("fenced", false),
+                           reply.value("park", false)};
 }
 
 Result<TaskFrameReply> TaskClient::frame(const TaskFrame& frame) {
@@ -72,6 +73,11 @@ Result<TaskPartReply> TaskClient::part(const TaskPart& part) {
 
 Result<bool> TaskClient::complete(const TaskCompletion& completion) {
   VOXELD_ASSIGN(const json reply, call(to_json_message(completion)));
+  return reply.value("ok", false);
+}
+
+Result<bool> TaskClient::park(const TaskPark& park) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(park)));
   return reply.value("ok", false);
 }
 

@@ -34,6 +34,7 @@ class TaskClient {
   // True when the report counted; false when another worker owns the task.
   Result<bool> complete(const TaskCompletion& completion);
   Result<bool> fail(const TaskFailure& failure);
+  Result<bool> park(const TaskPark& park);
   // For a signal handler: shutdown(2) on it makes every call end.
   int fd() const { return fd_; }
 

@@ -98,6 +98,25 @@ Status TaskMonitor::check() const {
   return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};
 }
 
+void TaskMonitor::set_can_park(bool can_park) {
+  MutexLock lock(mutex_);
+  progress_.can_park = can_park;
+  if (!can_park || progress_.preparation_ms > 0) return;
+  const auto took = std::chrono::steady_clock::now() - begun_at_;
+  progress_.preparation_ms =
+      1 + std::chrono::duration_cast<std::chrono::milliseconds>(took).count();
+}
+
+Error TaskMonitor::park() {
+  is_parked_ = true;
+  return Error{ErrorCode::kCancelled, "the job was parked", "", ""};
+}
+
+TaskProgress TaskMonitor::progress() const {
+  MutexLock lock(mutex_);
+  return progress_;
+}
+
 void TaskMonitor::run() {
   while (true) {
     {
@@ -112,14 +131,10 @@ void TaskMonitor::run() {
 }
 
 void TaskMonitor::report() {
-  TaskProgress progress;
-  {
-    MutexLock lock(mutex_);
-    progress = progress_;
-  }
-  const auto reply = client_.progress(progress);
+  const auto reply = client_.progress(progress());
   if (!reply || reply->fenced) dropped_ = true;
   if (dropped_ || reply->cancel) cancelled_ = true;
+  park_asked_ = reply && reply->park;
 }
 
 }  // namespace voxeld

@@ -39,6 +39,16 @@ class TaskMonitor {
   Status report_part(int64_t position, const std::filesystem::path& path);
   // Errors: cancelled.
   Status check() const;
+  // Whether all that the task has done is with the gateway, or will be once it is asked to park;
+  // the time until it first was is what its preparation took.
+  void set_can_park(bool can_park) EXCLUDES(mutex_);
+  // Whether the gateway would have the worker back.
+  bool is_asked_to_park() const { return park_asked_; }
+  // All that was done is handed over: the task ends here and is queued again. Always an error,
+  // cancelled, on which the task unwinds as on a cancel.
+  Error park();
+  bool is_parked() const { return is_parked_; }
+  TaskProgress progress() const EXCLUDES(mutex_);
   // True when nobody waits for a report on this task any more: fenced, or the gateway is gone.
   bool dropped() const { return dropped_; }
 
@@ -53,7 +63,10 @@ class TaskMonitor {
   const int64_t fence_;
   std::atomic<bool> cancelled_{false};
   std::atomic<bool> dropped_{false};
-  Mutex mutex_;
+  std::atomic<bool> park_asked_{false};
+  std::atomic<bool> is_parked_{false};
+  const std::chrono::steady_clock::time_point begun_at_ = std::chrono::steady_clock::now();
+  mutable Mutex mutex_;
   CondVar wake_;
   bool ending_ GUARDED_BY(mutex_) = false;
   TaskProgress progress_ GUARDED_BY(mutex_);

@@ -192,14 +192,16 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
                run.engine.voxelizer.device_bytes(scene, options.voxelize));
   MeshReport mesh(run.engine.cache, input.key, scene);
   VoxelizeStats stats;
+  Status made;
   {
     VOXELD_TRY(run.turn.begin());
     const DeviceTurn::Scope turn(run.turn);
-    VOXELD_TRY(run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
-                                             progress_of(run), &stats));
+    made = run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
+                                         progress_of(run), &stats);
   }
   add_stage(run.completion.timings, "voxelize", watch.ms() - output.encode_ms());
   add_stage(run.completion.timings, "encode", output.encode_ms());
+  VOXELD_TRY(made);
   const StageTimer stage(run, "encode");
   const std::string hash = output.finish_hash();
   const std::string meta = container_meta(run.task, scene, grid_options(options),

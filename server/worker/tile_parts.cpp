@@ -1,6 +1,7 @@
 #include "server/worker/tile_parts.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -16,6 +17,10 @@ namespace voxeld {
 namespace {
 
 using nlohmann::json;
+
+// After so many parts, and again after as many, they come half as often: of the longest jobs, too,
+// there are fewer than kPartsMax.
+constexpr int64_t kPartsBeforeDoubling = 512;
 
 // How many steps all parts up to this one are; 0 where it is not a part of this work.
 size_t steps_of(const GridHeader& part, size_t steps, const GridHeader& header) {
@@ -58,7 +63,10 @@ Result<size_t> TileParts::load(size_t steps, const GridHeader& header, const Tak
     VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
     VOXELD_ASSIGN(GridReader reader, GridReader::open(file.bytes()));
     const ContainerTiles tiles(std::move(reader), [this] { return run_.monitor.check(); });
-    VOXELD_TRY(for_each_batch(tiles, take));
+    VOXELD_TRY(for_each_batch(tiles, [&](std::vector<SparseTile> batch) -> Status {
+      (void)run_.turn.boundary();  // a stop is what the next check() tells
+      return take(std::move(batch));
+    }));
   }
   position_ = static_cast<int64_t>(run_.task.part_paths.size());
   log::info("goes on after an earlier attempt",
@@ -67,9 +75,17 @@ Result<size_t> TileParts::load(size_t steps, const GridHeader& header, const Tak
   return steps_done;
 }
 
+bool TileParts::is_time() const {
+  const auto doublings = static_cast<int>(position_ / kPartsBeforeDoubling);
+  return since_last_.ms() >=
+         std::ldexp(static_cast<double>(run_.engine.part_interval.count()), doublings);
+}
+
 Status TileParts::reached(GridFile& file, size_t steps_done) {
-  const bool is_time = since_last_.ms() >= static_cast<double>(run_.engine.part_interval.count());
-  if (!is_time || steps_done == steps_ || position_ >= kPartsMax) return {};
+  const bool has_room = steps_done < steps_ && position_ < kPartsMax;
+  run_.monitor.set_can_park(has_room);
+  const bool parks = run_.monitor.is_asked_to_park();
+  if (!has_room || !(parks || is_time())) return {};
   const std::filesystem::path path =
       run_.scratch / (run_.task.id + "-part-" + std::to_string(position_));
   const json meta = {
@@ -79,7 +95,7 @@ Status TileParts::reached(GridFile& file, size_t steps_done) {
   since_last_.lap();
   if (kept) {
     ++position_;
-    return {};
+    return parks ? Status(run_.monitor.park()) : Status();
   }
   // Without this part the later ones would not follow on those before.
   position_ = kPartsMax;

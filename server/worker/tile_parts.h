@@ -29,11 +29,13 @@ class TileParts {
   using Take = std::function<Status(std::vector<SparseTile>)>;
   Result<size_t> load(size_t steps, const GridHeader& header, const Take& take);
 
-  // Hands what the file has more than the last part to the gateway, when it is time to. Errors:
-  // cancelled; what cannot be kept otherwise is not, and the job goes on.
+  // Hands what the file has more than the last part to the gateway, when it is time to, or when the
+  // task is to be parked. Errors: cancelled, also where it is parked now; what cannot be kept
+  // otherwise is not, and the job goes on.
   Status reached(GridFile& file, size_t steps_done);
 
  private:
+  bool is_time() const;
   bool fits(size_t steps, const GridHeader& header, size_t& steps_done) const;
 
   TaskRun& run_;

@@ -90,13 +90,22 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* t
   const Stopwatch watch;
   Result<TaskCompletion> completion = Error{};
   bool dropped = false;
+  std::optional<TaskPark> parked;
   engine.begin_task_of(task.tenant);
   {
     TaskMonitor monitor(client, task, engine.device.memory);
     completion = run_task(engine, task, scratch, monitor, turns);
     dropped = monitor.dropped();
+    if (completion && monitor.is_parked()) {
+      const TaskProgress reached = monitor.progress();
+      const bool has_frames = reached.frames_total > 0;
+      parked = TaskPark{task.id, task.fence, has_frames ? 0 : reached.tiles_done,
+                        has_frames ? 0 : reached.tiles_total, completion->timings};
+    }
   }
-  log::info(completion ? "task done" : "task failed",
+  log::info(parked       ? "task parked"
+            : completion ? "task done"
+                         : "task failed",
             {{"job", task.id},
              {"kind", job_kind_name(task.kind)},
              {"request", task.request_id},
@@ -114,8 +123,9 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* t
     }
   }
   if (!dropped) {
-    const auto counted = completion ? client.complete(*completion)
-                                    : client.fail({task.id, task.fence, completion.error()});
+    const auto counted = parked       ? client.park(*parked)
+                         : completion ? client.complete(*completion)
+                                      : client.fail({task.id, task.fence, completion.error()});
     if (!counted) return kExitClean;  // the gateway has gone
   }
   return std::nullopt;

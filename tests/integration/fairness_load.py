@@ -19,11 +19,14 @@ class Contention:
         self.data_dir = tempfile.mkdtemp(prefix="voxeld-fairness-")
         self.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
         make_fixtures(self.fixtures)
-        keys = {name: self.add_key(name, weight) for name, weight in weights.items()}
+        self.keys = {name: self.add_key(name, weight) for name, weight in weights.items()}
         self.daemon = Daemon(device=device, data_dir=self.data_dir, arguments=arguments)
-        self.tenants = {name: self.daemon.holding(key) for name, key in keys.items()}
+        self.connect()
         self.assets = {name: tenant.upload(self.fixtures / "sample.ply")
                        for name, tenant in self.tenants.items()}
+
+    def connect(self):
+        self.tenants = {name: self.daemon.holding(key) for name, key in self.keys.items()}
 
     def add_key(self, name, weight):
         made = subprocess.run([BIN / "voxeld", "keys", "add", name, "--weight", str(weight),
@@ -80,6 +83,37 @@ def shares(weights, seconds, device="cpu", arguments=()):
             for job in own:
                 load.cancel(name, job)
         return {name: after[name] - before[name] for name in weights}
+
+
+def many_tenants(weights, seconds, giant, small_every_s=0.5, device="cpu", arguments=()):
+    """More tenants than workers, each with giant jobs: milliseconds of the device that each had, how
+    often its jobs were parked, and the seconds from acceptance to the end of small jobs that one more
+    tenant submits meanwhile."""
+    with Contention({**weights, "small": 1}, device, arguments) as load:
+        jobs = {name: [load.submit(name, {**giant, "padding": i}) for i in range(4)]
+                for name in weights}
+        for name, own in jobs.items():
+            load.wait_for_device(name, own[0])
+
+        def total(member):
+            return {name: sum(load.status(name, job)[member] for job in own)
+                    for name, own in jobs.items()}
+
+        before = total("device_ms")
+        begin = time.monotonic()
+        ended = []
+        while time.monotonic() < begin + seconds:
+            time.sleep(small_every_s)
+            status = load.tenants["small"].wait(load.submit("small", SMALL), 3600)
+            assert status["state"] == "done", status
+            ended.append((status["ended_ms"] - status["created_ms"]) / 1000)
+        after, parked = total("device_ms"), total("parked")
+        for name, own in jobs.items():
+            last = load.status(name, own[-1])
+            assert last["state"] in ("queued", "running"), last  # else there was no contention
+            for job in own:
+                load.cancel(name, job)
+        return {name: after[name] - before[name] for name in weights}, parked, sorted(ended)
 
 
 def waits(scheduler, seconds, giant, small_every_s=0.25, device="cpu", arguments=()):

@@ -216,16 +216,16 @@ TEST_F(DeviceTurnsTest, a_deadline_that_passes_ends_the_wait) {
   EXPECT_GE(unix_time_ms(), 0);
 }
 
-TEST_F(DeviceTurnsTest, the_tag_of_a_tenant_grows_while_it_has_its_turn) {
+TEST_F(DeviceTurnsTest, the_share_of_a_tenant_grows_while_it_has_its_turn) {
   weights_ = {{"a", 2}};
-  EXPECT_EQ(turns_->start_tag("cpu", "a"), 0);
+  EXPECT_EQ(turns_->share("cpu", "a"), 0);
   begin("x", "a");
   ASSERT_EQ(take("x"), Answer::kGranted);
   hold(milliseconds(1000));
-  EXPECT_DOUBLE_EQ(turns_->start_tag("cpu", "a"), 0.5);
-  EXPECT_DOUBLE_EQ(turns_->start_tag("cpu", "b"), 0.0);
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.5);
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "b"), 0.0);
   turns_->give("x", 1);
-  EXPECT_DOUBLE_EQ(turns_->start_tag("cpu", "a"), 0.5);
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.5);
   EXPECT_EQ(turns_->device_us("x"), 1'000'000);
 }
 

@@ -34,7 +34,10 @@ Task task() {
   return task;
 }
 TaskProgress progress() {
-  return {"j-1", 7, "voxelize", 3, 8, 2, 9, {1 << 30, 1 << 20}};
+  return {"j-1", 7, "voxelize", 3, 8, 2, 9, {1 << 30, 1 << 20}, true, 1500};
+}
+TaskPark park() {
+  return {"j-1", 7, 3, 8, {{"voxelize", 12.5}, {"parse", 1}}};
 }
 TaskFrame frame() {
   return {"j-1", 7, 4095, 1.25, "/scratch/f", 12'345'678'901, "sha256-5", 4096};
@@ -79,6 +82,7 @@ std::vector<Message> messages() {
           {"progress", to_json_message(progress()), with(parse_task_progress)},
           {"frame", to_json_message(frame()), with(parse_task_frame)},
           {"complete", to_json_message(completion()), with(parse_task_completion)},
+          {"park", to_json_message(park()), with(parse_task_park)},
           {"fail", to_json_message(failure()), with(parse_task_failure)}};
 }
 
@@ -155,6 +159,28 @@ TEST(TaskApi, progress_comes_back) {
   EXPECT_EQ(back->tiles_total, 8);
   EXPECT_EQ(back->frames_done, 2);
   EXPECT_EQ(back->frames_total, 9);
+  EXPECT_TRUE(back->can_park);
+  EXPECT_EQ(back->preparation_ms, 1500);
+  Json other = to_json_message(progress());
+  other["preparation_ms"] = -1;
+  EXPECT_EQ(parse_task_progress(other).error().message(),
+            "progress.preparation_ms: expected 0 or more, got -1");
+}
+
+TEST(TaskApi, a_parked_task_comes_back_and_has_done_no_more_than_all) {
+  const auto back = parse_task_park(to_json_message(park()));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->task, "j-1");
+  EXPECT_EQ(back->fence, 7);
+  EXPECT_EQ(back->tiles_done, 3);
+  EXPECT_EQ(back->tiles_total, 8);
+  EXPECT_EQ(back->timings, park().timings);
+  for (const int64_t done : {-1, 9}) {
+    Json other = to_json_message(park());
+    other["tiles_done"] = done;
+    EXPECT_EQ(parse_task_park(other).error().message(),
+              "park.tiles_done: expected 0 to 8, got " + std::to_string(done));
+  }
 }
 
 TEST(TaskApi, a_frame_and_its_reply_come_back) {
@@ -289,6 +315,7 @@ TEST(TaskApi, what_makes_no_sense_without_it_must_be_there) {
       {"progress", {"task", "fence"}},
       {"frame", {"task", "fence", "index", "time_s", "path", "voxel_count", "content_hash"}},
       {"complete", {"task", "fence", "outputs", "timings", "warnings"}},
+      {"park", {"task", "fence", "tiles_done", "tiles_total", "timings"}},
       {"fail", {"task", "fence", "error"}}};
   for (const Message& message : messages()) {
     for (const std::string& name : required.at(message.type)) {

@@ -1,0 +1,25 @@
+// Steps that changes of a job are made of, inside the caller's transaction.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "server/jobs/job_record.h"
+#include "server/jobs/job_store.h"
+#include "server/jobs/sqlite.h"
+
+namespace voxeld {
+
+inline constexpr int64_t kIdempotencyKeptMs = int64_t{24} * 60 * 60 * 1000;
+
+// Reads the job back after a change and writes the event of it.
+Result<JobRecord> record_change(SqlConnection& connection, std::string_view id);
+// The job, when it is running with this fence.
+Result<std::optional<JobRecord>> fenced_job(SqlConnection& connection, std::string_view id,
+                                            int64_t fence);
+// Failed, or cancelled where that is the error.
+Status end_with_error(SqlConnection& connection, std::string_view id, const Error& error,
+                      const LiveJob& live);
+
+}  // namespace voxeld

@@ -1,0 +1,11 @@
+// What the log tells of jobs.
+#pragma once
+
+#include "server/jobs/job_record.h"
+
+namespace voxeld {
+
+// A job was claimed, put back or ended.
+void log_job_change(const JobRecord& record);
+
+}  // namespace voxeld
