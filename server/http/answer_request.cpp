@@ -72,6 +72,7 @@ Response run_handler(Client& client, const Handler& handler, Request& request) {
   response.headers["traceresponse"] = traceparent_text(request.trace);
   client.record.bytes_in = request.body->bytes_read();
   client.record.key_id = request.key_id;
+  client.record.route = std::move(request.route);
   if (!request.key_id.empty()) client.record.tenant = request.caller.tenant();
   client.keep = request.body->finished() && request.head.keep_alive();
   return response;

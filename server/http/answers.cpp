@@ -165,7 +165,7 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
   if (status.state != JobState::kDone || !status.result) {
     return problem(request, ended_error(status));
   }
-  const auto blob = api.jobs.get_result(request.caller, status.id);
+  const auto blob = api.jobs.result_of(status);
   if (!blob) return problem(request, blob.error());
   const FileBody file{blob->path, 0, blob->bytes};
   auto response = file_response(request.head, file, "\"" + blob->id + "\"");

@@ -62,6 +62,7 @@ struct ExchangeRecord {
   const Head* head = nullptr;
   std::string request_id, trace_id, peer;
   std::string tenant, key_id;  // empty where no key was needed or none was valid
+  std::string route;           // the pattern that the handler found; empty where it saw none
   int status = 0;
   int64_t bytes_in = 0, bytes_out = 0;
   double ms = 0;

@@ -58,6 +58,7 @@ class EventSink;
 // What a handler works on; lives for one exchange.
 struct Request {
   Head head;
+  std::string route;                         // the pattern that it matched, for metrics
   std::vector<std::string> path_parameters;  // what {…} of the route matched, in order
   std::string request_id;
   TraceContext trace;  // the span of this request

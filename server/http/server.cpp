@@ -1,7 +1,5 @@
 #include "server/http/server.h"
 
-#include <utility>
-
 #include "server/base/memory_reserve.h"
 #include "server/http/access.h"
 #include "server/http/admin.h"
@@ -15,10 +13,6 @@ namespace {
 
 constexpr int kAdminThreads = 2;
 constexpr int kAdminConnectionsMax = 64;
-
-// The pattern that the running request matched, for the observer that runs after it on the same
-// thread.
-thread_local std::string current_route;
 
 // Whether the answer may wait for a job or an event: by what the request looks like, before
 // anybody knows whether its result is there already.
@@ -86,8 +80,7 @@ class HttpServer final : public Server {
     VOXELD_ASSIGN(front_, start_front(
                               front, [this](Request& request) { return answer(request); },
                               [this](const ExchangeRecord& exchange) {
-                                // Requests that no handler saw leave nothing behind.
-                                metrics_.record(exchange, std::exchange(current_route, {}));
+                                metrics_.record(exchange, exchange.route);
                               }));
     VOXELD_ASSIGN(admin_front_, start_front(
                                     {config_.admin_listen, kAdminThreads, kAdminConnectionsMax},
@@ -110,11 +103,10 @@ class HttpServer final : public Server {
 
  private:
   Response answer(Request& request) {
-    current_route.clear();
     Status admitted = access_.admit(request);
     if (admitted) admitted = check_memory(request.head);
     Response response =
-        admitted ? router_.dispatch(request, &current_route) : problem(request, admitted.error());
+        admitted ? router_.dispatch(request, &request.route) : problem(request, admitted.error());
     if (request.rate) add_rate_headers(*request.rate, response);
     return response;
   }

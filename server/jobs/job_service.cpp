@@ -106,7 +106,7 @@ class Service final : public JobService {
   Result<std::vector<JobEvent>> wait_events(const Caller& caller, std::string_view id,
                                             int64_t after_id, Clock::time_point deadline) override;
   Result<JobStatus> cancel(const Caller& caller, std::string_view id) override;
-  Result<StoredBlob> get_result(const Caller& caller, std::string_view job) override;
+  Result<StoredBlob> result_of(const JobStatus& status) override;
 
   Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) override;
   Result<JobFrames> frames(const Caller& caller, std::string_view job) override;
@@ -486,13 +486,10 @@ Result<StoredBlob> Service::stored(std::string_view id, std::string_view what) {
   return StoredBlob{std::move(blob.id), blob.bytes, blobs_.path_of(id)};
 }
 
-Result<StoredBlob> Service::get_result(const Caller& caller, std::string_view job) {
-  VOXELD_ASSIGN(const JobRecord record, jobs_.get(caller, job));
-  if (record.status.result) {
-    return stored(record.status.result->blob, "the result of the job " + record.status.id);
-  }
-  return Error{ErrorCode::kConflict, "the job " + record.status.id + " has no result", "done",
-               std::string(job_state_name(record.status.state))};
+Result<StoredBlob> Service::result_of(const JobStatus& status) {
+  if (status.result) return stored(status.result->blob, "the result of the job " + status.id);
+  return Error{ErrorCode::kConflict, "the job " + status.id + " has no result", "done",
+               std::string(job_state_name(status.state))};
 }
 
 Result<StoredBlob> Service::get_grid(const Caller& caller, std::string_view id) {

@@ -161,7 +161,12 @@ class JobService {
   virtual Result<JobStatus> cancel(const Caller& caller, std::string_view id) = 0;
   // The bytes that a finished job left. Errors: not-found; conflict before it is done; gone when
   // they expired, made room for others or were damaged on disk.
-  virtual Result<StoredBlob> get_result(const Caller& caller, std::string_view job) = 0;
+  Result<StoredBlob> get_result(const Caller& caller, std::string_view job) {
+    VOXELD_ASSIGN(const JobStatus status, get(caller, job));
+    return result_of(status);
+  }
+  // The same of a status that its caller was given a moment ago.
+  virtual Result<StoredBlob> result_of(const JobStatus& status) = 0;
 
   // --- grids: native containers, by content id. Errors: not-found; gone as of get_result().
   virtual Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) = 0;
