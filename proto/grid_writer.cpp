@@ -111,6 +111,30 @@ Result<std::vector<EncodedTile>> encode_tiles(std::span<const SparseTile> tiles,
   return encoded;
 }
 
+EncodedTile encoded_tile(std::span<const uint8_t> bytes, const GridReader& reader, size_t index) {
+  const ChannelSet& channels = reader.header().channels;
+  const size_t directory = kGridHeaderBytes + padded(reader.header().meta_json.size());
+  const size_t at = directory + index * grid_entry_bytes(channels);
+  uint64_t offset = reader.tile_byte_range(index).first;
+  const auto take = [&](uint32_t count) {
+    const auto stream = bytes.subspan(offset, count);
+    offset += count;
+    return std::vector<uint8_t>(stream.begin(), stream.end());
+  };
+  EncodedTile tile;
+  tile.coord = reader.tile_coord(index);
+  tile.bricks = get<uint32_t>(bytes, at + 12);
+  tile.voxels = reader.tile_voxel_count(index);
+  tile.octree = take(get<uint32_t>(bytes, at + 32));
+  size_t next = at + kEntryStreamsByte;
+  for (size_t i = 0; i < kChannelCount; ++i) {
+    if (!channels.has(kChannels[i].channel)) continue;
+    tile.channels[i] = take(get<uint32_t>(bytes, next));
+    next += sizeof(uint32_t);
+  }
+  return tile;
+}
+
 Result<GridWriter> GridWriter::open(GridHeader header) {
   if (const Status status = check_header(header, 16); !status) {
     return Error{ErrorCode::kInternal, status.error().message(), "", ""};

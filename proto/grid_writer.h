@@ -37,6 +37,10 @@ Result<EncodedTile> encode_tile(const SparseTile& tile, const GridHeader& header
 Result<std::vector<EncodedTile>> encode_tiles(std::span<const SparseTile> tiles,
                                               const GridHeader& header);
 
+// Tile `index` of the container in `bytes`, which `reader` reads, as it stands there: for another
+// container of the same channels and codecs.
+EncodedTile encoded_tile(std::span<const uint8_t> bytes, const GridReader& reader, size_t index);
+
 class GridWriter {
  public:
   // Errors: internal, for a header that no container can have.

@@ -59,7 +59,11 @@ Status GridFile::begin(const Grid& grid) {
 
 Status GridFile::add(std::span<const SparseTile> tiles) {
   VOXELD_ASSIGN(const std::vector<EncodedTile> encoded, encode_tiles(tiles, writer_->header()));
-  for (const EncodedTile& tile : encoded) VOXELD_TRY(store(tile));
+  return add_encoded(encoded);
+}
+
+Status GridFile::add_encoded(std::span<const EncodedTile> tiles) {
+  for (const EncodedTile& tile : tiles) VOXELD_TRY(store(tile));
   return {};
 }
 
@@ -116,26 +120,37 @@ Status GridOutput::begin(const Grid& grid) {
 Status GridOutput::add(std::vector<SparseTile> tiles) {
   const Stopwatch watch;
   for (GridFile* file : files_) VOXELD_TRY(file->add(tiles));
+  note(std::move(tiles));
+  encode_ms_ += watch.ms();
+  return {};
+}
+
+void GridOutput::note(std::vector<SparseTile> tiles) {
   for (const SparseTile& tile : tiles) {
     hasher_->add(tile);
     kept_bytes_ += bytes_of(tile);
   }
-  encode_ms_ += watch.ms();
   if (!keep_ && kept_bytes_ > kept_bytes_max_) {
     has_tiles_ = false;
     grid_.tiles = {};
   }
-  if (!has_tiles_) return {};
+  if (!has_tiles_) return;
   for (SparseTile& tile : tiles) grid_.tiles.push_back(std::move(tile));
-  return {};
 }
 
 Result<size_t> GridOutput::resume(size_t steps) {
   if (parts_ == nullptr) return size_t{0};
-  VOXELD_ASSIGN(const size_t done, parts_->load(steps, files_.front()->header(),
-                                                [this](std::vector<SparseTile> tiles) {
-                                                  return add(std::move(tiles));
-                                                }));
+  // Encoding takes most of what a tile costs here, and the first file's are encoded already.
+  const auto take = [this](std::span<const EncodedTile> encoded,
+                           std::vector<SparseTile> tiles) -> Status {
+    const Stopwatch watch;
+    VOXELD_TRY(files_.front()->add_encoded(encoded));
+    for (size_t i = 1; i < files_.size(); ++i) VOXELD_TRY(files_[i]->add(tiles));
+    note(std::move(tiles));
+    encode_ms_ += watch.ms();
+    return {};
+  };
+  VOXELD_ASSIGN(const size_t done, parts_->load(steps, files_.front()->header(), take));
   VOXELD_TRY(files_.front()->begin_parts());
   return done;
 }

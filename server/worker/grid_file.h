@@ -38,6 +38,8 @@ class GridFile {
   Status begin(const Grid& grid);
   // Encodes them, a few at a time in parallel.
   Status add(std::span<const SparseTile> tiles);
+  // Of a container with the same channels and codecs.
+  Status add_encoded(std::span<const EncodedTile> tiles);
   // Writes the file at path().
   Status finish(const std::string& meta_json);
   // Parts begin with the next tile.
@@ -89,6 +91,9 @@ class GridOutput : public TileSink {
   double encode_ms() const { return encode_ms_; }
 
  private:
+  // What all files have of them already.
+  void note(std::vector<SparseTile> tiles);
+
   std::vector<GridFile*> files_;
   bool keep_;
   size_t kept_bytes_max_;

@@ -30,7 +30,8 @@ size_t steps_of(const GridHeader& part, size_t steps, const GridHeader& header) 
     return 0;
   }
   const bool is_same = part.dims == header.dims && part.origin == header.origin &&
-                       part.voxel_size == header.voxel_size && part.channels == header.channels;
+                       part.voxel_size == header.voxel_size && part.channels == header.channels &&
+                       part.codecs == header.codecs;
   const size_t done = meta.value("steps_done", size_t{0});
   return is_same && done <= steps ? done : 0;
 }
@@ -59,20 +60,30 @@ Result<size_t> TileParts::load(size_t steps, const GridHeader& header, const Tak
     log::warn("parts of an earlier attempt are of other work", {{"job", run_.task.id}});
     return size_t{0};
   }
-  for (const std::string& path : run_.task.part_paths) {
-    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
-    VOXELD_ASSIGN(GridReader reader, GridReader::open(file.bytes()));
-    const ContainerTiles tiles(std::move(reader), [this] { return run_.monitor.check(); });
-    VOXELD_TRY(for_each_batch(tiles, [&](std::vector<SparseTile> batch) -> Status {
-      (void)run_.turn.boundary();  // a stop is what the next check() tells
-      return take(std::move(batch));
-    }));
-  }
+  // Nothing of this needs the device.
+  run_.turn.end();
+  for (const std::string& path : run_.task.part_paths) VOXELD_TRY(load_part(path, take));
+  VOXELD_TRY(run_.turn.begin());
   position_ = static_cast<int64_t>(run_.task.part_paths.size());
   log::info("goes on after an earlier attempt",
             {{"job", run_.task.id}, {"steps_done", steps_done}, {"steps", steps}});
   since_last_.lap();
   return steps_done;
+}
+
+Status TileParts::load_part(const std::string& path, const Take& take) {
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
+  VOXELD_ASSIGN(const GridReader reader, GridReader::open(file.bytes()));
+  const ContainerTiles tiles(reader, [this] { return run_.monitor.check(); });
+  const size_t count = reader.tile_count(), step = tiles.batch();
+  for (size_t at = 0; at < count; at += step) {
+    const size_t end = std::min(count, at + step);
+    VOXELD_ASSIGN(std::vector<SparseTile> decoded, read_tiles(tiles, at, end));
+    std::vector<EncodedTile> encoded;
+    for (size_t i = at; i < end; ++i) encoded.push_back(encoded_tile(file.bytes(), reader, i));
+    VOXELD_TRY(take(encoded, std::move(decoded)));
+  }
+  return {};
 }
 
 bool TileParts::is_time() const {

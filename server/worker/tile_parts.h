@@ -4,9 +4,12 @@
 
 #include <cstddef>
 #include <functional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "proto/grid_format.h"
+#include "proto/grid_writer.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
 #include "server/base/stopwatch.h"
@@ -23,10 +26,11 @@ class TileParts {
   // The run must outlive it.
   explicit TileParts(TaskRun& run) : run_(run) {}
 
-  // Gives the tiles of the task's parts to `take`, in their order. Returns how many of `steps` they
-  // are; 0 where they are of another algorithm or grid, which are left aside. Errors: those of
-  // `take`, cancelled, internal for containers that are broken.
-  using Take = std::function<Status(std::vector<SparseTile>)>;
+  // Gives the tiles of the task's parts to `take`, in their order, as they stand there and decoded.
+  // The task's turn on the device is given up meanwhile. Returns how many of `steps` they are; 0
+  // where they are of another algorithm, grid or codec, which are left aside. Errors: those of
+  // `take` and of turns, cancelled, internal for containers that are broken.
+  using Take = std::function<Status(std::span<const EncodedTile>, std::vector<SparseTile>)>;
   Result<size_t> load(size_t steps, const GridHeader& header, const Take& take);
 
   // Hands what the file has more than the last part to the gateway, when it is time to, or when the
@@ -35,6 +39,7 @@ class TileParts {
   Status reached(GridFile& file, size_t steps_done);
 
  private:
+  Status load_part(const std::string& path, const Take& take);
   bool is_time() const;
   bool fits(size_t steps, const GridHeader& header, size_t& steps_done) const;
 

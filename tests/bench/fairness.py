@@ -8,7 +8,8 @@ Shares: three tenants of weights 1, 2 and 4 with a giant job each, for so many s
 is 1 where one's share is more than 5 % off its weight's. Waits: one tenant has three giant jobs queued,
 another submits a small one every quarter of a second; time from acceptance to its end, by --scheduler
 fair and fifo of the same build. Many: six tenants with a giant job each on three workers, without and with
-small jobs of a seventh one beside them; as with the shares, 5 % off is a failure.
+small jobs of a seventh one beside them; 25 % off is a failure there, as a worker's time between two
+parkings is a twentieth of a minute's contention, and two thirds of what the smallest tenant is due.
 """
 import argparse
 import pathlib
@@ -18,6 +19,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integratio
 from fairness_load import GIANT, many_tenants, percentile, shares, waits  # noqa: E402
 
 OFF_MAX = 0.05
+OFF_MANY_MAX = 0.25
 
 
 def measure_shares(seconds, device):
@@ -49,7 +51,7 @@ def measure_many(seconds, device):
     print(f"\nSmall jobs of a seventh tenant meanwhile: {len(ended)}, p50 {percentile(ended, 0.5):.3f} s, "
           f"p99 {percentile(ended, 0.99):.3f} s, longest {ended[-1]:.3f} s; "
           f"giants parked {sum(parked.values())} times")
-    return worst <= OFF_MAX
+    return worst <= OFF_MANY_MAX
 
 
 def measure_waits(seconds, device, size):

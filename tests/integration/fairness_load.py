@@ -63,10 +63,16 @@ class Contention:
             time.sleep(0.01)
 
 
+def giants_for(seconds):
+    """How many of them last for longer than that, also where one has the device to itself."""
+    return 2 + int(seconds / 4)
+
+
 def shares(weights, seconds, device="cpu", arguments=()):
     """Milliseconds of the device that each tenant's giant jobs had while all of them wanted it."""
     with Contention(weights, device, arguments) as load:
-        jobs = {name: [load.submit(name, GIANT) for _ in range(2)] for name in weights}
+        jobs = {name: [load.submit(name, GIANT) for _ in range(giants_for(seconds))]
+                for name in weights}
         for name, own in jobs.items():
             load.wait_for_device(name, own[0])
 
@@ -90,7 +96,7 @@ def many_tenants(weights, seconds, giant, small_every_s=0.5, device="cpu", argum
     often its jobs were parked, and the seconds from acceptance to the end of small jobs that one more
     tenant submits meanwhile."""
     with Contention({**weights, "small": 1}, device, arguments) as load:
-        jobs = {name: [load.submit(name, {**giant, "padding": i}) for i in range(4)]
+        jobs = {name: [load.submit(name, {**giant, "padding": i}) for i in range(giants_for(seconds))]
                 for name in weights}
         for name, own in jobs.items():
             load.wait_for_device(name, own[0])

@@ -420,6 +420,34 @@ TEST(GridWriter, writes_the_same_bytes_tile_by_tile) {
   EXPECT_TRUE(*whole == *expected);
 }
 
+TEST(GridWriter, takes_tiles_over_as_another_container_has_them) {
+  std::mt19937 random(18);
+  const auto tiles =
+      test::tiles_of(test::random_voxels(random, {700, 300, 520}, 4000), true, false);
+  for (const Codec codec : {Codec::kFast, Codec::kSmall}) {
+    GridHeader header = header_of({700, 300, 520}, true, false);
+    header.codecs.octree = codec;
+    header.codecs.channels[0] = codec;
+    header.meta_json = R"({"longer": "than a word"})";
+    const auto container = encode_grid(header, tiles);
+    ASSERT_TRUE(container.ok()) << container.error().message();
+    const auto reader = GridReader::open(*container);
+    ASSERT_TRUE(reader.ok());
+    auto writer = GridWriter::open(reader->header());
+    ASSERT_TRUE(writer.ok());
+    Bytes data;
+    for (size_t i = 0; i < reader->tile_count(); ++i) {
+      const EncodedTile tile = encoded_tile(*container, *reader, i);
+      ASSERT_TRUE(writer->add(tile).ok());
+      tile.append_to(data);
+    }
+    auto whole = writer->finish(header.meta_json);
+    ASSERT_TRUE(whole.ok());
+    whole->insert(whole->end(), data.begin(), data.end());
+    EXPECT_TRUE(*whole == *container);
+  }
+}
+
 TEST(GridWriter, refuses_tiles_out_of_order_and_headers_that_no_container_can_have) {
   EXPECT_FALSE(GridWriter::open(header_of({0, 1, 1}, false, false)).ok());
   auto writer = GridWriter::open(header_of({600, 600, 600}, false, false));
