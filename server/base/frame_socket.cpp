@@ -26,6 +26,10 @@ Result<sockaddr_un> unix_address(const std::filesystem::path& path) {
   return address;
 }
 
+Error connection_closed() {
+  return {ErrorCode::kGone, "connection closed", "", ""};
+}
+
 // Reads exactly `count` bytes. Returns how many came before the end of the stream.
 Result<size_t> read_exactly(int fd, char* out, size_t count) {
   size_t done = 0;
@@ -50,6 +54,7 @@ Status send_exactly(int fd, const char* data, size_t count) {
     const ssize_t sent = ::send(fd, data, count, MSG_NOSIGNAL);
     if (sent < 0) {
       if (errno == EINTR) continue;
+      if (errno == EPIPE || errno == ECONNRESET) return connection_closed();
       return errno_error("send to", "task socket");
     }
     data += sent;
@@ -119,7 +124,7 @@ Status FrameSocket::send(std::string_view payload) {
 Result<std::string> FrameSocket::receive() {
   std::array<char, 4> head{};
   VOXELD_ASSIGN(const size_t head_bytes, read_exactly(fd_.get(), head.data(), head.size()));
-  if (head_bytes == 0) return Error{ErrorCode::kGone, "connection closed", "", ""};
+  if (head_bytes == 0) return connection_closed();
   uint32_t size = 0;
   for (int i = 0; i < 4; ++i)
     size |= static_cast<uint32_t>(static_cast<uint8_t>(head[i])) << (8 * i);

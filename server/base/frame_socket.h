@@ -20,6 +20,7 @@ class FrameSocket {
  public:
   FrameSocket(UniqueFd fd, uint32_t frame_bytes_max)
       : fd_(std::move(fd)), frame_bytes_max_(frame_bytes_max) {}
+  // Errors: gone where the peer has closed, internal for a payload that is too long.
   Status send(std::string_view payload);
   // Errors: gone with detail "connection closed" at a clean end between frames, deadline-exceeded
   // after the receive timeout.

@@ -18,8 +18,8 @@
 
 namespace voxeld {
 
-// Called with 0 done when the total is known, then as tiles get done, one or a few at a time; false
-// cancels (the error is then `cancelled`).
+// Called with 0 of 0 between the steps that prepare, with 0 done when the total is known, then as
+// tiles get done, one or a few at a time; false cancels (the error is then `cancelled`).
 using TileProgress = std::function<bool(int64_t tiles_done, int64_t tiles_total)>;
 
 // What a request will cost, before anything is computed.

@@ -47,6 +47,7 @@ TEST(FrameSocket, a_closed_connection_is_gone) {
   ASSERT_FALSE(frame);
   EXPECT_EQ(frame.error().code, ErrorCode::kGone);
   EXPECT_EQ(frame.error().detail, "connection closed");
+  EXPECT_EQ(right.send("anybody there?").error().code, ErrorCode::kGone);
 }
 
 TEST(FrameSocket, an_end_inside_a_frame_is_told_apart) {

@@ -250,19 +250,45 @@ TEST(Fill, can_be_cancelled_in_its_second_half) {
   options.placement.size = 700;
   Voxelizer voxelizer(nullptr, 1);
   int64_t last = -1;
+  bool is_prepared = false;
   const auto grid = voxelizer.voxelize(
       scene, options,
       [&](int64_t done, int64_t total) {
         EXPECT_GE(done, last);
-        EXPECT_EQ(total, 9);
+        is_prepared |= total != 0;
+        EXPECT_EQ(total, is_prepared ? 9 : 0);
         last = done;
         return done < 3;
       },
       nullptr);
   ASSERT_FALSE(grid.ok());
+  EXPECT_TRUE(is_prepared);
   EXPECT_EQ(grid.error().code, ErrorCode::kCancelled);
   EXPECT_GE(last, 3);
   EXPECT_LT(last, 9);
+}
+
+TEST(Fill, can_be_cancelled_while_it_is_prepared) {
+  const Scene scene = open_sphere();
+  Voxelizer voxelizer(nullptr, 1);
+  for (int wanted = 1;; ++wanted) {
+    int calls = 0;
+    bool is_prepared = false;
+    const auto grid = voxelizer.voxelize(
+        scene, solid(Sign::kAuto),
+        [&](int64_t, int64_t total) {
+          is_prepared |= total != 0;
+          return ++calls < wanted;
+        },
+        nullptr);
+    if (is_prepared) {
+      EXPECT_GT(wanted, 3) << "it can be stopped between its steps";
+      break;
+    }
+    ASSERT_FALSE(grid.ok());
+    EXPECT_EQ(grid.error().code, ErrorCode::kCancelled);
+    EXPECT_EQ(calls, wanted) << "nothing is done after that";
+  }
 }
 
 TEST(Fill, estimates_cover_what_a_fill_needs) {
