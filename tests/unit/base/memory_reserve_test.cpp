@@ -13,6 +13,9 @@
 namespace voxeld {
 namespace {
 
+// The malloc of sanitizers heeds no RLIMIT_AS, and ends the process where there is nothing.
+#ifndef VOXELD_SANITIZED
+
 constexpr size_t kBlockBytes = size_t{1} << 20;
 
 // The handler and the limit are a process's own: each story has one, and returns its exit status.
@@ -50,9 +53,6 @@ bool can_allocate(size_t bytes) {
     return false;
   }
 }
-
-// The malloc of sanitizers heeds no RLIMIT_AS, and ends the process where there is nothing.
-#ifndef VOXELD_SANITIZED
 
 TEST(MemoryReserve, WithoutItAllocationsFail) {
   EXPECT_EQ(status_of([] {
