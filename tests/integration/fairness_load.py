@@ -1,49 +1,20 @@
 """Tenants that contend for one device: what test_fairness asserts shortly and tests/bench/fairness.py measures."""
-import pathlib
-import shutil
-import subprocess
-import tempfile
 import time
 
-from harness import BIN, Daemon, make_fixtures
+from harness import TenantsDaemon
 
 # Long on any machine, in many tiles, each of a few milliseconds; cancelled when it is not needed any more.
 GIANT = {"size": 16384, "channels": "occupancy", "cache": "no"}
 SMALL = {"size": 48, "cache": "no"}
 
 
-class Contention:
-    """A daemon with a key for each tenant."""
+class Contention(TenantsDaemon):
+    """Each tenant has the same mesh."""
 
     def __init__(self, weights, device="cpu", arguments=()):
-        self.data_dir = tempfile.mkdtemp(prefix="voxeld-fairness-")
-        self.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
-        make_fixtures(self.fixtures)
-        self.keys = {name: self.add_key(name, weight) for name, weight in weights.items()}
-        self.daemon = Daemon(device=device, data_dir=self.data_dir, arguments=arguments)
-        self.connect()
+        super().__init__(weights, device=device, arguments=arguments)
         self.assets = {name: tenant.upload(self.fixtures / "sample.ply")
                        for name, tenant in self.tenants.items()}
-
-    def connect(self):
-        self.tenants = {name: self.daemon.holding(key) for name, key in self.keys.items()}
-
-    def add_key(self, name, weight):
-        made = subprocess.run([BIN / "voxeld", "keys", "add", name, "--weight", str(weight),
-                               "--data", self.data_dir], check=True, capture_output=True, text=True)
-        return made.stdout.strip()
-
-    def close(self):
-        self.daemon.stop()
-        for directory in (self.data_dir, self.fixtures):
-            shutil.rmtree(directory, ignore_errors=True)
-        pathlib.Path(self.data_dir + ".log").unlink(missing_ok=True)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()
 
     def submit(self, tenant, options, **job):
         return self.tenants[tenant].submit(kind="voxelize", asset=self.assets[tenant],

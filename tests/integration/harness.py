@@ -239,6 +239,39 @@ class Daemon:
             os.unlink(self.data_dir.rstrip("/") + ".log")
 
 
+class TenantsDaemon:
+    """A daemon with a key for each tenant, for a with statement; weights: name -> weight."""
+
+    def __init__(self, weights, device="cpu", arguments=()):
+        self.data_dir = tempfile.mkdtemp(prefix="voxeld-tenants-")
+        self.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
+        make_fixtures(self.fixtures)
+        self.keys = {name: self.voxeld_keys("add", name, "--weight", str(weight))
+                     for name, weight in weights.items()}
+        self.daemon = Daemon(device=device, data_dir=self.data_dir, arguments=arguments)
+        self.connect()
+
+    def connect(self):
+        """Anew where the daemon was started again, on another port."""
+        self.tenants = {name: self.daemon.holding(key) for name, key in self.keys.items()}
+
+    def voxeld_keys(self, *arguments):
+        return subprocess.run([BIN / "voxeld", "keys", *arguments, "--data", self.data_dir],
+                              check=True, capture_output=True, text=True).stdout.strip()
+
+    def close(self):
+        self.daemon.stop()
+        for directory in (self.data_dir, self.fixtures):
+            shutil.rmtree(directory, ignore_errors=True)
+        pathlib.Path(self.data_dir + ".log").unlink(missing_ok=True)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+
 class DaemonTest(unittest.TestCase):
     """A test class that shares one daemon and one set of fixtures."""
     device = "llvmpipe"
