@@ -120,9 +120,10 @@ Result<Database::Lease> Database::read() {
 
 Database::Lease::~Lease() {
   if (connection_ == nullptr) return;
-  // Without memory for it, the connection is closed.
+  // Without memory for it, or where enough are kept, the connection is closed.
   guarded("a reader of the job database", [this] {
     const MutexLock lock(database_->mutex_);
+    if (database_->idle_readers_.size() >= kIdleReadersMax) return;
     database_->idle_readers_.push_back(std::move(connection_));
   });
 }

@@ -28,6 +28,11 @@ class Database {
   // Blocks until the operation's changes are on disk. Errors: the operation's own, or the commit's.
   Status write(const Operation& operation) EXCLUDES(mutex_, writer_mutex_);
 
+  // Readers that are kept for later; more, which a crowd of clients needs for a moment, are closed
+  // when they are given back. Each has up to 2 MB of pages. Of a closed one SQLite keeps the
+  // descriptor of the file for the next, since closing it would drop the process's locks.
+  static constexpr size_t kIdleReadersMax = 8;
+
   // A reading connection for the caller alone, given back when the lease goes away.
   class Lease {
    public:

@@ -137,6 +137,12 @@ std::string DeviceTurns::waiting_for(std::string_view id) const {
          (before.size() == 1 ? " tenant before" : " tenants before");
 }
 
+int64_t DeviceTurns::granted_bytes(std::string_view id) const {
+  MutexLock lock(mutex_);
+  const auto found = tasks_.find(id);
+  return found != tasks_.end() && found->second->has_memory ? found->second->need.host_bytes : 0;
+}
+
 int64_t DeviceTurns::device_us(std::string_view id) const {
   MutexLock lock(mutex_);
   const auto found = tasks_.find(id);

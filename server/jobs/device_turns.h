@@ -97,6 +97,8 @@ class DeviceTurns {
   bool is_waiting(std::string_view id) const EXCLUDES(mutex_);
   // "a turn on llvmpipe: 2 tenants before", "memory: …"; empty while it does not wait.
   std::string waiting_for(std::string_view id) const EXCLUDES(mutex_);
+  // Memory of the host that it has been granted; 0 before its first turn.
+  int64_t granted_bytes(std::string_view id) const EXCLUDES(mutex_);
   // For which it has held its device since begin_task().
   int64_t device_us(std::string_view id) const EXCLUDES(mutex_);
 

@@ -204,6 +204,9 @@ struct TaskLimits {
   double job_seconds_max = 86'400.0;
   // Of one worker process: grid-too-large. 0: no limit.
   int64_t worker_memory_bytes_max = 0;
+  // Of all of them together: the one that takes the most beyond what its task was granted ends, and
+  // its job is put back. 0: no limit.
+  int64_t all_workers_memory_bytes_max = 0;
 };
 
 // What the store may hold, and for how long. 0: without limit. What is asked for counts as used.

@@ -27,6 +27,7 @@ struct TaskServer::Connection {
     state.task = std::move(id);
     task_age.lap();
     verdict.reset();
+    ended_for.clear();
   }
   std::string task() {
     MutexLock lock(mutex);
@@ -50,6 +51,7 @@ struct TaskServer::Connection {
   WorkerState state GUARDED_BY(mutex);
   Stopwatch task_age GUARDED_BY(mutex);
   std::optional<Error> verdict GUARDED_BY(mutex);  // of the watch, on the task that runs
+  std::string ended_for GUARDED_BY(mutex);         // why the watch ended the worker, once it did
 
   // Guarded by the server's mutex_: jobs are claimed for a worker on any connection's thread.
   bool is_idle = false;

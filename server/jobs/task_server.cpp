@@ -68,7 +68,8 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
   // In the body: the thread uses members that are declared after it.
   accept_thread_ = std::thread([this] { accept_loop(); });
   watch_ = std::make_unique<WorkerWatch>(
-      WatchLimits{config_.limits.worker_memory_bytes_max, config_.limits.job_seconds_max},
+      WatchLimits{config_.limits.worker_memory_bytes_max,
+                  config_.limits.all_workers_memory_bytes_max, config_.limits.job_seconds_max},
       watch_calls());
 }
 
@@ -508,7 +509,11 @@ void TaskServer::end_task(Connection& connection, const JobRecord& record) {
 // How the worker was lost, for the job's error.
 std::string TaskServer::lost_reason(Connection& connection, const Error& why, bool counts) {
   std::string reason = connection.kill_reason;
-  if (counts && why.code == ErrorCode::kDeadlineExceeded) {
+  {
+    MutexLock lock(connection.mutex);
+    if (reason.empty()) reason = connection.ended_for;
+  }
+  if (counts && reason.empty() && why.code == ErrorCode::kDeadlineExceeded) {
     reason = "no sign of life";
     if (config_.kill_worker)
       config_.kill_worker(connection.pid);  // it may not go on with this task

@@ -141,7 +141,9 @@ class TaskServer {
   std::vector<WatchedWorker> watched() const EXCLUDES(mutex_);
   int64_t memory_of(const std::string& device) const REQUIRES(mutex_);
   void measured(const WatchedWorker& worker, int64_t memory_bytes) EXCLUDES(mutex_);
-  void condemn(const WatchedWorker& worker, const Error& error) EXCLUDES(mutex_);
+  // Kills it; its job fails with the verdict or, without one, is put back.
+  void end_worker(const WatchedWorker& worker, const std::string& reason,
+                  const std::optional<Error>& verdict) EXCLUDES(mutex_);
   Result<std::optional<JobRecord>> end_lost(Connection& connection, const std::string& task,
                                             const std::string& reason, bool counts);
   void end_task(Connection& connection, const JobRecord& record);

@@ -11,17 +11,28 @@ namespace voxeld {
 WorkerWatch::Calls TaskServer::watch_calls() {
   return {[this] { return watched(); },
           [this](const WatchedWorker& worker, int64_t bytes) { measured(worker, bytes); },
-          [this](const WatchedWorker& worker, const Error& error) { condemn(worker, error); }};
+          [this](const WatchedWorker& worker, const Error& error) {
+            end_worker(worker, error.message(), error);
+          },
+          [this](const WatchedWorker& worker, const std::string& reason) {
+            end_worker(worker, reason, std::nullopt);
+          }};
 }
 
 std::vector<WatchedWorker> TaskServer::watched() const {
-  MutexLock lock(mutex_);
   std::vector<WatchedWorker> all;
-  for (const auto& connection : connections_) {
-    MutexLock inner(connection->mutex);
-    if (!connection->state.connected) continue;
-    all.push_back(
-        {connection->state.pid, connection->state.task, connection->task_age.ms() / 1000.0});
+  {
+    MutexLock lock(mutex_);
+    for (const auto& connection : connections_) {
+      MutexLock inner(connection->mutex);
+      if (!connection->state.connected) continue;
+      all.push_back({.pid = connection->state.pid,
+                     .task = connection->state.task,
+                     .task_seconds = connection->task_age.ms() / 1000.0});
+    }
+  }
+  for (WatchedWorker& worker : all) {
+    if (!worker.task.empty()) worker.asked_bytes = context_.turns.granted_bytes(worker.task);
   }
   return all;
 }
@@ -49,14 +60,15 @@ void TaskServer::measured(const WatchedWorker& worker, int64_t memory_bytes) {
 }
 
 // The connection ends, too, where the process cannot be killed from here.
-void TaskServer::condemn(const WatchedWorker& worker, const Error& error) {
-  log::warn("worker is ended",
-            {{"job", worker.task}, {"pid", worker.pid}, {"reason", error.message()}});
+void TaskServer::end_worker(const WatchedWorker& worker, const std::string& reason,
+                            const std::optional<Error>& verdict) {
+  log::warn("worker is ended", {{"job", worker.task}, {"pid", worker.pid}, {"reason", reason}});
   MutexLock lock(mutex_);
   for (const auto& connection : connections_) {
     MutexLock inner(connection->mutex);
     if (connection->state.pid != worker.pid || connection->state.task != worker.task) continue;
-    connection->verdict = error;
+    connection->ended_for = reason;
+    connection->verdict = verdict;
     if (config_.kill_worker) config_.kill_worker(worker.pid);
     connection->socket.shutdown();
   }

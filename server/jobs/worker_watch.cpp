@@ -1,5 +1,6 @@
 #include "server/jobs/worker_watch.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -39,7 +40,13 @@ WorkerWatch::~WorkerWatch() {
 
 void WorkerWatch::run() {
   while (true) {
-    for (const WatchedWorker& worker : calls_.workers()) look(worker);
+    const std::vector<WatchedWorker> workers = calls_.workers();
+    std::vector<Measured> kept;
+    for (const WatchedWorker& worker : workers) {
+      const Measured measured{&worker, private_bytes(worker.pid)};
+      if (look(measured)) kept.push_back(measured);
+    }
+    look_at_all(kept);
     const auto deadline = std::chrono::steady_clock::now() + kPeriod;
     MutexLock lock(mutex_);
     while (!ending_ && wake_.wait_until(lock, deadline) != std::cv_status::timeout) {
@@ -48,15 +55,36 @@ void WorkerWatch::run() {
   }
 }
 
-void WorkerWatch::look(const WatchedWorker& worker) const {
-  const int64_t bytes = private_bytes(worker.pid);
-  calls_.measured(worker, bytes);
+bool WorkerWatch::look(const Measured& measured) const {
+  const auto& [worker, bytes] = measured;
+  calls_.measured(*worker, bytes);
   if (limits_.memory_bytes_max > 0 && bytes > limits_.memory_bytes_max) {
-    calls_.condemned(worker, too_much_memory(bytes, limits_.memory_bytes_max));
-  } else if (!worker.task.empty() && limits_.job_seconds_max > 0 &&
-             worker.task_seconds > limits_.job_seconds_max) {
-    calls_.condemned(worker, too_long(worker.task_seconds, limits_.job_seconds_max));
+    calls_.condemned(*worker, too_much_memory(bytes, limits_.memory_bytes_max));
+    return false;
   }
+  if (!worker->task.empty() && limits_.job_seconds_max > 0 &&
+      worker->task_seconds > limits_.job_seconds_max) {
+    calls_.condemned(*worker, too_long(worker->task_seconds, limits_.job_seconds_max));
+    return false;
+  }
+  return true;
+}
+
+// A task asks for memory once its mesh is read; several large ones that are read at the same time
+// have not asked yet. One goes at a time: what it leaves may do for the others.
+void WorkerWatch::look_at_all(const std::vector<Measured>& all) const {
+  if (limits_.all_memory_bytes_max <= 0) return;
+  int64_t sum = 0;
+  for (const Measured& one : all) sum += one.bytes;
+  if (sum <= limits_.all_memory_bytes_max) return;
+  const auto beyond = [](const Measured& one) { return one.bytes - one.worker->asked_bytes; };
+  const auto first = std::max_element(
+      all.begin(), all.end(), [&](const auto& a, const auto& b) { return beyond(a) < beyond(b); });
+  calls_.displaced(*first->worker, "memory of all workers: " + memory_text(sum) + ", limit " +
+                                       memory_text(limits_.all_memory_bytes_max) +
+                                       "; this one took " + memory_text(first->bytes) +
+                                       " and had asked for " +
+                                       memory_text(first->worker->asked_bytes));
 }
 
 }  // namespace voxeld

@@ -17,11 +17,14 @@ struct WatchedWorker {
   int64_t pid = 0;
   std::string task;         // job id; empty: idle
   double task_seconds = 0;  // since it was given
+  int64_t asked_bytes = 0;  // of memory, which the task was granted; 0: it has not asked yet
 };
 
 struct WatchLimits {
   // Of one worker process, without what it has mapped of files. 0: no limit.
   int64_t memory_bytes_max = 0;
+  // Of all of them together. 0: no limit.
+  int64_t all_memory_bytes_max = 0;
   // Of one attempt at a job.
   double job_seconds_max = 0;
 };
@@ -36,6 +39,9 @@ class WorkerWatch {
     std::function<void(const WatchedWorker&, int64_t memory_bytes)> measured;
     // The worker has to go, and its job ends with this.
     std::function<void(const WatchedWorker&, const Error&)> condemned;
+    // The worker has to go, for all of them together take too much and this one the most beyond
+    // what it asked for; its job may do better another time.
+    std::function<void(const WatchedWorker&, const std::string& reason)> displaced;
   };
   WorkerWatch(WatchLimits limits, Calls calls);
   ~WorkerWatch();
@@ -44,7 +50,13 @@ class WorkerWatch {
 
  private:
   void run();
-  void look(const WatchedWorker& worker) const;
+  struct Measured {
+    const WatchedWorker* worker;
+    int64_t bytes;
+  };
+  // False: it has to go.
+  bool look(const Measured& measured) const;
+  void look_at_all(const std::vector<Measured>& all) const;
 
   const WatchLimits limits_;
   const Calls calls_;

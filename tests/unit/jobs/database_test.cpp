@@ -99,6 +99,39 @@ TEST_F(DatabaseTest, readers_cannot_write) {
   EXPECT_FALSE(add_key(**reader, "x"));
 }
 
+// Of this process on the file with that name.
+int descriptors_on(const std::filesystem::path& file) {
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    std::error_code gone;
+    count += std::filesystem::read_symlink(entry.path(), gone) == file ? 1 : 0;
+  }
+  return count;
+}
+
+TEST_F(DatabaseTest, a_crowd_of_readers_leaves_few_behind) {
+  constexpr size_t kCrowd = 5 * Database::kIdleReadersMax;
+  auto database = open();
+  ASSERT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "a"); }));
+  const std::filesystem::path log = path().string() + "-wal";
+  const auto use_many = [&] {
+    std::vector<Database::Lease> leases;
+    for (size_t i = 0; i < kCrowd; ++i) {
+      auto reader = database->read();
+      ASSERT_TRUE(reader) << reader.error().message();
+      auto rows = (*reader)->query("SELECT COUNT(*) FROM idempotency_keys");
+      ASSERT_TRUE(rows && rows->step());
+      leases.push_back(*std::move(reader));
+    }
+    EXPECT_EQ(descriptors_on(log), static_cast<int>(kCrowd) + 1);
+  };
+  use_many();
+  EXPECT_EQ(descriptors_on(log), static_cast<int>(Database::kIdleReadersMax) + 1);
+  const int on_file = descriptors_on(path());
+  use_many();
+  EXPECT_EQ(descriptors_on(path()), on_file) << "what SQLite kept is used again";
+}
+
 TEST_F(DatabaseTest, a_full_disk_is_storage_full_and_the_database_goes_on) {
   auto database = open();
   ASSERT_TRUE(

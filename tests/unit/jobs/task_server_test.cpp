@@ -152,6 +152,28 @@ TEST_F(TaskServerTest, a_worker_that_takes_too_much_memory_ends_its_job_alone) {
   EXPECT_TRUE(status.error->detail.starts_with("memory: ")) << status.error->detail;
 }
 
+TEST_F(TaskServerTest, where_all_workers_take_too_much_a_job_is_tried_again_and_then_says_why) {
+  limits_.all_workers_memory_bytes_max = 1;
+  start();
+  const std::string id = submit();
+  JobStatus status;
+  do {
+    FakeWorker worker = connect();
+    // Without a task it was ended while it waited.
+    if (const auto task = worker.claim()) {
+      while (!worker.progress(*task, "parse", 0, 0).fenced) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      }
+    }
+    status = service_->get(Caller::open(), id).value();
+  } while (!status.ended() && status.attempt < limits::kJobAttemptsMax);
+  status = wait_end(id);
+  ASSERT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.error->code, ErrorCode::kWorkerCrashed);
+  EXPECT_TRUE(status.error->detail.starts_with("the job ended 3 workers: memory of all workers: "))
+      << status.error->detail;
+}
+
 TEST_F(TaskServerTest, the_queue_shows_devices_and_jobs_in_their_order) {
   const std::string first = submit("a"), second = submit("b"), third = submit("c");
   FakeWorker worker = connect("egl:0");

@@ -26,6 +26,9 @@ std::vector<std::pair<std::string, Error>> verdicts(WatchLimits limits, const Wa
                                [&](const WatchedWorker& one, const Error& error) {
                                  MutexLock lock(mutex);
                                  told.emplace_back(one.task, error);
+                               },
+                               [](const WatchedWorker& one, const std::string&) {
+                                 ADD_FAILURE() << one.task << ": all of them have no limit";
                                }});
     std::this_thread::sleep_for(WorkerWatch::kPeriod / 2);
   }
@@ -34,15 +37,60 @@ std::vector<std::pair<std::string, Error>> verdicts(WatchLimits limits, const Wa
 
 TEST(WorkerWatch, a_worker_within_its_limits_is_measured_and_left_alone) {
   int64_t bytes = 0;
-  EXPECT_TRUE(verdicts({int64_t{1} << 40, 100},
+  EXPECT_TRUE(verdicts({.memory_bytes_max = int64_t{1} << 40, .job_seconds_max = 100},
                        {.pid = ::getpid(), .task = "j-1", .task_seconds = 1}, &bytes)
                   .empty());
   EXPECT_GT(bytes, 100'000);
   EXPECT_LT(bytes, resident_bytes() * 2);
 }
 
+// Which of them the watch ends where all are this very process.
+std::vector<std::pair<std::string, std::string>> displaced(WatchLimits limits,
+                                                           std::vector<WatchedWorker> workers) {
+  Mutex mutex;
+  std::vector<std::pair<std::string, std::string>> told;
+  {
+    WorkerWatch watch(limits, {[&] { return workers; }, [](const WatchedWorker&, int64_t) {},
+                               [](const WatchedWorker& one, const Error& error) {
+                                 EXPECT_EQ(one.task, "long") << error.message();
+                               },
+                               [&](const WatchedWorker& one, const std::string& reason) {
+                                 MutexLock lock(mutex);
+                                 told.emplace_back(one.task, reason);
+                               }});
+    std::this_thread::sleep_for(WorkerWatch::kPeriod / 2);
+  }
+  return told;
+}
+
+TEST(WorkerWatch, of_too_much_in_all_the_one_goes_that_is_furthest_beyond_what_it_asked_for) {
+  const int64_t pid = ::getpid();
+  const int64_t kMuch = int64_t{1} << 40;
+  const std::vector<WatchedWorker> workers{
+      {.pid = pid, .task = "granted", .task_seconds = 1, .asked_bytes = kMuch},
+      {.pid = pid, .task = "reads", .task_seconds = 1, .asked_bytes = 0},
+      {.pid = pid, .task = "grew", .task_seconds = 1, .asked_bytes = 1'000}};
+  const auto told = displaced({.all_memory_bytes_max = 1}, workers);
+  ASSERT_EQ(told.size(), 1u) << "one at each look";
+  EXPECT_EQ(told[0].first, "reads");
+  EXPECT_TRUE(told[0].second.starts_with("memory of all workers: ")) << told[0].second;
+  EXPECT_TRUE(told[0].second.ends_with(" MB and had asked for 0 MB")) << told[0].second;
+  EXPECT_TRUE(displaced({.all_memory_bytes_max = kMuch}, workers).empty());
+  EXPECT_TRUE(displaced({}, workers).empty());
+}
+
+TEST(WorkerWatch, who_has_to_go_anyway_is_not_counted_with_the_others) {
+  const int64_t pid = ::getpid();
+  const auto told =
+      displaced({.all_memory_bytes_max = 2 * private_bytes(pid), .job_seconds_max = 9},
+                {{.pid = pid, .task = "long", .task_seconds = 10},
+                 {.pid = pid, .task = "other", .task_seconds = 1}});
+  EXPECT_TRUE(told.empty());
+}
+
 TEST(WorkerWatch, too_much_memory_ends_the_job_with_the_numbers) {
-  const auto told = verdicts({1, 0}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 1});
+  const auto told =
+      verdicts({.memory_bytes_max = 1}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 1});
   ASSERT_GE(told.size(), 1u);
   EXPECT_EQ(told[0].first, "j-1");
   EXPECT_EQ(told[0].second.code, ErrorCode::kGridTooLarge);
@@ -51,16 +99,20 @@ TEST(WorkerWatch, too_much_memory_ends_the_job_with_the_numbers) {
 }
 
 TEST(WorkerWatch, too_long_a_job_ends) {
-  const auto told = verdicts({0, 10}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 12.4});
+  const auto told =
+      verdicts({.job_seconds_max = 10}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 12.4});
   ASSERT_GE(told.size(), 1u);
   EXPECT_EQ(told[0].second.code, ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(told[0].second.message(), "the job ran too long: expected at most 10 s, got 12 s");
-  EXPECT_TRUE(verdicts({0, 10}, {.pid = ::getpid(), .task = "", .task_seconds = 12}).empty());
-  EXPECT_TRUE(verdicts({0, 0}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 1e9}).empty());
+  EXPECT_TRUE(verdicts({.job_seconds_max = 10}, {.pid = ::getpid(), .task = "", .task_seconds = 12})
+                  .empty());
+  EXPECT_TRUE(verdicts({}, {.pid = ::getpid(), .task = "j-1", .task_seconds = 1e9}).empty());
 }
 
 TEST(WorkerWatch, a_process_that_is_gone_takes_nothing) {
-  EXPECT_TRUE(verdicts({1, 0}, {.pid = 999'999'999, .task = "j-1", .task_seconds = 1}).empty());
+  EXPECT_TRUE(
+      verdicts({.memory_bytes_max = 1}, {.pid = 999'999'999, .task = "j-1", .task_seconds = 1})
+          .empty());
 }
 
 TEST(HostMemory, the_machine_has_a_limit_and_bytes_read_well) {
