@@ -276,6 +276,10 @@ void Service::job_changed(const JobRecord& record) {
     parts_.remove(status.id);
     metrics_.ended(status, record.tenant, record.worker);
     board_.changed(status.id, status.version, false);
+    // Where they were to go meanwhile, they stayed for the job.
+    for (const std::string& input : {status.grid, status.sequence}) {
+      if (!input.empty()) blobs_.suspect(input);
+    }
     if (auto removed = assets_.remove_unneeded(); !removed) {
       log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
     }

@@ -258,12 +258,23 @@ Result<int64_t> Retention::trim_jobs(int64_t ended_before_ms) {
   return static_cast<int64_t>(jobs.size());
 }
 
+Result<int64_t> Retention::remove_suspects() {
+  const std::set<std::string> suspects = blobs_.take_suspects();
+  if (suspects.empty()) return int64_t{0};
+  return remove_unnamed({suspects.begin(), suspects.end()});
+}
+
 Result<int64_t> Retention::remove_orphans() {
   VOXELD_ASSIGN(const Ids stored, blobs_.list());
+  return remove_unnamed(stored);
+}
+
+// Most are needed, which is found without the writer.
+Result<int64_t> Retention::remove_unnamed(const Ids& ids) {
   Ids orphans;
   {
     VOXELD_ASSIGN(Database::Lease reader, database_.read());
-    for (const std::string& id : stored) {
+    for (const std::string& id : ids) {
       VOXELD_ASSIGN(const bool needed, is_needed(*reader, id));
       if (!needed) orphans.push_back(id);
     }

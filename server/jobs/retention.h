@@ -42,11 +42,15 @@ class Retention {
   // Results that have not expired stay: equal jobs are answered by them.
   Result<int64_t> trim_jobs(int64_t ended_before_ms);
 
-  // Blobs that no row names: of uploads and tasks that were cut off. Reads much.
+  // Those of the store's suspects that no row names: of uploads that came to nothing, and what was
+  // being uploaded, or worked on, when it was to go.
+  Result<int64_t> remove_suspects();
+  // Blobs that no row names, among all of them: what a process that was killed left. Reads much.
   Result<int64_t> remove_orphans();
 
  private:
   Result<int64_t> remove(const std::vector<std::string>& ids);
+  Result<int64_t> remove_unnamed(const std::vector<std::string>& ids);
   int64_t bytes_of(const std::vector<std::string>& ids);
   Database& database_;
   const BlobStore& blobs_;

@@ -89,6 +89,10 @@ void StoreSweep::sweep() {
     }
   }
   if (seconds_ % kSecondsPerExpiry == 0) expire();
+  if (const auto unnamed = retention_.remove_suspects(); !unnamed) {
+    log::warn("the store cannot be swept",
+              {{"step", "suspects"}, {"error", unnamed.error().message()}});
+  }
   make_room();
   metrics_.set_store(blobs_.bytes(), blobs_.damaged_count());
 }

@@ -14,8 +14,8 @@
 
 namespace voxeld {
 
-// Thread-safe. Looks at the store's size every second and at ages every ten; blobs that no row
-// names it looks for when it starts and once a day.
+// Thread-safe. Looks at the store's size and at its suspects every second and at ages every ten;
+// among all blobs it looks for those that no row names when it starts and once a day.
 class StoreSweep {
  public:
   StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,

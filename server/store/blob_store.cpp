@@ -90,10 +90,24 @@ std::shared_ptr<const void> BlobPins::pin(const std::shared_ptr<BlobPins>& pins,
     pins->ids_.insert(id);
   }
   // The pointer owns nothing but the promise to take the id out again.
-  return {pins.get(), [pins, id = std::move(id)](const void*) {
-            const MutexLock lock(pins->mutex_);
-            pins->ids_.erase(pins->ids_.find(id));
-          }};
+  return {pins.get(), [pins, id = std::move(id)](const void*) { pins->unpin(id); }};
+}
+
+// Takes no memory, for there may be none.
+void BlobPins::unpin(std::string_view id) {
+  const MutexLock lock(mutex_);
+  auto pinned = ids_.extract(ids_.find(id));
+  if (!ids_.contains(id)) suspects_.insert(std::move(pinned));
+}
+
+std::set<std::string> BlobPins::take_suspects() {
+  const MutexLock lock(mutex_);
+  return std::exchange(suspects_, {});
+}
+
+void BlobPins::suspect(std::string id) {
+  const MutexLock lock(mutex_);
+  suspects_.insert(std::move(id));
 }
 
 bool BlobPins::unless_pinned(std::string_view id, const std::function<void()>& remove) {

@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "proto/result.h"
@@ -28,10 +29,15 @@ class BlobPins {
   // Calls `remove` unless the blob is pinned, and keeps it from being pinned meanwhile. False: it
   // is pinned.
   bool unless_pinned(std::string_view id, const std::function<void()>& remove) EXCLUDES(mutex_);
+  // Ids to look at: those that nobody pins any more, and those that suspect() was told.
+  std::set<std::string> take_suspects() EXCLUDES(mutex_);
+  void suspect(std::string id) EXCLUDES(mutex_);
 
  private:
+  void unpin(std::string_view id) EXCLUDES(mutex_);
   Mutex mutex_;
   std::multiset<std::string, std::less<>> ids_ GUARDED_BY(mutex_);
+  std::set<std::string> suspects_ GUARDED_BY(mutex_);
 };
 
 // What copies of a store share.
@@ -99,6 +105,11 @@ class BlobStore {
   // Errors: not-found; conflict while the blob is pinned.
   Status remove(std::string_view id) const;
   Result<std::vector<std::string>> list() const;
+  // Blobs that perhaps nothing needs any more, each once: those whose last pin was dropped since
+  // the last call (an upload that came to nothing, one that could not be removed while it was
+  // pinned), and those that suspect() was told. Whoever knows what is needed asks now and then.
+  std::set<std::string> take_suspects() const { return state_->pins->take_suspects(); }
+  void suspect(std::string id) const { state_->pins->suspect(std::move(id)); }
   const std::filesystem::path& root() const { return root_; }
   // Free bytes of the file system, and its size.
   Result<int64_t> free_bytes() const;

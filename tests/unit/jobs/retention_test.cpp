@@ -5,6 +5,7 @@
 
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "server/base/sha256.h"
 #include "server/jobs/asset_store.h"
@@ -252,6 +253,32 @@ TEST_F(RetentionTest, blobs_that_nothing_names_go_unless_they_are_being_register
   EXPECT_FALSE(stored("cut off"));
   EXPECT_TRUE(stored("mesh"));
   EXPECT_TRUE(blobs_.stat(pinned.id));
+}
+
+TEST_F(RetentionTest, an_upload_that_came_to_nothing_goes_at_the_next_look) {
+  put_blob("cut off");
+  put_asset("mesh");
+  EXPECT_EQ(retention_.remove_suspects().value(), 1);
+  EXPECT_FALSE(stored("cut off"));
+  EXPECT_TRUE(stored("mesh"));
+  EXPECT_EQ(retention_.remove_suspects().value(), 0);
+}
+
+TEST_F(RetentionTest, what_could_not_go_while_it_was_uploaded_again_goes_later) {
+  const std::string id = put_asset("mesh");
+  auto writer = blobs_.begin(100);
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE(writer->append(std::vector<uint8_t>{'m', 'e', 's', 'h'}));
+  {
+    const BlobInfo again = writer->finish().value();
+    ASSERT_EQ(again.id, id);
+    ASSERT_TRUE(assets_.mark_deleted(Caller::open(), id));
+    EXPECT_EQ(assets_.remove_unneeded().value(), 0);
+    EXPECT_EQ(retention_.remove_suspects().value(), 0);
+    EXPECT_TRUE(stored("mesh"));
+  }
+  EXPECT_EQ(retention_.remove_suspects().value(), 1);
+  EXPECT_FALSE(stored("mesh"));
 }
 
 TEST_F(RetentionTest, the_size_of_the_store_is_known) {

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -108,7 +109,13 @@ TEST_F(BlobStoreTest, what_was_stored_stays_until_nobody_holds_its_pin) {
   first.reset();
   EXPECT_EQ(store.remove(id).error().code, ErrorCode::kConflict);
   EXPECT_TRUE(store.stat(id));
+  EXPECT_TRUE(store.take_suspects().empty());
   second.reset();
+  EXPECT_EQ(store.take_suspects(), std::set{id});
+  EXPECT_TRUE(store.take_suspects().empty()) << "each once";
+  store.suspect("sha256-told");
+  store.suspect("sha256-told");
+  EXPECT_EQ(store.take_suspects(), std::set<std::string>{"sha256-told"});
   EXPECT_TRUE(store.remove(id));
   EXPECT_EQ(store.remove(id).error().code, ErrorCode::kNotFound);
 }
