@@ -108,11 +108,15 @@ class Observability(DaemonTest):
         try:
             lab = daemon.holding(re.search(r"vxk_\S+", made)[0])
             lab.upload(self.fixtures / "sample.ply")
-            samples = parse_metrics(
-                daemon.request("GET", "/metrics", port=daemon.admin_port).body.decode())
-            size = (self.fixtures / "sample.ply").stat().st_size
-            self.assertEqual(
-                self.value(samples, "voxeld_http_bytes_total", direction="in", tenant="lab"), size)
+            # The answer may come a moment before it is counted.
+            deadline = time.monotonic() + 10
+            counted = []
+            while not counted and time.monotonic() < deadline:
+                samples = parse_metrics(
+                    daemon.request("GET", "/metrics", port=daemon.admin_port).body.decode())
+                counted = [value for labels, value in samples.get("voxeld_http_bytes_total", [])
+                           if labels == {"direction": "in", "tenant": "lab"}]
+            self.assertEqual(counted, [(self.fixtures / "sample.ply").stat().st_size])
         finally:
             daemon.stop()
             shutil.rmtree(data, ignore_errors=True)
