@@ -1,6 +1,8 @@
 #include "server/jobs/database.h"
 
+#include <algorithm>
 #include <exception>
+#include <iterator>
 #include <utility>
 
 #include "server/base/guard.h"
@@ -23,13 +25,14 @@ Status check_integrity(SqlConnection& connection) {
 
 }  // namespace
 
-Result<std::unique_ptr<Database>> Database::open(const std::filesystem::path& path) {
+Result<std::unique_ptr<Database>> Database::open(const std::filesystem::path& path,
+                                                 std::chrono::milliseconds reader_idle_max) {
   const Stopwatch watch;
   VOXELD_ASSIGN(SqlConnection writer, SqlConnection::open(path, SqlConnection::Role::kWriter));
   VOXELD_TRY(check_integrity(writer));
   VOXELD_TRY(migrate_schema(writer));
   log::debug("job database is open", {{"path", path.string()}, {"ms", watch.ms()}});
-  return std::unique_ptr<Database>(new Database(path, std::move(writer)));
+  return std::unique_ptr<Database>(new Database(path, std::move(writer), reader_idle_max));
 }
 
 Status Database::write(const Operation& operation) {
@@ -109,7 +112,7 @@ Result<Database::Lease> Database::read() {
   {
     MutexLock lock(mutex_);
     if (!idle_readers_.empty()) {
-      Lease lease(*this, std::move(idle_readers_.back()));
+      Lease lease(*this, std::move(idle_readers_.back().connection));
       idle_readers_.pop_back();
       return lease;
     }
@@ -118,14 +121,22 @@ Result<Database::Lease> Database::read() {
   return Lease(*this, std::make_unique<SqlConnection>(std::move(reader)));
 }
 
+void Database::give_back(std::unique_ptr<SqlConnection> reader) {
+  const auto now = std::chrono::steady_clock::now();
+  std::vector<IdleReader> old;  // closed without the lock
+  const MutexLock lock(mutex_);
+  idle_readers_.push_back({std::move(reader), now});
+  const auto used = std::find_if(idle_readers_.begin(), idle_readers_.end(), [&](const auto& idle) {
+    return now - idle.since <= reader_idle_max_;
+  });
+  old.assign(std::make_move_iterator(idle_readers_.begin()), std::make_move_iterator(used));
+  idle_readers_.erase(idle_readers_.begin(), used);
+}
+
 Database::Lease::~Lease() {
   if (connection_ == nullptr) return;
-  // Without memory for it, or where enough are kept, the connection is closed.
-  guarded("a reader of the job database", [this] {
-    const MutexLock lock(database_->mutex_);
-    if (database_->idle_readers_.size() >= kIdleReadersMax) return;
-    database_->idle_readers_.push_back(std::move(connection_));
-  });
+  // Without memory for it, the connection is closed.
+  guarded("a reader of the job database", [this] { database_->give_back(std::move(connection_)); });
 }
 
 }  // namespace voxeld

@@ -1,6 +1,7 @@
 // The job database: one connection that writes, many that read.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -23,15 +24,18 @@ class Database {
 
   // Opens or creates, checks integrity and brings the schema up to date. Errors: internal (corrupt,
   // newer schema than this program knows), storage-full.
-  static Result<std::unique_ptr<Database>> open(const std::filesystem::path& path);
+  static Result<std::unique_ptr<Database>> open(
+      const std::filesystem::path& path,
+      std::chrono::milliseconds reader_idle_max = kReaderIdleMax);
 
   // Blocks until the operation's changes are on disk. Errors: the operation's own, or the commit's.
   Status write(const Operation& operation) EXCLUDES(mutex_, writer_mutex_);
 
-  // Readers that are kept for later; more, which a crowd of clients needs for a moment, are closed
-  // when they are given back. Each has up to 2 MB of pages. Of a closed one SQLite keeps the
-  // descriptor of the file for the next, since closing it would drop the process's locks.
-  static constexpr size_t kIdleReadersMax = 8;
+  // A reader that nobody used for so long is closed at the next chance: what a crowd of clients
+  // needed for a moment. Opening one takes longer than most of what they are used for, so those in
+  // use stay. Of a closed one SQLite keeps the descriptor of the file for the next, since closing
+  // it would drop the process's locks.
+  static constexpr std::chrono::milliseconds kReaderIdleMax{10'000};
 
   // A reading connection for the caller alone, given back when the lease goes away.
   class Lease {
@@ -57,14 +61,21 @@ class Database {
     Status status;
     bool done = false;
   };
-  Database(std::filesystem::path path, SqlConnection writer)
-      : path_(std::move(path)), writer_(std::move(writer)) {}
+  struct IdleReader {
+    std::unique_ptr<SqlConnection> connection;
+    std::chrono::steady_clock::time_point since;
+  };
+  Database(std::filesystem::path path, SqlConnection writer,
+           std::chrono::milliseconds reader_idle_max)
+      : path_(std::move(path)), reader_idle_max_(reader_idle_max), writer_(std::move(writer)) {}
+  void give_back(std::unique_ptr<SqlConnection> reader) EXCLUDES(mutex_);
   void run_batch(const std::vector<Pending*>& batch) noexcept EXCLUDES(writer_mutex_);
   Status run_operations(const std::vector<Pending*>& batch) REQUIRES(writer_mutex_);
   Status run_operation(Pending& pending) REQUIRES(writer_mutex_);
   void undo(const Error& why) REQUIRES(writer_mutex_);
 
   const std::filesystem::path path_;
+  const std::chrono::milliseconds reader_idle_max_;
   Mutex mutex_;
   CondVar changed_;
   std::vector<Pending*> pending_ GUARDED_BY(mutex_);
@@ -72,7 +83,8 @@ class Database {
   // Declared before the readers, so that it is closed after them and checkpoints the WAL.
   Mutex writer_mutex_;
   SqlConnection writer_ GUARDED_BY(writer_mutex_);
-  std::vector<std::unique_ptr<SqlConnection>> idle_readers_ GUARDED_BY(mutex_);
+  // The one that was used last is at the end and is taken first.
+  std::vector<IdleReader> idle_readers_ GUARDED_BY(mutex_);
 };
 
 }  // namespace voxeld

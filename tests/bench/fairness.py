@@ -16,7 +16,7 @@ import pathlib
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integration"))
-from fairness_load import GIANT, many_tenants, percentile, shares, waits  # noqa: E402
+from fairness_load import GIANT, LONG, many_tenants, percentile, shares, waits  # noqa: E402
 
 OFF_MAX = 0.05
 OFF_MANY_MAX = 0.25
@@ -24,7 +24,7 @@ OFF_MANY_MAX = 0.25
 
 def measure_shares(seconds, device):
     weights = {"one": 1, "two": 2, "four": 4}
-    had = shares(weights, seconds, device)
+    had = shares(weights, seconds, LONG, device)
     total, all_weights = sum(had.values()), sum(weights.values())
     print(f"\nShares of {device} over {seconds:g} s\n")
     print(f"{'tenant':8}{'weight':>8}{'device s':>12}{'share':>10}{'of weight':>12}{'off':>9}")

@@ -5,6 +5,9 @@ from harness import TenantsDaemon
 
 # Long on any machine, in many tiles, each of a few milliseconds; cancelled when it is not needed any more.
 GIANT = {"size": 16384, "channels": "occupancy", "cache": "no"}
+# Takes longer. Between two of its jobs a tenant does not want the device for a moment, and the others
+# have it.
+LONG = {**GIANT, "channels": "occupancy,normal"}
 SMALL = {"size": 48, "cache": "no"}
 
 
@@ -39,10 +42,10 @@ def giants_for(seconds):
     return 2 + int(seconds / 4)
 
 
-def shares(weights, seconds, device="cpu", arguments=()):
+def shares(weights, seconds, giant=GIANT, device="cpu", arguments=()):
     """Milliseconds of the device that each tenant's giant jobs had while all of them wanted it."""
     with Contention(weights, device, arguments) as load:
-        jobs = {name: [load.submit(name, GIANT) for _ in range(giants_for(seconds))]
+        jobs = {name: [load.submit(name, giant) for _ in range(giants_for(seconds))]
                 for name in weights}
         for name, own in jobs.items():
             load.wait_for_device(name, own[0])

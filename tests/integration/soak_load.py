@@ -19,7 +19,6 @@ ARGUMENTS = ["--store-bytes-max", "48M", "--keep-jobs-days", "0.0002", "--keep-a
 FORMATS = ["native", "npy", "npz", "vox"]
 TENANTS = ("ada", "ben", "cleo")
 CLIENTS = 9  # threads of run_round()
-READERS_KEPT = 8  # kIdleReadersMax of server/jobs/database.h
 REFUSALS = {400, 401, 404, 408, 409, 410, 413, 415, 416, 422, 429, 503, 507}
 
 
@@ -38,11 +37,11 @@ def descriptors(pid):
 
 def differences(before, after):
     """What two rests differ by, in words. A worker connects once more at its first turn on the device, and
-    the database keeps up to eight readers, and a descriptor of its file for as many as were busy at a time:
-    one for each client and worker. What is left behind by requests would be thousands."""
+    the database keeps as many readers, of two files each, as were busy at a time within ten seconds: one for
+    each client and worker. What is left behind by requests would be thousands."""
     found = []
     workers = len(after["workers_rss_kb"])
-    may_differ = {"socket": workers, "file": READERS_KEPT + CLIENTS + workers}
+    may_differ = {"socket": workers, "file": 2 * (CLIENTS + workers)}
     for sort in before["descriptors"] | after["descriptors"]:
         was, now = (facts["descriptors"].get(sort, 0) for facts in (before, after))
         if abs(was - now) > may_differ.get(sort, 0):

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <fstream>
 #include <string>
 #include <thread>
@@ -109,25 +110,28 @@ int descriptors_on(const std::filesystem::path& file) {
   return count;
 }
 
-TEST_F(DatabaseTest, a_crowd_of_readers_leaves_few_behind) {
-  constexpr size_t kCrowd = 5 * Database::kIdleReadersMax;
-  auto database = open();
+TEST_F(DatabaseTest, what_a_crowd_of_readers_leaves_behind_is_closed_once_it_is_not_used) {
+  constexpr int kCrowd = 40;
+  constexpr std::chrono::milliseconds kIdleMax{1000};
+  auto database = Database::open(path(), kIdleMax).value();
   ASSERT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "a"); }));
   const std::filesystem::path log = path().string() + "-wal";
   const auto use_many = [&] {
     std::vector<Database::Lease> leases;
-    for (size_t i = 0; i < kCrowd; ++i) {
+    for (int i = 0; i < kCrowd; ++i) {
       auto reader = database->read();
       ASSERT_TRUE(reader) << reader.error().message();
       auto rows = (*reader)->query("SELECT COUNT(*) FROM idempotency_keys");
       ASSERT_TRUE(rows && rows->step());
       leases.push_back(*std::move(reader));
     }
-    EXPECT_EQ(descriptors_on(log), static_cast<int>(kCrowd) + 1);
   };
   use_many();
-  EXPECT_EQ(descriptors_on(log), static_cast<int>(Database::kIdleReadersMax) + 1);
+  EXPECT_EQ(descriptors_on(log), kCrowd + 1) << "they are kept for the next crowd";
   const int on_file = descriptors_on(path());
+  std::this_thread::sleep_for(kIdleMax + std::chrono::milliseconds(100));
+  EXPECT_EQ(count_keys(*database), 1);
+  EXPECT_EQ(descriptors_on(log), 1 + 1) << "the writer's and that of the last use";
   use_many();
   EXPECT_EQ(descriptors_on(path()), on_file) << "what SQLite kept is used again";
 }
