@@ -1,0 +1,217 @@
+"""A hostile tenant beside three honest ones: what test_siege asserts shortly and tests/bench/siege.py for long.
+
+Honest clients do small things all the time and note how long each took. Attackers hold one key, and keep
+within nothing but what the daemon refuses."""
+import json
+import pathlib
+import random
+import socket
+import statistics
+import threading
+import time
+
+from harness import TenantsDaemon
+
+HONEST = ("ada", "ben", "cleo")
+HOSTILE = "mallory"
+# A tenant that may not be refused would fill any disk: the operator of a shared machine sets quotas.
+HOSTILE_LIMITS = ["--bytes", "200M", "--queued-jobs", "500"]
+HOLD_SECONDS = 3  # that an attacker keeps what it has opened
+HELD_CONNECTIONS = 50
+REFUSED = {400, 404, 408, 409, 410, 411, 413, 415, 422, 429, 503, 504, 507}
+
+
+def memory_kb(pid):
+    """(resident now, resident at most) of a process."""
+    lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
+    fields = dict(line.split(":", 1) for line in lines if ":" in line)
+    return int(fields["VmRSS"].split()[0]), int(fields["VmHWM"].split()[0])
+
+
+def percentile(values, part):
+    return sorted(values)[min(len(values) - 1, int(len(values) * part))] if values else None
+
+
+class Siege(TenantsDaemon):
+    def __init__(self, device="cpu", seed=1, arguments=()):
+        super().__init__({name: 1 for name in HONEST}, device,
+                         ["--workers-per-device", "3", "--log-level", "error", *arguments])
+        self.keys[HOSTILE] = self.voxeld_keys("add", HOSTILE, *HOSTILE_LIMITS)
+        self.connect()
+        self.chance = random.Random(seed)
+        self.mesh = (self.fixtures / "sample.ply").read_bytes()
+        self.worm = (self.fixtures / "worm.md5.zip").read_bytes()
+        self.bad = sorted((self.fixtures / "bad").iterdir())
+        self.stop = threading.Event()
+        self.lock = threading.Lock()
+        self.times_ms = {}  # what an honest client asked for -> milliseconds of each
+        self.wrong = []     # what an honest client should not have got
+        self.hostile = {}   # attack -> {status: count}
+
+    # --- honest clients
+
+    def timed(self, tenant, what, method, path, body=None, headers=None):
+        begin = time.monotonic()
+        try:
+            response = self.tenants[tenant].request(method, path, body, headers, timeout=60)
+            status, text = response.status, response.body[:200]
+        except OSError as failure:
+            status, text = 0, repr(failure)
+        with self.lock:
+            self.times_ms.setdefault(what, []).append((time.monotonic() - begin) * 1000)
+            if status not in (200, 201, 202):
+                self.wrong.append(f"{tenant} {method} {path}: {status} {text!r}")
+
+    def be_honest(self, tenant):
+        chance = random.Random(f"{tenant}")
+        while not self.stop.is_set():
+            self.timed(tenant, "one-shot", "POST", "/v1/voxelize?filename=a.ply&size=32&cache=no&format=npz",
+                       self.mesh)
+            self.timed(tenant, "upload", "POST", "/v1/assets?filename=b.ply",
+                       self.mesh + b"\n" * chance.randint(1, 1000))
+            self.timed(tenant, "list", "GET", "/v1/jobs?limit=5")
+            self.timed(tenant, "look", "GET", "/v1/me")
+            self.stop.wait(0.05)
+
+    # --- attacks: each does its worst once and returns
+
+    def count(self, attack, status):
+        with self.lock:
+            counts = self.hostile.setdefault(attack, {})
+            counts[status] = counts.get(status, 0) + 1
+
+    def ask(self, attack, method, path, body=None, headers=None):
+        if isinstance(body, (dict, list)):
+            body, headers = json.dumps(body), {"Content-Type": "application/json", **(headers or {})}
+        connection = self.tenants[HOSTILE]
+        # The answers to what no client of ours would send are not held against openapi.yaml.
+        response = connection.request(method, path, body, headers, port=self.daemon.port, timeout=60)
+        self.count(attack, response.status)
+        return response
+
+    def head_of(self, method, path, extra=""):
+        return (f"{method} {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer "
+                f"{self.keys[HOSTILE]}\r\n{extra}\r\n").encode()
+
+    def hold(self, attack, requests):
+        """Sends each on a connection of its own, reads nothing, and leaves after a while."""
+        clients = []
+        for request in requests:
+            try:
+                client = socket.create_connection(("127.0.0.1", self.daemon.port), timeout=5)
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+                client.sendall(request)
+                clients.append(client)
+            except OSError:
+                self.count(attack, "closed")
+        self.stop.wait(HOLD_SECONDS)
+        for client in clients:
+            client.close()
+        self.count(attack, "held")
+
+    def take_no_answers(self):
+        paths = ["/v1/jobs?limit=1000", "/v1/assets?limit=1000", "/v1/queue", "/openapi.json"]
+        if self.grid:
+            paths.append(f"/v1/grids/{self.grid}/tiles")
+        self.hold("take_no_answers", [self.head_of("GET", paths[i % len(paths)])
+                                      for i in range(HELD_CONNECTIONS)])
+
+    def send_half_bodies(self):
+        self.hold("send_half_bodies",
+                  [self.head_of("POST", "/v1/voxelize?size=16", "Content-Length: 1000000\r\n") + b"ply\n"
+                   for _ in range(HELD_CONNECTIONS)])
+
+    def send_half_heads(self):
+        self.hold("send_half_heads", [self.head_of("GET", "/v1/jobs")[:-2] for _ in range(HELD_CONNECTIONS)])
+
+    def watch_events(self):
+        self.hold("watch_events", [self.head_of("GET", f"/v1/jobs/{self.own_job}/events")
+                                   for _ in range(HELD_CONNECTIONS)])
+
+    def wait_for_jobs(self):
+        self.hold("wait_for_jobs", [self.head_of("GET", f"/v1/jobs/{self.own_job}", "Prefer: wait=60\r\n")
+                                    for _ in range(HELD_CONNECTIONS)])
+
+    def fill_the_queue(self):
+        for _ in range(50):
+            self.ask("fill_the_queue", "POST", "/v1/jobs",
+                     {"kind": "voxelize", "asset": self.own_asset,
+                      "options": {"size": self.chance.randint(1000, 6000), "cache": "no",
+                                  "channels": "occupancy"}})
+
+    def cancel_all(self):
+        response = self.ask("cancel_all", "GET", "/v1/jobs?limit=100&state=queued")
+        for job in response.json().get("jobs", []) if response.status == 200 else []:
+            self.ask("cancel_all", "DELETE", f"/v1/jobs/{job['id']}")
+        self.stop.wait(1)
+
+    def send_long_strings(self):
+        long = "x" * 900_000
+        self.ask("send_long_strings", "POST", "/v1/jobs",
+                 {"kind": "voxelize", "asset": self.own_asset, "options": {"size": 8, "filename": long}})
+        self.ask("send_long_strings", "POST", "/v1/jobs",
+                 {"kind": "voxelize", "asset": self.own_asset, "options": {"size": 8}},
+                 {"Idempotency-Key": "k" * 20_000})
+        self.ask("send_long_strings", "POST", "/v1/jobs",
+                 {"kind": "voxelize", "asset": self.worm_asset,
+                  "options": {"size": 8, "times": [i / 1000 for i in range(4096)]}})
+
+    def send_nonsense(self):
+        path = self.chance.choice(self.bad)
+        self.ask("send_nonsense", "POST", "/v1/voxelize?size=32&filename=" + path.name, path.read_bytes())
+        self.ask("send_nonsense", "POST", "/v1/jobs", b"[" * 60_000,
+                 {"Content-Type": "application/json"})
+
+    def fill_the_disk(self):
+        body = self.mesh + self.chance.randbytes(64) + b"\0" * 4_000_000
+        response = self.ask("fill_the_disk", "POST", "/v1/assets?filename=c.ply", body)
+        if response.status not in (200, 201):
+            listed = self.ask("fill_the_disk", "GET", "/v1/assets?limit=100").json()
+            for asset in listed.get("assets", []):
+                if asset["id"] not in (self.own_asset, self.worm_asset):
+                    self.ask("fill_the_disk", "DELETE", f"/v1/assets/{asset['id']}")
+
+    ATTACKS = (take_no_answers, send_half_bodies, send_half_heads, watch_events, wait_for_jobs, fill_the_queue,
+               cancel_all, send_long_strings, send_nonsense, fill_the_disk)
+
+    def prepare(self):
+        """What attackers have before the siege: assets, a grid of many tiles, a job that runs for long."""
+        own = self.tenants[HOSTILE]
+        self.own_asset = own.post("/v1/assets?filename=own.ply", self.mesh).json()["id"]
+        self.worm_asset = own.post("/v1/assets?filename=worm.md5.zip", self.worm).json()["id"]
+        job = own.submit(kind="voxelize", asset=self.own_asset,
+                         options={"size": 4096, "channels": "occupancy", "format": "native"})
+        status = own.wait(job)
+        self.grid = (status.get("result") or {}).get("grid")
+        self.own_job = own.submit(kind="voxelize", asset=self.own_asset,
+                                  options={"size": 16384, "channels": "occupancy", "cache": "no"})
+
+    def be_hostile(self, attack):
+        while not self.stop.is_set():
+            try:
+                attack(self)
+            except (OSError, ValueError, KeyError) as failure:
+                self.count(attack.__name__, type(failure).__name__)
+                self.stop.wait(0.2)
+
+    # --- phases
+
+    def run_phase(self, name, seconds, attacks=()):
+        """Facts of a phase: percentiles of honest clients in milliseconds, and the gateway's memory."""
+        self.stop.clear()
+        self.times_ms, self.hostile, wrong_before = {}, {}, len(self.wrong)
+        threads = [threading.Thread(target=self.be_honest, args=(tenant,)) for tenant in HONEST]
+        threads += [threading.Thread(target=self.be_hostile, args=(attack,)) for attack in attacks]
+        for thread in threads:
+            thread.start()
+        self.stop.wait(seconds)
+        self.stop.set()
+        for thread in threads:
+            thread.join()
+        now_kb, most_kb = memory_kb(self.daemon.process.pid)
+        return {"phase": name, "wrong": len(self.wrong) - wrong_before,
+                "gateway_kb": now_kb, "gateway_most_kb": most_kb,
+                "ms": {what: {"count": len(times), "p50": round(statistics.median(times), 1),
+                              "p99": round(percentile(times, 0.99), 1), "max": round(max(times), 1)}
+                       for what, times in self.times_ms.items()},
+                "hostile": self.hostile}
