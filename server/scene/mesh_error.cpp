@@ -23,6 +23,11 @@ Error over_limit(std::string_view name, std::string_view where, std::string_view
   return malformed_mesh(name, where, what, "at most " + std::to_string(limit), std::to_string(got));
 }
 
+std::string index_range(int64_t count, std::string_view things) {
+  if (count == 0) return "none, as there are no " + std::string(things);
+  return count == 1 ? "0" : "0.." + std::to_string(count - 1);
+}
+
 Error empty_mesh(std::string_view name, std::string_view why) {
   return {ErrorCode::kEmptyMesh, std::string(name) + ": " + std::string(why), "", ""};
 }

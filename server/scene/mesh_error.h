@@ -38,6 +38,9 @@ Error malformed_line(std::string_view name, int64_t line, std::string_view what,
 // malformed-mesh for a count above a limit of limits.h: "at most 5", got "6".
 Error over_limit(std::string_view name, std::string_view where, std::string_view what,
                  int64_t limit, int64_t got);
+// What an index into `count` things may be, for an error: "0..3", "0", or "none, as there are no
+// vertices".
+std::string index_range(int64_t count, std::string_view things);
 Error empty_mesh(std::string_view name, std::string_view why);
 
 // Text of a file for an error message: in quotes, cut after 40 bytes, other than printable ASCII as

@@ -247,9 +247,7 @@ class PlyBodyReader {
       VOXELD_TRY(read_number(property.type, property.name, value));
       if (!(value >= 0.0 && value < static_cast<double>(vertex_count_)) ||
           value != std::floor(value)) {
-        return malformed("vertex index out of range",
-                         vertex_count_ == 0 ? "none, as there are no vertices"
-                                            : "0.." + std::to_string(vertex_count_ - 1),
+        return malformed("vertex index out of range", index_range(vertex_count_, "vertices"),
                          printed(value));
       }
       mesh_.corners.push_back(static_cast<uint32_t>(value));

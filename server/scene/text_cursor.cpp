@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <system_error>
 
 namespace voxeld {
@@ -42,6 +43,23 @@ std::optional<double> parse_number(std::string_view token) {
   }
   if (error != std::errc() || !std::isfinite(value)) return std::nullopt;
   return value;
+}
+
+std::optional<double> parse_number_or_nan(std::string_view token) {
+  if (const auto number = parse_number(token)) return number;
+  if (!token.empty() && (token[0] == '+' || token[0] == '-')) token.remove_prefix(1);
+  const auto begins = [&](std::string_view word) {
+    return equals_ignoring_case(token.substr(0, word.size()), word);
+  };
+  // Visual C++ wrote 1.#QNAN, 1.#IND and 1.#INF, and writes nan(ind).
+  bool is_none = (begins("nan") && (token.size() == 3 || token[3] == '(')) ||
+                 equals_ignoring_case(token, "inf") || equals_ignoring_case(token, "infinity") ||
+                 begins("1.#");
+  double value = 0.0;
+  const char* end = token.data() + token.size();
+  const auto [stop, error] = std::from_chars(token.data(), end, value);
+  is_none = is_none || (stop == end && error == std::errc::result_out_of_range);
+  return is_none ? std::optional(std::numeric_limits<double>::quiet_NaN()) : std::nullopt;
 }
 
 std::optional<int64_t> parse_integer(std::string_view token) {

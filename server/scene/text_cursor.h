@@ -25,6 +25,8 @@ bool equals_ignoring_case(std::string_view a, std::string_view b);
 // The number that is the whole of `token`: decimal, with an optional sign and exponent. Numbers too
 // small for a double are 0; too large ones, "nan" and "inf" are nullopt.
 std::optional<double> parse_number(std::string_view token);
+// The same; NaN for words that stand for no finite number: "nan", "-inf", "1.#QNAN", "1e999".
+std::optional<double> parse_number_or_nan(std::string_view token);
 // The integer that is the whole of `token`; also written as 12.0, as some PLY files do.
 std::optional<int64_t> parse_integer(std::string_view token);
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace voxeld {
 namespace {
 
@@ -20,6 +22,20 @@ TEST(ParseNumber, refuses_everything_else) {
                            "inf", "1e999", "1.#QNAN", "abc", "1/2"}) {
     EXPECT_EQ(parse_number(word), std::nullopt) << word;
   }
+}
+
+TEST(ParseNumber, words_for_no_finite_number_are_told_from_words_that_are_none) {
+  for (const char* word : {"nan", "NaN", "-nan", "nan(ind)", "-nan(ind)", "inf", "-Infinity",
+                           "1.#QNAN", "-1.#IND000", "1.#INF", "1e999", "-1e999"}) {
+    const auto number = parse_number_or_nan(word);
+    ASSERT_TRUE(number) << word;
+    EXPECT_TRUE(std::isnan(*number)) << word;
+  }
+  for (const char* word : {"", "-", "red", "nancy", "info", "1e", "--nan", "0x10"}) {
+    EXPECT_EQ(parse_number_or_nan(word), std::nullopt) << word;
+  }
+  EXPECT_EQ(parse_number_or_nan("-0.5"), -0.5);
+  EXPECT_EQ(parse_number_or_nan("1e-999"), 0.0);
 }
 
 TEST(ParseInteger, takes_whole_numbers_in_any_notation) {
