@@ -24,15 +24,7 @@ namespace {
 
 void warn_about_unread(std::string_view name, const nlohmann::json& json, bool is_animated,
                        Scene& scene) {
-  const auto used = json.find("extensionsUsed");
-  if (used != json.end()) {
-    for (const nlohmann::json& extension : *used) {
-      const auto& text = extension.get_ref<const std::string&>();
-      if (is_read_extension(text)) continue;
-      add_warning(scene, "ignored-extension",
-                  std::string(name) + ": the glTF extension " + shown(text) + " is not read");
-    }
-  }
+  warn_about_extensions(name, json, scene);
   const auto animations = json.find("animations");
   if (!is_animated && animations != json.end() && !animations->empty()) {
     add_warning(scene, "static-pose",
@@ -62,10 +54,10 @@ Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const 
   if (animated != nullptr) {
     VOXELD_ASSIGN(animations, take_animations(name, json));
   }
-  VOXELD_ASSIGN(const std::vector<GltfBuffer> buffers,
-                load_gltf_buffers(name, json, container, bundle));
+  GltfBuffers buffers(name, container, bundle, json);
   std::vector<GltfImage> images = take_gltf_images(json);
-  VOXELD_ASSIGN(const GltfDocument document, read_gltf_document(name, std::move(json)));
+  VOXELD_ASSIGN(const GltfDocument document, read_gltf_document(name, json));
+  json.clear();  // a tree of millions of values, and not needed any more
   VOXELD_ASSIGN(const GltfNodes nodes, walk_gltf_nodes(name, document));
 
   GltfAccessors accessors(name, document, buffers);
@@ -92,13 +84,14 @@ Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const 
   return scene;
 }
 
-// What is left of exceptions: nlohmann's, where a check of ours has a hole.
+// What is left of exceptions: nlohmann's, where check_gltf_schema has a hole. Their texts speak of
+// types of JSON and not of the file, so none of them is told.
 template <typename Load>
 auto guarded(std::string_view name, const Load& load_file) -> decltype(load_file()) {
   try {
     return load_file();
-  } catch (const nlohmann::json::exception& e) {
-    return malformed_mesh(name, "", printable(e.what()));
+  } catch (const nlohmann::json::exception&) {
+    return malformed_mesh(name, "", "wrong value", "the types of the glTF 2.0 schema", "others");
   }
 }
 

@@ -135,9 +135,9 @@ glm::dmat4 GltfReader::matrix(uint64_t i) const {
   return out;
 }
 
-Result<std::span<const uint8_t>> GltfAccessors::view_bytes(int view) const {
+Result<std::span<const uint8_t>> GltfAccessors::view_bytes(int view) {
   const GltfView& v = document_.views.at(static_cast<size_t>(view));
-  const auto buffer = buffers_[static_cast<size_t>(v.buffer)].bytes;
+  VOXELD_ASSIGN(const auto buffer, buffers_.bytes(static_cast<size_t>(v.buffer)));
   if (v.offset_bytes > buffer.size() || v.length_bytes > buffer.size() - v.offset_bytes) {
     return malformed_mesh(
         name_, "bufferViews[" + std::to_string(view) + "]",
@@ -150,7 +150,7 @@ Result<std::span<const uint8_t>> GltfAccessors::view_bytes(int view) const {
 
 // `offset` is below 2^53 and `bytes` below 2^40, so that nothing wraps.
 Result<std::span<const uint8_t>> GltfAccessors::range(int view, uint64_t offset, uint64_t bytes,
-                                                      const std::string& path) const {
+                                                      const std::string& path) {
   VOXELD_ASSIGN(const std::span<const uint8_t> all, view_bytes(view));
   if (offset > all.size() || bytes > all.size() - offset) {
     return malformed_mesh(name_, path,
@@ -182,6 +182,13 @@ Status GltfAccessors::check_type(const GltfAccessor& accessor, const std::string
   if (accessor.count > kCountMax) {
     return malformed_mesh(name_, path + ".count", "elements of " + what,
                           "at most " + std::to_string(kCountMax), std::to_string(accessor.count));
+  }
+  // Keys and matrices have bounds of their own.
+  const bool is_geometry = expected.types != GltfExpected::kFloat;
+  if (is_geometry && accessor.view < 0 && accessor.count > kGltfZeroElementsMax) {
+    return malformed_mesh(name_, path + ".count", "elements of " + what + " without a bufferView",
+                          "at most " + std::to_string(kGltfZeroElementsMax),
+                          std::to_string(accessor.count));
   }
   return {};
 }

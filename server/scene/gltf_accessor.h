@@ -18,8 +18,11 @@
 
 namespace voxeld {
 
-// Bytes of all sparse accessors of one file after they are filled in: malformed-mesh above. Without
-// a buffer view, their count is bounded by nothing in the file.
+// Elements of an accessor of indices or attributes without a buffer view, which are zeros:
+// malformed-mesh above. Nothing in the file bounds their count, so a few bytes could stand for all
+// triangles that a scene may have.
+inline constexpr uint64_t kGltfZeroElementsMax = uint64_t{1} << 24;
+// Bytes of all sparse accessors of one file after they are filled in: malformed-mesh above.
 inline constexpr uint64_t kGltfSparseBytesMax = uint64_t{1} << 30;
 
 // Reads elements of one accessor. Valid as long as the GltfAccessors that opened it.
@@ -60,25 +63,24 @@ struct GltfExpected {
 
 class GltfAccessors {
  public:
-  GltfAccessors(std::string_view name, const GltfDocument& document,
-                std::span<const GltfBuffer> buffers)
+  GltfAccessors(std::string_view name, const GltfDocument& document, GltfBuffers& buffers)
       : name_(name), document_(document), buffers_(buffers) {}
 
   // Errors: malformed-mesh for a wrong type or a range outside of its buffer, with the path.
   Result<GltfReader> open(int accessor, const GltfExpected& expected);
-  // The bytes of a buffer view. Errors: malformed-mesh.
-  Result<std::span<const uint8_t>> view_bytes(int view) const;
+  // The bytes of a buffer view. Errors: malformed-mesh, and those of its buffer.
+  Result<std::span<const uint8_t>> view_bytes(int view);
 
  private:
   Status check_type(const GltfAccessor& accessor, const std::string& path,
                     const GltfExpected& expected) const;
   Result<std::span<const uint8_t>> range(int view, uint64_t offset, uint64_t bytes,
-                                         const std::string& path) const;
+                                         const std::string& path);
   Status fill_sparse(int accessor, const std::string& path, GltfReader& reader);
 
   std::string_view name_;
   const GltfDocument& document_;
-  std::span<const GltfBuffer> buffers_;
+  GltfBuffers& buffers_;
   std::map<int, std::vector<uint8_t>> filled_;  // sparse accessors
   uint64_t filled_bytes_ = 0;
 };

@@ -1,5 +1,6 @@
 #include "server/scene/gltf_buffers.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -9,8 +10,6 @@
 
 namespace voxeld {
 namespace {
-
-constexpr size_t kShownUriBytes = 40;
 
 // Value of one Base64 digit; -1 for other characters.
 int base64_digit(char c) {
@@ -41,74 +40,15 @@ std::optional<std::vector<uint8_t>> decode_base64(std::string_view text) {
   return bytes;
 }
 
-// No element of a file is written with more text than this shows.
-std::string shown_uri(const std::string& uri) {
-  return is_data_uri(uri) ? shown(std::string_view(uri).substr(0, kShownUriBytes)) : uri;
+// The extension whose data stands in for a buffer that has none itself; empty for no such buffer.
+std::string compression_of(const nlohmann::json& element) {
+  const auto extensions = element.find("extensions");
+  if (extensions == element.end()) return {};
+  for (const char* extension : {"EXT_meshopt_compression", "KHR_meshopt_compression"}) {
+    if (extensions->contains(extension)) return extension;
+  }
+  return {};
 }
-
-class BufferLoader {
- public:
-  BufferLoader(std::string_view name, const GltfContainer& container, const Bundle& bundle)
-      : name_(name), container_(container), bundle_(bundle) {}
-
-  Result<GltfBuffer> load(const nlohmann::json& element, size_t index) {
-    const std::string where = "buffers[" + std::to_string(index) + "]";
-    const auto byte_length = element.at("byteLength").get<uint64_t>();
-    GltfBuffer buffer;
-    if (element.contains("uri")) {
-      const auto& uri = element.at("uri").get_ref<const std::string&>();
-      VOXELD_ASSIGN(buffer.owned, read_uri(where, uri));
-      buffer.bytes = buffer.owned;
-      total_bytes_ += buffer.owned.size();
-      if (total_bytes_ > kGltfBufferBytesMax) {
-        return malformed_mesh(name_, where, "bytes of all buffers together",
-                              "at most " + std::to_string(kGltfBufferBytesMax),
-                              std::to_string(total_bytes_));
-      }
-    } else if (is_meshopt_fallback(element)) {
-      return Error{ErrorCode::kUnsupportedFeature,
-                   std::string(name_) + " " + where + ": the data is compressed",
-                   "extensions that voxeld reads: " + std::string(kReadExtensions),
-                   "EXT_meshopt_compression"};
-    } else if (index != 0 || !container_.has_bin) {
-      return malformed_mesh(name_, where + ".uri", "the buffer has no data",
-                            container_.is_glb ? "a uri, or a BIN chunk for buffers[0]" : "a uri",
-                            "nothing");
-    } else {
-      buffer.bytes = container_.bin;
-    }
-    if (buffer.bytes.size() < byte_length) {
-      return malformed_mesh(name_, where, "the data is shorter than byteLength",
-                            std::to_string(byte_length) + " bytes",
-                            std::to_string(buffer.bytes.size()) + " bytes");
-    }
-    buffer.bytes = buffer.bytes.first(byte_length);
-    return buffer;
-  }
-
- private:
-  static bool is_meshopt_fallback(const nlohmann::json& element) {
-    const auto extensions = element.find("extensions");
-    return extensions != element.end() && extensions->contains("EXT_meshopt_compression");
-  }
-
-  Result<std::vector<uint8_t>> read_uri(const std::string& where, const std::string& uri) {
-    if (is_data_uri(uri)) {
-      auto bytes = decode_data_uri(uri);
-      if (bytes) return *std::move(bytes);
-      return malformed_mesh(name_, where + ".uri", "broken data URI", "base64", shown_uri(uri));
-    }
-    VOXELD_ASSIGN(std::optional<std::vector<uint8_t>> bytes, bundle_.find(uri, name_));
-    if (bytes) return *std::move(bytes);
-    return malformed_mesh(name_, where + ".uri", "the buffer's file is not in the upload",
-                          "a zip with the mesh and its files", shown(uri));
-  }
-
-  std::string_view name_;
-  const GltfContainer& container_;
-  const Bundle& bundle_;
-  uint64_t total_bytes_ = 0;
-};
 
 }  // namespace
 
@@ -129,19 +69,78 @@ std::optional<std::vector<uint8_t>> decode_data_uri(std::string_view uri) {
   return std::vector<uint8_t>(plain.begin(), plain.end());
 }
 
-Result<std::vector<GltfBuffer>> load_gltf_buffers(std::string_view name,
-                                                  const nlohmann::json& document,
-                                                  const GltfContainer& container,
-                                                  const Bundle& bundle) {
-  std::vector<GltfBuffer> buffers;
+std::optional<std::string> take_uri(nlohmann::json& element) {
+  const auto member = element.find("uri");
+  if (member == element.end()) return std::nullopt;
+  std::string uri = std::move(member->get_ref<std::string&>());
+  const auto is_blank = [](char c) { return static_cast<unsigned char>(c) <= 0x20; };
+  uri.erase(std::find_if_not(uri.rbegin(), uri.rend(), is_blank).base(), uri.end());
+  uri.erase(uri.begin(), std::find_if_not(uri.begin(), uri.end(), is_blank));
+  return uri;
+}
+
+GltfBuffers::GltfBuffers(std::string_view name, const GltfContainer& container,
+                         const Bundle& bundle, nlohmann::json& document)
+    : name_(name), container_(container), bundle_(bundle) {
   const auto elements = document.find("buffers");
-  if (elements == document.end()) return buffers;
-  BufferLoader loader(name, container, bundle);
-  for (size_t i = 0; i < elements->size(); ++i) {
-    VOXELD_ASSIGN(GltfBuffer buffer, loader.load((*elements)[i], i));
-    buffers.push_back(std::move(buffer));
+  if (elements == document.end()) return;
+  for (nlohmann::json& element : *elements) {
+    Buffer& buffer = buffers_.emplace_back();
+    buffer.uri = take_uri(element);
+    buffer.compressed_by = compression_of(element);
+    buffer.byte_length = element.at("byteLength").get<uint64_t>();
   }
-  return buffers;
+}
+
+Result<std::span<const uint8_t>> GltfBuffers::bytes(size_t index) {
+  Buffer& buffer = buffers_.at(index);
+  if (!buffer.is_loaded) {
+    VOXELD_TRY(load(index, "buffers[" + std::to_string(index) + "]"));
+    buffer.is_loaded = true;
+  }
+  return buffer.data;
+}
+
+Status GltfBuffers::load(size_t index, const std::string& where) {
+  Buffer& buffer = buffers_[index];
+  if (buffer.uri) {
+    VOXELD_ASSIGN(buffer.owned, read_uri(where, *buffer.uri));
+    buffer.data = buffer.owned;
+    total_bytes_ += buffer.owned.size();
+    if (total_bytes_ > kGltfBufferBytesMax) {
+      return malformed_mesh(name_, where, "bytes of all buffers together",
+                            "at most " + std::to_string(kGltfBufferBytesMax),
+                            std::to_string(total_bytes_));
+    }
+  } else if (!buffer.compressed_by.empty()) {
+    return unread_extension(name_, where, "the data is compressed", buffer.compressed_by);
+  } else if (index != 0 || !container_.has_bin) {
+    return malformed_mesh(name_, where + ".uri", "the buffer has no data",
+                          container_.is_glb ? "a uri, or a BIN chunk for buffers[0]" : "a uri",
+                          "nothing");
+  } else {
+    buffer.data = container_.bin;
+  }
+  if (buffer.data.size() < buffer.byte_length) {
+    return malformed_mesh(name_, where, "the data is shorter than byteLength",
+                          std::to_string(buffer.byte_length) + " bytes",
+                          std::to_string(buffer.data.size()) + " bytes");
+  }
+  buffer.data = buffer.data.first(buffer.byte_length);
+  return {};
+}
+
+Result<std::vector<uint8_t>> GltfBuffers::read_uri(const std::string& where,
+                                                   const std::string& uri) const {
+  if (is_data_uri(uri)) {
+    auto bytes = decode_data_uri(uri);
+    if (bytes) return *std::move(bytes);
+    return malformed_mesh(name_, where + ".uri", "broken data URI", "base64", shown(uri));
+  }
+  VOXELD_ASSIGN(std::optional<std::vector<uint8_t>> bytes, bundle_.find(uri, name_));
+  if (bytes) return *std::move(bytes);
+  return malformed_mesh(name_, where + ".uri", "the buffer's file is not in the upload",
+                        "a zip with the mesh and its files", shown(uri));
 }
 
 }  // namespace voxeld

@@ -1,6 +1,6 @@
-// A glTF document as plain data: what tinygltf read, reduced to what voxeld uses, with defaults
-// filled in. Every index names an element that exists; byte ranges are checked when an accessor is
-// opened (gltf_accessor.h).
+// A glTF document as plain data, reduced to what voxeld uses, with defaults filled in. Every index
+// names an element that exists; byte ranges are checked when an accessor is opened
+// (gltf_accessor.h).
 #pragma once
 
 #include <cstdint>
@@ -41,7 +41,7 @@ struct GltfAccessor {
   uint64_t offset_bytes = 0;
   uint64_t count = 0;
   int component_type = 0;   // 5120 i8, 5121 u8, 5122 i16, 5123 u16, 5125 u32, 5126 float
-  int component_count = 0;  // 1..4, 16 for MAT4; 0: a type that voxeld does not read
+  int component_count = 0;  // gltf_component_count()
   bool normalized = false;
   std::optional<GltfSparse> sparse;
 };
@@ -61,7 +61,8 @@ struct GltfMaterial {
 };
 
 struct GltfTexture {
-  int image = -1;  // -1: only in a format of an extension that is not read
+  int image = -1;             // -1: none in a format that is read
+  std::string unread_format;  // an extension with an image that is not read; empty: none
   Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
 };
 
@@ -71,6 +72,7 @@ struct GltfPrimitive {
   int material = -1;
   std::map<std::string, int> attributes;            // accessors
   std::vector<std::map<std::string, int>> targets;  // of morphing
+  std::string compressed_by;                        // an extension; empty: none
 };
 
 struct GltfMesh {
@@ -115,9 +117,11 @@ struct GltfDocument {
   std::optional<std::vector<int>> scene_nodes;
 };
 
-// Of a document that passed check_gltf_schema, which it consumes. What the file names outside of
-// itself, buffers and images, is taken out before tinygltf sees it: the loads of those are our own.
-// Errors: malformed-mesh.
-Result<GltfDocument> read_gltf_document(std::string_view name, nlohmann::json document);
+// Components of an accessor's type: "VEC3" has 3, "MAT4" 16; 0 for one that voxeld does not read,
+// nullopt for no such type.
+std::optional<int> gltf_component_count(std::string_view type);
+
+// Of a document that passed check_gltf_schema. Errors: malformed-mesh.
+Result<GltfDocument> read_gltf_document(std::string_view name, const nlohmann::json& document);
 
 }  // namespace voxeld

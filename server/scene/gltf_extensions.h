@@ -1,24 +1,28 @@
-// Which glTF extensions voxeld reads, and which it may leave out without loss.
+// Which glTF extensions voxeld reads, which it may leave out without loss, and what users are told
+// of the others.
 #pragma once
 
-#include <algorithm>
-#include <array>
+#include <string>
 #include <string_view>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/result.h"
+#include "server/scene/scene.h"
 
 namespace voxeld {
 
-inline constexpr std::string_view kReadExtensions =
-    "KHR_mesh_quantization, KHR_texture_transform, KHR_materials_*, EXT_texture_webp";
-
 // True for extensions that are read, or that say nothing about the shape and the base colour.
-inline bool is_read_extension(std::string_view name) {
-  constexpr std::array kNames = {
-      std::string_view("EXT_texture_webp"),      std::string_view("KHR_animation_pointer"),
-      std::string_view("KHR_lights_punctual"),   std::string_view("KHR_mesh_quantization"),
-      std::string_view("KHR_texture_transform"), std::string_view("KHR_xmp_json_ld"),
-  };
-  return name.starts_with("KHR_materials_") ||
-         std::find(kNames.begin(), kNames.end(), name) != kNames.end();
-}
+bool is_read_extension(std::string_view name);
+// True for formats of textures: without them the shape is whole, and colours are missing.
+bool is_texture_extension(std::string_view name);
+
+// unsupported-feature: without `extension`, what stands at `where` cannot be read.
+Error unread_extension(std::string_view name, std::string_view where, std::string_view what,
+                       std::string_view extension);
+
+// Of a file that passed check_gltf_schema: the warning "ignored-extension" for each extension that
+// is not read, whether the file lists it or only uses it.
+void warn_about_extensions(std::string_view name, const nlohmann::json& document, Scene& scene);
 
 }  // namespace voxeld

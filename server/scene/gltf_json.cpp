@@ -109,10 +109,8 @@ Status check_gltf_version(std::string_view name, const nlohmann::json& document)
   for (const nlohmann::json& extension : *required) {
     if (!extension.is_string()) continue;
     const auto& text = extension.get_ref<const std::string&>();
-    if (is_read_extension(text)) continue;
-    return Error{ErrorCode::kUnsupportedFeature,
-                 std::string(name) + ": the file requires the glTF extension " + shown(text),
-                 "extensions that voxeld reads: " + std::string(kReadExtensions), shown(text)};
+    if (is_read_extension(text) || is_texture_extension(text)) continue;
+    return unread_extension(name, "", "the file requires the glTF extension " + shown(text), text);
   }
   return {};
 }

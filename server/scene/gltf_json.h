@@ -26,8 +26,9 @@ std::string printable(std::string_view message);
 // the stack nor the memory depends on what a file pretends. Errors: malformed-mesh with the byte.
 Result<nlohmann::json> parse_gltf_json(std::string_view name, std::string_view text);
 
-// Checks asset.version and the extensions that the file requires. Errors: malformed-mesh,
-// unsupported-feature naming the extension or the version.
+// Checks asset.version and the extensions that the file requires: the shape must be whole without
+// those that are not read. Errors: malformed-mesh, unsupported-feature naming the extension or the
+// version.
 Status check_gltf_version(std::string_view name, const nlohmann::json& document);
 
 // Checks the type and range of every property that voxeld reads, and that every index names an

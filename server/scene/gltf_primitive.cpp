@@ -1,8 +1,10 @@
 #include "server/scene/gltf_primitive.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/scene/gltf_extensions.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/normals.h"
 #include "server/scene/vertex_table.h"
@@ -92,6 +94,9 @@ Status GltfMeshes::add_primitive(int node, size_t index) {
   const GltfPrimitive& primitive = document_.meshes[static_cast<size_t>(mesh)].primitives[index];
   const std::string path =
       "meshes[" + std::to_string(mesh) + "].primitives[" + std::to_string(index) + "]";
+  if (is_compressed(primitive)) {
+    return unread_extension(name_, path, "the data is compressed", primitive.compressed_by);
+  }
   VOXELD_ASSIGN(const GltfVertexSource source, vertices_.open(node, primitive, path));
   VOXELD_ASSIGN(std::vector<uint32_t> corners,
                 triangles_of(primitive, path, source.position.count()));
@@ -123,6 +128,18 @@ Status GltfMeshes::add_primitive(int node, size_t index) {
   }
   repair_normals(part.positions, std::span(part.indices).subspan(first_corner), part.normals);
   return {};
+}
+
+// Whether an accessor has no bytes but those of an extension that is not read. They would be zeros.
+bool GltfMeshes::is_compressed(const GltfPrimitive& primitive) const {
+  if (primitive.compressed_by.empty()) return false;
+  const auto is_empty = [&](int accessor) {
+    const GltfAccessor& a = document_.accessors[static_cast<size_t>(accessor)];
+    return a.view < 0 && !a.sparse;
+  };
+  return (primitive.indices >= 0 && is_empty(primitive.indices)) ||
+         std::any_of(primitive.attributes.begin(), primitive.attributes.end(),
+                     [&](const auto& attribute) { return is_empty(attribute.second); });
 }
 
 Result<uint64_t> GltfMeshes::count_triangles(int mode, uint64_t corner_count,

@@ -46,6 +46,7 @@ class GltfMeshes {
   int64_t skipped_primitive_count() const { return skipped_primitive_count_; }
 
  private:
+  bool is_compressed(const GltfPrimitive& primitive) const;
   // `index`: of the primitive in the node's mesh.
   Status add_primitive(int node, size_t index);
   // Vertex numbers of the file, 3 per triangle.

@@ -1,14 +1,16 @@
-// The part of the glTF 2.0 schema that voxeld reads, as tables. tinygltf takes a property of a
-// wrong type as absent, cuts integers to 32 bits and does not look whether indices exist, so all of
-// that is refused before it sees the file.
+// The part of the glTF 2.0 schema that voxeld reads, as tables. What is read later, without checks
+// of its own, stands here: types, ranges, and that indices exist.
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <variant>
 #include <vector>
 
+#include "server/scene/gltf_document.h"
 #include "server/scene/gltf_json.h"
 #include "server/scene/mesh_error.h"
 
@@ -21,9 +23,11 @@ enum class Kind {
   kBool,
   kString,
   kStrings,
+  kType,  // of an accessor's elements
   kNumber,
   kNumbers,   // array of them
-  kSize,      // integer in [0, 2^53]
+  kSize,      // integer in [0, 2^53]; 1.0 is one
+  kStride,    // 0, or a multiple of 4 up to 252
   kIndex,     // of an element of the top-level array `target`
   kIndices,   // array of them
   kIndexMap,  // object whose values are such indices
@@ -56,17 +60,21 @@ constexpr Rule kAccessor[] = {{"bufferView", Kind::kIndex, "bufferViews"},
                               {"count", Kind::kSize, nullptr, {}, kRequired},
                               {"normalized", Kind::kBool},
                               {"sparse", Kind::kObject, nullptr, kSparse},
-                              {"type", Kind::kString, nullptr, {}, kRequired}};
+                              {"type", Kind::kType, nullptr, {}, kRequired}};
+constexpr Rule kBufferExtensions[] = {{"EXT_meshopt_compression", Kind::kObject},
+                                      {"KHR_meshopt_compression", Kind::kObject}};
 constexpr Rule kBuffer[] = {{"byteLength", Kind::kSize, nullptr, {}, kRequired},
+                            {"extensions", Kind::kObject, nullptr, kBufferExtensions},
                             {"uri", Kind::kString}};
 constexpr Rule kBufferView[] = {{"buffer", Kind::kIndex, "buffers", {}, kRequired},
                                 {"byteLength", Kind::kSize, nullptr, {}, kRequired},
                                 {"byteOffset", Kind::kSize},
-                                {"byteStride", Kind::kSize}};
+                                {"byteStride", Kind::kStride}};
 constexpr Rule kImage[] = {
     {"bufferView", Kind::kIndex, "bufferViews"}, {"name", Kind::kString}, {"uri", Kind::kString}};
 constexpr Rule kWebp[] = {{"source", Kind::kIndex, "images"}};
 constexpr Rule kTextureExtensions[] = {{"EXT_texture_webp", Kind::kObject, nullptr, kWebp}};
+constexpr Rule kPrimitiveExtensions[] = {{"KHR_draco_mesh_compression", Kind::kObject}};
 constexpr Rule kTexture[] = {{"extensions", Kind::kObject, nullptr, kTextureExtensions},
                              {"sampler", Kind::kIndex, "samplers"},
                              {"source", Kind::kIndex, "images"}};
@@ -90,6 +98,7 @@ constexpr Rule kMaterial[] = {{"extensions", Kind::kObject, nullptr, kMaterialEx
                               {"name", Kind::kString},
                               {"pbrMetallicRoughness", Kind::kObject, nullptr, kPbr}};
 constexpr Rule kPrimitive[] = {{"attributes", Kind::kIndexMap, "accessors", {}, kRequired},
+                               {"extensions", Kind::kObject, nullptr, kPrimitiveExtensions},
                                {"indices", Kind::kIndex, "accessors"},
                                {"material", Kind::kIndex, "materials"},
                                {"mode", Kind::kSize},
@@ -136,13 +145,54 @@ constexpr Rule kAnimation[] = {{"channels", Kind::kObjects, nullptr, kChannel, k
                                {"samplers", Kind::kObjects, nullptr, kKeySampler, kRequired}};
 constexpr Rule kAnimatedRoot[] = {{"animations", Kind::kObjects, nullptr, kAnimation}};
 
-constexpr int64_t kSizeMax = int64_t{1} << 53;  // exact in every JSON writer
+constexpr uint64_t kSizeMax = uint64_t{1} << 53;  // exact in every JSON writer
 
 // What stands there, for an error: short scalars as they are, else their type.
 std::string got_of(const Json& value) {
   if (value.is_string()) return shown(value.get_ref<const std::string&>());
   if (value.is_number() || value.is_boolean()) return value.dump();
   return value.type_name();
+}
+
+// An integer in [0, 2^53], also where it is written as 1.0 or 1e2 (the JSON schema's "integer").
+std::optional<uint64_t> size_of(const Json& value) {
+  if (value.is_number_unsigned()) {
+    const auto size = value.get<uint64_t>();
+    return size <= kSizeMax ? std::optional(size) : std::nullopt;
+  }
+  if (!value.is_number()) return std::nullopt;
+  const auto number = value.get<double>();
+  if (!(number >= 0.0 && number <= static_cast<double>(kSizeMax))) return std::nullopt;
+  if (number != std::floor(number)) return std::nullopt;
+  return static_cast<uint64_t>(number);
+}
+
+// What is expected where nothing stands.
+std::string_view text_of(const Rule& rule) {
+  switch (rule.kind) {
+    case Kind::kBool:
+      return "true or false";
+    case Kind::kString:
+    case Kind::kType:
+      return "a string";
+    case Kind::kNumber:
+      return "a number";
+    case Kind::kSize:
+    case Kind::kStride:
+      return "an integer";
+    case Kind::kIndex:
+      return "an index";
+    case Kind::kIndexMap:
+    case Kind::kObject:
+      return "an object";
+    case Kind::kStrings:
+    case Kind::kNumbers:
+    case Kind::kIndices:
+    case Kind::kIndexMaps:
+    case Kind::kObjects:
+      return "an array";
+  }
+  return {};
 }
 
 // False for the attribute names that only hostile files have.
@@ -166,7 +216,7 @@ class Checker {
       if (member != object.end()) {
         VOXELD_TRY(check_value(*member, rule));
       } else if (rule.presence == kRequired) {
-        return malformed_mesh(name_, path(), "is missing");
+        return malformed_mesh(name_, path(), "is missing", std::string(text_of(rule)), "nothing");
       }
       path_.pop_back();
     }
@@ -182,8 +232,13 @@ class Checker {
         return value.is_string() ? Status() : wrong("a string", got_of(value));
       case Kind::kNumber:
         return value.is_number() ? Status() : wrong("a number", got_of(value));
+      case Kind::kType:
+        return check_type(value);
       case Kind::kSize:
-        return check_size(value);
+        if (size_of(value)) return {};
+        return wrong("an integer from 0 to 2^53", got_of(value));
+      case Kind::kStride:
+        return check_stride(value);
       case Kind::kIndex:
         return check_index(value, rule.target);
       case Kind::kObject:
@@ -241,15 +296,23 @@ class Checker {
     return {};
   }
 
-  Status check_size(const Json& value) {
-    if (value.is_number_unsigned() && value.get<uint64_t>() <= uint64_t{kSizeMax}) return {};
-    return wrong("an integer from 0 to 2^53", got_of(value));
+  Status check_type(const Json& value) {
+    if (value.is_string() && gltf_component_count(value.get_ref<const std::string&>())) return {};
+    return wrong("SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 or MAT4", got_of(value));
+  }
+
+  Status check_stride(const Json& value) {
+    const auto stride = size_of(value);
+    if (stride && *stride % 4 == 0 && *stride <= 252) return {};
+    return wrong("a multiple of 4 from 4 to 252", got_of(value));
   }
 
   Status check_index(const Json& value, const char* target) {
     const auto array = root_.find(target);
     const size_t count = array != root_.end() && array->is_array() ? array->size() : 0;
-    if (value.is_number_unsigned() && value.get<uint64_t>() < count) return {};
+    const auto index = size_of(value);
+    if (index && *index < count) return {};
+    if (count == 0) return wrong("no index, as there are no " + std::string(target), got_of(value));
     return wrong("an index of one of " + std::to_string(count) + " " + target, got_of(value));
   }
 

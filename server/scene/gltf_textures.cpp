@@ -32,9 +32,7 @@ std::vector<GltfImage> take_gltf_images(nlohmann::json& document) {
     GltfImage image;
     if (element.contains("name")) image.name = element["name"].get<std::string>();
     if (element.contains("bufferView")) image.view = element["bufferView"].get<int>();
-    if (element.contains("uri")) {
-      image.uri = std::move(element["uri"].get_ref<std::string&>());
-    }
+    image.uri = take_uri(element).value_or("");
     images.push_back(std::move(image));
   }
   return images;
@@ -53,15 +51,22 @@ int GltfTextures::use_material(int index) {
         from.name.empty() ? "materials[" + std::to_string(index) + "]" : from.name;
     to.wrap_u = texture.wrap_u;
     to.wrap_v = texture.wrap_v;
-    to.image = texture.image >= 0
-                   ? use_image(texture.image, needed_by)
-                   : refuse("textures[" + std::to_string(from.texture) + "]", needed_by,
-                            "missing-texture", "has no image in a format that voxeld reads");
+    to.image = use_texture(from.texture, needed_by);
   }
   scene_.materials.push_back(std::move(to));
   const int at = static_cast<int>(scene_.materials.size()) - 1;
   materials_.emplace(index, at);
   return at;
+}
+
+int GltfTextures::use_texture(int index, const std::string& needed_by) {
+  const GltfTexture& texture = document_.textures[static_cast<size_t>(index)];
+  if (texture.image >= 0) return use_image(texture.image, needed_by);
+  const std::string in = texture.unread_format.empty()
+                             ? std::string()
+                             : ", only in that of " + shown(texture.unread_format);
+  return refuse("textures[" + std::to_string(index) + "]", needed_by, "missing-texture",
+                "has no image in a format that voxeld reads" + in);
 }
 
 int GltfTextures::use_image(int image, const std::string& needed_by) {
@@ -72,8 +77,7 @@ int GltfTextures::use_image(int image, const std::string& needed_by) {
   return at;
 }
 
-Result<std::optional<std::vector<uint8_t>>> GltfTextures::image_bytes(
-    const GltfImage& image) const {
+Result<std::optional<std::vector<uint8_t>>> GltfTextures::image_bytes(const GltfImage& image) {
   using Bytes = std::optional<std::vector<uint8_t>>;
   if (image.uri.empty()) {
     if (image.view < 0) return Bytes();

@@ -32,7 +32,7 @@ std::vector<GltfImage> take_gltf_images(nlohmann::json& document);
 class GltfTextures {
  public:
   GltfTextures(std::string_view name, const GltfDocument& document, std::vector<GltfImage> images,
-               const GltfAccessors& accessors, const Bundle& bundle, const LoadOptions& options,
+               GltfAccessors& accessors, const Bundle& bundle, const LoadOptions& options,
                Scene& scene)
       : name_(name),
         document_(document),
@@ -48,10 +48,11 @@ class GltfTextures {
   int use_material(int material);
 
  private:
+  int use_texture(int texture, const std::string& needed_by);
   int use_image(int image, const std::string& needed_by);
   int load_image(int image, const std::string& needed_by);
   // nullopt for a file that is not there.
-  Result<std::optional<std::vector<uint8_t>>> image_bytes(const GltfImage& image) const;
+  Result<std::optional<std::vector<uint8_t>>> image_bytes(const GltfImage& image);
   // Adds the warning; -1.
   int refuse(const std::string& label, const std::string& needed_by, std::string_view code,
              const std::string& why);
@@ -59,7 +60,7 @@ class GltfTextures {
   std::string_view name_;
   const GltfDocument& document_;
   std::vector<GltfImage> images_;
-  const GltfAccessors& accessors_;
+  GltfAccessors& accessors_;
   const Bundle& bundle_;
   LoadOptions options_;
   Scene& scene_;

@@ -49,7 +49,8 @@ Result<GltfVertexSource> GltfVertices::open(int node_index, const GltfPrimitive&
   source.path = path;
   const auto position = primitive.attributes.find("POSITION");
   if (position == primitive.attributes.end()) {
-    return malformed_mesh(name_, path + ".attributes.POSITION", "is missing");
+    return malformed_mesh(name_, path + ".attributes.POSITION", "is missing", "an index",
+                          "nothing");
   }
   VOXELD_ASSIGN(source.position,
                 accessors_.open(position->second, {"POSITION", 3, 3, GltfExpected::kFloatOrSmall}));

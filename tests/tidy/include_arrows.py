@@ -35,7 +35,6 @@ ARROWS = {
 }
 # Headers that one module alone may include.
 ONLY_IN = {
-    "tiny_gltf.h": {"server/scene"},
     "sqlite3.h": {"server/jobs"},
     "curl/curl.h": {"client"},
     "zip.h": {"server/scene", "server/formats", "client"},

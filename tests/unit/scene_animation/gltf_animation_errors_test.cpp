@@ -25,8 +25,9 @@ TEST(GltfAnimationErrors, the_schema_is_checked_with_paths) {
   EXPECT_EQ(with("/animations/0/channels/0/target/node", 99),
             "a.gltf animations[0].channels[0].target.node: wrong value: expected an index of one "
             "of 7 nodes, got 99");
-  EXPECT_EQ(with("/animations/0/channels/0/target", Json::object()),
-            "a.gltf animations[0].channels[0].target.path: is missing");
+  EXPECT_EQ(
+      with("/animations/0/channels/0/target", Json::object()),
+      "a.gltf animations[0].channels[0].target.path: is missing: expected a string, got nothing");
   EXPECT_EQ(with("/animations/1/samplers/2/input", -1),
             "a.gltf animations[1].samplers[2].input: wrong value: expected an index of one of " +
                 std::to_string(dancer().json["accessors"].size()) + " accessors, got -1");

@@ -55,7 +55,7 @@ const Case kSchemaCases[] = {
      "malformed-mesh: a.gltf meshes[0].primitives[0].attributes.POSITION: wrong value: expected "
      "an index of one of 2 accessors, got 9"},
     {"missing member", [](GltfBuilder& b) { b.json["accessors"][0].erase("count"); },
-     "malformed-mesh: a.gltf accessors[0].count: is missing"},
+     "malformed-mesh: a.gltf accessors[0].count: is missing: expected an integer, got nothing"},
     {"negative offset", [](GltfBuilder& b) { b.json["bufferViews"][0]["byteOffset"] = -4; },
      "malformed-mesh: a.gltf bufferViews[0].byteOffset: wrong value: expected an integer from 0 "
      "to 2^53, got -4"},
@@ -87,10 +87,22 @@ const Case kRangeCases[] = {
     {"stride below an element", [](GltfBuilder& b) { b.json["bufferViews"][0]["byteStride"] = 8; },
      "malformed-mesh: a.gltf accessors[0]: byteStride is smaller than an element: expected at "
      "least 12, got 8"},
-    {"stride that tinygltf refuses",
-     [](GltfBuilder& b) { b.json["bufferViews"][0]["byteStride"] = 7; },
-     "malformed-mesh: a.gltf: Invalid `byteStride' value. `byteStride' must be the multiple of 4 "
-     ": 7"},
+    {"odd stride", [](GltfBuilder& b) { b.json["bufferViews"][0]["byteStride"] = 7; },
+     "malformed-mesh: a.gltf bufferViews[0].byteStride: wrong value: expected a multiple of 4 from "
+     "4 to 252, got 7"},
+    {"long stride", [](GltfBuilder& b) { b.json["bufferViews"][0]["byteStride"] = 256; },
+     "malformed-mesh: a.gltf bufferViews[0].byteStride: wrong value: expected a multiple of 4 from "
+     "4 to 252, got 256"},
+    {"unknown type", [](GltfBuilder& b) { b.json["accessors"][0]["type"] = "VEC5"; },
+     "malformed-mesh: a.gltf accessors[0].type: wrong value: expected SCALAR, VEC2, VEC3, VEC4, "
+     "MAT2, MAT3 or MAT4, got \"VEC5\""},
+    {"unknown component type",
+     [](GltfBuilder& b) { b.json["accessors"][0]["componentType"] = 5127; },
+     "malformed-mesh: a.gltf accessors[0].componentType: component type of POSITION: expected "
+     "5126, 5120, 5121, 5122 or 5123, got 5127"},
+    {"index into nothing", [](GltfBuilder& b) { b.primitive()["material"] = 0; },
+     "malformed-mesh: a.gltf meshes[0].primitives[0].material: wrong value: expected no index, as "
+     "there are no materials, got 0"},
     {"buffer shorter than said",
      [](GltfBuilder& b) {
        b.json["buffers"] = Json::array({Json{{"byteLength", 100}, {"uri", "data:,abc"}}});
@@ -121,7 +133,7 @@ const Case kRangeCases[] = {
      },
      "unsupported-feature: a.gltf buffers[0]: the data is compressed: expected extensions that "
      "voxeld reads: KHR_mesh_quantization, KHR_texture_transform, KHR_materials_*, "
-     "EXT_texture_webp, got EXT_meshopt_compression"},
+     "EXT_texture_webp, got \"EXT_meshopt_compression\""},
     {"sparse index",
      [](GltfBuilder& b) {
        const int view = b.add_view({9, 0, 0, 0});
@@ -142,13 +154,29 @@ const Case kRangeCases[] = {
                 {"indices", {{"bufferView", 0}, {"componentType", 5121}}},
                 {"values", {{"bufferView", 0}}}};
      },
-     "malformed-mesh: a.gltf accessors[0].sparse: bytes of all sparse accessors: expected at most "
+     "malformed-mesh: a.gltf accessors[0].count: elements of POSITION without a bufferView: "
+     "expected at most 16777216, got 500000000"},
+    {"sparse accessors of many bytes",
+     [](GltfBuilder& b) {
+       const Json none{{"count", 0},
+                       {"indices", {{"bufferView", 0}, {"componentType", 5121}}},
+                       {"values", {{"bufferView", 0}}}};
+       b.json["accessors"][0]["sparse"] = none;
+       b.json["accessors"].push_back(
+           Json{{"componentType", 5126}, {"count", 1 << 24}, {"type", "MAT4"}, {"sparse", none}});
+       b.json["skins"] = Json::array({Json{{"joints", {0}}, {"inverseBindMatrices", 2}}});
+       b.json["nodes"][0]["skin"] = 0;
+       b.attributes()["JOINTS_0"] = b.add_u16(std::vector<uint16_t>(16), "VEC4");
+       b.attributes()["WEIGHTS_0"] = b.add_floats(std::vector<float>(16, 0.25f), "VEC4");
+     },
+     "malformed-mesh: a.gltf accessors[2].sparse: bytes of all sparse accessors: expected at most "
      "1073741824, got more"},
 };
 
 const Case kMeshCases[] = {
     {"no positions", [](GltfBuilder& b) { b.attributes().erase("POSITION"); },
-     "malformed-mesh: a.gltf meshes[0].primitives[0].attributes.POSITION: is missing"},
+     "malformed-mesh: a.gltf meshes[0].primitives[0].attributes.POSITION: is missing: expected an "
+     "index, got nothing"},
     {"index out of range",
      [](GltfBuilder& b) {
        b.primitive()["indices"] = b.add_u16({0, 1, 4});
