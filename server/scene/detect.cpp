@@ -7,6 +7,7 @@
 #include "server/scene/mesh_error.h"
 #include "server/scene/stl.h"
 #include "server/scene/text_cursor.h"
+#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {
@@ -84,7 +85,9 @@ bool looks_like_obj(std::string_view text) {
 }
 
 std::optional<MeshFormat> guessed_format(std::span<const uint8_t> bytes) {
-  const std::string_view head = as_text(bytes).substr(0, kHeadBytes);
+  std::string storage;
+  const std::string_view head =
+      plain_text(bytes.first(std::min(bytes.size(), kHeadBytes)), storage);
   if (is_off_keyword(TextCursor(head, '#').token())) return MeshFormat::kOff;
   if (is_binary_stl(bytes)) return MeshFormat::kStl;
   if (TextCursor(head).token() == "solid") return MeshFormat::kStl;

@@ -10,7 +10,7 @@
 #include "server/scene/load.h"
 #include "server/scene/md5_materials.h"
 #include "server/scene/mesh_error.h"
-#include "server/scene/text_cursor.h"
+#include "server/scene/text_file.h"
 #include "server/scene/textures.h"
 
 namespace voxeld {
@@ -91,7 +91,8 @@ MeshPart md5_mesh_part(const Md5Part& part, const std::vector<Md5Joint>& joints)
 
 Result<Scene> load_md5(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                        const LoadOptions& options) {
-  VOXELD_ASSIGN(Md5Mesh mesh, parse_md5_mesh(name, as_text(bytes)));
+  std::string storage;
+  VOXELD_ASSIGN(Md5Mesh mesh, parse_md5_mesh(name, plain_text(bytes, storage)));
   return md5_scene(name, mesh, bundle, options);
 }
 

@@ -8,6 +8,7 @@
 #include "server/scene/bundle_names.h"
 #include "server/scene/md5_lexer.h"
 #include "server/scene/text_cursor.h"
+#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {
@@ -105,7 +106,8 @@ Md5Images::Md5Images(const Bundle& bundle, std::string from) : from_(std::move(f
     const std::string name = folded(entry.name);
     if (!name.ends_with(".mtr")) continue;
     const auto bytes = bundle.find(entry.name, "");
-    if (bytes && *bytes) materials_.merge(parse_mtr(as_text(**bytes)));
+    std::string storage;
+    if (bytes && *bytes) materials_.merge(parse_mtr(plain_text(**bytes, storage)));
   }
 }
 

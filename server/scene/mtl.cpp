@@ -15,9 +15,9 @@ struct MapOption {
   std::string_view name;
   int value_count;
 };
-constexpr MapOption kMapOptions[] = {{"-blendu", 1}, {"-blendv", 1}, {"-boost", 1}, {"-mm", 2},
-                                     {"-texres", 1}, {"-clamp", 1},  {"-bm", 1},    {"-imfchan", 1},
-                                     {"-cc", 1},     {"-type", 1}};
+constexpr MapOption kMapOptions[] = {
+    {"-blendu", 1}, {"-blendv", 1},  {"-boost", 1}, {"-mm", 2},   {"-texres", 1},    {"-clamp", 1},
+    {"-bm", 1},     {"-imfchan", 1}, {"-cc", 1},    {"-type", 1}, {"-colorspace", 1}};
 
 class MtlReader {
  public:
@@ -80,7 +80,7 @@ class MtlReader {
     return number;
   }
 
-  static void read_map(LineCursor words, MtlMaterial& material) {
+  void read_map(LineCursor words, MtlMaterial& material) {
     for (;;) {
       LineCursor ahead = words;
       const std::string_view word = ahead.token();
@@ -92,14 +92,14 @@ class MtlReader {
   }
 
   // Reads the values of one option; false for a word that is no option.
-  static bool read_map_option(std::string_view option, LineCursor& words, MtlMaterial& material) {
+  bool read_map_option(std::string_view option, LineCursor& words, MtlMaterial& material) {
     if (option == "-o" || option == "-s" || option == "-t") {
       glm::vec2 value{option == "-s" ? 1.0f : 0.0f};
       for (int i = 0; i < 3; ++i) {
         LineCursor ahead = words;
-        const auto number = parse_number(ahead.token());
+        const auto number = parse_number_or_nan(ahead.token());
         if (!number) break;
-        if (i < 2) value[i] = static_cast<float>(*number);
+        if (i < 2 && is_coordinate(*number)) value[i] = static_cast<float>(*number);
         words = ahead;
       }
       if (option == "-o") material.map_offset = value;
@@ -110,11 +110,24 @@ class MtlReader {
         std::find_if(std::begin(kMapOptions), std::end(kMapOptions),
                      [&](const MapOption& candidate) { return candidate.name == option; });
     if (known == std::end(kMapOptions)) return false;
-    for (int i = 0; i < known->value_count; ++i) {
-      const std::string_view value = words.token();
-      if (option == "-clamp") material.map_clamp = value == "on";
+    std::string_view first, second;
+    if (known->value_count > 0) first = words.token();
+    if (known->value_count > 1) second = words.token();
+    if (option == "-clamp") material.map_clamp = first == "on";
+    if (option == "-mm" && (parse_number(first) != 0.0 || parse_number(second) != 1.0)) {
+      warn_map(std::string(option) + " " + std::string(first) + " " + std::string(second),
+               "as it is");
+    }
+    if (option == "-colorspace" && !equals_ignoring_case(first, "sRGB")) {
+      warn_map(std::string(option) + " " + std::string(first), "as sRGB");
     }
     return true;
+  }
+
+  void warn_map(const std::string& option, std::string_view taken) {
+    add_warning(scene_, "ignored-map-option",
+                std::string(name_) + " line " + std::to_string(cursor_.line()) + ": map_Kd " +
+                    option + ": the texture is taken " + std::string(taken));
   }
 
   std::string_view name_;
@@ -133,6 +146,16 @@ float alpha_of(const MtlMaterial& mtl, Scene& scene) {
 }
 
 }  // namespace
+
+std::string_view before_comment(std::string_view name) {
+  LineCursor words(name);
+  words.token();
+  for (std::string_view word = words.token(); !word.empty(); word = words.token()) {
+    if (word[0] == '#')
+      return trimmed(name.substr(0, static_cast<size_t>(word.data() - name.data())));
+  }
+  return name;
+}
 
 std::vector<MtlMaterial> parse_mtl(std::string_view name, std::string_view text, Scene& scene) {
   return MtlReader(name, text, scene).read();

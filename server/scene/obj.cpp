@@ -4,6 +4,8 @@
 //
 // Colours of vertices ("v x y z r g b") are taken as sRGB, and as 0..255 where any component of the
 // file is above kUnitColorMax. Texture coordinates are flipped: OBJ's origin is the bottom left.
+#include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <tuple>
@@ -20,6 +22,7 @@
 #include "server/scene/obj_file.h"
 #include "server/scene/polygon_sink.h"
 #include "server/scene/text_cursor.h"
+#include "server/scene/text_file.h"
 #include "server/scene/textures.h"
 #include "server/scene/vertex_table.h"
 
@@ -27,6 +30,11 @@ namespace voxeld {
 namespace {
 
 constexpr float kUnitColorMax = 1.5f;
+// Material files that all "mtllib" lines name, and words of one that is not there: further ones are
+// not looked for. Words of a texture statement behind options that are not known.
+constexpr size_t kLibraryNamesMax = 100;
+constexpr size_t kLibraryNameWordsMax = 16;
+constexpr size_t kMapWordsMax = 16;
 
 bool is_image_name(std::string_view name) {
   const size_t dot = name.rfind('.');
@@ -46,13 +54,18 @@ class ObjLoader {
         bundle_(bundle),
         textures_(scene_, bundle, std::string(name), options),
         sink_(name),
-        table_(file_.positions.size()) {}
+        table_(file_.positions.size()) {
+    for (const Bundle::Entry& entry : bundle.entries()) bundle_names_.push_back(entry.name);
+  }
 
   Result<Scene> load() {
     scene_.format = "obj";
     for (const std::string& word : file_.ignored) {
       add_warning(scene_, "ignored-statement",
                   std::string(name_) + ": statements " + shown(word) + " were left out");
+    }
+    for (Warning& warning : file_.warnings) {
+      add_warning(scene_, warning.code, std::move(warning.detail));
     }
     if (file_.faces.empty()) return empty_mesh(name_, "no faces");
     read_libraries();
@@ -79,22 +92,50 @@ class ObjLoader {
     }
   };
 
-  // A line names one file with blanks in its name, or several.
   void read_libraries() {
     for (const std::string& line : file_.libraries) {
-      if (read_library(line)) continue;
-      std::vector<std::string_view> missing;
-      size_t word_count = 0;
-      LineCursor words(line);
-      for (std::string_view word = words.token(); !word.empty(); word = words.token()) {
-        ++word_count;
-        if (word_count > kSceneWarningsMax) break;
-        if (!read_library(word)) missing.push_back(word);
+      for (const std::string_view name : library_names(line)) {
+        if (library_name_count_++ == kLibraryNamesMax) return;
+        read_libraries_of(name);
       }
-      // With none of the words found, the line as a whole is the better name for what is missing.
-      if (missing.size() == word_count) missing.assign(1, line);
-      for (const std::string_view word : missing) missing_library(word);
     }
+  }
+
+  // A line names one file or several, each with blanks in its name or without, which end with
+  // ".mtl" or with the line. A comment may follow.
+  static std::vector<std::string_view> library_names(std::string_view line) {
+    std::vector<std::string_view> names;
+    size_t begin = line.npos;  // of the next name
+    LineCursor words(line);
+    for (std::string_view word = words.token(); !word.empty(); word = words.token()) {
+      const auto at = static_cast<size_t>(word.data() - line.data());
+      if (begin == line.npos) {
+        if (!names.empty() && word[0] == '#') return names;
+        begin = at;
+      }
+      const std::string_view end = word.substr(word.size() - std::min<size_t>(word.size(), 4));
+      if (!equals_ignoring_case(end, ".mtl")) continue;
+      names.push_back(line.substr(begin, at + word.size() - begin));
+      begin = line.npos;
+    }
+    if (begin != line.npos) names.push_back(trimmed(line.substr(begin)));
+    return names;
+  }
+
+  // One name, or words that are names.
+  void read_libraries_of(std::string_view name) {
+    if (read_library(name)) return;
+    name = before_comment(name);
+    std::vector<std::string_view> missing;
+    size_t word_count = 0;
+    LineCursor words(name);
+    for (std::string_view word = words.token(); !word.empty(); word = words.token()) {
+      if (++word_count > kLibraryNameWordsMax) break;
+      if (!read_library(word)) missing.push_back(word);
+    }
+    // With none of the words found, the whole is the better name for what is missing.
+    if (missing.size() == word_count) missing.assign(1, name);
+    for (const std::string_view word : missing) missing_library(word);
   }
 
   bool read_library(std::string_view reference) {
@@ -106,11 +147,43 @@ class ObjLoader {
       return true;
     }
     if (!*bytes) return false;
-    for (MtlMaterial& material : parse_mtl(reference, as_text(**bytes), scene_)) {
+    std::string storage;
+    for (MtlMaterial& material : parse_mtl(reference, plain_text(**bytes, storage), scene_)) {
       std::string key = material.name;
       library_.emplace(std::move(key), std::move(material));
     }
     return true;
+  }
+
+  // The material that "usemtl" means; null for none.
+  const MtlMaterial* find_material(std::string_view name) {
+    for (const std::string_view candidate : {name, before_comment(name)}) {
+      const auto found = library_.find(candidate);
+      if (found != library_.end()) return &found->second;
+    }
+    if (by_short_name_.empty()) {
+      for (const auto& [full, material] : library_) {
+        by_short_name_.emplace(before_comment(full), &material);
+      }
+    }
+    const auto found = by_short_name_.find(before_comment(name));
+    return found == by_short_name_.end() ? nullptr : found->second;
+  }
+
+  // What a texture statement names: all of it, or without a comment behind it and options that are
+  // not known before it, whatever is in the upload.
+  std::string_view texture_name(std::string_view text) const {
+    std::string_view left = text;
+    for (size_t i = 0; i < kMapWordsMax && !left.empty(); ++i) {
+      for (const std::string_view candidate : {left, before_comment(left)}) {
+        if (resolve_reference(bundle_names_, candidate, name_)) return candidate;
+      }
+      if (text[0] != '-') break;
+      LineCursor words(left);
+      words.token();
+      left = words.rest();
+    }
+    return before_comment(text);
   }
 
   void missing_library(std::string_view reference) {
@@ -124,23 +197,26 @@ class ObjLoader {
   // Index into scene_.materials of the file's material; only used ones get there.
   int material_index(uint32_t number) {
     if (number == 0) return -1;
-    const auto [found, is_new] = material_indices_.try_emplace(number, 0);
+    const std::string_view written = file_.materials[number];
+    const MtlMaterial* mtl = find_material(written);
+    const std::string material_name(
+        mtl != nullptr && mtl->name == written ? written : before_comment(written));
+    const auto [found, is_new] = material_indices_.try_emplace(material_name, 0);
     if (!is_new) return found->second;
-    const std::string& material_name = file_.materials[number];
-    const auto mtl = library_.find(material_name);
     Material material;
-    if (mtl == library_.end()) {
+    if (mtl == nullptr) {
       material.name = material_name;
       add_warning(scene_, "missing-material",
                   std::string(name_) + ": material " + shown(material_name) +
                       " is in none of its material files; taken as white");
     } else {
-      material = material_of(mtl->second, scene_);
-      if (mtl->second.kd) scene_.colors_given = true;
-      if (!mtl->second.map_kd.empty()) {
+      material = material_of(*mtl, scene_);
+      material.name = material_name;
+      if (mtl->kd) scene_.colors_given = true;
+      if (!mtl->map_kd.empty()) {
         any_map_ = true;
         material.image =
-            textures_.image_index(mtl->second.map_kd, "material " + shown(material_name));
+            textures_.image_index(texture_name(mtl->map_kd), "material " + shown(material_name));
       }
     }
     scene_.materials.push_back(std::move(material));
@@ -159,8 +235,7 @@ class ObjLoader {
       part.mesh = meshes_.index_of(state.object, [&] { return file_.names[state.object]; });
       part.node = part.mesh;
       part.group = groups_.index_of(state.group, [&] { return file_.names[state.group]; });
-      const auto mtl = library_.find(file_.materials[state.material]);
-      maps_.push_back(mtl == library_.end() ? nullptr : &mtl->second);
+      maps_.push_back(find_material(file_.materials[state.material]));
     }
     return found->second;
   }
@@ -202,6 +277,7 @@ class ObjLoader {
   // "-s" and "-o" of the material's map, then from bottom left to top left.
   static glm::vec2 texel_uv(glm::vec2 uv, const MtlMaterial* mtl) {
     if (mtl != nullptr) uv = uv * mtl->map_scale + mtl->map_offset;
+    if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) uv = glm::vec2(0.0f);
     return {uv.x, 1.0f - uv.y};
   }
 
@@ -250,8 +326,11 @@ class ObjLoader {
   TextureSet textures_;
   PolygonSink sink_;
   NameList<uint32_t> meshes_{scene_.meshes}, groups_{scene_.groups};
+  std::vector<std::string> bundle_names_;
+  size_t library_name_count_ = 0;
   std::map<std::string, MtlMaterial, std::less<>> library_;
-  std::map<uint32_t, int> material_indices_;
+  std::map<std::string_view, const MtlMaterial*> by_short_name_;  // without comments
+  std::map<std::string, int> material_indices_;                   // by name
   std::map<PartKey, uint32_t> part_indices_;
   std::vector<const MtlMaterial*> maps_;  // per part
   std::optional<PartKey> last_key_;
@@ -266,7 +345,8 @@ class ObjLoader {
 
 Result<Scene> load_obj(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                        const LoadOptions& options) {
-  VOXELD_ASSIGN(ObjFile file, read_obj_file(name, as_text(bytes)));
+  std::string storage;
+  VOXELD_ASSIGN(ObjFile file, read_obj_file(name, plain_text(bytes, storage)));
   return ObjLoader(name, std::move(file), bundle, options).load();
 }
 

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -16,6 +18,7 @@ namespace {
 // Materials, and other words, that one file may name: malformed-mesh above.
 constexpr size_t kNamesMax = 65'536;
 constexpr size_t kIgnoredWordsMax = 20;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // Statements that say nothing of surfaces made of polygons.
 constexpr std::string_view kSkipped[] = {"s",         "l",        "p",       "vp",     "mg",
                                          "lod",       "bevel",    "usemap",  "maplib", "shadow_obj",
@@ -36,10 +39,45 @@ class ObjReader {
       VOXELD_TRY(read_statement(next_line()));
     }
     VOXELD_TRY(check_corners());
+    warn_dropped();
     return std::move(file_);
   }
 
  private:
+  // How often something was dropped, and the first time.
+  struct Dropped {
+    int64_t count = 0;
+    std::string first;
+    void add(int64_t line, const std::string& expected, const std::string& got) {
+      if (count++ > 0) return;
+      first = "line " + std::to_string(line) + (expected.empty() ? "" : ", expected " + expected) +
+              ", got " + got;
+    }
+  };
+
+  // A kind of attribute that corners refer to.
+  struct Attribute {
+    std::string_view index_name;
+    Dropped bad_indices, bad_values;
+  };
+
+  void warn(const Dropped& dropped, const std::string& what, std::string_view outcome) {
+    if (dropped.count == 0) return;
+    file_.warnings.push_back({"dropped-attribute", std::string(name_) + ": " +
+                                                       std::to_string(dropped.count) + " " + what +
+                                                       " (first: " + dropped.first + "); " +
+                                                       std::string(outcome)});
+  }
+
+  void warn_dropped() {
+    constexpr std::string_view kNone = "their faces have none";
+    warn(uv_.bad_indices, "texture coordinate indices are out of range", kNone);
+    warn(uv_.bad_values, "texture coordinates are not finite", kNone);
+    warn(normal_.bad_indices, "normal indices are out of range", kNone);
+    warn(normal_.bad_values, "normals are not finite", kNone);
+    warn(bad_colors_, "colours of vertices are not finite", "they are taken as white");
+  }
+
   std::string_view next_physical_line() {
     ++line_;
     const void* newline = std::memchr(left_.data(), '\n', left_.size());
@@ -82,10 +120,10 @@ class ObjReader {
     if (keyword == "vt") return read_uv(line);
     if (keyword == "vn") return read_normal(line);
     if (keyword == "usemtl") return set_material(line.rest());
-    if (keyword == "o") return set_name(line.rest(), state_.object);
+    if (keyword == "o") return set_name(without_remark(line.rest()), state_.object);
     if (keyword == "g") return set_name(joined_words(line), state_.group);
     if (keyword == "mtllib") {
-      if (file_.libraries.size() < kSceneWarningsMax) file_.libraries.emplace_back(line.rest());
+      add_library(line.rest());
       return {};
     }
     return skip(keyword);
@@ -106,22 +144,35 @@ class ObjReader {
     return {};
   }
 
-  // Reads up to values.size() numbers; fewer than `at_least` are an error.
+  // Some exporters repeat the line for every object.
+  void add_library(std::string_view line) {
+    std::vector<std::string>& lines = file_.libraries;
+    const bool is_known = std::find(lines.begin(), lines.end(), line) != lines.end();
+    if (!is_known && lines.size() < kSceneWarningsMax) lines.emplace_back(line);
+  }
+
+  // Reads up to values.size() numbers; fewer than `at_least` are an error. From the number
+  // `may_be_bad` on they may be none that is finite: NaN.
   Result<size_t> read_numbers(LineCursor& line, std::string_view what, size_t at_least,
-                              std::span<double> values) {
+                              size_t may_be_bad, std::span<double> values, Dropped& dropped) {
+    bool any_bad = false;
     size_t count = 0;
     while (count < values.size()) {
       const std::string_view word = line.token();
       if (word.empty() || word[0] == '#') break;
-      const auto number = parse_number(word);
-      if (!number || !is_coordinate(*number)) {
+      auto number = parse_number_or_nan(word);
+      const bool is_bad = number && !is_coordinate(*number);
+      if (!number || (is_bad && count < may_be_bad)) {
         return malformed(what, "finite numbers up to 1e30", shown(word));
       }
-      values[count++] = *number;
+      if (is_bad && !any_bad) dropped.add(statement_line_, "", shown(word));
+      any_bad = any_bad || is_bad;
+      values[count++] = is_bad ? kNan : *number;
     }
     if (count < at_least) {
-      return malformed(what, "at least " + std::to_string(at_least) + " numbers",
-                       std::to_string(count));
+      return malformed(
+          what, "at least " + std::to_string(at_least) + (at_least == 1 ? " number" : " numbers"),
+          std::to_string(count));
     }
     return count;
   }
@@ -134,10 +185,12 @@ class ObjReader {
   // "v x y z", "v x y z w" (the weight is for curves), "v x y z r g b", "v x y z r g b a".
   Status read_vertex(LineCursor& line) {
     std::array<double, 7> n{};
-    VOXELD_ASSIGN(const size_t count, read_numbers(line, "vertex", 3, n));
+    Dropped bad;
+    VOXELD_ASSIGN(const size_t count, read_numbers(line, "vertex", 3, 3, n, bad));
     VOXELD_TRY(check_count("too many vertices", file_.positions.size()));
     file_.positions.emplace_back(n[0], n[1], n[2]);
-    if (count >= 6) {
+    if (count >= 6 && bad.count > 0 && bad_colors_.count++ == 0) bad_colors_.first = bad.first;
+    if (count >= 6 && bad.count == 0) {
       file_.colors.resize(file_.positions.size() - 1, glm::vec4(-1.0f));
       const glm::vec4 color(n[3], n[4], n[5], count == 7 ? n[6] : 1.0);
       file_.colors.push_back(color);
@@ -150,8 +203,7 @@ class ObjReader {
 
   Status read_uv(LineCursor& line) {
     std::array<double, 2> n{};
-    VOXELD_ASSIGN(const size_t count, read_numbers(line, "texture coordinate", 1, n));
-    static_cast<void>(count);
+    VOXELD_TRY(read_numbers(line, "texture coordinate", 1, 0, n, uv_.bad_values));
     VOXELD_TRY(check_count("too many texture coordinates", file_.uvs.size()));
     file_.uvs.emplace_back(static_cast<float>(n[0]), static_cast<float>(n[1]));
     return {};
@@ -160,10 +212,17 @@ class ObjReader {
   Status read_normal(LineCursor& line) {
     VOXELD_TRY(check_count("too many normals", file_.normals.size()));
     std::array<double, 3> n{};
+    bool is_bad = false;
     for (double& x : n) {
       // NaN normals come from degenerate faces of real exporters and are not worth a refusal.
-      x = parse_number(line.token()).value_or(0.0);
+      const std::string_view word = line.token();
+      const auto number = parse_number(word);
+      x = number.value_or(0.0);
+      if (number || is_bad) continue;
+      is_bad = true;
+      normal_.bad_values.add(statement_line_, "", word.empty() ? "fewer numbers" : shown(word));
     }
+    if (is_bad) n.fill(0.0);
     file_.normals.emplace_back(static_cast<float>(n[0]), static_cast<float>(n[1]),
                                static_cast<float>(n[2]));
     return {};
@@ -184,10 +243,32 @@ class ObjReader {
     return static_cast<uint32_t>(index - 1);
   }
 
-  Error index_error(int64_t line, std::string_view what, size_t count, std::string got) const {
+  // The same of an attribute, which may be missing: kNone where it is out of range.
+  Result<uint32_t> read_attribute(std::string_view word, Attribute& attribute, size_t count) {
+    int64_t index = 0;
+    const char* end = word.data() + word.size();
+    const auto [stop, error] = std::from_chars(word.data(), end, index);
+    if (stop != end || error == std::errc::invalid_argument) {
+      return malformed(attribute.index_name, "a number", shown(word));
+    }
+    if (index < 0) index += static_cast<int64_t>(count) + 1;
+    if (error == std::errc() && index >= 1 && index < int64_t{UINT32_MAX}) {
+      return static_cast<uint32_t>(index - 1);
+    }
+    attribute.bad_indices.add(statement_line_, range_of(count), std::string(word.substr(0, 40)));
+    return ObjCorner::kNone;
+  }
+
+  // What an index into `count` things may be.
+  static std::string range_of(size_t count) {
+    if (count == 0) return "none, as none are given";
+    if (count == 1) return "1 or -1";
     const std::string n = std::to_string(count);
-    return malformed_line(name_, line, std::string(what) + " out of range",
-                          count == 0 ? "none, as none are given" : "1.." + n + " or -" + n + "..-1",
+    return "1.." + n + " or -" + n + "..-1";
+  }
+
+  Error index_error(int64_t line, std::string_view what, size_t count, std::string got) const {
+    return malformed_line(name_, line, std::string(what) + " out of range", range_of(count),
                           std::move(got));
   }
 
@@ -202,10 +283,10 @@ class ObjReader {
       const std::string_view vt = word.substr(first + 1, second - first - 1);
       const std::string_view vn = second < word.size() ? word.substr(second + 1) : "";
       if (!vt.empty()) {
-        VOXELD_ASSIGN(corner.vt, read_index(vt, "texture coordinate index", file_.uvs.size()));
+        VOXELD_ASSIGN(corner.vt, read_attribute(vt, uv_, file_.uvs.size()));
       }
       if (!vn.empty()) {
-        VOXELD_ASSIGN(corner.vn, read_index(vn, "normal index", file_.normals.size()));
+        VOXELD_ASSIGN(corner.vn, read_attribute(vn, normal_, file_.normals.size()));
       }
     }
     file_.corners.push_back(corner);
@@ -235,21 +316,30 @@ class ObjReader {
   }
 
   // Indices may point forward, so all are checked at the end.
-  Status check_corners() const {
-    const ObjCorner* corner = file_.corners.data();
+  Status check_corners() {
+    ObjCorner* corner = file_.corners.data();
     for (const ObjFace& face : file_.faces) {
       for (uint32_t i = 0; i < face.corner_count; ++i, ++corner) {
-        VOXELD_TRY(check_index(face, "vertex index", corner->v, file_.positions.size()));
-        VOXELD_TRY(check_index(face, "texture coordinate index", corner->vt, file_.uvs.size()));
-        VOXELD_TRY(check_index(face, "normal index", corner->vn, file_.normals.size()));
+        if (corner->v >= file_.positions.size()) {
+          return index_error(face.line, "vertex index", file_.positions.size(),
+                             std::to_string(uint64_t{corner->v} + 1));
+        }
+        check_attribute(face, uv_, file_.uvs.size(), corner->vt);
+        check_attribute(face, normal_, file_.normals.size(), corner->vn);
+        // Numbers that are not finite were told of where they stand.
+        if (corner->vt != ObjCorner::kNone && !is_finite(file_.uvs[corner->vt])) {
+          corner->vt = ObjCorner::kNone;
+        }
       }
     }
     return {};
   }
-  Status check_index(const ObjFace& face, std::string_view what, uint32_t index,
-                     size_t count) const {
-    if (index < count || index == ObjCorner::kNone) return {};
-    return index_error(face.line, what, count, std::to_string(uint64_t{index} + 1));
+  static bool is_finite(const glm::vec2& uv) { return std::isfinite(uv.x) && std::isfinite(uv.y); }
+  static void check_attribute(const ObjFace& face, Attribute& attribute, size_t count,
+                              uint32_t& index) {
+    if (index < count || index == ObjCorner::kNone) return;
+    attribute.bad_indices.add(face.line, range_of(count), std::to_string(uint64_t{index} + 1));
+    index = ObjCorner::kNone;
   }
 
   uint32_t current_state() {
@@ -274,10 +364,14 @@ class ObjReader {
   // A face of several groups ("g arm left") belongs to a group of all their names.
   static std::string joined_words(LineCursor& line) {
     std::string words;
-    for (std::string_view word = line.token(); !word.empty(); word = line.token()) {
+    for (std::string_view word = line.token(); !word.empty() && word != "#"; word = line.token()) {
       words.append(words.empty() ? "" : " ").append(word);
     }
     return words;
+  }
+  // "#2" is a part of a name, "# 2" is none.
+  static std::string_view without_remark(std::string_view name) {
+    return trimmed(name.substr(0, std::min(name.find(" # "), name.size())));
   }
   Status set_name(std::string_view text, uint32_t& current) {
     // More names than parts may have are not kept.
@@ -320,6 +414,8 @@ class ObjReader {
   ObjState state_;
   uint32_t state_index_ = 0;
   bool state_changed_ = true;
+  Attribute uv_{"texture coordinate index", {}, {}}, normal_{"normal index", {}, {}};
+  Dropped bad_colors_;
   int64_t triangle_count_ = 0;
   std::map<ObjState, uint32_t> states_;
   std::map<std::string, uint32_t, std::less<>> material_numbers_, name_numbers_;
@@ -328,8 +424,6 @@ class ObjReader {
 }  // namespace
 
 Result<ObjFile> read_obj_file(std::string_view name, std::string_view text) {
-  constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-  if (text.substr(0, 3) == kByteOrderMark) text.remove_prefix(3);
   return ObjReader(name, text).read();
 }
 

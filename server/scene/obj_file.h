@@ -11,6 +11,7 @@
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
 
+#include "proto/job.h"
 #include "proto/result.h"
 
 namespace voxeld {
@@ -40,7 +41,8 @@ struct ObjFace {
 
 struct ObjFile {
   std::vector<glm::dvec3> positions;
-  std::vector<glm::vec4> colors;   // as written, alpha 1; empty, or as long as positions
+  // As written, or alpha 1; negative where a vertex has none; empty, or as long as positions.
+  std::vector<glm::vec4> colors;
   float color_max = 0.0f;          // of all components
   std::vector<glm::vec2> uvs;      // as written: (0,0) is the bottom left
   std::vector<glm::vec3> normals;  // as written
@@ -50,13 +52,16 @@ struct ObjFile {
   std::vector<std::string> names{""};      // of objects and groups; 0: none
   bool names_dropped = false;              // some faces are told apart by their material alone
   std::vector<std::string> materials{""};  // of "usemtl"; 0: none
-  std::vector<std::string> libraries;      // "mtllib" lines, names as written
+  std::vector<std::string> libraries;      // "mtllib" lines as written, each once
   std::vector<std::string> ignored;        // keywords that were left out, each once
+  std::vector<Warning> warnings;           // attributes that were dropped
 };
 
 // Reads all statements. v (with optional weight or colour), vt, vn, f, o, g, usemtl, mtllib count;
 // points, lines, smoothing and the like are skipped; other words go to `ignored`. A backslash at
-// the end of a line continues it. Errors: malformed-mesh with the line.
+// the end of a line continues it. What is wrong with an attribute costs that attribute alone, with
+// a warning: a texture coordinate or normal whose index is out of range or whose numbers are not
+// finite is kNone in its corners, and such a colour is none. Errors: malformed-mesh with the line.
 Result<ObjFile> read_obj_file(std::string_view name, std::string_view text);
 
 }  // namespace voxeld

@@ -9,6 +9,7 @@
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
+#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {
@@ -157,7 +158,8 @@ Result<Scene> load_off(std::string_view name, std::span<const uint8_t> bytes) {
   const std::string_view keyword = head.token();
   const int64_t line = head.line();
   if (keyword.find("OFF") == keyword.npos || head.token_on_line() != "BINARY") {
-    return load_off_text(name, as_text(bytes));
+    std::string storage;
+    return load_off_text(name, plain_text(bytes, storage));
   }
   VOXELD_ASSIGN(const OffPrefixes prefixes, off_prefixes(name, line, keyword));
   const std::string_view rest = head.rest_of_line();

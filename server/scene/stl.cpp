@@ -12,6 +12,7 @@
 // Normals of the file are dropped: they follow from the vertices, and many writers leave zeros.
 #include "server/scene/stl.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <optional>
@@ -21,6 +22,7 @@
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
+#include "server/scene/text_file.h"
 #include "server/scene/vertex_table.h"
 
 namespace voxeld {
@@ -30,6 +32,7 @@ constexpr size_t kHeaderBytes = 80;
 constexpr size_t kFirstTriangle = 84;
 constexpr size_t kTriangleBytes = 50;
 constexpr size_t kAttributeOffset = 48;
+constexpr size_t kTextHeadBytes = 512;  // even, as UTF-16 is
 
 uint32_t read_u32(const uint8_t* at) {
   return uint32_t{at[0]} | uint32_t{at[1]} << 8 | uint32_t{at[2]} << 16 | uint32_t{at[3]} << 24;
@@ -148,10 +151,14 @@ Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> by
 Result<Scene> load_stl(std::string_view name, std::span<const uint8_t> bytes) {
   if (is_binary_stl(bytes)) return load_stl_binary(name, bytes);
   // Text never holds NUL; a binary header of 80 bytes mostly does.
-  const std::string_view head = as_text(bytes).substr(0, 512);
+  std::string storage;
+  const std::string_view head =
+      plain_text(bytes.first(std::min(bytes.size(), kTextHeadBytes)), storage);
   const bool text =
       equals_ignoring_case(TextCursor(head).token(), "solid") && head.find('\0') == head.npos;
-  return text ? load_stl_ascii(name, as_text(bytes)) : load_stl_binary(name, bytes);
+  if (!text) return load_stl_binary(name, bytes);
+  std::string text_storage;
+  return load_stl_ascii(name, plain_text(bytes, text_storage));
 }
 
 }  // namespace voxeld

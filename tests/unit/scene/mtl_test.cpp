@@ -40,6 +40,20 @@ TEST(Mtl, options_of_maps_are_read_or_skipped) {
   EXPECT_TRUE(m.map_clamp);
 }
 
+TEST(Mtl, options_of_colour_spaces_are_read_and_those_that_change_colours_are_told) {
+  Scene scene;
+  EXPECT_EQ(parse_one("map_Kd -colorspace sRGB -s nan 2 a.png\n", &scene).map_kd, "a.png");
+  EXPECT_THAT(scene.warnings, testing::IsEmpty());
+  EXPECT_EQ(parse_one("map_Kd -colorspace linear a.png\nmap_Kd -mm 0 2 b.png\n", &scene).map_kd,
+            "b.png");
+  ASSERT_EQ(scene.warnings.size(), 2u);
+  EXPECT_EQ(scene.warnings[0].code, "ignored-map-option");
+  EXPECT_EQ(scene.warnings[0].detail,
+            "a.mtl line 2: map_Kd -colorspace linear: the texture is taken as sRGB");
+  EXPECT_EQ(scene.warnings[1].detail,
+            "a.mtl line 3: map_Kd -mm 0 2: the texture is taken as it is");
+}
+
 TEST(Mtl, names_that_look_like_options_are_names) {
   EXPECT_EQ(parse_one("map_Kd -my-texture.png").map_kd, "-my-texture.png");
   EXPECT_EQ(parse_one("map_Kd").map_kd, "");

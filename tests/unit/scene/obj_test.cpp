@@ -185,7 +185,7 @@ TEST(Obj, mistakes_are_told_with_line_and_expectation) {
       {"v 0 0 nan\n", "a.obj line 1: vertex: expected finite numbers up to 1e30, got \"nan\""},
       {"\nv 0 1e31 0\n", "a.obj line 2: vertex: expected finite numbers up to 1e30, got \"1e31\""},
       {"v 0 0 0 red\n", "a.obj line 1: vertex: expected finite numbers up to 1e30, got \"red\""},
-      {"vt\n", "a.obj line 1: texture coordinate: expected at least 1 numbers, got 0"},
+      {"vt\n", "a.obj line 1: texture coordinate: expected at least 1 number, got 0"},
       {square + "f 1 2\n", "a.obj line 5: face: expected at least 3 corners, got 2"},
       {square + "f 1 2 9\n",
        "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 9"},
@@ -203,10 +203,16 @@ TEST(Obj, mistakes_are_told_with_line_and_expectation) {
        "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 4294967296"},
       {"f -9 -2 -1\n",
        "a.obj line 1: vertex index out of range: expected none, as none are given, got -9"},
-      {square + "vt 0 0\nf 1/1 2/1 3/2\n",
-       "a.obj line 6: texture coordinate index out of range: expected 1..1 or -1..-1, got 2"},
-      {square + "f 1//1 2//1 3//1\n",
-       "a.obj line 5: normal index out of range: expected none, as none are given, got 1"},
+      {"v 0 0 0\nf 1 1 2\n", "a.obj line 2: vertex index out of range: expected 1 or -1, got 2"},
+      {square + "f 1/x 2/x 3/x\n",
+       "a.obj line 5: texture coordinate index: expected a number, got \"x\""},
+      {square + "f 1//1z 2//1 3//1\n", "a.obj line 5: normal index: expected a number, got \"1z\""},
+      {"v 0 0 0 1 0 red\n",
+       "a.obj line 1: vertex: expected finite numbers up to 1e30, got \"red\""},
+      {"v nan 0 0 1 0 0\n",
+       "a.obj line 1: vertex: expected finite numbers up to 1e30, got \"nan\""},
+      {"vt one\n",
+       "a.obj line 1: texture coordinate: expected finite numbers up to 1e30, got \"one\""},
       {square + "f 1 2 \\\n\\\n 7\n",
        "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 7"},
       {square, "a.obj: no faces"},
@@ -219,6 +225,82 @@ TEST(Obj, mistakes_are_told_with_line_and_expectation) {
        "\"\\x89PNG\\x00\\x01\""}};
   for (const Case& c : cases)
     EXPECT_EQ(message_of(load_text("a.obj", c.text)), c.message) << c.text;
+}
+
+// Exporters that drop unused coordinates leave such indices; the geometry is whole.
+TEST(Obj, attributes_that_are_not_there_cost_the_face_its_attribute_alone) {
+  const std::string square = kSquare;
+  struct Case {
+    std::string text;
+    size_t uv_count, normal_count;  // of the parts together
+    std::vector<std::string> warnings;
+  };
+  const Case cases[] = {
+      {"vt 0 0\nf 1/1 2/1 3/2\nf 1/1 3/1 4/1\n",
+       3,
+       0,
+       {"a.obj: 1 texture coordinate indices are out of range (first: line 6, expected 1 or -1, "
+        "got 2); their faces have none"}},
+      {"f 1//1 2//1 3//1\n",
+       0,
+       0,
+       {"a.obj: 3 normal indices are out of range (first: line 5, expected none, as none are "
+        "given, got 1); their faces have none"}},
+      {"vt 0 0\nvt 0 0\nvn 0 0 1\nf 1/0/0 2/0/0 3/0/0\nf 1/-3/-2 3/1/1 4/2/1\n",
+       0,
+       0,
+       {"a.obj: 4 texture coordinate indices are out of range (first: line 8, expected 1..2 or "
+        "-2..-1, got 0); their faces have none",
+        "a.obj: 4 normal indices are out of range (first: line 8, expected 1 or -1, got 0); their "
+        "faces have none"}},
+      {"vt 0 0\nf 1/99999999999999999999 2/4294967295 3/4294967296\n",
+       0,
+       0,
+       {"a.obj: 3 texture coordinate indices are out of range (first: line 6, expected 1 or -1, "
+        "got 99999999999999999999); their faces have none"}},
+      {"vt nan 0\nvt 0 1e31\nvn nan nan nan\nvn 0 0 1\nvn 1.#QNAN -1.#IND 0\n"
+       "f 1/1/2 2/1/2 3/1/2\nf 1/2/1 2/2/1 4/2/3\n",
+       0,
+       3,
+       {"a.obj: 2 texture coordinates are not finite (first: line 5, got \"nan\"); their faces "
+        "have none",
+        "a.obj: 2 normals are not finite (first: line 7, got \"nan\"); their faces have none"}}};
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.text);
+    const auto scene = load_text("a.obj", square + c.text);
+    ASSERT_TRUE(scene) << scene.error().message();
+    test::expect_consistent(*scene);
+    size_t uv_count = 0, normal_count = 0;
+    for (const MeshPart& part : scene->parts) {
+      uv_count += part.uvs.size();
+      normal_count += part.normals.size();
+    }
+    EXPECT_EQ(uv_count, c.uv_count);
+    EXPECT_EQ(normal_count, c.normal_count);
+    std::vector<std::string> warnings;
+    for (const Warning& warning : scene->warnings) {
+      EXPECT_EQ(warning.code, "dropped-attribute");
+      warnings.push_back(warning.detail);
+    }
+    EXPECT_EQ(warnings, c.warnings);
+  }
+}
+
+TEST(Obj, colours_that_are_not_finite_are_white) {
+  const auto scene = load_text("a.obj",
+                               "v 0 0 0 nan nan nan\nv 1 0 0 1 0 0\nv 1 1 0 0 -nan(ind) 0\n"
+                               "v 0 1 0 0 0 1 inf\nf 1 2 3 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  test::expect_consistent(*scene);
+  const auto& colors = scene->parts[0].colors;
+  EXPECT_EQ(colors.at(0), glm::vec4(1.0f));
+  EXPECT_EQ(colors.at(1), glm::vec4(1, 0, 0, 1));
+  EXPECT_EQ(colors.at(2), glm::vec4(1.0f));
+  EXPECT_EQ(colors.at(3), glm::vec4(1.0f));
+  ASSERT_EQ(scene->warnings.size(), 1u);
+  EXPECT_EQ(scene->warnings[0].detail,
+            "a.obj: 3 colours of vertices are not finite (first: line 1, got \"nan\"); they are "
+            "taken as white");
 }
 
 TEST(Obj, a_face_of_too_many_corners_is_refused) {
@@ -259,6 +341,87 @@ TEST(Obj, one_line_may_name_several_material_files) {
   EXPECT_THAT(scene->warnings, testing::IsEmpty());
   EXPECT_EQ(scene->materials[0].base_color, glm::vec4(0, 1, 0, 1));
   EXPECT_EQ(scene->materials[1].base_color, glm::vec4(1, 0, 0, 1));
+}
+
+TEST(Obj, comments_may_follow_names) {
+  MapBundle bundle;
+  bundle.add("a.mtl",
+             "newmtl red # the doors\nKd 1 0 0 # bright\nmap_Kd tex.png # of the doors\n"
+             "newmtl Material #25\nKd 0 1 0\nmap_Kd skin #2.png\n"
+             "newmtl blue\nKd 0 0 1\n");
+  bundle.add("tex.png", "x");
+  bundle.add("skin #2.png", "x");
+  const auto scene = load_with(
+      bundle, std::string("mtllib a.mtl # made by hand in b.mtl\n") + kSquare +
+                  "o door # the left one\nusemtl red\nf 1 2 3\nusemtl red # again\nf 1 2 4\n"
+                  "g all # of them\nusemtl Material #25\nf 1 3 4\nusemtl blue #sky\nf 2 3 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  EXPECT_THAT(scene->warnings, testing::IsEmpty());
+  EXPECT_THAT(scene->missing_files, testing::IsEmpty());
+  ASSERT_EQ(scene->materials.size(), 3u);
+  EXPECT_EQ(scene->materials[0].name, "red");
+  EXPECT_EQ(scene->materials[0].base_color, glm::vec4(1, 0, 0, 1));
+  EXPECT_EQ(scene->images.at(0).name, "tex.png");
+  EXPECT_EQ(scene->materials[1].name, "Material #25");
+  EXPECT_EQ(scene->images.at(1).name, "skin #2.png");
+  EXPECT_EQ(scene->materials[2].base_color, glm::vec4(0, 0, 1, 1));
+  EXPECT_THAT(scene->meshes, testing::ElementsAre("door"));
+  EXPECT_THAT(scene->groups, testing::ElementsAre("", "all"));
+}
+
+// By their folders two names look like one path that ends in the second one.
+TEST(Obj, several_names_with_blanks_and_folders_are_told_apart) {
+  const std::pair<const char*, std::vector<const char*>> cases[] = {
+      {"mats/a.mtl mats/b.mtl", {"mats/a.mtl", "mats/b.mtl"}},
+      {"my own.mtl mats/b.mtl", {"my own.mtl", "mats/b.mtl"}},
+      {"C:\\My Files\\my own.MTL \t b.mtl", {"my own.mtl", "mats/b.mtl"}},
+      {"a.mtl # b.mtl", {"a.mtl"}},
+      {"one.txt two.txt", {"one.txt", "two.txt"}},
+      {"a b c", {"a b c"}},
+      {"set #1.mtl b.mtl # and more", {"set #1.mtl", "b.mtl"}}};
+  for (const auto& [line, files] : cases) {
+    test::ZipMaker zip;
+    std::string text = "mtllib " + std::string(line) + "\n" + kSquare;
+    for (size_t i = 0; i < files.size(); ++i) {
+      const std::string name = "m" + std::to_string(i);
+      zip.add(files[i], "newmtl " + name + "\nKd 1 0 0\n");
+      text += "usemtl " + name + "\nf 1 2 3\n";
+    }
+    const std::string bytes = zip.add("a.obj", text).bytes();
+    const auto scene = load_text("a.zip", bytes);
+    ASSERT_TRUE(scene) << line << scene.error().message();
+    EXPECT_THAT(scene->warnings, testing::IsEmpty()) << line;
+    for (const Material& material : scene->materials) {
+      EXPECT_EQ(material.base_color, glm::vec4(1, 0, 0, 1)) << line << ": " << material.name;
+    }
+  }
+}
+
+TEST(Obj, a_library_that_every_object_names_again_is_missed_once) {
+  std::string text = kSquare;
+  for (int i = 0; i < 50; ++i) text += "mtllib gone for ever.mtl # it is\nf 1 2 3\n";
+  const auto scene = load_text("a.obj", text);
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->warnings.size(), 1u);
+  EXPECT_EQ(scene->warnings[0].detail, "gone for ever.mtl, named by a.obj, is not in the upload");
+}
+
+TEST(Obj, options_that_are_not_known_are_no_part_of_a_texture_s_name) {
+  MapBundle bundle;
+  bundle.add("a.mtl",
+             "newmtl a\nmap_Kd -newoption 3 -other on my skin.png\n"
+             "newmtl b\nmap_Kd -option gone.png\nnewmtl c\nmap_Kd -dash.png\n");
+  bundle.add("my skin.png", "x");
+  bundle.add("-dash.png", "x");
+  const auto scene = load_with(bundle, std::string("mtllib a.mtl\n") + kSquare +
+                                           "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\n"
+                                           "usemtl c\nf 1 2 4\n");
+  ASSERT_TRUE(scene) << scene.error().message();
+  ASSERT_EQ(scene->images.size(), 2u);
+  EXPECT_EQ(scene->images[0].name, "my skin.png");
+  EXPECT_EQ(scene->images[1].name, "-dash.png");
+  ASSERT_EQ(scene->missing_files.size(), 1u);
+  EXPECT_EQ(scene->missing_files[0].name, "-option gone.png");
 }
 
 TEST(Obj, what_is_missing_is_named_once) {

@@ -1,0 +1,102 @@
+#include "server/scene/text_file.h"
+
+#include <cstring>
+
+#include "server/scene/text_cursor.h"
+
+namespace voxeld {
+namespace {
+
+constexpr uint32_t kReplacement = 0xfffd;  // for what is no character
+
+void append_utf8(uint32_t c, std::string& out) {
+  const auto add = [&](uint32_t byte) { out += static_cast<char>(byte); };
+  if (c < 0x80) {
+    add(c);
+  } else if (c < 0x800) {
+    add(0xc0 | c >> 6);
+    add(0x80 | (c & 0x3f));
+  } else if (c < 0x10000) {
+    add(0xe0 | c >> 12);
+    add(0x80 | (c >> 6 & 0x3f));
+    add(0x80 | (c & 0x3f));
+  } else {
+    add(0xf0 | c >> 18);
+    add(0x80 | (c >> 12 & 0x3f));
+    add(0x80 | (c >> 6 & 0x3f));
+    add(0x80 | (c & 0x3f));
+  }
+}
+
+// RFC 2781. A half of a pair without the other becomes U+FFFD; an odd last byte counts as it is, as
+// programs append a single ^Z or NUL.
+std::string utf8_from_utf16(std::span<const uint8_t> bytes, bool big_endian) {
+  const auto unit_at = [&](size_t i) {
+    return big_endian ? uint32_t{bytes[i]} << 8 | bytes[i + 1]
+                      : uint32_t{bytes[i + 1]} << 8 | bytes[i];
+  };
+  std::string out;
+  out.reserve(bytes.size() / 2);
+  size_t at = 0;
+  while (at + 1 < bytes.size()) {
+    const uint32_t unit = unit_at(at);
+    at += 2;
+    if (unit < 0xd800 || unit > 0xdfff) {
+      append_utf8(unit, out);
+      continue;
+    }
+    const uint32_t next = at + 1 < bytes.size() ? unit_at(at) : 0;
+    const bool is_pair = unit < 0xdc00 && next >= 0xdc00 && next <= 0xdfff;
+    append_utf8(is_pair ? 0x10000 + ((unit - 0xd800) << 10 | (next - 0xdc00)) : kReplacement, out);
+    if (is_pair) at += 2;
+  }
+  if (at < bytes.size()) out += static_cast<char>(bytes[at]);
+  return out;
+}
+
+// The first CR from `begin` on that no LF follows; npos for none.
+size_t find_lone_cr(std::string_view text, size_t begin) {
+  while (begin < text.size()) {
+    const void* found = std::memchr(text.data() + begin, '\r', text.size() - begin);
+    if (found == nullptr) return text.npos;
+    const auto at = static_cast<size_t>(static_cast<const char*>(found) - text.data());
+    if (at + 1 == text.size() || text[at + 1] != '\n') return at;
+    begin = at + 2;
+  }
+  return text.npos;
+}
+
+// Up to the first NUL or ^Z behind which nothing but more of them and blanks follows.
+std::string_view without_padding(std::string_view text) {
+  size_t end = text.size();
+  for (size_t i = text.size(); i > 0; --i) {
+    const char c = text[i - 1];
+    if (c == '\0' || c == '\x1a') {
+      end = i - 1;
+    } else if (c != '\n' && !is_blank(c)) {
+      break;
+    }
+  }
+  return text.substr(0, end);
+}
+
+}  // namespace
+
+std::string_view plain_text(std::span<const uint8_t> bytes, std::string& storage) {
+  std::string_view text = as_text(bytes);
+  const bool is_utf16_be = text.starts_with("\xfe\xff");
+  if (is_utf16_be || text.starts_with("\xff\xfe")) {
+    storage = utf8_from_utf16(bytes.subspan(2), is_utf16_be);
+    text = storage;
+  } else if (text.starts_with("\xef\xbb\xbf")) {
+    text.remove_prefix(3);
+  }
+  text = without_padding(text);
+  size_t cr = find_lone_cr(text, 0);
+  if (cr == text.npos) return text;
+  storage = std::string(text);
+  for (; cr != storage.npos; cr = find_lone_cr(storage, cr + 1)) storage[cr] = '\n';
+  return storage;
+}
+
+}  // namespace voxeld
