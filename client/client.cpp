@@ -4,6 +4,7 @@
 
 #include "client/answers.h"
 #include "client/client_impl.h"
+#include "client/content_check.h"
 #include "proto/percent_encoding.h"
 
 namespace voxeld::client {
@@ -171,8 +172,13 @@ JobFrames Client::frames(std::string_view job) {
 Grid Client::frame(std::string_view job, std::int64_t index) {
   HttpRequest request;
   request.url = impl_->url("/v1/jobs/" + percent_encode(job) + "/frames/" + std::to_string(index));
-  const std::string body = impl_->call(std::move(request)).body;
-  return Grid::decode(std::as_bytes(std::span(body)));
+  const HttpAnswer answer = impl_->call(std::move(request));
+  const auto bytes = std::as_bytes(std::span(answer.body));
+  const auto etag = answer.headers.find("etag");
+  ContentCheck check(etag == answer.headers.end() ? std::string_view() : etag->second);
+  check.add(bytes);
+  check.finish("frame " + std::to_string(index) + " of the job " + std::string(job));
+  return Grid::decode(bytes);
 }
 
 Queue Client::queue(int limit) {

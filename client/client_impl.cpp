@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "client/answers.h"
+#include "client/content_check.h"
 #include "proto/job.h"
 #include "proto/percent_encoding.h"
 
@@ -291,6 +292,7 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
                           const std::stop_token& stop) {
   long long done = 0, total = 0;
   std::string etag;
+  std::optional<ContentCheck> check;
   for (int attempt = 0;; ++attempt) {
     HttpRequest request;
     request.url = url("/v1/jobs/" + std::string(job) + "/result");
@@ -299,6 +301,7 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
     }
     bool stopped = false;
     request.sink = [&](std::span<const std::byte> piece) {
+      if (check) check->add(piece);
       sink(piece);
       done += static_cast<long long>(piece.size());
     };
@@ -306,6 +309,7 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
       if (head.status / 100 != 2) return;
       if (done > 0) return check_resumed(head, done, etag);
       etag = header_of(head, "etag");
+      check.emplace(etag);
       total = std::strtoll(header_of(head, "content-length").c_str(), nullptr, 10);
     };
     request.keep_going = [&] {
@@ -315,7 +319,10 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
     };
     const HttpAnswer answer = transport_.exchange(request);
     if (stopped) throw interrupted();
-    if (is_good(answer)) return;
+    if (is_good(answer)) {
+      if (check) check->finish("the result of the job " + std::string(job));
+      return;
+    }
     const bool resumable = answer.failure == HttpAnswer::Failure::kBroken || is_busy(answer);
     if (!resumable || attempt >= settings_.retries || (done > 0 && etag.empty())) fail(answer);
     pause(attempt, answer, stop);

@@ -25,24 +25,35 @@ std::string lower(std::string text) {
   return text;
 }
 
-// Collects names, each once, that stay inside the mesh's folder and exist there.
+// Collects names, each once, that stay inside the mesh's folder and exist there. A mesh file may
+// come from anyone: what it names is sent away, so no name and no symbolic link may lead out.
 class Names {
  public:
-  explicit Names(fs::path folder) : folder_(std::move(folder)) {}
+  explicit Names(fs::path folder) : folder_(folder.empty() ? fs::path(".") : std::move(folder)) {
+    std::error_code error;
+    real_folder_ = fs::canonical(folder_, error);
+  }
   // The path as it is listed; empty for a name that is not taken.
   std::string add(std::string name) {
     std::ranges::replace(name, '\\', '/');
     const fs::path path = fs::path(name).lexically_normal();
     if (path.empty() || path.is_absolute() || *path.begin() == "..") return "";
-    std::error_code error;
-    if (!fs::is_regular_file(folder_ / path, error)) return "";
+    if (!is_file_inside(path)) return "";
     if (seen_.insert(path.string()).second) list_.push_back(path.string());
     return path.string();
+  }
+  // Whether it is a file whose links, followed, end inside the folder.
+  bool is_file_inside(const fs::path& path) const {
+    std::error_code error;
+    const fs::path real = fs::canonical(folder_ / path, error);
+    if (error || !fs::is_regular_file(real, error)) return false;
+    const fs::path relative = real.lexically_relative(real_folder_);
+    return !real_folder_.empty() && !relative.empty() && *relative.begin() != "..";
   }
   std::vector<std::string> take() { return std::move(list_); }
 
  private:
-  fs::path folder_;
+  fs::path folder_, real_folder_;
   std::set<std::string> seen_;
   std::vector<std::string> list_;
 };
@@ -136,6 +147,14 @@ std::string percent_decoded(const std::string& text) {
   return out;
 }
 
+// The daemon reads a URI so.
+std::string without_outer_blanks(const std::string& uri) {
+  const auto is_blank = [](unsigned char c) { return c <= 0x20; };
+  const auto begin = std::ranges::find_if_not(uri, is_blank);
+  const auto end = std::find_if_not(uri.rbegin(), std::make_reverse_iterator(begin), is_blank);
+  return {begin, end.base()};
+}
+
 std::vector<std::string> files_of_gltf(const fs::path& mesh) {
   Names names(mesh.parent_path());
   std::ifstream file(mesh);
@@ -145,7 +164,7 @@ std::vector<std::string> files_of_gltf(const fs::path& mesh) {
     if (!document.is_object() || !document.contains(list) || !document[list].is_array()) continue;
     for (const Json& item : document[list]) {
       if (!item.is_object() || !item.contains("uri") || !item["uri"].is_string()) continue;
-      const auto& uri = item["uri"].get_ref<const std::string&>();
+      const std::string uri = without_outer_blanks(item["uri"].get<std::string>());
       if (uri.starts_with("data:")) continue;
       if (names.add(percent_decoded(uri)).empty()) names.add(uri);
     }
@@ -207,11 +226,13 @@ std::vector<std::string> files_of_md5(const fs::path& mesh) {
     wanted.insert({stem, stem + "_d"});
   });
   const fs::path folder = mesh.has_parent_path() ? mesh.parent_path() : fs::path(".");
+  Names names(folder);
   std::vector<fs::path> files;
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error)) files.push_back(entry.path());
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (names.is_file_inside(entry.path().filename())) files.push_back(entry.path());
+  }
   std::ranges::sort(files);
-  Names names(mesh.parent_path());
   for (const fs::path& file : files) {
     if (lower(file.extension().string()) != ".mtr") continue;
     names.add(file.filename().string());

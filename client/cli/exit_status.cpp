@@ -30,6 +30,7 @@ constexpr Row kRows[] = {
     {"unreachable", kUnreachable},
     {"timeout", kUnreachable},
     {"bad-answer", kUnreachable},
+    {"content-mismatch", kUnreachable},
     {"too-many-requests", kUnreachable},
     {"device-unavailable", kUnreachable},
     {"shutting-down", kUnreachable},

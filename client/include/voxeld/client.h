@@ -32,7 +32,8 @@ namespace voxeld::client {
 
 // What went wrong. code() is the stable name of the API ("invalid-option", "grid-too-large", …), or
 // one of the client's own: "unreachable" (no connection), "timeout", "interrupted" (stopped by the
-// caller), "bad-answer" (not a voxeld daemon), "file" (a local file).
+// caller), "bad-answer" (not a voxeld daemon), "content-mismatch" (a download whose bytes are not
+// those that its content id names), "file" (a local file).
 class VOXELD_CLIENT_API Error : public std::runtime_error {
  public:
   Error(std::string code, int http_status, const std::string& message, std::string expected = "",
@@ -307,7 +308,8 @@ class VOXELD_CLIENT_API Client {
   // At most `limit` jobs that wait; an admin's key shows those of all tenants.
   Queue queue(int limit = 100);
   // Resumes by itself when the connection breaks. Throws "bad-answer" when the result is then
-  // another one; the sink has the beginning of the old one.
+  // another one; the sink has the beginning of the old one. Throws "content-mismatch" at the end
+  // when the bytes do not have the hash that the daemon names; the sink has all of them.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
   // A link to a job's result. options: of the result ("format", …). Throws Error "invalid-option"

@@ -208,6 +208,45 @@ TEST_F(Bundle, an_md5mesh_gives_the_animations_of_its_joints) {
               ElementsAre("run.MD5ANIM", "walk.md5anim"));
 }
 
+// Somebody else made the folder: what its links reach is not theirs to send.
+TEST_F(Bundle, symbolic_links_out_of_the_folder_are_not_followed) {
+  std::ofstream(outer_ / "secret.png") << "SECRET";
+  std::ofstream(outer_ / "secret.mtl") << "map_Kd skin.png\n";
+  std::ofstream(outer_ / "secret.mtr") << "skin.png\n";
+  fs::create_directory(outer_ / "elsewhere");
+  std::ofstream(outer_ / "elsewhere" / "b.png") << "SECRET";
+  put("skin.png");
+  fs::create_symlink("../secret.png", folder() / "near.png");
+  fs::create_symlink(outer_ / "secret.png", folder() / "absolute.png");
+  fs::create_symlink("near.png", folder() / "chain.png");
+  fs::create_symlink("../elsewhere", folder() / "textures");
+  fs::create_symlink("../secret.mtl", folder() / "linked.mtl");
+  fs::create_symlink("../secret.mtr", folder() / "linked.mtr");
+  put("a.mtl", "map_Kd near.png\nmap_Kd absolute.png\nmap_Kd chain.png\nmap_Kd textures/b.png\n");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\nmtllib linked.mtl\n")),
+              ElementsAre("a.mtl"));
+  EXPECT_THAT(referenced_files(put("a.gltf", R"({"images": [{"uri": "near.png"},
+                  {"uri": "textures/b.png"}, {"uri": "textures%2Fb.png"}]})")),
+              IsEmpty());
+  EXPECT_THAT(referenced_files(put("a.md5mesh", "mesh {\nshader \"near\"\n}\n")), IsEmpty());
+}
+
+TEST_F(Bundle, symbolic_links_within_the_folder_are_followed) {
+  put("textures/skin.png");
+  fs::create_symlink("textures/skin.png", folder() / "skin.png");
+  put("a.mtl", "map_Kd skin.png\n");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib a.mtl\n")), ElementsAre("a.mtl", "skin.png"));
+  // The folder itself may be reached by one.
+  fs::create_directory_symlink(folder(), outer_ / "link");
+  EXPECT_THAT(referenced_files(outer_ / "link" / "a.obj"), ElementsAre("a.mtl", "skin.png"));
+}
+
+TEST_F(Bundle, blanks_around_the_uri_of_a_gltf_do_not_count) {
+  put("mesh.bin");
+  EXPECT_THAT(referenced_files(put("a.gltf", R"({"buffers": [{"uri": " mesh.bin\t"}]})")),
+              ElementsAre("mesh.bin"));
+}
+
 TEST_F(Bundle, a_folder_is_no_mesh) {
   const client::Error error = error_of([&] { MeshSource::open(folder()); });
   EXPECT_EQ(error.code(), "file");

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "client/cli/exit_status.h"
 #include "tests/unit/client/client_test_tools.h"
 #include "tests/unit/client/scripted_server.h"
 
@@ -85,6 +86,27 @@ TEST_F(Commands, a_failure_leaves_no_file_and_keeps_the_old_one) {
   std::ofstream(output()) << "old";
   EXPECT_EQ(error_of([&] { run_command(voxelize, {}); }).code(), "bad-answer");
   EXPECT_EQ(written(), "old");
+}
+
+TEST_F(Commands, a_damaged_result_leaves_no_file_and_keeps_the_old_one) {
+  const std::string id =
+      "\"sha256-a67d2a6c9087c1bcb7e7cc96385d820b9264c5043aadb04c3e0efe0e6621a5ef\"";  // of "RESULT"
+  for (const bool has_old : {false, true}) {
+    ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
+                           job_answer("done"),
+                           Answer{.body = "RESVLT", .headers = {"ETag: " + id}}});
+    Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
+    voxelize.input = mesh();
+    if (has_old) std::ofstream(output()) << "old";
+    const client::Error error = error_of([&] { run_command(voxelize, {}); });
+    EXPECT_EQ(error.code(), "content-mismatch");
+    EXPECT_EQ(exit_status_of(error), kUnreachable);
+    if (has_old) {
+      EXPECT_EQ(written(), "old");
+    } else {
+      expect_nothing_written();
+    }
+  }
 }
 
 TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {

@@ -127,6 +127,48 @@ TEST(Download, without_an_etag_nothing_is_resumed) {
   EXPECT_THAT(server.asked(), SizeIs(1));
 }
 
+const std::string kIdOfGrid =
+    "\"sha256-e7404b86c92a54396e9dd15862a83f6a0b14db06e51197abac985a4f9e83ccc0\"";  // of "GRID"
+
+Answer named(const std::string& text, const std::string& etag) {
+  return Answer{.body = text, .headers = {"ETag: " + etag}};
+}
+
+TEST(Download, bytes_that_are_not_what_their_id_says_are_an_error) {
+  ScriptedServer server({named("GR1D", kIdOfGrid)});
+  Client client(server.url());
+  Kept kept;
+  const Error error = error_of([&] { client.download("j-1", kept.sink()); });
+  EXPECT_EQ(error.code(), "content-mismatch");
+  EXPECT_STREQ(error.what(),
+               "the result of the job j-1 was damaged on its way, or where it is stored: expected "
+               "sha256-e7404b86c92a54396e9dd15862a83f6a0b14db06e51197abac985a4f9e83ccc0, got "
+               "sha256-70da90a25269f65d7ca162eb251352e5c08d5e6090570b2f416491dd644828dc");
+}
+
+TEST(Download, a_resumed_result_is_checked_as_a_whole) {
+  const std::vector<std::string> etag = {"ETag: " + kIdOfGrid};
+  const std::vector<std::string> rest = {"ETag: " + kIdOfGrid, "Content-Range: bytes 2-3/4"};
+  const Answer begin{.body = "GRID", .headers = etag, .cut_after = 2};
+  for (const std::string end : {"ID", "iD"}) {
+    ScriptedServer server({begin, Answer{.status = 206, .body = end, .headers = rest}});
+    Client client(server.url());
+    Kept kept;
+    if (end == "ID") {
+      client.download("j-1", kept.sink());
+    } else {
+      EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "content-mismatch");
+    }
+    EXPECT_EQ(kept.text, "GR" + end);
+  }
+}
+
+TEST(Download, a_frame_is_checked_too) {
+  ScriptedServer server({named("GR1D", kIdOfGrid)});
+  Client client(server.url());
+  EXPECT_EQ(error_of([&] { client.frame("j-1", 7); }).code(), "content-mismatch");
+}
+
 TEST(Download, gives_up_after_the_tries) {
   const std::string text = long_text(1000);
   ScriptedServer server({whole(text, 10), part(text, 10, 10), part(text, 20, 10)});

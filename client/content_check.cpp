@@ -1,0 +1,68 @@
+#include "client/content_check.h"
+
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <array>
+#include <new>
+
+#include "client/include/voxeld/client.h"
+
+namespace voxeld::client {
+namespace {
+
+constexpr std::string_view kPrefix = "\"sha256-";
+constexpr size_t kHexDigits = 64;
+
+// Empty for an ETag that is no content id.
+std::string digest_of(std::string_view etag) {
+  if (etag.size() != kPrefix.size() + kHexDigits + 1) return {};
+  if (!etag.starts_with(kPrefix) || !etag.ends_with('"')) return {};
+  const std::string_view hex = etag.substr(kPrefix.size(), kHexDigits);
+  if (hex.find_first_not_of("0123456789abcdef") != hex.npos) return {};
+  return std::string(hex);
+}
+
+std::string hex_of(std::span<const unsigned char> bytes) {
+  constexpr char kHex[] = "0123456789abcdef";
+  std::string text;
+  for (const unsigned char byte : bytes) text.append(1, kHex[byte >> 4]).append(1, kHex[byte & 15]);
+  return text;
+}
+
+}  // namespace
+
+struct ContentCheck::Digest {
+  EVP_MD_CTX* context = EVP_MD_CTX_new();
+  Digest() {
+    if (context == nullptr) throw std::bad_alloc();
+    EVP_DigestInit_ex(context, EVP_sha256(), nullptr);
+  }
+  Digest(const Digest&) = delete;
+  Digest& operator=(const Digest&) = delete;
+  ~Digest() { EVP_MD_CTX_free(context); }
+};
+
+ContentCheck::ContentCheck(std::string_view etag) : expected_(digest_of(etag)) {
+  if (!expected_.empty()) digest_ = std::make_unique<Digest>();
+}
+
+ContentCheck::~ContentCheck() = default;
+
+void ContentCheck::add(std::span<const std::byte> piece) {
+  if (digest_ != nullptr) EVP_DigestUpdate(digest_->context, piece.data(), piece.size());
+}
+
+void ContentCheck::finish(std::string_view what) {
+  if (digest_ == nullptr) return;
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned size = 0;
+  EVP_DigestFinal_ex(digest_->context, digest.data(), &size);
+  const std::string got = hex_of(std::span(digest).first(size));
+  if (got == expected_) return;
+  throw Error("content-mismatch", 0,
+              std::string(what) + " was damaged on its way, or where it is stored",
+              "sha256-" + expected_, "sha256-" + got);
+}
+
+}  // namespace voxeld::client
