@@ -1,12 +1,14 @@
 // JSON from outside: nlohmann's parser is iterative, but copying, comparing and dumping its values
 // recurse, so depth is capped while parsing; duplicate keys, which other readers resolve otherwise,
 // are refused.
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 #include <vector>
 
 #include "proto/job.h"
+#include "proto/json_bounds.h"
 #include "proto/limits.h"
 
 namespace voxeld {
@@ -17,18 +19,22 @@ using Json = nlohmann::json;
 // Checks only; the value is built by a second pass over the same text.
 class BoundedSax : public nlohmann::json_sax<Json> {
  public:
-  bool null() override { return true; }
-  bool boolean(bool) override { return true; }
-  bool number_integer(number_integer_t) override { return true; }
-  bool number_unsigned(number_unsigned_t) override { return true; }
-  bool number_float(number_float_t, const string_t&) override { return true; }
-  bool string(string_t&) override { return true; }
-  bool binary(binary_t&) override { return true; }
+  explicit BoundedSax(const JsonBounds& bounds) : bounds_(bounds) {}
+  bool null() override { return count(); }
+  bool boolean(bool) override { return count(); }
+  bool number_integer(number_integer_t) override { return count(); }
+  bool number_unsigned(number_unsigned_t) override { return count(); }
+  bool number_float(number_float_t, const string_t&) override { return count(); }
+  bool string(string_t&) override { return count(); }
+  bool binary(binary_t&) override { return count(); }
   bool start_object(size_t) override { return enter(); }
   bool start_array(size_t) override { return enter(); }
   bool end_object() override { return leave(); }
   bool end_array() override { return leave(); }
   bool key(string_t& name) override {
+    if (std::ssize(keys_.back()) >= bounds_.members_max) {
+      return refuse("too many members in one object", bounds_.members_max);
+    }
     if (keys_.back().insert(name).second) return true;
     error_ = Error{ErrorCode::kBadRequest, "JSON: key \"" + name + "\" stands twice in an object",
                    "distinct keys", "a duplicate"};
@@ -44,16 +50,25 @@ class BoundedSax : public nlohmann::json_sax<Json> {
  private:
   bool enter() {
     keys_.emplace_back();
-    if (keys_.size() <= static_cast<size_t>(limits::kJsonDepthMax)) return true;
-    error_ = Error{ErrorCode::kBadRequest, "JSON: depth of nesting is over the limit",
-                   "at most " + std::to_string(limits::kJsonDepthMax), "more"};
-    return false;
+    if (std::ssize(keys_) <= bounds_.depth_max) return count();
+    return refuse("depth of nesting is over the limit", bounds_.depth_max);
   }
   bool leave() {
     keys_.pop_back();
     return true;
   }
 
+  bool count() {
+    return ++values_ <= bounds_.values_max || refuse("too many values", bounds_.values_max);
+  }
+  bool refuse(const char* what, int64_t max) {
+    error_ = Error{ErrorCode::kBadRequest, std::string("JSON: ") + what,
+                   "at most " + std::to_string(max), "more"};
+    return false;
+  }
+
+  const JsonBounds& bounds_;
+  int64_t values_ = 0;
   std::vector<std::set<std::string>> keys_;
   Error error_;
 };
@@ -61,11 +76,16 @@ class BoundedSax : public nlohmann::json_sax<Json> {
 }  // namespace
 
 Result<Json> parse_json_bounded(std::string_view text, int64_t bytes_max) {
-  if (text.size() > static_cast<size_t>(bytes_max)) {
+  return parse_json_bounded(text, JsonBounds{.bytes_max = bytes_max});
+}
+
+Result<Json> parse_json_bounded(std::string_view text, const JsonBounds& bounds) {
+  if (std::ssize(text) > bounds.bytes_max) {
     return Error{ErrorCode::kPayloadTooLarge, "JSON body is too large",
-                 "at most " + std::to_string(bytes_max) + " bytes", std::to_string(text.size())};
+                 "at most " + std::to_string(bounds.bytes_max) + " bytes",
+                 std::to_string(text.size())};
   }
-  BoundedSax sax;
+  BoundedSax sax(bounds);
   if (!Json::sax_parse(text.begin(), text.end(), &sax)) return sax.error();
   return Json::parse(text.begin(), text.end(), nullptr, /*allow_exceptions=*/false);
 }

@@ -10,6 +10,7 @@
 
 #include "proto/blob_id.h"
 #include "proto/job.h"
+#include "proto/json_bounds.h"
 #include "proto/json_fields.h"
 #include "proto/limits.h"
 
@@ -21,6 +22,8 @@ using Ordered = nlohmann::ordered_json;
 
 // 4096 frames are 1.1 MB; the rest is for meta.
 constexpr int64_t kManifestBytesMax = int64_t{8} << 20;
+// Of one object. Objects that keep the order of their members look through all of them for each.
+constexpr int64_t kMembersMax = 256;
 
 Error bad(std::string where, std::string_view expected, std::string_view got) {
   return {ErrorCode::kBadRequest, "sequence" + std::move(where), std::string(expected),
@@ -168,7 +171,8 @@ std::string sequence_json(const SequenceManifest& manifest) {
 }
 
 Result<SequenceManifest> parse_sequence(std::string_view json) {
-  VOXELD_ASSIGN(const Json body, parse_json_bounded(json, kManifestBytesMax));
+  VOXELD_ASSIGN(const Json body, parse_json_bounded(json, JsonBounds{.bytes_max = kManifestBytesMax,
+                                                                     .members_max = kMembersMax}));
   VOXELD_TRY(check_members(body, "",
                            {"dims", "origin", "voxel_size", "channels", "fps", "frames", "meta"}));
   SequenceManifest manifest;

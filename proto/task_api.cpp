@@ -7,6 +7,7 @@
 #include "proto/job_json.h"
 #include "proto/json_fields.h"
 #include "proto/limits.h"
+#include "proto/task_bounds.h"
 
 namespace voxeld {
 namespace {
@@ -99,6 +100,7 @@ Result<WorkerHello> parse_worker_hello(const Json& message) {
   fields.read("device_json", hello.device_json);
   fields.read("sandbox", hello.sandbox);
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_bounds(hello));
   return hello;
 }
 
@@ -209,10 +211,8 @@ Result<TaskProgress> parse_task_progress(const Json& message) {
   fields.read("device_bytes_free", progress.device_memory.bytes_free);
   fields.read("can_park", progress.can_park);
   fields.read("preparation_ms", progress.preparation_ms);
-  if (progress.preparation_ms < 0) {
-    fields.fail("preparation_ms", "0 or more", std::to_string(progress.preparation_ms));
-  }
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_bounds(progress));
   return progress;
 }
 
@@ -253,6 +253,7 @@ Result<TaskFrame> parse_task_frame(const Json& message) {
   }
   VOXELD_TRY(fields.finish());
   frame.voxel_count = static_cast<uint64_t>(voxel_count);
+  VOXELD_TRY(check_bounds(frame));
   return frame;
 }
 
@@ -296,6 +297,7 @@ Result<TaskPart> parse_task_part(const Json& message) {
     fields.fail("position", "0 to " + std::to_string(kPartsMax - 1), std::to_string(part.position));
   }
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_bounds(part));
   return part;
 }
 
@@ -343,6 +345,7 @@ Result<TaskCompletion> parse_task_completion(const Json& message) {
   }
   VOXELD_ASSIGN(completion.timings, parse_timings(*timings));
   VOXELD_ASSIGN(completion.warnings, parse_warnings(*warnings));
+  VOXELD_TRY(check_bounds(completion));
   return completion;
 }
 
@@ -371,6 +374,7 @@ Result<TaskPark> parse_task_park(const Json& message) {
   }
   VOXELD_TRY(fields.finish());
   VOXELD_ASSIGN(park.timings, parse_timings(*timings));
+  VOXELD_TRY(check_bounds(park));
   return park;
 }
 
@@ -391,6 +395,7 @@ Result<TaskFailure> parse_task_failure(const Json& message) {
   const Json* error = fields.member("error");
   VOXELD_TRY(fields.finish());
   failure.error = parse_error_json(*error);
+  VOXELD_TRY(check_bounds(failure));
   return failure;
 }
 
@@ -410,6 +415,7 @@ Result<TurnsHello> parse_turns_hello(const Json& message) {
   fields.read("pid", hello.pid);
   fields.read("device", hello.device);
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_bounds(hello));
   return hello;
 }
 
@@ -438,10 +444,8 @@ Result<TurnRequest> parse_turn_request(const Json& message) {
   if (action == kTurnActions.end()) {
     fields.fail("type", "turn_take, turn_renew or turn_give", type);
   }
-  if (request.host_bytes < 0 || request.device_bytes < 0) {
-    fields.fail("host_bytes and device_bytes", "0 or more", "less");
-  }
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_bounds(request));
   request.action = static_cast<TurnAction>(action - kTurnActions.begin());
   return request;
 }

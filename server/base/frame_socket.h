@@ -19,13 +19,20 @@ Result<UniqueFd> connect_unix(const std::filesystem::path& path);
 class FrameSocket {
  public:
   FrameSocket(UniqueFd fd, uint32_t frame_bytes_max)
-      : fd_(std::move(fd)), frame_bytes_max_(frame_bytes_max) {}
-  // Errors: gone where the peer has closed, internal for a payload that is too long.
+      : fd_(std::move(fd)), send_bytes_max_(frame_bytes_max), receive_bytes_max_(frame_bytes_max) {}
+  // A peer that is not trusted: its frames are at most so long, and each frame is received, and
+  // taken by the peer, within `frame_seconds_max` once it has begun.
+  void distrust(uint32_t receive_bytes_max, double frame_seconds_max) {
+    receive_bytes_max_ = receive_bytes_max;
+    frame_seconds_max_ = frame_seconds_max;
+  }
+  // Errors: gone where the peer has closed, internal for a payload that is too long, bad-request
+  // where the peer does not read it in time.
   Status send(std::string_view payload);
   // Errors: gone with detail "connection closed" at a clean end between frames, deadline-exceeded
-  // after the receive timeout.
+  // after the receive timeout, bad-request for a frame that is too long or does not come in time.
   Result<std::string> receive();
-  // How long receive() waits for each part of a frame; 0: for ever.
+  // How long receive() waits for a frame to begin; 0: for ever.
   Status set_receive_timeout(double seconds);
   // True once the peer has closed its end and nothing is left to read. Does not block.
   bool peer_closed() const;
@@ -36,7 +43,8 @@ class FrameSocket {
 
  private:
   UniqueFd fd_;
-  uint32_t frame_bytes_max_;
+  uint32_t send_bytes_max_, receive_bytes_max_;
+  double frame_seconds_max_ = 0;  // 0: for ever
 };
 
 }  // namespace voxeld

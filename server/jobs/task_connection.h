@@ -10,7 +10,9 @@
 #include <thread>
 #include <utility>
 
+#include "proto/task_bounds.h"
 #include "server/base/stopwatch.h"
+#include "server/jobs/message_rate.h"
 #include "server/jobs/slots.h"
 #include "server/jobs/task_server.h"
 
@@ -18,8 +20,11 @@ namespace voxeld {
 
 // Owned by its thread, but for what is said to be guarded.
 struct TaskServer::Connection {
-  Connection(int64_t its_number, UniqueFd fd, std::filesystem::path folder)
-      : number(its_number), socket(std::move(fd), kTaskFrameBytesMax), files(std::move(folder)) {}
+  Connection(int64_t its_number, UniqueFd fd, std::filesystem::path folder,
+             double message_seconds_max)
+      : number(its_number), socket(std::move(fd), kTaskFrameBytesMax), files(std::move(folder)) {
+    socket.distrust(limits::kWorkerMessageBytesMax, message_seconds_max);
+  }
 
   void set_task(std::string id, int64_t new_fence) {
     fence = new_fence;
@@ -36,6 +41,7 @@ struct TaskServer::Connection {
 
   const int64_t number;
   FrameSocket socket;
+  MessageRate rate;
   const WorkerFiles files;
   int64_t fence = 0;
   std::string device;
@@ -51,7 +57,7 @@ struct TaskServer::Connection {
   WorkerState state GUARDED_BY(mutex);
   Stopwatch task_age GUARDED_BY(mutex);
   std::optional<Error> verdict GUARDED_BY(mutex);  // of the watch, on the task that runs
-  std::string ended_for GUARDED_BY(mutex);         // why the watch ended the worker, once it did
+  std::string ended_for GUARDED_BY(mutex);  // why the watch ended the worker, once it did
 
   // Guarded by the server's mutex_: jobs are claimed for a worker on any connection's thread.
   bool is_idle = false;

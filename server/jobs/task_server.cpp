@@ -25,8 +25,14 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr double kHelloSecondsMax = 30.0;  // a busy machine opens a device in seconds
+// Of one message, once it has begun, and until the worker has taken the reply.
+constexpr double kMessageSecondsMax = 10.0;
 // Of what a device says of its memory, for tasks; drivers and the rest of the machine need some.
 constexpr double kDeviceMemoryShare = 0.75;
+
+double message_seconds_max(const TaskLimits& limits) {
+  return std::min(kMessageSecondsMax, limits.silence_seconds_max);
+}
 
 std::string dump(const json& message) {
   return message.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -43,7 +49,9 @@ int64_t device_memory(const std::string& device_json) {
   const json device = json::parse(device_json, nullptr, false);
   const auto bytes = device.is_object() ? device.find("memory_bytes") : device.end();
   if (bytes == device.end() || !bytes->is_number_integer()) return 0;
-  return static_cast<int64_t>(bytes->get<double>() * kDeviceMemoryShare);
+  const auto told =
+      std::clamp(bytes->get<double>(), 0.0, static_cast<double>(limits::kMemoryBytesMax));
+  return static_cast<int64_t>(told * kDeviceMemoryShare);
 }
 
 Error protocol_error(std::string detail, std::string expected, std::string got) {
@@ -127,7 +135,8 @@ void TaskServer::add_connection(UniqueFd fd) {
   MutexLock lock(mutex_);
   const int64_t number = ++connections_made_;
   const fs::path folder = config_.scratch_root / ("w" + std::to_string(number));
-  auto made = std::make_unique<Connection>(number, std::move(fd), folder);
+  auto made = std::make_unique<Connection>(number, std::move(fd), folder,
+                                           message_seconds_max(config_.limits));
   Connection& connection = *made;
   connections_.push_back(std::move(made));
   try {
@@ -158,11 +167,15 @@ void TaskServer::join_ended(bool all) {
 Status TaskServer::converse(Connection& connection) {
   VOXELD_ASSIGN(const json first, receive_first(connection));
   if (type_of(first) == "turns") {
-    return serve_turns(connection.socket, first, {context_.turns, context_.board, stopping_});
+    VOXELD_ASSIGN(const TurnsHello worker, parse_turns_hello(first));
+    connection.device = worker.device;
+    connection.pid = worker.pid;
+    return serve_turns(connection.socket, worker, {context_.turns, context_.board, stopping_});
   }
   VOXELD_TRY(greet(connection, first));
   while (!stopping_) {
     VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
+    VOXELD_TRY(connection.rate.take());
     VOXELD_TRY(answer(connection, frame));
   }
   return {};
@@ -178,13 +191,33 @@ void TaskServer::serve(Connection& connection) noexcept {
   }
   guarded("a worker's connection", [&] {
     if (!status && status.error().code != ErrorCode::kGone && !stopping_) {
-      log::warn("worker connection ends",
-                {{"device", connection.device}, {"error", status.error().message()}});
+      blame(connection, status.error());
     }
   });
   put_back(connection, status ? Error{} : std::move(status).error());
   connection.socket.shutdown();  // a worker that broke the protocol must notice
   end_worker(connection);
+}
+
+// Logs why a connection ends. A worker that breaks the protocol may belong to the file that it
+// reads: its process ends too, and is replaced.
+void TaskServer::blame(Connection& connection, const Error& error) {
+  const bool is_broken =
+      error.code == ErrorCode::kBadRequest || error.code == ErrorCode::kPayloadTooLarge;
+  std::string tenant;
+  {
+    MutexLock lock(mutex_);
+    if (connection.started) tenant = connection.started->tenant;
+  }
+  log::warn(is_broken ? "worker breaks the task protocol" : "worker connection ends",
+            {{"device", connection.device},
+             {"pid", connection.pid},
+             {"job", connection.task()},
+             {"tenant", tenant},
+             {"error", error.message()}});
+  if (!is_broken) return;
+  connection.kill_reason = error.message();
+  if (config_.kill_worker && connection.pid != 0) config_.kill_worker(connection.pid);
 }
 
 // Of a connection that turned out to be one of turns, nothing is to be ended.
@@ -211,13 +244,13 @@ void TaskServer::end_worker(Connection& connection) noexcept {
 Result<json> TaskServer::receive_first(Connection& connection) {
   VOXELD_TRY(connection.socket.set_receive_timeout(kHelloSecondsMax));
   VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
-  VOXELD_ASSIGN(json message, parse_json_bounded(frame));
+  VOXELD_ASSIGN(json message, parse_worker_message(frame));
   const std::string type = type_of(message);
   if (type != "turns") VOXELD_TRY(connection.files.create());
   if (type != "prepare") return message;
   VOXELD_TRY(connection.socket.send(dump(to_json_message(connection.files.folders()))));
   VOXELD_ASSIGN(const std::string next, connection.socket.receive());
-  return parse_json_bounded(next);
+  return parse_worker_message(next);
 }
 
 Status TaskServer::greet(Connection& connection, const json& message) {
@@ -266,7 +299,7 @@ void TaskServer::note_connected(Connection& connection, const WorkerHello& hello
 }
 
 Status TaskServer::answer(Connection& connection, const std::string& frame) {
-  VOXELD_ASSIGN(const json message, parse_task_message(frame));
+  VOXELD_ASSIGN(const json message, parse_worker_message(frame));
   const std::string type = type_of(message);
   if (type == "claim") return give_task(connection);
   if (type == "progress") return take_progress(connection, message);
@@ -459,6 +492,10 @@ Status TaskServer::take_completion(Connection& connection, const json& message) 
 Status TaskServer::take_failure(Connection& connection, const json& message) {
   VOXELD_ASSIGN(TaskFailure failure, parse_task_failure(message));
   if (failure.task.empty()) {  // it could not open its device; the process ends next
+    {
+      MutexLock lock(connection.mutex);
+      if (connection.state.connected) return protocol_error("fail.task", "a job", "none");
+    }
     WorkerState state;
     state.device = connection.device;
     state.pid = connection.pid;

@@ -88,6 +88,7 @@ class TaskServer {
   void serve(Connection& connection) noexcept;
   Status converse(Connection& connection);
   Result<nlohmann::json> receive_first(Connection& connection);
+  void blame(Connection& connection, const Error& error) EXCLUDES(mutex_);
   void end_worker(Connection& connection) noexcept EXCLUDES(mutex_);
   Status greet(Connection& connection, const nlohmann::json& message);
   void note_connected(Connection& connection, const WorkerHello& hello) EXCLUDES(mutex_);

@@ -4,7 +4,8 @@
 #include <string>
 #include <utility>
 
-#include "proto/task_api.h"
+#include "proto/task_bounds.h"
+#include "server/jobs/message_rate.h"
 
 namespace voxeld {
 namespace {
@@ -21,7 +22,8 @@ class TurnConnection {
   TurnConnection& operator=(const TurnConnection&) = delete;
 
   Status answer(const std::string& frame) {
-    VOXELD_ASSIGN(const json message, parse_task_message(frame));
+    VOXELD_TRY(rate_.take());
+    VOXELD_ASSIGN(const json message, parse_worker_message(frame));
     VOXELD_ASSIGN(TurnRequest request, parse_turn_request(message));
     const bool is_same = request.task == last_.task && request.fence == last_.fence;
     if (!is_same || request.action == TurnAction::kGive) give();
@@ -62,13 +64,14 @@ class TurnConnection {
 
   FrameSocket& socket_;
   const TurnServerContext& context_;
+  MessageRate rate_;
   TurnRequest last_;
 };
 
 }  // namespace
 
-Status serve_turns(FrameSocket& socket, const json& hello, const TurnServerContext& context) {
-  VOXELD_ASSIGN(const TurnsHello worker, parse_turns_hello(hello));
+Status serve_turns(FrameSocket& socket, const TurnsHello& worker,
+                   const TurnServerContext& context) {
   if (worker.protocol != kTaskProtocolVersion) {
     return Error{ErrorCode::kBadRequest, "worker speaks another version of the task protocol",
                  std::to_string(kTaskProtocolVersion), std::to_string(worker.protocol)};

@@ -3,9 +3,8 @@
 
 #include <atomic>
 
-#include <nlohmann/json_fwd.hpp>
-
 #include "proto/result.h"
+#include "proto/task_api.h"
 #include "server/base/frame_socket.h"
 #include "server/jobs/device_turns.h"
 #include "server/jobs/job_board.h"
@@ -20,7 +19,6 @@ struct TurnServerContext {
 
 // Answers until the worker closes the connection or breaks the protocol; then what it had is given
 // back. Errors: gone, bad-request.
-Status serve_turns(FrameSocket& socket, const nlohmann::json& hello,
-                   const TurnServerContext& context);
+Status serve_turns(FrameSocket& socket, const TurnsHello& worker, const TurnServerContext& context);
 
 }  // namespace voxeld

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "proto/task_bounds.h"
 #include "server/base/host_memory.h"
 #include "server/base/log.h"
 #include "server/base/stopwatch.h"
@@ -84,6 +85,21 @@ int report_unavailable(TaskClient& client, const gpu::DeviceId& device, const Er
   return kExitDeviceUnavailable;
 }
 
+// What the gateway would take for the words of a hijacked worker ends the job instead.
+Result<TaskCompletion> within_bounds(Result<TaskCompletion> completion) {
+  if (!completion) {
+    for (std::string* text :
+         {&completion.error().detail, &completion.error().expected, &completion.error().got}) {
+      if (text->size() > limits::kTaskTextBytesMax) text->resize(limits::kTaskTextBytesMax);
+    }
+    return completion;
+  }
+  const Status bounded = check_bounds(*completion);
+  if (bounded) return completion;
+  return Error{ErrorCode::kInternal,
+               "the answer is not one that can be told: " + bounded.error().message(), "", ""};
+}
+
 // Runs one task and reports on it. Returns an exit status when the process should end.
 std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* turns,
                                const Task& task, const std::filesystem::path& scratch) {
@@ -94,7 +110,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* t
   engine.begin_task_of(task.tenant);
   {
     TaskMonitor monitor(client, task, engine.device.memory);
-    completion = run_task(engine, task, scratch, monitor, turns);
+    completion = within_bounds(run_task(engine, task, scratch, monitor, turns));
     dropped = monitor.dropped();
     if (completion && monitor.is_parked()) {
       const TaskProgress reached = monitor.progress();

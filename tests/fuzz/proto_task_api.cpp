@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "proto/task_api.h"
+#include "proto/task_bounds.h"
 #include "server/base/check.h"
 
 namespace {
@@ -27,7 +28,7 @@ void check(const nlohmann::json& json,
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  const auto json = voxeld::parse_task_message({reinterpret_cast<const char*>(data), size});
+  const auto json = voxeld::parse_worker_message({reinterpret_cast<const char*>(data), size});
   if (!json) return 0;
   check(*json, voxeld::parse_worker_hello);
   check(*json, voxeld::parse_worker_folders);

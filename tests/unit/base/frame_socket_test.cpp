@@ -85,6 +85,31 @@ TEST(FrameSocket, silence_beyond_the_time_limit_is_deadline_exceeded) {
   EXPECT_EQ(right.receive().error().code, ErrorCode::kDeadlineExceeded);
 }
 
+TEST(FrameSocket, a_peer_that_is_not_trusted_has_a_time_for_each_frame_and_no_more_bytes) {
+  auto [a, b] = socket_pair();
+  FrameSocket right(std::move(b), 1 << 20);
+  right.distrust(100, 0.1);
+  const std::array<char, 6> partial = {10, 0, 0, 0, 'a', 'b'};
+  ASSERT_EQ(::send(a.get(), partial.data(), 2, 0), 2);
+  EXPECT_EQ(right.receive().error().message(),
+            "task message takes too long: expected its 4 bytes within 0.1 s, got 2");
+  ASSERT_EQ(::send(a.get(), partial.data(), partial.size(), 0), 6);
+  const Error late = right.receive().error();
+  EXPECT_EQ(late.code, ErrorCode::kBadRequest);
+  EXPECT_EQ(late.message(),
+            "task message takes too long: expected its 10 bytes within 0.1 s, got 2");
+  const std::array<char, 4> head = {101, 0, 0, 0};
+  ASSERT_EQ(::send(a.get(), head.data(), head.size(), 0), 4);
+  EXPECT_EQ(right.receive().error().message(),
+            "task message has a bad length: expected at most 100, got 101");
+  // Nobody reads the other end.
+  const Error stuck = right.send(std::string(1 << 20, 'x')).error();
+  EXPECT_EQ(stuck.code, ErrorCode::kBadRequest);
+  EXPECT_TRUE(stuck.message().starts_with(
+      "task messages are not read: expected 1048576 bytes to be taken within 0.1 s, got "))
+      << stuck.message();
+}
+
 TEST(FrameSocket, shutdown_ends_a_receive_that_blocks_in_another_thread) {
   auto [a, b] = socket_pair();
   FrameSocket right(std::move(b), 100);

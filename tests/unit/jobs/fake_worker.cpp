@@ -32,7 +32,11 @@ FakeWorker::FakeWorker(const std::filesystem::path& socket, const std::string& d
 }
 
 std::optional<json> FakeWorker::call(const json& request) {
-  if (!socket_->send(request.dump())) return std::nullopt;
+  return send_text(request.dump());
+}
+
+std::optional<json> FakeWorker::send_text(const std::string& text) {
+  if (!socket_->send(text)) return std::nullopt;
   const auto frame = socket_->receive();
   if (!frame) return std::nullopt;
   return json::parse(*frame);
@@ -109,8 +113,8 @@ bool FakeWorker::complete(const Task& task, const std::string& text) {
   TaskCompletion completion;
   completion.task = task.id;
   completion.fence = task.fence;
-  completion.outputs = {{"result", path.string(), "application/octet-stream", "result.bin"},
-                        {"grid", path.string(), "application/octet-stream", "result.bin"}};
+  completion.outputs = {{"result", path.string(), "application/x-npy", "result.npy"},
+                        {"grid", path.string(), "application/x-npy", "result.npy"}};
   completion.timings = {{"parse", 1.5}, {"voxelize", 2.5}};
   completion.meta_json = R"({"voxel_count":7})";
   completion.warnings = {{"missing-texture", "a.png"}};

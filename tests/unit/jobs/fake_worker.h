@@ -24,6 +24,9 @@ class FakeWorker {
 
   // Sends one request and returns the reply; nullopt when the gateway has closed the connection.
   std::optional<nlohmann::json> call(const nlohmann::json& request);
+  // The same of any text.
+  std::optional<nlohmann::json> send_text(const std::string& text);
+  int fd() const { return socket_->fd(); }
   // Blocks until there is a task; nullopt when the gateway stops.
   std::optional<Task> claim();
   TaskProgressReply progress(const Task& task, const std::string& stage, int64_t done,

@@ -368,7 +368,7 @@ TEST_F(TaskServerTest, an_output_outside_the_scratch_directory_fails_the_job) {
     TaskCompletion completion;
     completion.task = task->id;
     completion.fence = task->fence;
-    completion.outputs = {{"result", path, "text/plain", "x"}};
+    completion.outputs = {{"result", path, "application/x-npy", "x"}};
     worker.complete_with(completion);
     const JobStatus status = wait_end(id);
     EXPECT_EQ(status.state, JobState::kFailed) << path;

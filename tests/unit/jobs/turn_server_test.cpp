@@ -101,6 +101,13 @@ TEST_F(TurnServerTest, a_worker_that_is_lost_gives_its_turn_back) {
   EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).fenced);
 }
 
+TEST_F(TurnServerTest, needs_beyond_any_machine_end_the_connection) {
+  FakeTurns turns = connect_turns();
+  TurnRequest request{TurnAction::kTake, first_.id, first_.fence, INT64_MAX, 0};
+  ASSERT_TRUE(turns.socket().send(to_json_message(request).dump()));
+  EXPECT_FALSE(turns.socket().receive());
+}
+
 TEST_F(TurnServerTest, a_cancel_answers_a_task_that_waits_for_its_turn) {
   FakeTurns one = connect_turns(), two = connect_turns();
   EXPECT_TRUE(one.ask(first_).granted);

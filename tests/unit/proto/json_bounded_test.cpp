@@ -4,6 +4,7 @@
 #include <string>
 
 #include "proto/job.h"
+#include "proto/json_bounds.h"
 #include "proto/limits.h"
 
 namespace voxeld {
@@ -63,6 +64,18 @@ TEST(JsonBounded, the_largest_allowed_text_is_read_and_one_byte_more_is_refused)
   const Error error = error_of(text + " ");
   EXPECT_EQ(error.code, ErrorCode::kPayloadTooLarge);
   EXPECT_EQ(error.message(), "JSON body is too large: expected at most 1048576 bytes, got 1048577");
+}
+
+TEST(JsonBounded, values_and_members_are_counted_where_they_are_bounded) {
+  const JsonBounds three{.values_max = 3, .members_max = 2};
+  EXPECT_TRUE(parse_json_bounded("[1, 2]", three));
+  EXPECT_EQ(parse_json_bounded("[1, [2]]", three).error().message(),
+            "JSON: too many values: expected at most 3, got more");
+  EXPECT_TRUE(parse_json_bounded(R"({"a": 1, "b": 2})", three));
+  EXPECT_EQ(parse_json_bounded(R"({"a": 1, "b": 2, "c": 3})", three).error().message(),
+            "JSON: too many members in one object: expected at most 2, got more");
+  EXPECT_EQ(parse_json_bounded("[[]]", JsonBounds{.depth_max = 1}).error().message(),
+            "JSON: depth of nesting is over the limit: expected at most 1, got more");
 }
 
 TEST(JsonBounded, a_key_that_stands_twice_is_refused_also_where_it_is_spelled_otherwise) {

@@ -40,12 +40,14 @@ TaskPark park() {
   return {"j-1", 7, 3, 8, {{"voxelize", 12.5}, {"parse", 1}}};
 }
 TaskFrame frame() {
-  return {"j-1", 7, 4095, 1.25, "/scratch/f", 12'345'678'901, "sha256-5", 4096};
+  return {"j-1", 7, 4095, 1.25, "/scratch/f", 12'345'678'901, "sha256-" + std::string(64, '5'),
+          4096};
 }
 TaskCompletion completion() {
   return {"j-1",
           7,
-          {{"result", "/scratch/a", "application/x-npy", "b.npy"}, {"grid", "/scratch/b", "", ""}},
+          {{"result", "/scratch/a", "application/x-npy", "b.npy"},
+           {"grid", "/scratch/b", "application/vnd.voxeld.grid", "b.voxg"}},
           {{"voxelize", 12.5}, {"parse", 1}},
           R"({"dims":[1,2,3]})",
           {{"missing-texture", "a.png"}}};
@@ -192,7 +194,7 @@ TEST(TaskApi, a_frame_and_its_reply_come_back) {
   EXPECT_EQ(back->time_s, 1.25);
   EXPECT_EQ(back->path, "/scratch/f");
   EXPECT_EQ(back->voxel_count, 12'345'678'901u);
-  EXPECT_EQ(back->content_hash, "sha256-5");
+  EXPECT_EQ(back->content_hash, frame().content_hash);
   EXPECT_EQ(back->frames_total, 4096);
   const auto reply =
       parse_task_frame_reply(to_json_message(TaskFrameReply{true, true, "sha256-6", "/data/6"}));

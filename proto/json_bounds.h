@@ -1,0 +1,26 @@
+// Bounds of a JSON text from outside.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/limits.h"
+#include "proto/result.h"
+
+namespace voxeld {
+
+// The values of a text take up to 30 times its bytes.
+struct JsonBounds {
+  int64_t bytes_max = limits::kJsonBodyBytesMax;
+  int depth_max = limits::kJsonDepthMax;
+  int64_t values_max = INT64_MAX;   // of all arrays and objects
+  int64_t members_max = INT64_MAX;  // of one object
+};
+
+// As the other parse_json_bounded() (proto/job.h), within these bounds. Errors: bad-request,
+// payload-too-large.
+Result<nlohmann::json> parse_json_bounded(std::string_view text, const JsonBounds& bounds);
+
+}  // namespace voxeld

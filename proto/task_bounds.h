@@ -1,0 +1,63 @@
+// Bounds on what a worker may say in a message of the task API.
+//
+// A worker runs the parsers of uploaded files. One that a hostile file has taken over sends
+// whatever it likes, so the gateway bounds each message in bytes, in depth and in values before it
+// builds anything from it, and each member before it keeps it. A message out of bounds is an error
+// (bad-request), on which the gateway ends the connection and the worker. A worker that does its
+// work keeps to these bounds by far, and checks its completion before it sends it.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "proto/job.h"
+#include "proto/task_api.h"
+
+namespace voxeld {
+
+namespace limits {
+
+// Bytes of one message: of complete, whose meta is a JSON text within JSON, and of all others.
+inline constexpr uint32_t kWorkerMessageBytesMax = 3u << 20;
+inline constexpr uint32_t kWorkerReportBytesMax = 128u << 10;
+inline constexpr int kWorkerMessageDepthMax = 8;
+inline constexpr int64_t kWorkerMessageValuesMax = 4096;
+
+// The facts about a result, and what a worker says of its device: JSON objects as text.
+inline constexpr int64_t kMetaBytesMax = int64_t{1} << 20;
+inline constexpr int64_t kMetaValuesMax = 200'000;
+inline constexpr int64_t kDeviceJsonBytesMax = int64_t{16} << 10;
+inline constexpr int64_t kDeviceJsonValuesMax = 256;
+inline constexpr int kMetaDepthMax = 16;
+inline constexpr int64_t kMetaMembersMax = 256;  // of one object
+
+inline constexpr size_t kTaskNameBytesMax = 255;   // names of files, devices, drivers, warnings
+inline constexpr size_t kTaskTextBytesMax = 2000;  // details of warnings and errors
+inline constexpr size_t kTaskPathBytesMax = 4096;
+inline constexpr size_t kTaskOutputsMax = 8;
+inline constexpr size_t kTaskTimingsMax = 32;
+inline constexpr size_t kTaskWarningsMax = 256;
+inline constexpr double kStageMsMax = 1e10;                   // 115 days
+inline constexpr int64_t kTilesMax = int64_t{1} << 32;        // of one grid, with all its passes
+inline constexpr int64_t kMemoryBytesMax = int64_t{1} << 50;  // that a message can name
+
+}  // namespace limits
+
+// The JSON of a message from a worker; what the gateway says is read by parse_task_message().
+// Errors: bad-request, which names the kind of message.
+Result<nlohmann::json> parse_worker_message(std::string_view text);
+
+// Errors: bad-request, which names the member.
+Status check_bounds(const WorkerHello& hello);
+Status check_bounds(const TaskProgress& progress);
+Status check_bounds(const TaskFrame& frame);
+Status check_bounds(const TaskPart& part);
+Status check_bounds(const TaskCompletion& completion);
+Status check_bounds(const TaskPark& park);
+Status check_bounds(const TaskFailure& failure);
+Status check_bounds(const TurnsHello& hello);
+Status check_bounds(const TurnRequest& request);
+
+}  // namespace voxeld

@@ -1,0 +1,353 @@
+// Workers that a hostile file has taken over: each says over its socket what no worker would say.
+// The worker's connection ends, its job is tried again as after a crash, and others go on.
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "server/jobs/task_server.h"
+#include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/jobs/fake_worker.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+using testing::FakeWorker;
+using Clock = JobService::Clock;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+std::string repeated(std::string_view text, size_t count) {
+  std::string all;
+  all.reserve(text.size() * count);
+  for (size_t i = 0; i < count; ++i) all += text;
+  return all;
+}
+
+TaskCompletion done(FakeWorker& worker, const Task& task) {
+  TaskCompletion completion;
+  completion.task = task.id;
+  completion.fence = task.fence;
+  completion.outputs = {
+      {"result", worker.write("result", "voxels").string(), "application/x-npy", "bunny.npy"}};
+  return completion;
+}
+
+class HostileWorkerTest : public ::testing::Test {
+ protected:
+  void SetUp() override { start(); }
+  void start() {
+    service_.reset();
+    JobServiceConfig config;
+    config.data_dir = dir_.path() / "data";
+    config.start_workers = false;
+    config.limits = limits_;
+    auto service = start_job_service(config, nullptr);
+    ASSERT_TRUE(service) << service.error().message();
+    service_ = *std::move(service);
+  }
+  std::filesystem::path socket() const { return dir_.path() / "data/run/tasks.sock"; }
+  FakeWorker connect() { return {socket(), "llvmpipe"}; }
+  std::string submit(const std::string& text) {
+    auto writer = service_->begin_upload(1 << 20);
+    EXPECT_TRUE(writer);
+    EXPECT_TRUE(writer->append({reinterpret_cast<const uint8_t*>(text.data()), text.size()}));
+    JobRequest request;
+    request.asset =
+        service_->put_asset(Caller::open(), writer->finish().value(), "bunny.ply", "").value().id;
+    request.options.use_cache = false;
+    return service_->submit(Caller::open(), request, {}).value().id;
+  }
+  JobStatus get(const std::string& id) { return service_->get(Caller::open(), id).value(); }
+  JobStatus wait_end(const std::string& id) {
+    return service_->wait_end(Caller::open(), id, Clock::now() + seconds(20), nullptr).value();
+  }
+  // Gives the job to three workers, one after the other, each of which does `attack`; then looks
+  // whether others are served. `why`: what the job's error says of each of them.
+  void expect_refused(const std::function<void(FakeWorker&, const Task&)>& attack,
+                      const std::string& why) {
+    const std::string id = submit("hostile mesh");
+    for (int attempt = 1; attempt <= limits::kJobAttemptsMax; ++attempt) {
+      FakeWorker worker = connect();
+      const auto task = worker.claim();
+      ASSERT_TRUE(task) << "attempt " << attempt;
+      EXPECT_EQ(task->attempt, attempt);
+      attack(worker, *task);
+      if (HasFailure()) return;
+    }
+    const JobStatus status = wait_end(id);
+    ASSERT_EQ(status.state, JobState::kFailed);
+    EXPECT_EQ(status.error->code, ErrorCode::kWorkerCrashed);
+    EXPECT_TRUE(status.error->detail.starts_with("the job ended 3 workers: " + why))
+        << status.error->detail.substr(0, 600);
+    const std::string other = submit("mesh");
+    FakeWorker good = connect();
+    const auto task = good.claim();
+    ASSERT_TRUE(task);
+    EXPECT_TRUE(good.complete(*task, "fine"));
+    EXPECT_EQ(wait_end(other).state, JobState::kDone);
+  }
+  // The same of one message.
+  void expect_message_refused(const std::function<json(FakeWorker&, const Task&)>& message,
+                              const std::string& why) {
+    expect_refused(
+        [&](FakeWorker& worker, const Task& task) {
+          const auto reply = worker.call(message(worker, task));
+          EXPECT_FALSE(reply) << "answered with " << reply->dump();
+        },
+        why);
+  }
+  void expect_completion_refused(const std::function<void(TaskCompletion&)>& change,
+                                 const std::string& why) {
+    expect_message_refused(
+        [&](FakeWorker& worker, const Task& task) {
+          TaskCompletion completion = done(worker, task);
+          change(completion);
+          return to_json_message(completion);
+        },
+        why);
+  }
+
+  testing::TemporaryDir dir_;
+  TaskLimits limits_;
+  std::unique_ptr<JobService> service_;
+};
+
+TEST_F(HostileWorkerTest, meta_of_60000_levels) {
+  const std::string meta = R"({"a":)" + repeated("[", 60'000) + repeated("]", 60'000) + "}";
+  expect_completion_refused([&](TaskCompletion& all) { all.meta_json = meta; },
+                            "complete.meta_json: JSON: depth of nesting is over the limit");
+}
+
+TEST_F(HostileWorkerTest, meta_of_two_megabytes) {
+  const std::string meta = R"({"a":")" + repeated("x", 2'000'000) + "\"}";
+  expect_completion_refused([&](TaskCompletion& all) { all.meta_json = meta; },
+                            "complete.meta_json: JSON body is too large");
+}
+
+TEST_F(HostileWorkerTest, meta_of_300000_values) {
+  const std::string meta = R"({"a":[)" + repeated("0,", 300'000) + "0]}";
+  expect_completion_refused([&](TaskCompletion& all) { all.meta_json = meta; },
+                            "complete.meta_json: JSON: too many values");
+}
+
+TEST_F(HostileWorkerTest, meta_that_is_no_object) {
+  expect_completion_refused([](TaskCompletion& all) { all.meta_json = "[1, 2]"; },
+                            "complete.meta_json: expected an object, got array");
+}
+
+TEST_F(HostileWorkerTest, a_million_warnings) {
+  expect_completion_refused(
+      [](TaskCompletion& all) {
+        all.warnings.assign(1'000'000, Warning{"a", ""});
+      },
+      "");
+}
+
+TEST_F(HostileWorkerTest, a_warning_of_100_kilobytes) {
+  expect_completion_refused(
+      [](TaskCompletion& all) {
+        all.warnings = {{"long", std::string(100'000, 'x')}};
+      },
+      "warning.detail: expected at most 2000 bytes, got 100000");
+}
+
+// Each stage is a time series of the metrics.
+TEST_F(HostileWorkerTest, timings_of_stages_that_there_are_not) {
+  expect_completion_refused(
+      [](TaskCompletion& all) {
+        all.timings = {{"stage-4711", 1.0}};
+      },
+      "timings: expected parse, place, voxelize, render, encode or inspect, "
+      "got stage-4711");
+}
+
+TEST_F(HostileWorkerTest, timings_that_are_no_times) {
+  expect_completion_refused(
+      [](TaskCompletion& all) {
+        all.timings = {{"parse", -1e300}};
+      },
+      "timings of parse: expected milliseconds from 0 to ");
+}
+
+// A browser would run it in the name of the service.
+TEST_F(HostileWorkerTest, a_result_that_says_it_is_a_web_page) {
+  expect_completion_refused(
+      [](TaskCompletion& all) { all.outputs[0].media_type = "text/html"; },
+      "complete.outputs.media_type: expected that of a format of results, got text/html");
+}
+
+TEST_F(HostileWorkerTest, a_file_name_that_ends_the_header) {
+  expect_completion_refused(
+      [](TaskCompletion& all) { all.outputs[0].filename = "a\r\nSet-Cookie: b"; },
+      "complete.outputs.filename: expected text without control characters");
+}
+
+TEST_F(HostileWorkerTest, ten_thousand_outputs) {
+  expect_completion_refused([](TaskCompletion& all) { all.outputs.resize(10'000, all.outputs[0]); },
+                            "");
+}
+
+TEST_F(HostileWorkerTest, a_stage_of_a_megabyte) {
+  expect_message_refused(
+      [](FakeWorker&, const Task& task) {
+        return to_json_message(TaskProgress{.task = task.id,
+                                            .fence = task.fence,
+                                            .stage = std::string(1 << 20, 's'),
+                                            .device_memory = {}});
+      },
+      "task message is too long: progress: expected at most ");
+}
+
+TEST_F(HostileWorkerTest, progress_below_zero) {
+  expect_message_refused(
+      [](FakeWorker&, const Task& task) {
+        return to_json_message(TaskProgress{.task = task.id,
+                                            .fence = task.fence,
+                                            .stage = "parse",
+                                            .tiles_done = -5,
+                                            .tiles_total = 8,
+                                            .device_memory = {}});
+      },
+      "progress.tiles_done: expected 0 to ");
+}
+
+TEST_F(HostileWorkerTest, an_error_of_two_megabytes) {
+  expect_message_refused(
+      [](FakeWorker&, const Task& task) {
+        return to_json_message(TaskFailure{
+            task.id, task.fence, {ErrorCode::kInternal, std::string(2'000'000, 'x'), "", ""}});
+      },
+      "task message is too long: fail: expected at most ");
+}
+
+// A device would be shown as broken to everyone.
+TEST_F(HostileWorkerTest, a_worker_at_work_that_says_its_device_cannot_be_opened) {
+  expect_message_refused(
+      [](FakeWorker&, const Task&) {
+        return to_json_message(TaskFailure{"", 0, {ErrorCode::kDeviceUnavailable, "no", "", ""}});
+      },
+      "fail.task: expected a job, got none");
+}
+
+TEST_F(HostileWorkerTest, a_message_of_a_million_values) {
+  expect_refused(
+      [](FakeWorker& worker, const Task&) {
+        EXPECT_FALSE(
+            worker.send_text(R"({"type":"progress","a":[)" + repeated("0,", 1'000'000) + "0]}"));
+      },
+      "");
+}
+
+TEST_F(HostileWorkerTest, a_sequence_whose_meta_has_a_million_members) {
+  const std::string id = submit("hostile mesh");
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  std::string members;
+  for (int i = 0; i < 500'000; ++i) members += ",\"" + std::to_string(i) + "\":0";
+  const std::string grid = "sha256-" + repeated("0", 64);
+  const std::string manifest =
+      R"({"dims":[1,1,1],"origin":[0,0,0],"voxel_size":[1,1,1],"channels":[],"fps":24,)"
+      R"("frames":[{"time_s":0,"grid":")" +
+      grid + R"(","voxel_count":1,"content_hash":")" + grid + R"("}],"meta":{)" +
+      members.substr(1) + "}}";
+  TaskCompletion completion = done(worker, *task);
+  completion.outputs.push_back(
+      {"sequence", worker.write("manifest", manifest).string(), "application/json", "a.json"});
+  const auto begun = Clock::now();
+  worker.complete_with(completion);
+  const double took = std::chrono::duration<double>(Clock::now() - begun).count();
+  const JobStatus status = wait_end(id);
+  ASSERT_EQ(status.state, JobState::kFailed);
+  EXPECT_TRUE(status.error->message().starts_with(
+      "worker brings a sequence: JSON: too many members in one object"))
+      << status.error->message() << " after " << took << " s";
+}
+
+// One byte after the other, each in time: the job would be held for days.
+TEST_F(HostileWorkerTest, a_message_that_trickles) {
+  limits_.silence_seconds_max = 0.3;
+  start();
+  expect_refused(
+      [](FakeWorker& worker, const Task&) {
+        const std::string head("\x00\x01\x00\x00", 4);
+        ASSERT_EQ(::send(worker.fd(), head.data(), 4, MSG_NOSIGNAL), 4);
+        const auto until = Clock::now() + seconds(3);
+        while (Clock::now() < until && ::send(worker.fd(), " ", 1, MSG_NOSIGNAL) == 1) {
+          std::this_thread::sleep_for(milliseconds(20));
+        }
+        EXPECT_LT(Clock::now(), until);
+      },
+      "task message takes too long: expected its 256 bytes within 0.3 s, got ");
+}
+
+TEST_F(HostileWorkerTest, replies_that_are_never_read) {
+  limits_.silence_seconds_max = 0.3;
+  start();
+  expect_refused(
+      [](FakeWorker& worker, const Task& task) {
+        const std::string text =
+            to_json_message(
+                TaskProgress{
+                    .task = task.id, .fence = task.fence, .stage = "parse", .device_memory = {}})
+                .dump();
+        std::string frame(4, '\0');
+        frame[0] = static_cast<char>(text.size() & 0xff);
+        frame[1] = static_cast<char>(text.size() >> 8);
+        frame += text;
+        const auto until = Clock::now() + seconds(5);
+        while (Clock::now() < until) {
+          const ssize_t sent =
+              ::send(worker.fd(), frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+          if (sent < 0 && errno != EAGAIN) break;
+          if (sent < 0) std::this_thread::sleep_for(milliseconds(5));
+          if (sent > 0 && sent < static_cast<ssize_t>(frame.size())) frame = frame.substr(sent);
+        }
+        EXPECT_LT(Clock::now(), until);
+      },
+      "");
+}
+
+TEST_F(HostileWorkerTest, a_hundred_thousand_reports_at_once) {
+  expect_refused(
+      [](FakeWorker& worker, const Task& task) {
+        const json report = to_json_message(TaskProgress{
+            .task = task.id, .fence = task.fence, .stage = "parse", .device_memory = {}});
+        int answered = 0;
+        while (answered < 100'000 && worker.call(report)) ++answered;
+        EXPECT_LT(answered, 100'000);
+      },
+      "too many task messages: expected at most ");
+}
+
+// Before it has a task: nothing is tried again, and others go on.
+TEST_F(HostileWorkerTest, a_hello_of_any_size_or_depth) {
+  WorkerHello hello;
+  hello.pid = 1;
+  hello.device = "llvmpipe";
+  hello.renderer = "r";
+  const auto refuses = [&](const WorkerHello& said) {
+    FrameSocket raw(connect_unix(socket()).value(), kTaskFrameBytesMax);
+    EXPECT_TRUE(raw.send(to_json_message(said).dump()));
+    return !raw.receive();
+  };
+  hello.device_json = R"({"a":)" + repeated("[", 60'000) + repeated("]", 60'000) + "}";
+  EXPECT_TRUE(refuses(hello));
+  hello.device_json = "{}";
+  hello.renderer = std::string(100'000, 'r');
+  EXPECT_TRUE(refuses(hello));
+  hello.renderer = "a\nb";
+  EXPECT_TRUE(refuses(hello));
+  EXPECT_TRUE(service_->workers().empty());
+}
+
+}  // namespace
+}  // namespace voxeld
