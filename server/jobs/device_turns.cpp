@@ -32,6 +32,7 @@ uint64_t deadline_order(int64_t deadline_at_ms) {
 void DeviceTurns::begin_task(const TurnTask& task) {
   auto started = std::make_shared<Started>();
   started->task = task;
+  if (config_.cpu_seconds) started->cpu_seconds = config_.cpu_seconds(task.pid);
   MutexLock lock(mutex_);
   devices_[task.device];  // there from now on
   tasks_[task.id] = std::move(started);
@@ -42,10 +43,25 @@ void DeviceTurns::end_task(std::string_view id, int64_t fence) {
   const Task task = find(id, fence);
   if (task == nullptr) return;
   end_turn(*task);
+  charge_cpu(*task);
   task->has_ended = true;
   task->changed.notify_all();
   tasks_.erase(tasks_.find(id));
   grant_free();
+}
+
+bool DeviceTurns::take_away(std::string_view id) {
+  MutexLock lock(mutex_);
+  const auto found = tasks_.find(id);
+  if (found == tasks_.end() || !found->second->is_granted) return false;
+  end_turn(*found->second);
+  grant_free();
+  return true;
+}
+
+void DeviceTurns::charge_cpu() {
+  MutexLock lock(mutex_);
+  for (const auto& [id, task] : tasks_) charge_cpu(*task);
 }
 
 void DeviceTurns::set_device_bytes(const std::string& device, int64_t bytes_max) {
@@ -194,16 +210,33 @@ DeviceTurns::Answer DeviceTurns::wait(const Task& task, MutexLock& lock, const S
   return Answer::kGranted;
 }
 
+void DeviceTurns::charge_cpu(Started& task) {
+  if (!config_.cpu_seconds || task.task.pid == 0) return;
+  const double now = config_.cpu_seconds(task.task.pid);
+  if (now < 0) return;  // what it used since the last call is lost with it
+  const double used = std::max(now - std::exchange(task.cpu_seconds, now), 0.0);
+  if (task.is_granted || used == 0) return;
+  Device& device = devices_[task.task.device];
+  const std::string& tenant = task.task.tenant;
+  const double seconds = used / config_.cores;
+  device.finish[tenant] = tag_of(device, tenant) + seconds / static_cast<double>(weight_of(tenant));
+  device.shares.charge(tenant, seconds, weight_of(tenant));
+  if (config_.charged_cpu) config_.charged_cpu(task.task, used);
+}
+
 void DeviceTurns::end_turn(Started& task) {
   if (!task.is_granted) return;
+  charge_cpu(task);
   task.is_granted = false;
   Device& device = devices_[task.task.device];
   device.holder = nullptr;
   const auto held = config_.now() - task.granted_at;
   const double seconds = std::chrono::duration<double>(held).count();
   task.device_us += std::chrono::duration_cast<std::chrono::microseconds>(held).count();
-  device.finish[task.task.tenant] =
-      task.start_tag + seconds / static_cast<double>(weight_of(task.task.tenant));
+  // CPU time of the tenant's other tasks may have been charged meanwhile.
+  double& finish = device.finish[task.task.tenant];
+  finish =
+      std::max(task.start_tag, finish) + seconds / static_cast<double>(weight_of(task.task.tenant));
   device.shares.charge(task.task.tenant, seconds, weight_of(task.task.tenant));
   if (config_.charged) config_.charged(task.task, seconds);
 }
@@ -220,6 +253,7 @@ void DeviceTurns::grant_free() {
 }
 
 void DeviceTurns::grant(Started& task) {
+  charge_cpu(task);
   Device& device = devices_[task.task.device];
   task.start_tag = tag_of(device, task.task.tenant);
   device.now_tag = task.start_tag;

@@ -10,6 +10,13 @@
 //
 // Within a tenant: priority, the highest first; the earliest deadline; the order of arrival.
 //
+// What a task's worker computes without a turn (parsing, decoding, encoding, exports) is charged to
+// the tenant as well: a second of CPU time counts as the part of a second of the device that one
+// core is of the machine. On device cpu, whose turns have all cores, both cost the same.
+//
+// A turn can be taken away from a worker that gives no sign of life. Should the worker come back,
+// it takes a new turn at its next boundary like any other.
+//
 // With its first turn a task tells how much memory it will need in all. One that does not fit
 // beside the others waits until it does, and holds no turn meanwhile. Others may pass it only where
 // it fits beside all that have passed it, so that it never waits for them.
@@ -41,6 +48,7 @@ struct TurnTask {
   int priority = 0;
   int64_t deadline_at_ms = 0;  // 0: none
   int64_t seq = 0;             // order of arrival
+  int64_t pid = 0;             // of its worker; 0: its CPU time is not known
 };
 
 struct TurnNeed {
@@ -55,6 +63,11 @@ struct TurnsConfig {
   std::function<int64_t(const std::string& tenant)> weight_of;
   // After each turn; null: nobody. Not to call back.
   std::function<void(const TurnTask& task, double seconds)> charged;
+  // CPU time of a process so far; negative: it has ended. null: CPU time is not charged.
+  std::function<double(int64_t pid)> cpu_seconds;
+  int cores = 1;  // of the machine
+  // With each charge of CPU time; null: nobody. Not to call back.
+  std::function<void(const TurnTask& task, double cpu_seconds)> charged_cpu;
   std::function<Clock::time_point()> now = [] { return Clock::now(); };  // of what is charged
 };
 
@@ -76,6 +89,10 @@ class DeviceTurns {
   void begin_task(const TurnTask& task) EXCLUDES(mutex_);
   // Gives back what it has and answers whoever waits on its behalf.
   void end_task(std::string_view id, int64_t fence) EXCLUDES(mutex_);
+  // Ends the turn of a task whose worker is silent, and charges it. False: it has none.
+  bool take_away(std::string_view id) EXCLUDES(mutex_);
+  // Charges the CPU time that tasks have used without a turn since the last call.
+  void charge_cpu() EXCLUDES(mutex_);
   // How much memory the device has for tasks; 0: not known, not limited.
   void set_device_bytes(const std::string& device, int64_t bytes_max) EXCLUDES(mutex_);
   // What tenants have had of the device while they wanted it (tenant_shares.h): those with queued
@@ -113,6 +130,7 @@ class DeviceTurns {
     double start_tag = 0;                       // of the turn it has
     Clock::time_point granted_at{};
     int64_t device_us = 0;
+    double cpu_seconds = 0;  // of its worker's process, up to which it is charged
     CondVar changed;
   };
   using Task = std::shared_ptr<Started>;
@@ -127,6 +145,8 @@ class DeviceTurns {
   Task find(std::string_view id, int64_t fence) const REQUIRES(mutex_);
   Status check_fits(const Started& task) const REQUIRES(mutex_);
   Answer wait(const Task& task, MutexLock& lock, const Stop& stop) REQUIRES(mutex_);
+  // Charges the CPU time since the last call; within a turn it is part of the turn.
+  void charge_cpu(Started& task) REQUIRES(mutex_);
   // Ends the turn of a task that has one, and charges it.
   void end_turn(Started& task) REQUIRES(mutex_);
   // Grants the turn of every device that is free.

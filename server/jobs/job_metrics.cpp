@@ -83,6 +83,11 @@ struct JobMetrics::Impl {
                            .Name("voxeld_device_seconds_total")
                            .Help("Time for which tasks have had a device, by device and tenant.")
                            .Register(*registry)),
+        cpu_seconds(BuildCounter()
+                        .Name("voxeld_cpu_seconds_total")
+                        .Help("CPU time of workers on tasks outside of turns on a device (reading, "
+                              "encoding, exports), by tenant.")
+                        .Register(*registry)),
         queue_wait(BuildHistogram()
                        .Name("voxeld_queue_wait_seconds")
                        .Help("Time from acceptance to the first start, by tenant.")
@@ -135,6 +140,7 @@ struct JobMetrics::Impl {
   Family<Counter>& restarts;
   Family<Gauge>& worker_up;
   Family<Counter>& device_seconds;
+  Family<Counter>& cpu_seconds;
   Family<Histogram>& queue_wait;
   Family<Histogram>& turn_seconds;
   Gauge& store_bytes;
@@ -180,6 +186,11 @@ void JobMetrics::had_turn(const std::string& device, const std::string& tenant, 
   if (!impl_) return;
   impl_->device_seconds.Add({{"device", device}, {"tenant", tenant}}).Increment(seconds);
   impl_->turn_seconds.Add({{"device", device}}, seconds_buckets()).Observe(seconds);
+}
+
+void JobMetrics::used_cpu(const std::string& tenant, double seconds) {
+  if (!impl_) return;
+  impl_->cpu_seconds.Add({{"tenant", impl_->tenant_label(tenant)}}).Increment(seconds);
 }
 
 void JobMetrics::requeued(const JobStatus& status) {

@@ -26,6 +26,8 @@ class JobMetrics {
   void waited(const std::string& tenant, double seconds);
   // A task of the tenant had a turn on the device.
   void had_turn(const std::string& device, const std::string& tenant, double seconds);
+  // Its worker has computed without a turn.
+  void used_cpu(const std::string& tenant, double seconds);
   // Its worker was lost and it waits again.
   void requeued(const JobStatus& status);
   // It gave its worker to another tenant's job and waits again.

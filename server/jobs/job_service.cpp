@@ -5,11 +5,13 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <system_error>
+#include <thread>
 #include <utility>
 
 #include "server/base/file.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
+#include "server/base/process_cpu.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/blob_needs.h"
 #include "server/jobs/data_dir.h"
@@ -168,6 +170,11 @@ TurnsConfig Service::turns_config() {
   config.weight_of = config_.weight_of;
   config.charged = [this](const TurnTask& task, double seconds) {
     metrics_.had_turn(task.device, task.tenant, seconds);
+  };
+  config.cpu_seconds = process_cpu_seconds;
+  config.cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  config.charged_cpu = [this](const TurnTask& task, double seconds) {
+    metrics_.used_cpu(task.tenant, seconds);
   };
   return config;
 }

@@ -247,7 +247,7 @@ Status TaskServer::send_task(Connection& connection, const JobRecord& record, co
   connection.input = task.input_hash;
   connection.deadline_at_ms = status.deadline_at_ms;
   context_.turns.begin_task({status.id, record.fence, connection.device, record.tenant,
-                             status.priority, status.deadline_at_ms, record.seq});
+                             status.priority, status.deadline_at_ms, record.seq, connection.pid});
   if (status.attempt == 1 && status.parked == 0) {
     context_.metrics.waited(record.tenant,
                             static_cast<double>(status.started_ms - status.created_ms) / 1000.0);

@@ -34,6 +34,16 @@ struct TaskServer::Connection {
     verdict.reset();
     ended_for.clear();
   }
+  Result<std::string> receive() {
+    {
+      MutexLock lock(mutex);
+      silence.emplace();
+    }
+    auto frame = socket.receive();
+    MutexLock lock(mutex);
+    silence.reset();
+    return frame;
+  }
   std::string task() {
     MutexLock lock(mutex);
     return state.task;
@@ -57,6 +67,8 @@ struct TaskServer::Connection {
   WorkerState state GUARDED_BY(mutex);
   Stopwatch task_age GUARDED_BY(mutex);
   std::optional<Error> verdict GUARDED_BY(mutex);  // of the watch, on the task that runs
+  // Since when the gateway waits for its next message; nullopt while it works on one.
+  std::optional<Stopwatch> silence GUARDED_BY(mutex);
   std::string ended_for GUARDED_BY(mutex);  // why the watch ended the worker, once it did
 
   // Guarded by the server's mutex_: jobs are claimed for a worker on any connection's thread.

@@ -27,6 +27,8 @@ namespace fs = std::filesystem;
 constexpr double kHelloSecondsMax = 30.0;  // a busy machine opens a device in seconds
 // Of one message, once it has begun, and until the worker has taken the reply.
 constexpr double kMessageSecondsMax = 10.0;
+// A worker with a turn that is silent for so long loses the turn: others have the device.
+constexpr double kTurnSilenceSecondsMax = 2.0;
 // Of what a device says of its memory, for tasks; drivers and the rest of the machine need some.
 constexpr double kDeviceMemoryShare = 0.75;
 
@@ -77,7 +79,8 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
   accept_thread_ = std::thread([this] { accept_loop(); });
   watch_ = std::make_unique<WorkerWatch>(
       WatchLimits{config_.limits.worker_memory_bytes_max,
-                  config_.limits.all_workers_memory_bytes_max, config_.limits.job_seconds_max},
+                  config_.limits.all_workers_memory_bytes_max, config_.limits.job_seconds_max,
+                  kTurnSilenceSecondsMax},
       watch_calls());
 }
 
@@ -174,7 +177,7 @@ Status TaskServer::converse(Connection& connection) {
   }
   VOXELD_TRY(greet(connection, first));
   while (!stopping_) {
-    VOXELD_ASSIGN(const std::string frame, connection.socket.receive());
+    VOXELD_ASSIGN(const std::string frame, connection.receive());
     VOXELD_TRY(connection.rate.take());
     VOXELD_TRY(answer(connection, frame));
   }

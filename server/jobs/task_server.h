@@ -142,6 +142,7 @@ class TaskServer {
   std::vector<WatchedWorker> watched() const EXCLUDES(mutex_);
   int64_t memory_of(const std::string& device) const REQUIRES(mutex_);
   void measured(const WatchedWorker& worker, int64_t memory_bytes) EXCLUDES(mutex_);
+  void take_turn(const WatchedWorker& worker);
   // Kills it; its job fails with the verdict or, without one, is put back.
   void end_worker(const WatchedWorker& worker, const std::string& reason,
                   const std::optional<Error>& verdict) EXCLUDES(mutex_);

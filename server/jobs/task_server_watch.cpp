@@ -9,14 +9,18 @@
 namespace voxeld {
 
 WorkerWatch::Calls TaskServer::watch_calls() {
-  return {[this] { return watched(); },
+  return {[this] {
+            context_.turns.charge_cpu();
+            return watched();
+          },
           [this](const WatchedWorker& worker, int64_t bytes) { measured(worker, bytes); },
           [this](const WatchedWorker& worker, const Error& error) {
             end_worker(worker, error.message(), error);
           },
           [this](const WatchedWorker& worker, const std::string& reason) {
             end_worker(worker, reason, std::nullopt);
-          }};
+          },
+          [this](const WatchedWorker& worker) { take_turn(worker); }};
 }
 
 std::vector<WatchedWorker> TaskServer::watched() const {
@@ -26,9 +30,11 @@ std::vector<WatchedWorker> TaskServer::watched() const {
     for (const auto& connection : connections_) {
       MutexLock inner(connection->mutex);
       if (!connection->state.connected) continue;
-      all.push_back({.pid = connection->state.pid,
-                     .task = connection->state.task,
-                     .task_seconds = connection->task_age.ms() / 1000.0});
+      all.push_back(
+          {.pid = connection->state.pid,
+           .task = connection->state.task,
+           .task_seconds = connection->task_age.ms() / 1000.0,
+           .silent_seconds = connection->silence ? connection->silence->ms() / 1000.0 : 0.0});
     }
   }
   for (WatchedWorker& worker : all) {
@@ -57,6 +63,13 @@ void TaskServer::measured(const WatchedWorker& worker, int64_t memory_bytes) {
     device = connection->state.device;
   }
   if (!device.empty()) context_.metrics.set_worker_memory(device, memory_of(device));
+}
+
+// A worker that is stopped or hangs keeps its task for a while yet, and the device no longer.
+void TaskServer::take_turn(const WatchedWorker& worker) {
+  if (!context_.turns.take_away(worker.task)) return;
+  log::warn("a silent worker loses its turn on the device",
+            {{"job", worker.task}, {"pid", worker.pid}, {"seconds", worker.silent_seconds}});
 }
 
 // The connection ends, too, where the process cannot be killed from here.

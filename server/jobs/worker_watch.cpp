@@ -67,6 +67,10 @@ bool WorkerWatch::look(const Measured& measured) const {
     calls_.condemned(*worker, too_long(worker->task_seconds, limits_.job_seconds_max));
     return false;
   }
+  if (!worker->task.empty() && limits_.silent_seconds_max > 0 &&
+      worker->silent_seconds > limits_.silent_seconds_max) {
+    calls_.silent(*worker);
+  }
   return true;
 }
 

@@ -15,9 +15,10 @@ namespace voxeld {
 
 struct WatchedWorker {
   int64_t pid = 0;
-  std::string task;         // job id; empty: idle
-  double task_seconds = 0;  // since it was given
-  int64_t asked_bytes = 0;  // of memory, which the task was granted; 0: it has not asked yet
+  std::string task;           // job id; empty: idle
+  double task_seconds = 0;    // since it was given
+  double silent_seconds = 0;  // since a message was expected of it
+  int64_t asked_bytes = 0;    // of memory, which the task was granted; 0: it has not asked yet
 };
 
 struct WatchLimits {
@@ -27,6 +28,8 @@ struct WatchLimits {
   int64_t all_memory_bytes_max = 0;
   // Of one attempt at a job.
   double job_seconds_max = 0;
+  // Of a worker with a task, which reports several times a second. 0: no limit.
+  double silent_seconds_max = 0;
 };
 
 class WorkerWatch {
@@ -42,6 +45,8 @@ class WorkerWatch {
     // The worker has to go, for all of them together take too much and this one the most beyond
     // what it asked for; its job may do better another time.
     std::function<void(const WatchedWorker&, const std::string& reason)> displaced;
+    // The worker gives no sign of life: others have the device. Each period, until it does.
+    std::function<void(const WatchedWorker&)> silent;
   };
   WorkerWatch(WatchLimits limits, Calls calls);
   ~WorkerWatch();

@@ -29,11 +29,13 @@ class DeviceTurnsTest : public ::testing::Test {
     config.now = [this] { return TurnsConfig::Clock::time_point(milliseconds(now_ms_)); };
     config.weight_of = [this](const std::string& tenant) { return weights_[tenant]; };
     config.charged = [this](const TurnTask& task, double) { order_.push_back(task.id); };
+    config.cpu_seconds = [this](int64_t pid) { return cpu_seconds_[pid]; };
+    config.cores = 4;
     turns_ = std::make_unique<DeviceTurns>(std::move(config));
   }
   void begin(const std::string& id, const std::string& tenant, int priority = 0,
              int64_t deadline_at_ms = 0, const std::string& device = "cpu") {
-    turns_->begin_task({id, 1, device, tenant, priority, deadline_at_ms, ++seq_});
+    turns_->begin_task({id, 1, device, tenant, priority, deadline_at_ms, ++seq_, pid_});
   }
   Answer take(const std::string& id, TurnNeed need = {}) {
     auto answer = turns_->take(id, 1, need, {});
@@ -65,6 +67,8 @@ class DeviceTurnsTest : public ::testing::Test {
   std::mutex granted_mutex_;
   std::set<std::string> granted_;
   int64_t seq_ = 0;
+  int64_t pid_ = 0;  // of the tasks that begin
+  std::map<int64_t, double> cpu_seconds_;
   std::unique_ptr<DeviceTurns> turns_;
 };
 
@@ -300,6 +304,73 @@ TEST_F(TurnsMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any_
   }
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(done, 8);
+}
+
+// Four seconds of one core are one second of a machine with four.
+TEST_F(DeviceTurnsTest, cpu_time_beside_turns_counts_as_a_core_s_share_of_the_device) {
+  pid_ = 7;
+  begin("a1", "a");
+  pid_ = 8;
+  begin("b1", "b");
+  turns_->set_queued("cpu", {"a", "b"});
+  cpu_seconds_[7] = 4;
+  turns_->charge_cpu();
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 1.0);
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "b"), 0.0);
+  cpu_seconds_[7] = 6;
+  turns_->end_task("a1", 1);  // what came since is charged with the end
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 1.5);
+}
+
+TEST_F(DeviceTurnsTest, cpu_time_within_a_turn_is_not_charged_twice) {
+  pid_ = 7;
+  begin("a1", "a");
+  turns_->set_queued("cpu", {"a"});
+  EXPECT_EQ(take("a1"), Answer::kGranted);
+  cpu_seconds_[7] = 4;
+  turns_->charge_cpu();
+  cpu_seconds_[7] = 8;
+  hold(kQuantum);
+  turns_->give("a1", 1);
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.05);
+  cpu_seconds_[7] = 8.4;
+  turns_->charge_cpu();
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.15);
+}
+
+TEST_F(DeviceTurnsTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
+  pid_ = 7;
+  begin("a1", "a");
+  pid_ = 0;
+  begin("b1", "b");
+  begin("c1", "c");
+  EXPECT_EQ(take("c1"), Answer::kGranted);
+  cpu_seconds_[7] = 4;
+  std::thread a = ask("a1"), b = ask("b1");
+  turns_->charge_cpu();
+  turns_->give("c1", 1);
+  wait_granted("b1");
+  EXPECT_FALSE(is_granted("a1"));
+  turns_->give("b1", 1);
+  a.join();
+  b.join();
+}
+
+TEST_F(DeviceTurnsTest, a_turn_that_is_taken_away_is_charged_and_the_next_one_is_granted) {
+  begin("a1", "a");
+  begin("b1", "b");
+  turns_->set_queued("cpu", {"a", "b"});
+  EXPECT_EQ(take("a1"), Answer::kGranted);
+  std::thread b = ask("b1");
+  hold(milliseconds(2000));
+  EXPECT_TRUE(turns_->take_away("a1"));
+  b.join();
+  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 2.0);
+  EXPECT_FALSE(turns_->take_away("a1"));  // it has none
+  EXPECT_FALSE(turns_->take_away("nobody"));
+  turns_->give("a1", 1);  // of no effect on the one that has it now
+  EXPECT_TRUE(turns_->take_away("b1"));
+  EXPECT_EQ(turns_->renew("a1", 1, {}), Answer::kGranted);  // it has come back
 }
 
 }  // namespace

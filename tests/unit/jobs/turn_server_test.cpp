@@ -101,6 +101,40 @@ TEST_F(TurnServerTest, a_worker_that_is_lost_gives_its_turn_back) {
   EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).fenced);
 }
 
+// A worker that is stopped, or hangs with all of its threads: the kernel keeps its connections.
+TEST_F(TurnServerTest, a_worker_that_falls_silent_loses_its_turn_after_2_s_and_not_its_task) {
+  FakeTurns one = connect_turns(), two = connect_turns();
+  EXPECT_TRUE(one.ask(first_).granted);
+  const auto begun = Clock::now();
+  std::thread reports([&] {
+    for (int i = 0; i < 40; ++i) {
+      two_->progress(second_, "parse", 0, 0);
+      std::this_thread::sleep_for(milliseconds(100));
+    }
+  });
+  EXPECT_TRUE(two.ask(second_).granted);
+  const auto waited = Clock::now() - begun;
+  EXPECT_GE(waited, milliseconds(1000));  // it was silent before, too
+  EXPECT_LT(waited, std::chrono::seconds(10));
+  two.give(second_);
+  reports.join();
+  EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).granted);  // it goes on
+  EXPECT_TRUE(one_->complete(first_, "x"));
+}
+
+TEST_F(TurnServerTest, a_worker_that_reports_keeps_its_turn) {
+  FakeTurns one = connect_turns(), two = connect_turns();
+  EXPECT_TRUE(one.ask(first_).granted);
+  std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
+  for (int i = 0; i < 30; ++i) {
+    one_->progress(first_, "voxelize", 1, 8);
+    std::this_thread::sleep_for(milliseconds(100));
+  }
+  EXPECT_FALSE(get(second_.id).waiting_for.empty());
+  one.give(first_);
+  waiter.join();
+}
+
 TEST_F(TurnServerTest, needs_beyond_any_machine_end_the_connection) {
   FakeTurns turns = connect_turns();
   TurnRequest request{TurnAction::kTake, first_.id, first_.fence, INT64_MAX, 0};

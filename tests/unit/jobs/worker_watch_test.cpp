@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -41,7 +42,8 @@ std::vector<std::pair<std::string, Error>> verdicts(WatchLimits limits, const Wa
               .displaced =
                   [](const WatchedWorker& one, const std::string&) {
                     ADD_FAILURE() << one.task << ": all of them have no limit";
-                  }});
+                  },
+              .silent = nullptr});
   return told;
 }
 
@@ -65,7 +67,8 @@ std::vector<std::pair<std::string, std::string>> displaced(
        .condemned = [](const WatchedWorker& one,
                        const Error& error) { EXPECT_EQ(one.task, "long") << error.message(); },
        .displaced = [&](const WatchedWorker& one,
-                        const std::string& reason) { told.emplace_back(one.task, reason); }});
+                        const std::string& reason) { told.emplace_back(one.task, reason); },
+       .silent = nullptr});
   return told;
 }
 
@@ -125,6 +128,22 @@ TEST(HostMemory, the_machine_has_a_limit_and_bytes_read_well) {
   EXPECT_GT(memory_limit_bytes(), int64_t{64} << 20);
   EXPECT_EQ(memory_text(9'120'000'000), "9.1 GB");
   EXPECT_EQ(memory_text(312'400'000), "312 MB");
+}
+
+TEST(WorkerWatch, a_silent_worker_is_told_of_while_it_has_a_task) {
+  std::vector<std::string> silent;
+  const int64_t pid = ::getpid();
+  watch_once({.silent_seconds_max = 2},
+             {{.pid = pid, .task = "silent", .silent_seconds = 2.1},
+              {.pid = pid, .task = "at work", .silent_seconds = 0.3},
+              {.pid = pid, .task = "", .silent_seconds = 50}},
+             {.workers = nullptr,
+              .measured = [](const WatchedWorker&, int64_t) {},
+              .condemned = nullptr,
+              .displaced = nullptr,
+              .silent = [&](const WatchedWorker& one) { silent.push_back(one.task); }});
+  ASSERT_FALSE(silent.empty());
+  EXPECT_EQ(std::set<std::string>(silent.begin(), silent.end()), std::set<std::string>{"silent"});
 }
 
 }  // namespace
