@@ -1,4 +1,5 @@
 #include "proto/option_values.h"
+#include "proto/range_text.h"
 
 namespace voxeld::option_values {
 
@@ -33,8 +34,7 @@ std::optional<double> parse_double(std::string_view text) {
 Result<int> int_between(std::string_view name, std::string_view text, int min, int max) {
   const auto value = parse_int(text);
   if (!value || *value < min || *value > max) {
-    return invalid(name, "an integer from " + std::to_string(min) + " to " + std::to_string(max),
-                   text);
+    return invalid(name, (min == max ? "" : "an integer from ") + range_text(min, max), text);
   }
   return *value;
 }

@@ -3,6 +3,7 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
+#include "proto/range_text.h"
 #include "proto/sequence_format.h"
 #include "server/http/api.h"
 
@@ -64,7 +65,7 @@ Result<std::string> frame_of_sequence(const Request& request, Api& api) {
   if (index && static_cast<uint64_t>(*index) < count) {
     return manifest.frames[static_cast<size_t>(*index)].grid;
   }
-  return Error{ErrorCode::kNotFound, "there is no such frame", "0 to " + std::to_string(count - 1),
+  return Error{ErrorCode::kNotFound, "there is no such frame", index_text(count, "frames"),
                "\"" + request.path_parameters[1].substr(0, 40) + "\""};
 }
 

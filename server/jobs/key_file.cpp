@@ -7,6 +7,7 @@
 #include <span>
 #include <utility>
 
+#include "proto/range_text.h"
 #include "server/base/sha256.h"
 #include "server/jobs/private_file.h"
 
@@ -37,7 +38,7 @@ Result<int64_t> parse_field(std::string_view name, std::string_view text, int64_
   if (error == std::errc() && end == text.data() + text.size() && value >= min && value <= max) {
     return value;
   }
-  return wrong(std::string(name), std::to_string(min) + " to " + std::to_string(max), text);
+  return wrong(std::string(name), range_text(min, max), text);
 }
 
 using Fields = std::array<std::string_view, kFields>;

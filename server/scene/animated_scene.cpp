@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "proto/range_text.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
 
@@ -29,7 +30,7 @@ Error no_animation(const AnimatedScene& animated, std::string got) {
     return {ErrorCode::kInvalidOption, "animation: the file has no animations", "", std::move(got)};
   }
   return {ErrorCode::kInvalidOption, "animation: there is none of this name or number",
-          listed(animated.animations) + ", or 0 to " + std::to_string(count - 1), std::move(got)};
+          listed(animated.animations) + ", or " + index_text(count, "animations"), std::move(got)};
 }
 
 double time_in(double duration_s, double seconds, Repeat repeat) {

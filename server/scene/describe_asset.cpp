@@ -8,7 +8,6 @@ namespace {
 AssetDescription::Mesh describe_mesh(const AnimatedScene& animated, size_t index) {
   const MeshPart& part = animated.scene.parts[index];
   AssetDescription::Mesh mesh{.name = part.name, .material = part.material};
-  mesh.vertex_count = static_cast<int64_t>(part.positions.size());
   mesh.triangle_count = static_cast<int64_t>(part.indices.size() / 3);
   if (!animated.rig) return mesh;
   const SkinTable& skin = animated.skin;

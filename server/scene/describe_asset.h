@@ -13,7 +13,7 @@ struct AssetDescription {
   struct Mesh {  // a part of the scene
     std::string name;
     int material = -1;  // index into materials; -1: none
-    int64_t vertex_count = 0, triangle_count = 0;
+    int64_t triangle_count = 0;
     int64_t influences_max = 0;      // of one vertex; 0 in a format without joints
     bool has_morph_targets = false;  // that move some vertex
   };

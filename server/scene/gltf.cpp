@@ -72,9 +72,9 @@ Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const 
                     " primitives of points or lines were left out");
   }
   if (scene.triangle_count() == 0) {
-    return empty_mesh(name, meshes.skipped_primitive_count() > 0
-                                ? "the scene has points or lines alone"
-                                : "no node of the scene has a mesh with triangles");
+    const int64_t skipped = meshes.skipped_primitive_count();
+    return empty_mesh(name, skipped > 0 ? std::to_string(skipped) + " primitives of points or lines"
+                                        : "no node with a mesh in the scene");
   }
   if (animated != nullptr) {
     animated->scene = std::move(scene);

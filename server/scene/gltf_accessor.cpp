@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "proto/range_text.h"
 #include "server/scene/mesh_error.h"
 
 namespace voxeld {
@@ -258,7 +259,7 @@ Status GltfAccessors::fill_sparse(int index, const std::string& path, GltfReader
       const uint32_t target = load_unsigned(indices.data() + i * index_bytes, index_bytes);
       if (target >= reader.count_) {
         return malformed_mesh(name_, path + ".sparse.indices", "index out of range",
-                              "less than " + std::to_string(reader.count_), std::to_string(target));
+                              index_text(reader.count_, "elements"), std::to_string(target));
       }
       std::copy_n(values.data() + i * element_bytes, element_bytes,
                   dense.begin() + target * element_bytes);

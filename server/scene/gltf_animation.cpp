@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "proto/range_text.h"
 #include "server/scene/mesh_error.h"
 
 namespace voxeld {
@@ -91,8 +92,7 @@ class AnimationReader {
                       const std::string& channel_path, GltfChannel& channel) {
     if (index >= samplers.size()) {
       return malformed_mesh(name_, channel_path + ".sampler", "wrong value",
-                            "an index of one of " + std::to_string(samplers.size()) + " samplers",
-                            std::to_string(index));
+                            index_text(samplers.size(), "samplers"), std::to_string(index));
     }
     const Json& sampler = samplers[index];
     const std::string at = path + ".samplers[" + std::to_string(index) + "]";

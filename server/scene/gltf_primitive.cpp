@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "proto/range_text.h"
 #include "server/scene/gltf_extensions.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/normals.h"
@@ -192,7 +193,7 @@ Result<std::vector<uint32_t>> GltfMeshes::triangles_of(const GltfPrimitive& prim
   for (const uint32_t corner : corners) {
     if (corner < vertex_count) continue;
     return malformed_mesh(name_, path + ".indices", "index out of range",
-                          "less than " + std::to_string(vertex_count), std::to_string(corner));
+                          index_text(vertex_count, "vertices"), std::to_string(corner));
   }
   return corners;
 }

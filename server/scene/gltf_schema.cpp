@@ -10,6 +10,7 @@
 #include <variant>
 #include <vector>
 
+#include "proto/range_text.h"
 #include "server/scene/gltf_document.h"
 #include "server/scene/gltf_json.h"
 #include "server/scene/mesh_error.h"
@@ -312,7 +313,7 @@ class Checker {
     const size_t count = array != root_.end() && array->is_array() ? array->size() : 0;
     const auto index = size_of(value);
     if (index && *index < count) return {};
-    if (count == 0) return wrong("no index, as there are no " + std::string(target), got_of(value));
+    if (count == 0) return wrong(index_text(0, target), got_of(value));
     return wrong("an index of one of " + std::to_string(count) + " " + target, got_of(value));
   }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <glm/matrix.hpp>
 
+#include "proto/range_text.h"
 #include "server/scene/color_space.h"
 #include "server/scene/gltf_textures.h"
 #include "server/scene/mesh_error.h"
@@ -151,7 +152,7 @@ Result<GltfVertexJoints> GltfVertices::joints_of(const GltfVertexSource& source,
       if (!(weight[i] > 0.0) || !is_coordinate(weight[i])) continue;
       if (!(joint[i] >= 0.0 && joint[i] < static_cast<double>(joint_count))) {
         return malformed_mesh(name_, source.path + ".JOINTS", "joint out of range",
-                              "less than " + std::to_string(joint_count),
+                              index_text(joint_count, "joints"),
                               std::to_string(joint[i]) + " at vertex " + std::to_string(index));
       }
       out.joints[out.count++] = {static_cast<uint32_t>(joint[i]), weight[i]};

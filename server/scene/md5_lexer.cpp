@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/range_text.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
 
@@ -119,8 +120,7 @@ Result<int64_t> Md5Lexer::integer(std::string_view what, int64_t low, int64_t hi
   VOXELD_ASSIGN(const Md5Token token, next());
   const auto value = token.kind == Md5Token::kWord ? parse_integer(token.text) : std::nullopt;
   if (!value || *value < low || *value > high) {
-    return wrong(what, "a whole number from " + std::to_string(low) + " to " + std::to_string(high),
-                 token);
+    return wrong(what, (low == high ? "" : "a whole number from ") + range_text(low, high), token);
   }
   return *value;
 }

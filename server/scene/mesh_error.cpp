@@ -29,7 +29,8 @@ std::string index_range(int64_t count, std::string_view things) {
 }
 
 Error empty_mesh(std::string_view name, std::string_view why) {
-  return {ErrorCode::kEmptyMesh, std::string(name) + ": " + std::string(why), "", ""};
+  return {ErrorCode::kEmptyMesh, std::string(name) + ": the mesh is empty", "at least one triangle",
+          std::string(why)};
 }
 
 std::string shown(std::string_view text) {

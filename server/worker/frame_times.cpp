@@ -6,6 +6,7 @@
 #include <string>
 
 #include "proto/limits.h"
+#include "proto/range_text.h"
 
 namespace voxeld {
 namespace {
@@ -82,7 +83,7 @@ Result<FrameRange> select_frames(const std::optional<std::array<int, 2>>& frames
     return FrameRange{static_cast<size_t>(first), static_cast<size_t>(last) + 1};
   }
   return Error{ErrorCode::kInvalidOption, "frames: there are " + std::to_string(count) + " frames",
-               "numbers from 0 to " + std::to_string(count - 1), frames_text(*frames)};
+               index_text(count, "frames"), frames_text(*frames)};
 }
 
 std::vector<double> frame_durations(const std::vector<double>& times_s, double fps) {

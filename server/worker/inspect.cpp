@@ -24,13 +24,24 @@ std::string short_name(const std::string& name) {
   return name.substr(0, kNameBytesMax);
 }
 
-json describe_parts(const Scene& scene) {
+// Of each listed part its distinct positions; null where the mesh is too large to count.
+std::vector<json> vertices_of_parts(const Scene& scene,
+                                    const std::optional<MeshTopology>& topology) {
+  std::vector<json> counts(std::min(scene.parts.size(), kListedMax));
+  for (size_t i = 0; i < counts.size() && topology; ++i) {
+    counts[i] =
+        scene.parts.size() == 1 ? topology->distinct_positions : distinct_positions(scene.parts[i]);
+  }
+  return counts;
+}
+
+json describe_parts(const Scene& scene, const std::vector<json>& vertices) {
   json list = json::array();
   for (size_t i = 0; i < std::min(scene.parts.size(), kListedMax); ++i) {
     const MeshPart& part = scene.parts[i];
     json item = {{"name", short_name(part.name)},
                  {"triangles", part.indices.size() / 3},
-                 {"vertices", part.positions.size()},
+                 {"vertices", vertices[i]},
                  {"material", nullptr},
                  {"mesh", short_name(scene.meshes[part.mesh])},
                  {"node", short_name(scene.nodes[part.node])},
@@ -83,13 +94,14 @@ json describe_animations(const std::vector<AnimationInfo>& animations) {
   return list;
 }
 
-json describe_meshes(const std::vector<AssetDescription::Mesh>& meshes) {
+json describe_meshes(const std::vector<AssetDescription::Mesh>& meshes,
+                     const std::vector<json>& vertices) {
   json list = json::array();
   for (size_t i = 0; i < std::min(meshes.size(), kListedMax); ++i) {
     const AssetDescription::Mesh& mesh = meshes[i];
     list.push_back({{"name", short_name(mesh.name)},
                     {"material", mesh.material < 0 ? json() : json(mesh.material)},
-                    {"vertices", mesh.vertex_count},
+                    {"vertices", vertices[i]},
                     {"triangles", mesh.triangle_count},
                     {"influences_max", mesh.influences_max},
                     {"morph_targets", mesh.has_morph_targets}});
@@ -135,6 +147,15 @@ json ambiguous_fraction(const FillStats& fill, const std::optional<MeshTopology>
 
 }  // namespace
 
+json describe_warnings(const std::vector<Warning>& warnings) {
+  json list = json::array();
+  for (const Warning& warning : warnings) {
+    list.push_back(
+        {{"code", warning.code}, {"detail", warning.detail.substr(0, kWarningBytesMax)}});
+  }
+  return list;
+}
+
 json describe_ids(const std::vector<std::string>& names) {
   const size_t bytes_max = std::clamp(kIdListBytesMax / std::max<size_t>(names.size(), 1),
                                       kIdNameBytesMin, kNameBytesMax);
@@ -167,9 +188,11 @@ json describe_scene(const AnimatedScene& animated) {
   const Scene& scene = animated.scene;
   const Box3d box = scene.bounds();
   const AssetDescription asset = describe_asset(animated);
+  const std::optional<MeshTopology> topology = mesh_topology(scene);
+  const std::vector<json> vertices = vertices_of_parts(scene, topology);
   json description = {{"format", scene.format},
                       {"triangles", scene.triangle_count()},
-                      {"vertices", scene.vertex_count()},
+                      {"vertices", known(topology, &MeshTopology::distinct_positions)},
                       {"part_count", scene.parts.size()},
                       {"material_count", scene.materials.size()},
                       {"mesh_count", scene.meshes.size()},
@@ -177,10 +200,10 @@ json describe_scene(const AnimatedScene& animated) {
                       {"group_count", scene.groups.size()},
                       {"has_colors", scene.has_colors()},
                       {"bounds", nullptr},
-                      {"parts", describe_parts(scene)},
+                      {"parts", describe_parts(scene, vertices)},
                       {"materials", describe_materials(scene)},
                       {"missing_files", describe_missing(scene)},
-                      {"meshes", describe_meshes(asset.meshes)},
+                      {"meshes", describe_meshes(asset.meshes, vertices)},
                       {"joints", describe_joints(asset.joints)},
                       {"joint_count", asset.joints.size()},
                       {"animations", describe_animations(asset.animations)},
@@ -189,7 +212,7 @@ json describe_scene(const AnimatedScene& animated) {
     description["bounds"] = {{"min", {box.min.x, box.min.y, box.min.z}},
                              {"max", {box.max.x, box.max.y, box.max.z}}};
   }
-  description.update(describe_topology(mesh_topology(scene)));
+  description.update(describe_topology(topology));
   return description;
 }
 

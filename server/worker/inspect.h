@@ -1,6 +1,7 @@
 // What an asset holds, for GET /v1/assets/{id}.
 #pragma once
 
+#include <cstddef>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -14,13 +15,19 @@ namespace voxeld {
 // {format, triangles, vertices, bounds {min, max}, has_colors, mesh_count, node_count, group_count,
 // parts [{name, triangles, vertices, material, mesh, node, group}], materials [{name, base_color,
 // texture, found}], missing_files [{name, needed_by}], watertight, open_edges, non_manifold_edges,
-// flipped_edges, degenerate_triangles, components, enclosed_components, inner_walls}. What is
-// counted is null for meshes above kTopologyTrianglesMax.
+// flipped_edges, degenerate_triangles, components, enclosed_components, inner_walls}. vertices, of
+// all and of each part, are distinct positions that triangles use. What is counted is null for
+// meshes above kTopologyTrianglesMax.
 // Of what moves it: joints [{name, parent}] (parent: an index, null for a root), joint_count,
 // meshes [{name, material, vertices, triangles, influences_max, morph_targets}], animations [{name,
 // frames, frame_rate, duration_s}] (frames and rate: null where keys are at times of their own),
 // animation_count. Of lists the first 200 are told.
 nlohmann::json describe_scene(const AnimatedScene& animated);
+
+// Bytes of one warning's text; longer ones are cut. A mesh of a stranger decides their lengths.
+inline constexpr size_t kWarningBytesMax = 500;
+// [{code, detail}]: texts for people.
+nlohmann::json describe_warnings(const std::vector<Warning>& warnings);
 
 // What ids 1, 2, … of a channel mean: [{id, name}]. Names are cut to 200 bytes, and shorter, to 32,
 // where all together would be more than an answer should carry.

@@ -114,6 +114,14 @@ std::vector<Corners> number_corners(const Scene& scene, PositionNumbers& numbers
 
 }  // namespace
 
+int64_t distinct_positions(const MeshPart& part) {
+  PositionNumbers numbers(std::min(part.positions.size(), part.indices.size()));
+  std::vector<uint32_t> used(part.positions.size(), PositionNumbers::kNone);
+  for (const uint32_t vertex : part.indices) used[vertex] = 0;
+  numbers.number(part.positions, used);
+  return static_cast<int64_t>(numbers.size());
+}
+
 std::optional<MeshTopology> mesh_topology(const Scene& scene) {
   const size_t triangle_count = scene.triangle_count();
   if (triangle_count > static_cast<size_t>(kTopologyTrianglesMax)) return std::nullopt;

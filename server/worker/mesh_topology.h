@@ -11,6 +11,7 @@ namespace voxeld {
 // Counts over undirected edges, after vertices of all parts with bit-identical positions are taken
 // as one. Triangles that name a vertex twice have no area and are left out.
 struct MeshTopology {
+  // "vertices" of every description, of whatever format: points that triangles use.
   int64_t distinct_positions = 0;
   int64_t degenerate_triangles = 0;
   int64_t open_edges = 0;          // in one triangle
@@ -38,5 +39,7 @@ inline constexpr int64_t kTopologyTrianglesMax = 20'000'000;
 
 // nullopt above kTopologyTrianglesMax.
 std::optional<MeshTopology> mesh_topology(const Scene& scene);
+// MeshTopology::distinct_positions of one part alone.
+int64_t distinct_positions(const MeshPart& part);
 
 }  // namespace voxeld

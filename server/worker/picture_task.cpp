@@ -3,6 +3,7 @@
 #include <string>
 #include <utility>
 
+#include "proto/range_text.h"
 #include "server/formats/formats.h"
 #include "server/render/animated_picture.h"
 #include "server/voxel/shared_frames.h"
@@ -35,7 +36,7 @@ Result<size_t> shown_frame(const RenderOptions& options, size_t count) {
     return static_cast<size_t>(options.frame);
   }
   return Error{ErrorCode::kInvalidOption, "frame: there are " + std::to_string(count) + " frames",
-               "0 to " + std::to_string(count - 1), std::to_string(options.frame)};
+               index_text(count, "frames"), std::to_string(options.frame)};
 }
 
 // Draws a grid: one picture, or a turntable.

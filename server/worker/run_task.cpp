@@ -124,11 +124,7 @@ Status inspect(TaskRun& run) {
   VOXELD_ASSIGN(const auto animated, load_described(run));
   const StageTimer stage(run, "inspect");
   add_meta(run, describe_scene(*animated));
-  nlohmann::json warnings = nlohmann::json::array();
-  for (const Warning& warning : run.completion.warnings) {
-    warnings.push_back({{"code", warning.code}, {"detail", warning.detail}});
-  }
-  add_meta(run, {{"warnings", warnings}});
+  add_meta(run, {{"warnings", describe_warnings(run.completion.warnings)}});
   const std::string& text = run.completion.meta_json;
   return add_output(run, "result", {reinterpret_cast<const uint8_t*>(text.data()), text.size()},
                     kJsonMediaType, ".json");

@@ -29,9 +29,8 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-// A hostile mesh can give any number of warnings, of any length; the answer lists some.
+// A hostile mesh can give any number of warnings; the answer lists some.
 constexpr size_t kWarningsMax = 100;
-constexpr size_t kWarningBytesMax = 500;
 
 // "models/bunny.ply" -> "bunny"; "bundle.zip!a/spot.obj" -> "spot"; "" -> "voxels"
 std::string output_stem(const std::string& filename) {
@@ -53,6 +52,7 @@ json device_facts(const Engine& engine) {
 // What of a container's meta an answer carries: of long lists of ids the first, and how many there
 // are; the container names all. Tasks and their completions are JSON of at most 1 MiB.
 json answer_meta(json meta) {
+  meta.erase("warnings");  // an answer has them beside its meta
   constexpr size_t kListBytesMax = size_t{100} << 10;
   for (const char* name : {"materials", "labels"}) {
     const auto list = meta.find(name);
@@ -115,6 +115,7 @@ std::string container_meta(const Task& task, const Scene& scene, const json& opt
                {"source_triangles", scene.triangle_count()},
                {"units", options.value("units", "")},
                {"options", options},
+               {"warnings", describe_warnings(scene.warnings)},
                {"algorithm_version", kAlgorithmVersion}};
   meta.update(facts);
   const json& channels = facts.at("channels");

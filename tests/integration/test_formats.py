@@ -33,6 +33,18 @@ class Formats(DaemonTest):
         xyz = np.load(io.BytesIO(self.voxelize("size=31&format=npy&axes=xyz").body))
         self.assertTrue((xyz == base.transpose(2, 1, 0)).all())
 
+    def test_meta_of_an_npz_has_the_warnings_with_their_texts(self):
+        mesh = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n"
+        response = self.daemon.post("/v1/voxelize?size=8&format=npz&filename=a.obj", mesh)
+        meta = json.loads(np.load(io.BytesIO(response.body))["meta"].tobytes())
+        self.assertIn("missing-material-file", [one["code"] for one in meta["warnings"]])
+        self.assertIn("gone.mtl", meta["warnings"][0]["detail"])
+        # Another format that is made of the stored grid says the same.
+        job = response.headers["x-voxeld-job"]
+        again = self.daemon.get(f"/v1/jobs/{job}/result?format=npz&axes=xyz")
+        meta_again = json.loads(np.load(io.BytesIO(again.body))["meta"].tobytes())
+        self.assertEqual(meta_again["warnings"], meta["warnings"])
+
     def test_the_documented_reader_gives_the_same_grid_as_npz(self):
         import read_grid
         query = "size=300&channels=occupancy,color,normal"

@@ -126,6 +126,8 @@ TEST(Md5Mesh, whatever_is_wrong_is_named_with_its_line) {
   EXPECT_EQ(with("\"arm\" 0", "\"arm\" 1"),
             "a.md5mesh line 7: parent of joint \"arm\": expected a whole number from -1 to 0, got "
             "\"1\"");
+  EXPECT_EQ(with("\"root\" -1", "\"root\" 0"),
+            "a.md5mesh line 6: parent of joint \"root\": expected -1, got \"0\"");
   EXPECT_EQ(with("( 0 0 2 )", "( 0 0 nan )"),
             "a.md5mesh line 7: position of a joint: expected a finite number, got \"nan\"");
   EXPECT_EQ(with("( 0 0 0.70710678 )", "( 0 0 2 )"),

@@ -215,8 +215,8 @@ TEST(Obj, mistakes_are_told_with_line_and_expectation) {
        "a.obj line 1: texture coordinate: expected finite numbers up to 1e30, got \"one\""},
       {square + "f 1 2 \\\n\\\n 7\n",
        "a.obj line 5: vertex index out of range: expected 1..4 or -4..-1, got 7"},
-      {square, "a.obj: no faces"},
-      {"", "a.obj: no faces"},
+      {square, "a.obj: the mesh is empty: expected at least one triangle, got no faces"},
+      {"", "a.obj: the mesh is empty: expected at least one triangle, got no faces"},
       {"<html>\n",
        "a.obj line 1: not an OBJ statement: expected a keyword such as v or f, got "
        "\"<html>\""},

@@ -390,8 +390,10 @@ TEST(Off, mistakes_are_told) {
        "got \"0\""},
       {"OFF\n1 1 0\n0 0 0\n3 0 1 2\n",
        "a.off line 4: face 0: vertex index out of range: expected 0, got \"1\""},
-      {square + "2 0 1\n", "a.off: no faces"},
-      {std::string("OFF\n4 0 0\n") + kBody, "a.off: no faces"}};
+      {square + "2 0 1\n",
+       "a.off: the mesh is empty: expected at least one triangle, got no faces"},
+      {std::string("OFF\n4 0 0\n") + kBody,
+       "a.off: the mesh is empty: expected at least one triangle, got no faces"}};
   for (const auto& [text, message] : cases) {
     EXPECT_EQ(message_of(load_text("a.off", text)), message) << text;
   }

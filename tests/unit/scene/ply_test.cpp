@@ -209,7 +209,7 @@ TEST(Ply, mistakes_of_the_header_are_told) {
            "element face 1\nproperty int n\nend_header\n0 0 0 1\n",
        "a.ply header: element face: expected a list property vertex_indices, got none"},
       {std::string("ply\nformat ascii 1.0\nelement vertex 1\n") + kXyz + "end_header\n0 0 0\n",
-       "a.ply: no faces: a point cloud"},
+       "a.ply: the mesh is empty: expected at least one triangle, got no faces: a point cloud"},
       {std::string("ply\nformat ascii 1.0\nelement vertex 1\n") + kXyz +
            "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n3 0 0 "
            "0\n",

@@ -128,12 +128,13 @@ TEST(Stl, mistakes_are_told) {
   lying[80] = 9;
   const std::pair<std::string, const char*> cases[] = {
       {"", "a.stl: truncated header: expected 84 bytes, got 0"},
-      {binary({}), "a.stl: no triangles"},
+      {binary({}), "a.stl: the mesh is empty: expected at least one triangle, got no triangles"},
       {lying, "a.stl byte 80: truncated: 9 triangles declared: expected 534 bytes, got 134"},
       {huge, "a.stl byte 80: too many triangles: expected at most 200000000, got 4294967295"},
       {binary({kLeft, kNan}),
        "a.stl triangle 1: vertex coordinate: expected a finite number up to 1e30, got inf"},
-      {"solid x\nendsolid x\n", "a.stl: no facets"},
+      {"solid x\nendsolid x\n",
+       "a.stl: the mesh is empty: expected at least one triangle, got no facets"},
       {"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 zero\n",
        "a.stl line 4: vertex coordinate: expected a finite number up to 1e30, got \"zero\""},
       {"solid x\nfacet normal 0 0 1\nvertex 0 0 0\n",

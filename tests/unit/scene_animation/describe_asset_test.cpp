@@ -21,7 +21,6 @@ TEST(DescribeAsset, an_md5_bundle_tells_joints_meshes_materials_and_animations) 
   EXPECT_EQ(asset.joints[2].parent, 1);
   ASSERT_EQ(asset.meshes.size(), 2u);
   EXPECT_EQ(asset.meshes[0].name, "cloth");
-  EXPECT_EQ(asset.meshes[0].vertex_count, 4);
   EXPECT_EQ(asset.meshes[0].triangle_count, 2);
   EXPECT_EQ(asset.meshes[0].influences_max, 3);
   EXPECT_FALSE(asset.meshes[0].has_morph_targets);

@@ -38,8 +38,7 @@ TEST(GltfAnimationErrors, the_schema_is_checked_with_paths) {
 
 TEST(GltfAnimationErrors, samplers_and_targets_are_checked) {
   EXPECT_EQ(with("/animations/0/channels/1/sampler", 3),
-            "a.gltf animations[0].channels[1].sampler: wrong value: expected an index of one of 3 "
-            "samplers, got 3");
+            "a.gltf animations[0].channels[1].sampler: wrong value: expected 0 to 2, got 3");
   EXPECT_EQ(with("/animations/0/samplers/0/interpolation", "HERMITE"),
             "a.gltf animations[0].samplers[0].interpolation: unknown interpolation: expected "
             "LINEAR, STEP or CUBICSPLINE, got \"HERMITE\"");

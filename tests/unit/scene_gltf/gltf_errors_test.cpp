@@ -101,7 +101,7 @@ const Case kRangeCases[] = {
      "malformed-mesh: a.gltf accessors[0].componentType: component type of POSITION: expected "
      "5126, 5120, 5121, 5122 or 5123, got 5127"},
     {"index into nothing", [](GltfBuilder& b) { b.primitive()["material"] = 0; },
-     "malformed-mesh: a.gltf meshes[0].primitives[0].material: wrong value: expected no index, as "
+     "malformed-mesh: a.gltf meshes[0].primitives[0].material: wrong value: expected none, as "
      "there are no materials, got 0"},
     {"buffer shorter than said",
      [](GltfBuilder& b) {
@@ -143,8 +143,8 @@ const Case kRangeCases[] = {
                 {"indices", {{"bufferView", view}, {"componentType", 5121}}},
                 {"values", {{"bufferView", values}}}};
      },
-     "malformed-mesh: a.gltf accessors[0].sparse.indices: index out of range: expected less than "
-     "4, got 9"},
+     "malformed-mesh: a.gltf accessors[0].sparse.indices: index out of range: expected 0 to 3, "
+     "got 9"},
     {"sparse accessor of nothing",
      [](GltfBuilder& b) {
        b.json["accessors"][0].erase("bufferView");
@@ -181,8 +181,8 @@ const Case kMeshCases[] = {
      [](GltfBuilder& b) {
        b.primitive()["indices"] = b.add_u16({0, 1, 4});
      },
-     "malformed-mesh: a.gltf meshes[0].primitives[0].indices: index out of range: expected less "
-     "than 4, got 4"},
+     "malformed-mesh: a.gltf meshes[0].primitives[0].indices: index out of range: expected 0 to 3, "
+     "got 4"},
     {"two corners",
      [](GltfBuilder& b) {
        b.primitive()["indices"] = b.add_u16({0, 1});
@@ -222,11 +222,14 @@ const Case kMeshCases[] = {
      "malformed-mesh: a.gltf meshes[0].primitives[0].attributes.POSITION: vertex 1 is at no "
      "finite place: expected coordinates of at most 1e30 in size"},
     {"points alone", [](GltfBuilder& b) { b.primitive()["mode"] = 0; },
-     "empty-mesh: a.gltf: the scene has points or lines alone"},
+     "empty-mesh: a.gltf: the mesh is empty: expected at least one triangle, got 1 primitives of "
+     "points or lines"},
     {"no mesh", [](GltfBuilder& b) { b.json["nodes"][0].erase("mesh"); },
-     "empty-mesh: a.gltf: no node of the scene has a mesh with triangles"},
+     "empty-mesh: a.gltf: the mesh is empty: expected at least one triangle, got no node with a "
+     "mesh in the scene"},
     {"empty scene", [](GltfBuilder& b) { b.json["scenes"][0]["nodes"] = Json::array(); },
-     "empty-mesh: a.gltf: no node of the scene has a mesh with triangles"},
+     "empty-mesh: a.gltf: the mesh is empty: expected at least one triangle, got no node with a "
+     "mesh in the scene"},
     {"cycle",
      [](GltfBuilder& b) {
        b.json["nodes"] = Json::parse(R"([{"mesh": 0, "children": [1]}, {"children": [0]}])");
@@ -254,8 +257,8 @@ const Case kMeshCases[] = {
        b.json["skins"] = Json::array({Json{{"joints", {0}}}});
        b.json["nodes"][0]["skin"] = 0;
      },
-     "malformed-mesh: a.gltf meshes[0].primitives[0].JOINTS: joint out of range: expected less "
-     "than 1, got 1.000000 at vertex 0"},
+     "malformed-mesh: a.gltf meshes[0].primitives[0].JOINTS: joint out of range: expected 0, "
+     "got 1.000000 at vertex 0"},
 };
 
 std::string name_of(const testing::TestParamInfo<Case>& info) {

@@ -12,7 +12,8 @@ namespace {
 const AnimationInfo kWalk{"walk", 25, 24.0, 1.0};
 const AnimationInfo kKeys{"keys", 0, 0.0, 0.5};
 
-std::string message_of(const Result<FrameTimes>& result) {
+template <typename T>
+std::string message_of(const Result<T>& result) {
   return result.ok() ? "ok" : result.error().message();
 }
 
@@ -61,9 +62,16 @@ TEST(FrameTimes, a_part_of_the_frames_keeps_their_times) {
 
 TEST(FrameTimes, frames_after_the_end_are_refused_with_their_number) {
   EXPECT_EQ(message_of(frame_times(with_frames(3, 25), kWalk)),
-            "frames: there are 25 frames: expected numbers from 0 to 24, got 3..25");
+            "frames: there are 25 frames: expected 0 to 24, got 3..25");
   EXPECT_EQ(message_of(frame_times(with_frames(99, 99), kWalk)),
-            "frames: there are 25 frames: expected numbers from 0 to 24, got 99");
+            "frames: there are 25 frames: expected 0 to 24, got 99");
+}
+
+TEST(FrameTimes, one_frame_and_none_are_no_ranges) {
+  const std::array<int, 2> frames = {1, 1};
+  EXPECT_EQ(message_of(select_frames(frames, 1)), "frames: there are 1 frames: expected 0, got 1");
+  EXPECT_EQ(message_of(select_frames(frames, 0)),
+            "frames: there are 0 frames: expected none, as there are no frames, got 1");
 }
 
 TEST(FrameTimes, times_of_the_requests_own_are_taken_as_they_are) {

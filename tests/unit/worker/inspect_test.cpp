@@ -2,7 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
+#include <string>
+
+#include "server/scene/load.h"
 
 namespace voxeld {
 namespace {
@@ -49,6 +54,61 @@ TEST(Inspect, a_description_names_counts_bounds_parts_materials_and_missing_file
   EXPECT_EQ(description["watertight"], false);
   EXPECT_EQ(description["open_edges"], 3);
   EXPECT_EQ(description["non_manifold_edges"], 0);
+}
+
+// A tetrahedron with as many vertices as each format needs for it.
+std::string float_bytes(std::initializer_list<float> values) {
+  std::string text;
+  for (const float value : values) {
+    for (size_t i = 0; i < 4; ++i) {
+      char hex[8];
+      std::snprintf(hex, sizeof hex, "%%%02x",
+                    unsigned{reinterpret_cast<const unsigned char*>(&value)[i]});
+      text += hex;
+    }
+  }
+  return text;
+}
+
+json description_of(const std::string& filename, const std::string& text) {
+  auto scene =
+      load_scene(filename, {reinterpret_cast<const uint8_t*>(text.data()), text.size()}, {});
+  EXPECT_TRUE(scene.ok()) << filename << ": " << (scene ? "" : scene.error().message());
+  return scene ? describe_scene(still(*scene)) : json();
+}
+
+TEST(Inspect, vertices_are_the_same_number_in_every_format) {
+  const std::string facet = "facet normal 0 0 0\nouter loop\n", end = "endloop\nendfacet\n";
+  const std::string o = "vertex 0 0 0\n", x = "vertex 1 0 0\n", y = "vertex 0 1 0\n",
+                    z = "vertex 0 0 1\n";
+  const std::string gltf = R"({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}],
+    "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 12, "type": "VEC3"}],
+    "bufferViews": [{"buffer": 0, "byteLength": 144}], "buffers": [{"byteLength": 144,
+    "uri": "data:application/octet-stream,)" +
+                           float_bytes({0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1,
+                                        0, 0, 0, 0, 0, 1, 0, 1, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}) +
+                           "\"}]}";
+  const std::pair<const char*, std::string> files[] = {
+      {"a.obj",
+       "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 9 9 9\nvn 0 0 -1\nvn 0 -1 0\nvn -1 0 0\nvn 1 1 1\n"
+       "f 1//1 3//1 2//1\nf 1//2 2//2 4//2\nf 1//3 4//3 3//3\nf 2//4 3//4 4//4\n"},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
+       "property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n"
+       "0 0 0\n1 0 0\n0 1 0\n0 0 1\n9 9 9\n0 0 0\n3 0 2 1\n3 5 1 3\n3 0 3 2\n3 1 2 3\n"},
+      {"a.stl", "solid a\n" + facet + o + y + x + end + facet + o + x + z + end + facet + o + z +
+                    y + end + facet + x + y + z + end + "endsolid a\n"},
+      {"a.off",
+       "OFF\n5 4 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n9 9 9\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"},
+      {"a.gltf", gltf}};
+  for (const auto& [filename, text] : files) {
+    const json description = description_of(filename, text);
+    EXPECT_EQ(description["triangles"], 4) << filename;
+    EXPECT_EQ(description["vertices"], 4) << filename;
+    EXPECT_EQ(description["parts"][0]["vertices"], 4) << filename;
+    EXPECT_EQ(description["meshes"][0]["vertices"], 4) << filename;
+  }
 }
 
 TEST(Inspect, a_scene_with_too_many_parts_and_endless_names_stays_a_small_description) {

@@ -445,7 +445,7 @@ TEST_F(FramesTest, a_sequence_is_exported_whole_or_in_part) {
     EXPECT_EQ(json::parse(all.meta_json)["frames"], 3);
   }
   EXPECT_EQ(failure(sequence_task(JobKind::kExport, made, {{"frames", "6"}})),
-            "frames: there are 6 frames: expected numbers from 0 to 5, got 6");
+            "frames: there are 6 frames: expected 0 to 5, got 6");
 }
 
 TEST_F(FramesTest, frames_of_one_grid_are_refused) {
