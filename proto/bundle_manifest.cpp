@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "proto/asset_id.h"
 #include "proto/blob_id.h"
 #include "proto/job.h"
 #include "proto/limits.h"
@@ -73,10 +74,12 @@ Result<BundleFile> parse_file(const Json& entry, const std::string& where) {
                      "\".\" and \"..\"",
                      "\"" + file.name.substr(0, 60) + "\"");
   }
-  if (!is_blob_id(file.asset)) {
+  const AssetId asset = AssetId::parse(file.asset);
+  if (!is_blob_id(asset.blob)) {
     return malformed(where + ".asset", "the id of an uploaded asset",
                      "\"" + file.asset.substr(0, 60) + "\"");
   }
+  file.asset = asset.blob;  // what it is in the bundle says its name there
   return file;
 }
 

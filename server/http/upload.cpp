@@ -1,7 +1,9 @@
 // Uploads: from the socket into the content-addressed store, never through memory as a whole.
 #include <algorithm>
 #include <array>
+#include <utility>
 
+#include "proto/asset_id.h"
 #include "proto/bundle_manifest.h"
 #include "proto/limits.h"
 #include "server/base/stopwatch.h"
@@ -51,6 +53,25 @@ Status check_files(const Request& request, Api& api, const std::vector<BundleFil
     return error;
   }
   return {};
+}
+
+// Formats that media types name, as extensions.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 7> kTypeExtensions = {
+    {{"model/gltf+json", ".gltf"},
+     {"model/gltf-binary", ".glb"},
+     {"model/obj", ".obj"},
+     {"model/stl", ".stl"},
+     {"application/sla", ".stl"},
+     {"application/vnd.ms-pki.stl", ".stl"},
+     {"application/x-ply", ".ply"}}};
+
+// The name with the extension of the media type, where it says no format itself.
+std::string name_with_format(std::string name, std::string_view type) {
+  if (!reading_of(name).empty()) return name;
+  const auto* found = std::ranges::find(kTypeExtensions, type,
+                                        &std::pair<std::string_view, std::string_view>::first);
+  if (found == kTypeExtensions.end()) return name;
+  return (name.empty() ? "asset" : name) + std::string(found->second);
 }
 
 // What a manifest is called: it ends with kBundleExtension; unnamed ones are called after the first
@@ -130,6 +151,7 @@ Result<Upload> receive_upload(Request& request, Api& api) {
     VOXELD_TRY(receive_bundle(request, api, upload));
   } else {
     VOXELD_TRY(check_media_type(type));
+    upload.filename = name_with_format(std::move(upload.filename), type);
     VOXELD_TRY(receive_file(request, api, upload));
   }
   upload.ms = watch.ms();

@@ -3,6 +3,7 @@
 #include <optional>
 #include <utility>
 
+#include "proto/asset_id.h"
 #include "server/jobs/blob_needs.h"
 #include "server/jobs/job_record.h"
 #include "server/jobs/quota.h"
@@ -50,15 +51,17 @@ Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
   }
 }
 
-// Whether the caller's tenant has it already.
-Result<bool> is_owned(SqlConnection& connection, const Caller& caller, std::string_view id) {
-  VOXELD_ASSIGN(SqlStatement found,
-                connection.query("SELECT 1 FROM assets WHERE id = $1 AND tenant = $2"
-                                 " AND deleted_ms = 0",
-                                 id, caller.tenant()));
-  return found.step();
+// What the caller's tenant has of these bytes already.
+Result<std::optional<Asset>> find_own(SqlConnection& connection, const Caller& caller,
+                                      std::string_view blob) {
+  static const std::string sql =
+      std::string(kSelect) + " WHERE id = $1 AND tenant = $2 AND deleted_ms = 0";
+  VOXELD_ASSIGN(SqlStatement found, connection.query(sql, blob, caller.tenant()));
+  VOXELD_ASSIGN(const bool is_there, found.step());
+  return is_there ? std::optional(read_asset(found)) : std::nullopt;
 }
 
+// Writes the row of new bytes, or of ones that were deleted; of others what they are called.
 Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
                const BlobInfo& blob, std::string_view filename, std::string_view content_type,
                int64_t bytes_max) {
@@ -70,17 +73,34 @@ Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& 
   return connection.run(
       "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant, used_ms)"
       " VALUES ($1, $2, $3, $4, $5, $6, $5) ON CONFLICT (id, tenant) DO UPDATE SET"
-      " filename = CASE WHEN excluded.filename <> '' THEN excluded.filename"
-      "            ELSE assets.filename END,"
-      " content_type = CASE WHEN excluded.content_type <> '' THEN excluded.content_type"
-      "                ELSE assets.content_type END,"
+      " filename = excluded.filename, content_type = excluded.content_type,"
+      " description_json = CASE WHEN assets.deleted_ms <> 0 THEN ''"
+      "                    ELSE assets.description_json END,"
       " bytes = excluded.bytes, deleted_ms = 0, used_ms = excluded.used_ms",
       blob.id, filename, content_type, blob.bytes, unix_time_ms(), caller.tenant());
 }
 
-// The row that put_row() left.
-Result<Asset> load_own(SqlConnection& connection, const Caller& caller, std::string_view id) {
-  return load_asset(connection, Caller::tenant(caller.tenant(), /*is_admin=*/false), id);
+// Registers the blob under a name, beside what the tenant calls it already. The name of an asset
+// changes only to one that is read alike: jobs that name none go by it.
+Result<Asset> put_named(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
+                        const BlobInfo& blob, const std::string& filename,
+                        const std::string& content_type, int64_t bytes_max) {
+  VOXELD_ASSIGN(const std::optional<Asset> earlier, find_own(connection, caller, blob.id));
+  const bool is_other = earlier && reading_of(earlier->filename) != reading_of(filename);
+  const bool keeps_name = is_other || (earlier && filename.empty());
+  const bool keeps_type = is_other || (earlier && content_type.empty());
+  VOXELD_TRY(put_row(connection, blobs, caller, blob, keeps_name ? earlier->filename : filename,
+                     keeps_type ? earlier->content_type : content_type, bytes_max));
+  AssetId id{blob.id, std::nullopt};
+  if (is_other) id.reading = reading_of(filename);
+  const Caller owner = Caller::tenant(caller.tenant(), /*is_admin=*/false);
+  VOXELD_ASSIGN(Asset asset, load_asset(connection, owner, id.text()));
+  if (is_other) {
+    if (!filename.empty()) asset.filename = filename;
+    asset.content_type = content_type;
+  }
+  asset.existed = earlier.has_value();
+  return asset;
 }
 
 Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::string_view tenant,
@@ -130,16 +150,23 @@ Status put_files(SqlConnection& connection, std::string_view tenant, std::string
 }  // namespace
 
 Result<Asset> load_asset(SqlConnection& connection, const Caller& caller, std::string_view id) {
-  VOXELD_ASSIGN(SqlStatement statement, select_asset(connection, caller, id));
+  const AssetId named = AssetId::parse(id);
+  VOXELD_ASSIGN(SqlStatement statement, select_asset(connection, caller, named.blob));
   VOXELD_ASSIGN(const bool found, statement.step());
   if (!found) {
     return Error{ErrorCode::kNotFound, "no such asset", "the id of an uploaded asset",
                  std::string(id.substr(0, 80))};
   }
   if (statement.int64(kDeletedColumn) != 0) {
-    return Error{ErrorCode::kGone, "asset " + std::string(id) + " was deleted", "", ""};
+    return Error{ErrorCode::kGone, "asset " + named.blob + " was deleted", "", ""};
   }
-  return read_asset(statement);
+  Asset asset = read_asset(statement);
+  if (named.reading && *named.reading != reading_of(asset.filename)) {
+    asset.id = named.text();
+    asset.filename = filename_read_as(asset.filename, *named.reading);
+    asset.description_json.clear();
+  }
+  return asset;
 }
 
 Status check_bundle(SqlConnection& connection, std::string_view tenant, std::string_view id) {
@@ -153,10 +180,8 @@ Result<Asset> AssetStore::put(const Caller& caller, const BlobInfo& blob,
                               int64_t bytes_max) {
   std::optional<Asset> asset;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const bool existed, is_owned(connection, caller, blob.id));
-    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, content_type, bytes_max));
-    VOXELD_ASSIGN(asset, load_own(connection, caller, blob.id));
-    asset->existed = existed;
+    VOXELD_ASSIGN(asset,
+                  put_named(connection, blobs_, caller, blob, filename, content_type, bytes_max));
     return {};
   });
   VOXELD_TRY(committed);
@@ -168,11 +193,9 @@ Result<Asset> AssetStore::put_bundle(const Caller& caller, const BlobInfo& blob,
                                      const std::vector<BundleFile>& files, int64_t bytes_max) {
   std::optional<Asset> asset;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const bool existed, is_owned(connection, caller, blob.id));
     VOXELD_TRY(put_files(connection, caller.tenant(), blob.id, files));
-    VOXELD_TRY(put_row(connection, blobs_, caller, blob, filename, kBundleMediaType, bytes_max));
-    VOXELD_ASSIGN(asset, load_own(connection, caller, blob.id));
-    asset->existed = existed;
+    VOXELD_ASSIGN(asset, put_named(connection, blobs_, caller, blob, filename,
+                                   std::string(kBundleMediaType), bytes_max));
     return {};
   });
   VOXELD_TRY(committed);
@@ -212,7 +235,8 @@ Status AssetStore::mark_deleted(const Caller& caller, std::string_view id) {
       "UPDATE assets SET deleted_ms = $2 WHERE id = $1 AND deleted_ms = 0 AND $3 = $3";
   return database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(load_asset(connection, caller, id));
-    return connection.run(caller.sees_all() ? kAny : kOwn, id, unix_time_ms(), caller.tenant());
+    return connection.run(caller.sees_all() ? kAny : kOwn, AssetId::parse(id).blob, unix_time_ms(),
+                          caller.tenant());
   });
 }
 

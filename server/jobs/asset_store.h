@@ -20,10 +20,11 @@ class AssetStore {
  public:
   AssetStore(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
 
-  // Registers a blob as the caller's, or brings its deleted asset back. A name or type that is
-  // empty keeps the one that is known. Errors: quota-exceeded and payload-too-large where the
-  // caller's tenant would keep more than `bytes_max` (0: any); conflict when the blob was removed
-  // since it was stored, which a pinned one cannot be.
+  // Registers a blob as the caller's, or brings its deleted asset back. Where the tenant has it
+  // under a name that is read otherwise (reading_of()), that asset stays as it is, and the id that
+  // comes back says how this one is read (proto/asset_id.h). Errors: quota-exceeded and
+  // payload-too-large where the caller's tenant would keep more than `bytes_max` (0: any); conflict
+  // when the blob was removed since it was stored, which a pinned one cannot be.
   Result<Asset> put(const Caller& caller, const BlobInfo& blob, const std::string& filename,
                     const std::string& content_type, int64_t bytes_max);
   // The same for a bundle manifest with these files. Errors: as put(); not-found and gone, naming
@@ -50,8 +51,8 @@ class AssetStore {
   const BlobStore& blobs_;
 };
 
-// The asset as the caller sees it. Who sees all gets an own one first, then the newest. Errors:
-// not-found, gone.
+// The asset as the caller sees it, named as its id says (AssetId). Who sees all gets an own one
+// first, then the newest. Errors: not-found, gone.
 Result<Asset> load_asset(SqlConnection& connection, const Caller& caller, std::string_view id);
 // When the tenant's asset is a bundle: that each of its files is an asset that is there. Errors as
 // those of put_bundle().

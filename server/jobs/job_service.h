@@ -32,7 +32,7 @@ class Registry;
 namespace voxeld {
 
 struct Asset {
-  std::string id;  // content hash of the upload
+  std::string id;  // AssetId: content hash of the upload, and how it is read
   std::string tenant;
   std::string filename;  // as given; may be empty
   std::string content_type;

@@ -5,6 +5,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "proto/asset_id.h"
 #include "proto/limits.h"
 #include "server/base/check.h"
 #include "server/base/stopwatch.h"
@@ -32,12 +33,13 @@ std::string new_job_id() {
   return id;
 }
 
-// The asset must be there; its name is the request's where the client gave none. Returns whose it
-// is.
+// The asset must be there; its name is the request's where the client gave none. From here on the
+// request has the id of its bytes. Returns whose it is.
 Result<std::string> check_asset(SqlConnection& connection, const Caller& caller,
                                 JobRequest& request) {
   VOXELD_ASSIGN(Asset asset, load_asset(connection, caller, request.asset));
   if (request.filename.empty()) request.filename = std::move(asset.filename);
+  request.asset = AssetId::parse(request.asset).blob;
   VOXELD_TRY(check_bundle(connection, asset.tenant, request.asset));
   return std::move(asset.tenant);
 }
@@ -248,6 +250,18 @@ Result<int64_t> insert_result(SqlConnection& connection, const JobRecord& job,
   return inserted.int64(0);
 }
 
+// The description is the asset's where the job read it as the asset's name says.
+Status describe_asset(SqlConnection& connection, const JobRecord& job,
+                      std::string_view description_json) {
+  VOXELD_ASSIGN(SqlStatement asset,
+                connection.query("SELECT filename FROM assets WHERE id = $1 AND tenant = $2",
+                                 job.status.asset, job.asset_tenant));
+  VOXELD_ASSIGN(const bool found, asset.step());
+  if (!found || reading_of(asset.text(0)) != reading_of(job.status.filename)) return {};
+  return connection.run("UPDATE assets SET description_json = $3 WHERE id = $1 AND tenant = $2",
+                        job.status.asset, job.asset_tenant, description_json);
+}
+
 Status end_with_result(SqlConnection& connection, const JobRecord& running,
                        const FinishedTask& task, const LiveJob& live) {
   VOXELD_ASSIGN(const int64_t result_seq, insert_result(connection, running, task));
@@ -258,8 +272,7 @@ Status end_with_result(SqlConnection& connection, const JobRecord& running,
       task.task, result_seq, unix_time_ms(), timings_text(all_timings(running, task.timings)),
       live.version, live.device_us));
   if (running.status.kind != JobKind::kInspect) return {};
-  return connection.run("UPDATE assets SET description_json = $3 WHERE id = $1 AND tenant = $2",
-                        running.status.asset, running.asset_tenant, task.result.meta_json);
+  return describe_asset(connection, running, task.result.meta_json);
 }
 
 }  // namespace

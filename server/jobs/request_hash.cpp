@@ -1,8 +1,6 @@
 #include "server/jobs/request_hash.h"
 
-#include <algorithm>
-#include <filesystem>
-
+#include "proto/asset_id.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/sha256.h"
 
@@ -15,17 +13,6 @@ void add_part(Sha256& hash, std::string_view part) {
   hash.update(part);
 }
 
-// "bunny.PLY" -> ".ply"; "bundle.zip!models/a.obj" -> ".zip!models/a.obj"
-std::string format_part(const std::string& filename) {
-  const size_t member = filename.find('!');
-  std::string extension = std::filesystem::path(filename.substr(0, member)).extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  if (member != std::string::npos) extension += filename.substr(member);
-  return extension;
-}
-
 }  // namespace
 
 std::string request_hash(const JobRequest& request) {
@@ -34,7 +21,7 @@ std::string request_hash(const JobRequest& request) {
   add_part(hash, job_kind_name(request.kind));
   add_part(hash, request.asset);
   add_part(hash, request.grid);
-  add_part(hash, format_part(request.filename));
+  add_part(hash, reading_of(request.filename));
   add_part(hash, canonical_json(request.options, option_scope(request)));
   // Only where there is one, so that the names of all other results are what they were before.
   if (!request.sequence.empty()) add_part(hash, request.sequence);

@@ -51,6 +51,33 @@ class Assets(DaemonTest):
         self.assertEqual(hashes[0], hashes[1])
         self.assertEqual(len(hashes[0]), 6)
 
+    def test_a_file_is_read_as_its_own_request_says_and_not_as_an_earlier_one(self):
+        obj = b"# two names\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+        wrong = self.daemon.post("/v1/voxelize?size=8&filename=a.stl", obj)
+        self.assert_problem(wrong, 422, "malformed-mesh")
+        self.assertEqual(self.daemon.post("/v1/voxelize?size=8", obj).status, 200)
+        self.assertEqual(self.daemon.post("/v1/voxelize?size=8&filename=a.obj", obj).status, 200)
+        again = self.daemon.post("/v1/voxelize?size=8&filename=b.stl", obj)
+        self.assert_problem(again, 422, "malformed-mesh")
+
+    def test_a_media_type_names_the_format_of_a_file_without_a_name(self):
+        obj = b"# a type\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+        for media_type, status in (("model/stl", 422), ("model/obj", 200), ("", 200)):
+            answer = self.daemon.request("POST", "/v1/voxelize?size=8", body=obj,
+                                         headers={"Content-Type": media_type})
+            self.assertEqual(answer.status, status, media_type)
+
+    def test_descriptions_of_the_same_bytes_are_those_of_each_name(self):
+        obj = b"# descriptions\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+        ids = {name: self.daemon.post("/v1/assets" + (name and "?filename=" + name), obj).json()["id"]
+               for name in ("a.stl", "a.obj", "")}
+        for _ in range(2):  # made, and remembered
+            self.assert_problem(self.daemon.get(f"/v1/assets/{ids['a.stl']}"), 422, "malformed-mesh")
+            for name in ("a.obj", ""):
+                self.assertEqual(self.daemon.get(f"/v1/assets/{ids[name]}").json()["format"], "obj")
+        job = self.daemon.post(f"/v1/voxelize?size=8&asset={ids['a.obj']}")
+        self.assertEqual(job.status, 200, job.body)
+
     def test_missing_files_are_named(self):
         obj = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
         asset = self.daemon.post("/v1/assets?filename=a.obj", obj).json()["id"]
