@@ -33,6 +33,11 @@ Error no_animation(const AnimatedScene& animated, std::string got) {
           listed(animated.animations) + ", or " + index_text(count, "animations"), std::move(got)};
 }
 
+Result<size_t> checked(const AnimatedScene& animated, size_t index) {
+  if (animated.animations[index].unusable) return *animated.animations[index].unusable;
+  return index;
+}
+
 double time_in(double duration_s, double seconds, Repeat repeat) {
   if (std::isnan(seconds) || duration_s <= 0.0) return 0.0;
   if (repeat == Repeat::kLoop && std::isfinite(seconds)) {
@@ -55,12 +60,20 @@ Result<size_t> find_animation(const AnimatedScene& animated, std::string_view na
   const auto found = std::find_if(all.begin(), all.end(), [&](const AnimationInfo& animation) {
     return animation.name == name_or_index;
   });
-  if (found != all.end()) return static_cast<size_t>(found - all.begin());
+  if (found != all.end()) return checked(animated, static_cast<size_t>(found - all.begin()));
   const auto number = parse_integer(name_or_index);
   if (number && *number >= 0 && *number < static_cast<int64_t>(all.size())) {
-    return static_cast<size_t>(*number);
+    return checked(animated, static_cast<size_t>(*number));
   }
   return no_animation(animated, name_or_index.empty() ? "\"\"" : shown(name_or_index));
+}
+
+Result<size_t> default_animation(const AnimatedScene& animated) {
+  const std::vector<AnimationInfo>& all = animated.animations;
+  if (all.empty()) return no_animation(animated, "");
+  const auto found = std::find_if(
+      all.begin(), all.end(), [](const AnimationInfo& animation) { return !animation.unusable; });
+  return checked(animated, found == all.end() ? 0 : static_cast<size_t>(found - all.begin()));
 }
 
 Result<Pose> pose_at(const AnimatedScene& animated, size_t animation, double seconds,
@@ -68,6 +81,7 @@ Result<Pose> pose_at(const AnimatedScene& animated, size_t animation, double sec
   if (!animated.rig || animation >= animated.animations.size()) {
     return no_animation(animated, std::to_string(animation));
   }
+  VOXELD_TRY(checked(animated, animation));
   return animated.rig->at(animation,
                           time_in(animated.animations[animation].duration_s, seconds, repeat));
 }

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -22,6 +23,8 @@ struct AnimationInfo {
   double frame_rate = 0.0;  // frames per second; 0 where frame_count is
   // From time 0 to the last frame or key. The last frame of a cycle is the first of the next one.
   double duration_s = 0.0;
+  // Why it cannot be used: it is broken, or does not fit the mesh. Its numbers are 0 then.
+  std::optional<Error> unusable = std::nullopt;
 };
 
 struct SceneJoint {
@@ -35,7 +38,7 @@ class Rig {
   virtual ~Rig() = default;
   // The pose in which the file leaves its joints: that of AnimatedScene::scene.
   virtual Pose rest() const = 0;
-  // 0 <= seconds <= duration of the animation.
+  // An animation that can be used; 0 <= seconds <= its duration.
   virtual Pose at(size_t animation, double seconds) const = 0;
 };
 
@@ -50,10 +53,9 @@ struct AnimatedScene {
 };
 
 // The whole way, as load_scene(). A zip's md5anim files all belong to its md5mesh, in the order of
-// the zip; where it has several meshes, those that do not fit the chosen one are left out with a
-// warning ("ignored-animation"). Errors: those of load_scene(); malformed-mesh for an animation
-// that is broken or does not fit, naming its file and the joints, or its place in the glTF
-// document.
+// the zip. Each stands for itself: one that is broken or does not fit is listed as unusable, with
+// the warning "ignored-animation". Errors: those of load_scene(); malformed-mesh for an animation
+// of a glTF document that is broken, naming its place there.
 Result<AnimatedScene> load_animated_scene(std::string_view filename, std::span<const uint8_t> bytes,
                                           const LoadOptions& options = {});
 
@@ -67,8 +69,11 @@ Result<AnimatedScene> load_animated_gltf(std::string_view name, std::span<const 
                                          const Bundle& bundle, const LoadOptions& options);
 
 // Index of the animation with this name (the first of several), else with this number, from 0.
-// Errors: invalid-option listing the names.
+// Errors: invalid-option listing the names; the reason of one that cannot be used.
 Result<size_t> find_animation(const AnimatedScene& animated, std::string_view name_or_index);
+// The first animation that can be used. Errors: invalid-option where there is none at all; the
+// reason of the first where none can be used.
+Result<size_t> default_animation(const AnimatedScene& animated);
 
 // What times outside of 0..duration mean: its ends, or further rounds.
 enum class Repeat { kClamp, kLoop };
@@ -79,7 +84,7 @@ enum class Repeat { kClamp, kLoop };
 enum class RootMotion { kKeep, kStrip };
 
 // The pose of an animation at a time in seconds; NaN is taken as 0. Errors: invalid-option for an
-// animation that is not there.
+// animation that is not there; the reason of one that cannot be used.
 Result<Pose> pose_at(const AnimatedScene& animated, size_t animation, double seconds,
                      Repeat repeat = Repeat::kClamp);
 

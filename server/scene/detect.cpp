@@ -58,9 +58,25 @@ bool is_off_keyword(std::string_view word) {
   return only(word.substr(0, off), "STCN4n") && only(word.substr(off + 3), "0123456789");
 }
 
-// Not an md5anim, which begins in the same way.
-bool looks_like_md5_mesh(std::string_view text) {
-  return TextCursor(text).token() == "MD5Version" && text.find("numFrames") == text.npos;
+// Meshes and animations of MD5 begin in the same way.
+bool looks_like_md5(std::string_view text) {
+  return TextCursor(text).token() == "MD5Version";
+}
+bool looks_like_md5_animation(std::string_view text) {
+  return looks_like_md5(text) &&
+         (text.find("numFrames") != text.npos || text.find("numberOfFrames") != text.npos);
+}
+
+// "md5anim" is no format that is read by itself.
+bool is_md5_animation(std::string_view filename, std::span<const uint8_t> bytes) {
+  constexpr std::string_view kExtension = ".md5anim";
+  if (filename.size() > kExtension.size() &&
+      equals_ignoring_case(filename.substr(filename.size() - kExtension.size()), kExtension)) {
+    return true;
+  }
+  std::string storage;
+  return looks_like_md5_animation(
+      plain_text(bytes.first(std::min(bytes.size(), kHeadBytes)), storage));
 }
 
 // Two statements that an OBJ file must have, each with its numbers.
@@ -91,7 +107,7 @@ std::optional<MeshFormat> guessed_format(std::span<const uint8_t> bytes) {
   if (is_off_keyword(TextCursor(head, '#').token())) return MeshFormat::kOff;
   if (is_binary_stl(bytes)) return MeshFormat::kStl;
   if (TextCursor(head).token() == "solid") return MeshFormat::kStl;
-  if (looks_like_md5_mesh(head)) return MeshFormat::kMd5;
+  if (looks_like_md5(head) && !looks_like_md5_animation(head)) return MeshFormat::kMd5;
   if (looks_like_obj(head)) return MeshFormat::kObj;
   return std::nullopt;
 }
@@ -103,6 +119,11 @@ Result<MeshFormat> detect_format(std::string_view filename, std::span<const uint
   if (const auto format = format_of_extension(filename)) return *format;
   if (const auto format = guessed_format(bytes)) return *format;
   const std::string name = filename.empty() ? "the upload" : std::string(filename);
+  if (is_md5_animation(filename, bytes)) {
+    return Error{ErrorCode::kUnsupportedMedia,
+                 name + ": an MD5 animation, which moves a mesh and has no surface of its own",
+                 "a bundle or zip of it with its md5mesh", "an animation alone"};
+  }
   return Error{ErrorCode::kUnsupportedMedia, name + ": not a format that voxeld reads",
                std::string(kFormatsRead),
                bytes.empty() ? "no bytes" : "first bytes " + shown(as_text(bytes).substr(0, 16))};

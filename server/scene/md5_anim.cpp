@@ -193,10 +193,10 @@ class Md5AnimReader {
     for (uint32_t i = 0; i < frames; ++i) {
       const uint32_t number = frame_numbers_[i];
       if (number >= frames || place[number]) {
-        return malformed_mesh(lexer_.name(), "",
-                              number >= frames ? "frames are missing" : "a frame is there twice",
-                              "frames 0 to " + std::to_string(frames - 1) + ", each once",
-                              "frame " + std::to_string(number));
+        return malformed_mesh(
+            lexer_.name(), "", number >= frames ? "frames are missing" : "a frame is there twice",
+            frames == 1 ? "frame 0" : "frames 0 to " + std::to_string(frames - 1) + ", each once",
+            "frame " + std::to_string(number));
       }
       place[number] = i;
       in_order = in_order && number == i;

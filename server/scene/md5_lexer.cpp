@@ -116,11 +116,15 @@ Result<double> Md5Lexer::number(std::string_view what) {
   return *value;
 }
 
-Result<int64_t> Md5Lexer::integer(std::string_view what, int64_t low, int64_t high) {
+Result<int64_t> Md5Lexer::integer(std::string_view what, int64_t low, int64_t high,
+                                  std::string expected) {
   VOXELD_ASSIGN(const Md5Token token, next());
   const auto value = token.kind == Md5Token::kWord ? parse_integer(token.text) : std::nullopt;
   if (!value || *value < low || *value > high) {
-    return wrong(what, (low == high ? "" : "a whole number from ") + range_text(low, high), token);
+    if (expected.empty()) {
+      expected = (low == high ? "" : "a whole number from ") + range_text(low, high);
+    }
+    return wrong(what, std::move(expected), token);
   }
   return *value;
 }

@@ -44,8 +44,9 @@ class Md5Lexer {
   Result<bool> accept_word(std::string_view word);
   // A finite number of magnitude up to kCoordinateAbsMax.
   Result<double> number(std::string_view what);
-  // A whole number, low <= it <= high. Above `high` the error names the limit.
-  Result<int64_t> integer(std::string_view what, int64_t low, int64_t high);
+  // A whole number, low <= it <= high. `expected` says so in the error; by itself it names both.
+  Result<int64_t> integer(std::string_view what, int64_t low, int64_t high,
+                          std::string expected = {});
   // A string, or a single word where quotes are missing.
   Result<std::string> string(std::string_view what);
   // "( a b c )"; `count` numbers.

@@ -177,8 +177,8 @@ class Md5MeshReader {
     }
     if (!sort_by_number(entries, numbers)) {
       warn("wrong-numbers", "mesh " + std::to_string(mesh_.parts.size()) + ": the numbers of " +
-                                std::string(keyword) + " are not 0 to " +
-                                std::to_string(count - 1) + ", each once; their order counts");
+                                std::string(keyword) + " are not " + index_range(count, keyword) +
+                                ", each once; their order counts");
     }
     return {};
   }
@@ -229,22 +229,23 @@ class Md5MeshReader {
   Status check_part(const Md5Part& part, const Md5Token& end) const {
     const std::string where =
         "line " + std::to_string(end.line) + ", mesh " + std::to_string(mesh_.parts.size());
-    const auto fail = [&](const std::string& what, size_t there, uint64_t got) {
-      return malformed_mesh(lexer_.name(), where, what, "below " + std::to_string(there),
-                            std::to_string(got));
+    const auto fail = [&](const std::string& what, size_t there, std::string_view things,
+                          uint64_t got) {
+      return malformed_mesh(lexer_.name(), where, what,
+                            index_range(static_cast<int64_t>(there), things), std::to_string(got));
     };
     for (size_t v = 0; v < part.vertices.size(); ++v) {
       const Md5Vertex& vertex = part.vertices[v];
       const uint64_t last = uint64_t{vertex.first_weight} + vertex.weight_count - 1;
       if (last >= part.weights.size()) {
         return fail("vert " + std::to_string(v) + " has a weight that is not there",
-                    part.weights.size(), last);
+                    part.weights.size(), "weights", last);
       }
     }
     for (size_t i = 0; i < part.indices.size(); ++i) {
       if (part.indices[i] >= part.vertices.size()) {
         return fail("tri " + std::to_string(i / 3) + " has a vertex that is not there",
-                    part.vertices.size(), part.indices[i]);
+                    part.vertices.size(), "vertices", part.indices[i]);
       }
     }
     return {};
@@ -257,7 +258,7 @@ class Md5MeshReader {
         if (weights[w].joint < mesh_.joints.size()) continue;
         return malformed_mesh(lexer_.name(), "mesh " + std::to_string(p),
                               "weight " + std::to_string(w) + " has a joint that is not there",
-                              "below " + std::to_string(mesh_.joints.size()),
+                              index_range(static_cast<int64_t>(mesh_.joints.size()), "joints"),
                               std::to_string(weights[w].joint));
       }
     }
@@ -298,9 +299,12 @@ Status read_md5_joint_name(Md5Lexer& lexer, size_t index, std::string& name, int
     return lexer.wrong("name of a joint", "a string in quotes, or }", token);
   }
   name = std::string(token.text);
+  const auto before = static_cast<int64_t>(index);
   VOXELD_ASSIGN(const int64_t number,
-                lexer.integer("parent of joint " + shown(name), kMd5RootParent,
-                              static_cast<int64_t>(index) - 1));
+                lexer.integer("parent of joint " + shown(name), kMd5RootParent, before - 1,
+                              before == 0 ? "-1, as no joint is before it"
+                                          : "-1 or the number of a joint before it, " +
+                                                index_range(before, "joints")));
   parent = static_cast<int>(number);
   return {};
 }

@@ -9,11 +9,12 @@
 #include "server/scene/md5.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
+#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {
 
-constexpr std::string_view kAnimExtension = ".md5anim", kMeshExtension = ".md5mesh";
+constexpr std::string_view kAnimExtension = ".md5anim";
 constexpr double kUnevenWeights = 1e-2;  // files print six digits of each bias
 
 // The joint's axes as columns, with +y up.
@@ -76,9 +77,12 @@ std::map<std::string, std::string> animation_names(const Bundle& bundle) {
   return names;
 }
 
-Status add_animation(std::string_view mesh_name, const std::string& file, const std::string& name,
-                     std::string_view text, Md5Rig& rig, AnimatedScene& animated) {
-  VOXELD_ASSIGN(Md5Anim anim, parse_md5_anim(file, text));
+Status add_animation(std::string_view mesh_name, const Bundle& bundle, const std::string& file,
+                     const std::string& name, Md5Rig& rig, AnimatedScene& animated) {
+  VOXELD_ASSIGN(const auto bytes, bundle.find(file, ""));
+  if (!bytes) return Error{ErrorCode::kInternal, file + ": lost in the bundle", "", ""};
+  std::string storage;
+  VOXELD_ASSIGN(Md5Anim anim, parse_md5_anim(file, plain_text(*bytes, storage)));
   VOXELD_ASSIGN(std::vector<uint32_t> joints,
                 match_md5_joints(mesh_name, rig.joints(), file, anim));
   for (Warning& warning : anim.warnings) {
@@ -92,26 +96,18 @@ Status add_animation(std::string_view mesh_name, const std::string& file, const 
   return {};
 }
 
-// Where a zip has several meshes, the animations of the others are left out.
-Status add_animations(std::string_view mesh_name, const Bundle& bundle, Md5Rig& rig,
-                      AnimatedScene& animated) {
-  const std::vector<Bundle::Entry>& entries = bundle.entries();
-  const auto mesh_count = std::count_if(entries.begin(), entries.end(), [](const auto& entry) {
-    return has_extension(entry.name, kMeshExtension);
-  });
+void add_animations(std::string_view mesh_name, const Bundle& bundle, Md5Rig& rig,
+                    AnimatedScene& animated) {
   const std::map<std::string, std::string> names = animation_names(bundle);
-  for (const Bundle::Entry& entry : entries) {
+  for (const Bundle::Entry& entry : bundle.entries()) {
     const auto name = names.find(entry.name);
     if (name == names.end()) continue;
-    VOXELD_ASSIGN(const auto bytes, bundle.find(entry.name, ""));
-    if (!bytes) return Error{ErrorCode::kInternal, entry.name + ": lost in the bundle", "", ""};
-    Status added =
-        add_animation(mesh_name, entry.name, name->second, as_text(*bytes), rig, animated);
+    Status added = add_animation(mesh_name, bundle, entry.name, name->second, rig, animated);
     if (added) continue;
-    if (mesh_count < 2) return added;
     add_warning(animated.scene, "ignored-animation", added.error().message());
+    animated.animations.push_back({.name = name->second, .unusable = added.error()});
+    rig.add({});
   }
-  return {};
 }
 
 }  // namespace
@@ -150,7 +146,8 @@ Result<SkinTable> md5_skin_table(std::string_view name, const Md5Mesh& mesh,
 
 Result<AnimatedScene> load_animated_md5(std::string_view name, std::span<const uint8_t> bytes,
                                         const Bundle& bundle, const LoadOptions& options) {
-  VOXELD_ASSIGN(Md5Mesh mesh, parse_md5_mesh(name, as_text(bytes)));
+  std::string storage;
+  VOXELD_ASSIGN(Md5Mesh mesh, parse_md5_mesh(name, plain_text(bytes, storage)));
   AnimatedScene animated;
   VOXELD_ASSIGN(animated.scene, md5_scene(name, mesh, bundle, options));
   int64_t uneven_count = 0;
@@ -164,7 +161,7 @@ Result<AnimatedScene> load_animated_md5(std::string_view name, std::span<const u
     animated.joints.push_back({joint.name, joint.parent});
   }
   auto rig = std::make_shared<Md5Rig>(std::move(mesh.joints));
-  VOXELD_TRY(add_animations(name, bundle, *rig, animated));
+  add_animations(name, bundle, *rig, animated);
   animated.rig = std::move(rig);
   return animated;
 }

@@ -21,6 +21,7 @@ class Md5Rig final : public Rig {
     std::vector<uint32_t> anim_joints;  // per joint of the mesh; match_md5_joints()
   };
   explicit Md5Rig(std::vector<Md5Joint> joints) : joints_(std::move(joints)) {}
+  // The next animation; an empty clip for one that cannot be used.
   void add(Clip clip) { clips_.push_back(std::move(clip)); }
   const std::vector<Md5Joint>& joints() const { return joints_; }
 

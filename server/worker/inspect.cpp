@@ -16,6 +16,8 @@ using nlohmann::json;
 // (1 MiB) holds; the counts are of all.
 constexpr size_t kListedMax = 200;
 constexpr size_t kNameBytesMax = 200;
+// Of the reason why an animation cannot be used, which names files and joints.
+constexpr size_t kReasonBytesMax = 500;
 // Of the names of ids, which are not left out.
 constexpr size_t kIdNameBytesMin = 32;
 constexpr size_t kIdListBytesMax = size_t{2} << 20;
@@ -81,6 +83,10 @@ json describe_joints(const std::vector<SceneJoint>& joints) {
   return list;
 }
 
+std::string reason_of(const AnimationInfo& animation) {
+  return animation.unusable->message().substr(0, kReasonBytesMax);
+}
+
 json describe_animations(const std::vector<AnimationInfo>& animations) {
   json list = json::array();
   for (size_t i = 0; i < std::min(animations.size(), kListedMax); ++i) {
@@ -89,7 +95,8 @@ json describe_animations(const std::vector<AnimationInfo>& animations) {
     list.push_back({{"name", short_name(animation.name)},
                     {"frames", is_even ? json(animation.frame_count) : json()},
                     {"frame_rate", is_even ? json(animation.frame_rate) : json()},
-                    {"duration_s", animation.duration_s}});
+                    {"duration_s", animation.duration_s},
+                    {"unusable", animation.unusable ? json(reason_of(animation)) : json()}});
   }
   return list;
 }

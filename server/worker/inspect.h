@@ -20,8 +20,8 @@ namespace voxeld {
 // meshes above kTopologyTrianglesMax.
 // Of what moves it: joints [{name, parent}] (parent: an index, null for a root), joint_count,
 // meshes [{name, material, vertices, triangles, influences_max, morph_targets}], animations [{name,
-// frames, frame_rate, duration_s}] (frames and rate: null where keys are at times of their own),
-// animation_count. Of lists the first 200 are told.
+// frames, frame_rate, duration_s, unusable}] (frames and rate: null where keys are at times of
+// their own; unusable: null, or why), animation_count. Of lists the first 200 are told.
 nlohmann::json describe_scene(const AnimatedScene& animated);
 
 // Bytes of one warning's text; longer ones are cut. A mesh of a stranger decides their lengths.

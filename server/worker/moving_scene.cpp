@@ -6,12 +6,13 @@ namespace voxeld {
 
 Result<MovingScene> MovingScene::open(std::shared_ptr<const AnimatedScene> animated,
                                       const AnimationOptions& options) {
-  const std::string asked = options.animation.value_or("0");
   if (animated->animations.empty()) {
     return Error{ErrorCode::kInvalidOption, "animation: this asset has none",
                  "an asset with animations", animated->scene.format};
   }
-  VOXELD_ASSIGN(const size_t index, find_animation(*animated, asked));
+  VOXELD_ASSIGN(const size_t index, options.animation
+                                        ? find_animation(*animated, *options.animation)
+                                        : default_animation(*animated));
   return MovingScene(std::move(animated), index, options.root_motion == RootMotionChoice::kStrip);
 }
 

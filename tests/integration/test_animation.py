@@ -7,6 +7,7 @@ import sys
 import tempfile
 import time
 import unittest
+import zipfile
 
 import numpy as np
 
@@ -72,6 +73,43 @@ class Animation(DaemonTest):
         told = self.daemon.get(f"/v1/assets/{self.spin}").json()
         self.assertEqual([(a["name"], a["duration_s"]) for a in told["animations"]],
                          [("spin", 1), ("hop", 0.5)])
+
+    def test_each_animation_of_a_zip_stands_for_itself(self):
+        with zipfile.ZipFile(self.fixtures / "worm.md5.zip") as worm:
+            files = {name: worm.read(name) for name in worm.namelist()}
+        walk = files["walk.md5anim"]
+        files["cut.md5anim"] = walk[:len(walk) // 2]
+        files["foreign.md5anim"] = walk.replace(b'"top"', b'"hat"')
+        path = pathlib.Path(tempfile.mkdtemp(dir=self.fixtures)) / "mixed.zip"
+        with zipfile.ZipFile(path, "w") as mixed:
+            for name in sorted(files):
+                mixed.writestr(name, files[name])
+        asset = self.daemon.upload(path)
+        told = self.daemon.get(f"/v1/assets/{asset}").json()
+        self.assertEqual(told["joint_count"], 3)
+        reasons = {a["name"]: a["unusable"] for a in told["animations"]}
+        self.assertEqual(sorted(reasons), ["cut", "foreign", "walk", "wave"])
+        self.assertIn("cut.md5anim line ", reasons["cut"])
+        self.assertIn("foreign.md5anim does not fit worm.md5mesh", reasons["foreign"])
+        self.assertIsNone(reasons["walk"])
+        self.assertIsNone(reasons["wave"])
+        job, _ = self.voxelize(asset, **WALK)
+        alone, _ = self.voxelize(self.worm, **WALK)
+        self.assertEqual([f["content_hash"] for f in self.frames(job)["frames"]],
+                         [f["content_hash"] for f in self.frames(alone)["frames"]])
+        for name in ("cut", "foreign"):
+            failed = self.daemon.wait(self.daemon.submit(
+                kind="voxelize", asset=asset, options={"animation": name, "size": 32}))
+            self.assertEqual(failed["state"], "failed", failed)
+            self.assertEqual(failed["error"]["code"], "malformed-mesh")
+            self.assertIn(failed["error"]["detail"], reasons[name])
+
+    def test_an_animation_alone_is_to_be_bundled_with_its_mesh(self):
+        with zipfile.ZipFile(self.fixtures / "worm.md5.zip") as worm:
+            path = pathlib.Path(worm.extract("walk.md5anim", tempfile.mkdtemp(dir=self.fixtures)))
+        asset = self.daemon.upload(path)
+        self.assert_problem(self.daemon.get(f"/v1/assets/{asset}"), 415, "unsupported-media-type",
+                            "walk.md5anim: an MD5 animation, which moves a mesh")
 
     def test_a_sequence_lists_its_frames_and_equal_ones_are_one_grid(self):
         job, status = self.voxelize(self.worm, **WALK)

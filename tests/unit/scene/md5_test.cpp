@@ -124,10 +124,12 @@ TEST(Md5Mesh, whatever_is_wrong_is_named_with_its_line) {
   EXPECT_EQ(with("MD5Version 10", "MD5Version ten"),
             "a.md5mesh line 1: MD5Version: expected 10, got \"ten\"");
   EXPECT_EQ(with("\"arm\" 0", "\"arm\" 1"),
-            "a.md5mesh line 7: parent of joint \"arm\": expected a whole number from -1 to 0, got "
-            "\"1\"");
-  EXPECT_EQ(with("\"root\" -1", "\"root\" 0"),
-            "a.md5mesh line 6: parent of joint \"root\": expected -1, got \"0\"");
+            "a.md5mesh line 7: parent of joint \"arm\": expected -1 or the number of a joint "
+            "before it, 0, got \"1\"");
+  EXPECT_EQ(
+      with("\"root\" -1", "\"root\" 0"),
+      "a.md5mesh line 6: parent of joint \"root\": expected -1, as no joint is before it, got "
+      "\"0\"");
   EXPECT_EQ(with("( 0 0 2 )", "( 0 0 nan )"),
             "a.md5mesh line 7: position of a joint: expected a finite number, got \"nan\"");
   EXPECT_EQ(with("( 0 0 0.70710678 )", "( 0 0 2 )"),
@@ -147,13 +149,19 @@ TEST(Md5Mesh, whatever_is_wrong_is_named_with_its_line) {
       with("vert 2 ( 0 1 ) 2 2", "vert 2 ( 0 1 ) 2 0"),
       "a.md5mesh line 14: number of weights: expected a whole number from 1 to 256, got \"0\"");
   EXPECT_EQ(with("vert 2 ( 0 1 ) 2 2", "vert 2 ( 0 1 ) 3 2"),
-            "a.md5mesh line 22, mesh 0: vert 2 has a weight that is not there: expected below 4, "
+            "a.md5mesh line 22, mesh 0: vert 2 has a weight that is not there: expected 0..3, "
             "got 4");
+  EXPECT_EQ(with("numweights 4\n"
+                 "weight 0 0 1 ( 1 0 0 )\nweight 1 1 1 ( 1 0 0 )\n"
+                 "weight 2 0 0.25 ( 0 4 0 )\nweight 3 1 0.75 ( 0 4 0 )\n",
+                 ""),
+            "a.md5mesh line 17, mesh 0: vert 0 has a weight that is not there: expected none, as "
+            "there are no weights, got 0");
   EXPECT_EQ(with("tri 0 0 1 2", "tri 0 0 1 3"),
-            "a.md5mesh line 22, mesh 0: tri 0 has a vertex that is not there: expected below 3, "
+            "a.md5mesh line 22, mesh 0: tri 0 has a vertex that is not there: expected 0..2, "
             "got 3");
   EXPECT_EQ(with("weight 3 1", "weight 3 2"),
-            "a.md5mesh mesh 0: weight 3 has a joint that is not there: expected below 2, got 2");
+            "a.md5mesh mesh 0: weight 3 has a joint that is not there: expected 0..1, got 2");
   EXPECT_EQ(with("shader \"skin\"", "shader \"skin"),
             "a.md5mesh line 10: a string without an end: expected \", got \"skin\"");
   EXPECT_EQ(with("shader", "/* shader"),
@@ -228,6 +236,8 @@ TEST(Md5Anim, whatever_is_wrong_is_named_with_its_line) {
             "a.md5anim line 19: frame 0 of 3 numbers: expected }, got \"4\"");
   EXPECT_EQ(message(anim_file("frame 0 {\n1 2 3\n}\nframe 0 {\n1 2 3\n}\n")),
             "a.md5anim: a frame is there twice: expected frames 0 to 1, each once, got frame 0");
+  EXPECT_EQ(message(anim_file("frame 1 {\n1 2 3\n}\n")),
+            "a.md5anim: frames are missing: expected frame 0, got frame 1");
   EXPECT_EQ(message(anim_file("frame 0 {\n1 2 3\n}\nframe 2 {\n1 2 3\n}\n")),
             "a.md5anim: frames are missing: expected frames 0 to 1, each once, got frame 2");
   EXPECT_EQ(message(anim_file(kFrames, "2")),
@@ -314,7 +324,21 @@ TEST(Md5Scene, stands_up_and_faces_outwards) {
 
 TEST(Md5Scene, the_first_word_tells_a_mesh_and_an_animation_is_not_one) {
   EXPECT_TRUE(test::load_text("", mesh_file(kTriangle)));
-  EXPECT_FALSE(test::load_text("walk.md5anim", anim_file(kFrames)));
+  const std::string anim = anim_file(kFrames);
+  const std::string as_textbook =
+      std::string(anim).replace(anim.find("numFrames"), 9, "numberOfFrames");
+  for (const auto& [name, text] : {std::pair<const char*, std::string>{"walk.md5anim", anim},
+                                   {"WALK.MD5ANIM", "?"},
+                                   {"", anim},
+                                   {"", "\xef\xbb\xbf" + as_textbook},
+                                   {"walk.txt", anim}}) {
+    const auto scene = test::load_text(name, text);
+    EXPECT_EQ(message_of(scene),
+              (*name == '\0' ? "the upload" : std::string(name)) +
+                  ": an MD5 animation, which moves a mesh and has no surface of its own: expected "
+                  "a bundle or zip of it with its md5mesh, got an animation alone");
+    EXPECT_EQ(scene.error().code, ErrorCode::kUnsupportedMedia);
+  }
 }
 
 }  // namespace

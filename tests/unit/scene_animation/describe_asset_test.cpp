@@ -41,6 +41,21 @@ TEST(DescribeAsset, an_md5_bundle_tells_joints_meshes_materials_and_animations) 
   EXPECT_FALSE(asset.warnings.empty());
 }
 
+TEST(DescribeAsset, an_animation_that_cannot_be_used_is_listed_with_its_reason) {
+  const std::string zip = test::ZipMaker()
+                              .add("puppet.md5mesh", puppet_mesh())
+                              .add("cut.md5anim", "MD5Version 10")
+                              .add("walk.md5anim", puppet_walk())
+                              .bytes();
+  const AssetDescription asset = describe_asset(loaded("puppet.zip", zip));
+  EXPECT_EQ(asset.joints.size(), 5u);
+  ASSERT_EQ(asset.animations.size(), 2u);
+  ASSERT_TRUE(asset.animations[0].unusable);
+  EXPECT_EQ(asset.animations[0].unusable->message(),
+            "cut.md5anim: no joints: expected hierarchy { … }");
+  EXPECT_EQ(asset.animations[1].frame_count, 4);
+}
+
 TEST(DescribeAsset, a_gltf_scene_tells_influences_and_morph_targets) {
   const AssetDescription asset = describe_asset(loaded(dancer()));
   EXPECT_EQ(asset.format, "gltf");

@@ -77,31 +77,131 @@ TEST(Md5Animation, a_mesh_alone_has_its_joints_and_no_animations) {
             "animation: the file has no animations: got 0");
 }
 
-std::string zip_message(std::string anim) {
-  const std::string zip =
-      test::ZipMaker().add("a.md5mesh", puppet_mesh()).add("b.md5anim", std::move(anim)).bytes();
-  return test::message_of(load_animated_scene("a.zip", test::bytes_of(zip)));
+// Why the animation cannot be used, beside one that can.
+std::string unusable_message(std::string anim) {
+  const std::string zip = test::ZipMaker()
+                              .add("a.md5mesh", puppet_mesh())
+                              .add("b.md5anim", std::move(anim))
+                              .add("good.md5anim", puppet_walk())
+                              .bytes();
+  const AnimatedScene puppet = loaded("a.zip", zip);
+  EXPECT_EQ(puppet.animations.size(), 2u);
+  EXPECT_EQ(puppet.animations.at(0).name, "b");
+  EXPECT_FALSE(puppet.animations.at(1).unusable);
+  const auto& unusable = puppet.animations.at(0).unusable;
+  return unusable ? unusable->message() : "ok";
+}
+
+// The puppet with animations of three kinds: whole, cut off, and of another mesh.
+std::string mixed_zip() {
+  std::string foreign = puppet_walk();
+  foreign.replace(foreign.find("\"hand\""), 6, "\"foot\"");
+  return test::ZipMaker()
+      .add("p.md5mesh", puppet_mesh())
+      .add("cut.md5anim", puppet_wave().substr(0, 200))
+      .add("foreign.md5anim", foreign)
+      .add("empty.md5anim", "")
+      .add("walk.md5anim", puppet_walk())
+      .add("wave.md5anim", puppet_wave())
+      .bytes();
+}
+
+TEST(Md5Animation, each_of_a_zip_stands_for_itself) {
+  const AnimatedScene puppet = loaded("puppet.zip", mixed_zip());
+  EXPECT_EQ(puppet.joints.size(), 5u);
+  ASSERT_EQ(puppet.animations.size(), 5u);
+  for (const size_t bad : {0u, 1u, 2u}) {
+    const AnimationInfo& animation = puppet.animations[bad];
+    ASSERT_TRUE(animation.unusable) << animation.name;
+    EXPECT_EQ(animation.frame_count, 0) << animation.name;
+    EXPECT_EQ(animation.duration_s, 0.0) << animation.name;
+    const std::string reason = animation.unusable->message();
+    for (const std::string& choice : {animation.name, std::to_string(bad)}) {
+      EXPECT_EQ(test::message_of(find_animation(puppet, choice)), reason);
+    }
+    EXPECT_EQ(test::message_of(scene_at(puppet, bad, 0.0)), reason);
+    EXPECT_EQ(puppet.scene.warnings.at(puppet.scene.warnings.size() - 3 + bad).code,
+              "ignored-animation");
+    EXPECT_EQ(puppet.scene.warnings.at(puppet.scene.warnings.size() - 3 + bad).detail, reason);
+  }
+  EXPECT_THAT(puppet.animations[0].unusable->message(), testing::StartsWith("cut.md5anim line "));
+  EXPECT_EQ(puppet.animations[1].unusable->message(),
+            "foreign.md5anim does not fit p.md5mesh: joints that only the mesh has: expected the "
+            "mesh's joints, got \"hand\"");
+  EXPECT_EQ(puppet.animations[2].unusable->message(),
+            "empty.md5anim line 1: wrong keyword: expected MD5Version, got the end of the file");
+  const auto mesh = reference::read_md5_mesh(puppet_mesh());
+  const auto walk = reference::read_md5_anim(puppet_walk());
+  const auto wave = reference::read_md5_anim(puppet_wave());
+  EXPECT_EQ(find_animation(puppet, "walk").value(), 3u);
+  EXPECT_EQ(find_animation(puppet, "4").value(), 4u);
+  for (const double t : kTimes) {
+    expect_frame(frame_of(puppet, 3, t), reference::md5_frame(mesh, &walk, t));
+    expect_frame(frame_of(puppet, 4, t), reference::md5_frame(mesh, &wave, t));
+  }
+}
+
+TEST(Md5Animation, the_default_is_the_first_that_can_be_used) {
+  EXPECT_EQ(default_animation(loaded("puppet.zip", mixed_zip())).value(), 3u);
+  EXPECT_EQ(default_animation(loaded("puppet.zip", puppet_zip())).value(), 0u);
+  const std::string zip = test::ZipMaker()
+                              .add("a.md5mesh", puppet_mesh())
+                              .add("b.md5anim", "")
+                              .add("c.md5anim", "?")
+                              .bytes();
+  EXPECT_EQ(test::message_of(default_animation(loaded("a.zip", zip))),
+            "b.md5anim line 1: wrong keyword: expected MD5Version, got the end of the file");
+  EXPECT_EQ(test::message_of(default_animation(loaded("a.md5mesh", puppet_mesh()))),
+            "animation: the file has no animations");
+}
+
+TEST(Md5Animation, a_broken_entry_of_the_zip_is_an_animation_that_cannot_be_used) {
+  std::string zip = test::ZipMaker()
+                        .add("a.md5mesh", puppet_mesh())
+                        .add("walk.md5anim", puppet_walk())
+                        .add("wave.md5anim", puppet_wave())
+                        .bytes();
+  zip[zip.find("walk.md5anim") + 40] ^= 0x55;  // its checksum is wrong now
+  const AnimatedScene puppet = loaded("a.zip", zip);
+  ASSERT_EQ(puppet.animations.size(), 2u);
+  ASSERT_TRUE(puppet.animations[0].unusable);
+  EXPECT_THAT(puppet.animations[0].unusable->message(), HasSubstr("walk.md5anim"));
+  EXPECT_FALSE(puppet.animations[1].unusable);
+}
+
+TEST(Md5Animation, marks_and_line_ends_make_no_difference) {
+  std::string walk = puppet_walk(), utf16 = "\xff\xfe";
+  for (char& c : walk) c = c == '\n' ? '\r' : c;
+  for (const char c : walk) utf16.append(1, c).append(1, '\0');
+  for (const std::string& text : {"\xef\xbb\xbf" + walk + '\0', utf16 + '\x1a'}) {
+    const std::string zip =
+        test::ZipMaker().add("a.md5mesh", puppet_mesh()).add("walk.md5anim", text).bytes();
+    const AnimatedScene puppet = loaded("a.zip", zip);
+    ASSERT_EQ(puppet.animations.size(), 1u);
+    EXPECT_FALSE(puppet.animations[0].unusable) << puppet.animations[0].unusable->message();
+    EXPECT_EQ(puppet.animations[0].frame_count, 4);
+  }
 }
 
 TEST(Md5Animation, one_that_does_not_fit_names_the_joints) {
   std::string anim = puppet_walk();
   anim.replace(anim.find("\"hand\""), 6, "\"foot\"");
-  EXPECT_EQ(zip_message(anim),
+  EXPECT_EQ(unusable_message(anim),
             "b.md5anim does not fit a.md5mesh: joints that only the mesh has: expected the mesh's "
             "joints, got \"hand\"");
   anim = puppet_walk();
   anim.replace(anim.find("\"hand\" 3"), 8, "\"hand\" 1");
-  EXPECT_EQ(zip_message(anim),
+  EXPECT_EQ(unusable_message(anim),
             "b.md5anim does not fit a.md5mesh: joints with other parents: expected the parents of "
             "the mesh, got \"hand\"");
   anim = puppet_walk();
   anim.replace(anim.find("\"hand\" 3"), 8, "\"hand\" 4");
-  EXPECT_EQ(zip_message(anim),
-            "b.md5anim line 12: parent of joint \"hand\": expected a whole number from -1 to 3, "
-            "got \"4\"");
+  EXPECT_EQ(unusable_message(anim),
+            "b.md5anim line 12: parent of joint \"hand\": expected -1 or the number of a joint "
+            "before it, 0..3, got \"4\"");
 }
 
-TEST(Md5Animation, of_several_meshes_in_a_zip_each_has_those_that_fit) {
+TEST(Md5Animation, of_several_meshes_in_a_zip_each_can_use_those_that_fit) {
   std::string other_mesh = puppet_mesh(), other_anim = puppet_walk();
   other_mesh.replace(other_mesh.find("\"hand\""), 6, "\"foot\"");
   other_anim.replace(other_anim.find("\"hand\""), 6, "\"foot\"");
@@ -112,8 +212,11 @@ TEST(Md5Animation, of_several_meshes_in_a_zip_each_has_those_that_fit) {
                               .add("a.md5anim", puppet_walk())
                               .bytes();
   const AnimatedScene puppet = loaded("p.zip!a.md5mesh", zip);
-  ASSERT_EQ(puppet.animations.size(), 1u);
-  EXPECT_EQ(puppet.animations[0].name, "a");
+  ASSERT_EQ(puppet.animations.size(), 2u);
+  EXPECT_EQ(puppet.animations[0].name, "b");
+  EXPECT_TRUE(puppet.animations[0].unusable);
+  EXPECT_EQ(puppet.animations[1].name, "a");
+  EXPECT_FALSE(puppet.animations[1].unusable);
   ASSERT_FALSE(puppet.scene.warnings.empty());
   EXPECT_EQ(puppet.scene.warnings.back().code, "ignored-animation");
   EXPECT_EQ(puppet.scene.warnings.back().detail,
@@ -124,7 +227,7 @@ TEST(Md5Animation, of_several_meshes_in_a_zip_each_has_those_that_fit) {
 TEST(Md5Animation, a_broken_one_is_named_with_its_line) {
   std::string anim = puppet_walk();
   anim.replace(anim.find("10.5"), 4, "nan");
-  EXPECT_EQ(zip_message(anim),
+  EXPECT_EQ(unusable_message(anim),
             "b.md5anim line 31: a number of a frame: expected a finite number, got \"nan\"");
 }
 

@@ -519,9 +519,11 @@ TEST_F(FramesTest, inspecting_tells_joints_meshes_and_animations) {
   EXPECT_EQ(meta["joint_count"], 3);
   EXPECT_EQ(meta["joints"][2], (json{{"name", "top"}, {"parent", 1}}));
   EXPECT_EQ(meta["meshes"][0]["influences_max"], 2);
-  EXPECT_EQ(
-      meta["animations"][0],
-      (json{{"name", "walk"}, {"frames", 6}, {"frame_rate", 12.0}, {"duration_s", 5.0 / 12}}));
+  EXPECT_EQ(meta["animations"][0], (json{{"name", "walk"},
+                                         {"frames", 6},
+                                         {"frame_rate", 12.0},
+                                         {"duration_s", 5.0 / 12},
+                                         {"unusable", nullptr}}));
   EXPECT_EQ(meta["animation_count"], 2);
   EXPECT_EQ(meta["materials"][0]["texture"], "skin.png");
   EXPECT_EQ(meta["materials"][0]["found"], true);
