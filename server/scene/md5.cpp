@@ -4,6 +4,7 @@
 
 #include <glm/geometric.hpp>
 #include <map>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -23,13 +24,30 @@ class Md5Textures {
               const LoadOptions& options)
       : scene_(scene), images_(bundle, from), textures_(scene, bundle, "", options) {}
 
+  // Where no shader finds an image and the bundle has a single one, that is for all of them.
+  void assume_image(std::string_view name, const std::vector<Md5Part>& parts,
+                    const Bundle& bundle) {
+    for (const Md5Part& part : parts) {
+      if (images_.find(part.shader)) return;
+    }
+    const std::optional<std::string> image = only_image(bundle);
+    if (!image) return;
+    assumed_ = textures_.image_index(*image, name);
+    if (assumed_ < 0) return;
+    add_warning(scene_, "assumed-texture",
+                std::string(name) + " names no texture of the upload; " + *image +
+                    ", its only image, is used");
+  }
+
   int material_index(const std::string& shader) {
     const auto found = by_shader_.find(shader);
     if (found != by_shader_.end()) return found->second;
     Material material;
     material.name = shader;
     const auto image = images_.find(shader);
-    if (image || !shader.empty()) {
+    if (assumed_ >= 0) {
+      material.image = assumed_;
+    } else if (image || !shader.empty()) {
       // What is not there is missed by the shader's name.
       material.image = textures_.image_index(image.value_or(shader), "material " + shown(shader));
     }
@@ -43,6 +61,7 @@ class Md5Textures {
   Scene& scene_;
   Md5Images images_;
   TextureSet textures_;
+  int assumed_ = -1;  // an index of an image, for all shaders
   std::map<std::string, int> by_shader_;
 };
 
@@ -102,6 +121,7 @@ Result<Scene> md5_scene(std::string_view name, Md5Mesh& mesh, const Bundle& bund
   scene.format = "md5mesh";
   scene.warnings = std::move(mesh.warnings);
   Md5Textures textures(scene, bundle, std::string(name), options);
+  textures.assume_image(name, mesh.parts, bundle);
   size_t triangles = 0;
   scene.meshes.clear();
   for (const Md5Part& part : mesh.parts) {

@@ -36,16 +36,6 @@ constexpr size_t kLibraryNamesMax = 100;
 constexpr size_t kLibraryNameWordsMax = 16;
 constexpr size_t kMapWordsMax = 16;
 
-bool is_image_name(std::string_view name) {
-  const size_t dot = name.rfind('.');
-  if (dot == name.npos) return false;
-  for (const std::string_view extension :
-       {"png", "jpg", "jpeg", "tga", "bmp", "dds", "webp", "hdr", "tif", "tiff", "gif"}) {
-    if (equals_ignoring_case(name.substr(dot + 1), extension)) return true;
-  }
-  return false;
-}
-
 class ObjLoader {
  public:
   ObjLoader(std::string_view name, ObjFile file, const Bundle& bundle, const LoadOptions& options)
@@ -289,17 +279,10 @@ class ObjLoader {
     return {linear_from_srgb(glm::vec3(color)), unit_clamped(alpha)};
   }
 
-  // Bundles whose OBJ names no texture but that hold exactly one image are meant to be used
-  // together (spot.zip is one).
   void assume_texture() {
     if (any_map_) return;
-    const std::string* image_name = nullptr;
-    for (const Bundle::Entry& entry : bundle_.entries()) {
-      if (!is_image_name(entry.name) || entry.name.starts_with("__MACOSX/")) continue;
-      if (image_name != nullptr) return;
-      image_name = &entry.name;
-    }
-    if (image_name == nullptr) return;
+    const std::optional<std::string> image_name = only_image(bundle_);
+    if (!image_name) return;
     int image = -1;
     int plain_material = -1;
     for (MeshPart& part : scene_.parts) {

@@ -9,6 +9,9 @@
 // 14..10 red, 9..5 green, 4..0 blue. Magics: bit 15 clear = this colour counts, set = the
 // object's; 4..0 red, 9..5 green, 14..10 blue. Taken as sRGB.
 //
+// A count above kTrianglesMax that the size does not bear out, or 84 bytes of text, are no binary
+// STL.
+//
 // Normals of the file are dropped: they follow from the vertices, and many writers leave zeros.
 #include "server/scene/stl.h"
 
@@ -107,6 +110,22 @@ Status add_facet(std::string_view name, uint32_t number, const uint8_t* facet,
   return {};
 }
 
+bool is_text_byte(uint8_t byte) {
+  return byte >= 0x20 || byte == '\t' || byte == '\n' || byte == '\r';
+}
+
+Error neither(std::string_view name, std::span<const uint8_t> bytes) {
+  constexpr size_t kShownBytes = 16;
+  std::string got = "no bytes";
+  if (!bytes.empty()) {
+    got = std::to_string(bytes.size()) + " bytes that begin with " +
+          shown(as_text(bytes).substr(0, kShownBytes));
+  }
+  return malformed_mesh(name, "", "neither text nor binary STL",
+                        "\"solid\", or 80 bytes of header and the number of triangles",
+                        std::move(got));
+}
+
 }  // namespace
 
 bool is_binary_stl(std::span<const uint8_t> bytes) {
@@ -116,14 +135,17 @@ bool is_binary_stl(std::span<const uint8_t> bytes) {
 }
 
 Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> bytes) {
-  if (bytes.size() < kFirstTriangle) {
-    return malformed_mesh(name, "", "truncated header", "84 bytes", std::to_string(bytes.size()));
-  }
+  if (bytes.size() < kFirstTriangle) return neither(name, bytes);
   const uint32_t count = read_u32(bytes.data() + kHeaderBytes);
+  const uint64_t needed = kFirstTriangle + uint64_t{count} * kTriangleBytes;
+  const std::span<const uint8_t> head = bytes.first(kFirstTriangle);
+  const bool is_text = std::all_of(head.begin(), head.end(), is_text_byte);
+  if (bytes.size() != needed && (is_text || count > limits::kTrianglesMax)) {
+    return neither(name, bytes);
+  }
   if (count > limits::kTrianglesMax) {
     return over_limit(name, "byte 80", "too many triangles", limits::kTrianglesMax, count);
   }
-  const uint64_t needed = kFirstTriangle + uint64_t{count} * kTriangleBytes;
   if (bytes.size() < needed) {
     return malformed_mesh(name, "byte 80",
                           "truncated: " + std::to_string(count) + " triangles declared",

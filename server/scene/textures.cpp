@@ -4,9 +4,20 @@
 
 #include "server/scene/image.h"
 #include "server/scene/mesh_error.h"
+#include "server/scene/text_cursor.h"
 
 namespace voxeld {
 namespace {
+
+bool is_image_name(std::string_view name) {
+  const size_t dot = name.rfind('.');
+  if (dot == name.npos) return false;
+  for (const std::string_view extension :
+       {"png", "jpg", "jpeg", "tga", "bmp", "dds", "webp", "hdr", "tif", "tiff", "gif"}) {
+    if (equals_ignoring_case(name.substr(dot + 1), extension)) return true;
+  }
+  return false;
+}
 
 // The index of an image that is found but whose pixels nobody asked for: inspection.
 int add_image(Scene& scene, Image image) {
@@ -21,6 +32,16 @@ void add_missing(Scene& scene, const std::string& reference, std::string_view ne
 }
 
 }  // namespace
+
+std::optional<std::string> only_image(const Bundle& bundle) {
+  std::optional<std::string> found;
+  for (const Bundle::Entry& entry : bundle.entries()) {
+    if (!is_image_name(entry.name) || entry.name.starts_with("__MACOSX/")) continue;
+    if (found) return std::nullopt;
+    found = entry.name;
+  }
+  return found;
+}
 
 int TextureSet::image_index(std::string_view reference, std::string_view needed_by) {
   const auto found = loaded_.find(reference);

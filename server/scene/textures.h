@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -13,6 +14,10 @@ namespace voxeld {
 // Pixels of all textures of one scene together; further ones are named in a warning and left out.
 // 268 Mpx are 1 GiB as RGBA8.
 inline constexpr int64_t kScenePixelsMax = int64_t{1} << 28;
+
+// The only image of a bundle, which a mesh that names no texture is meant to be used with (spot.zip
+// is one); nullopt for none and for several.
+std::optional<std::string> only_image(const Bundle& bundle);
 
 // Decodes each texture once. One per load; not thread-safe; scene and bundle must outlive it.
 class TextureSet {

@@ -322,6 +322,35 @@ TEST(Md5Scene, stands_up_and_faces_outwards) {
   EXPECT_EQ(scene->missing_files[0].name, "skin");
 }
 
+// As an OBJ that names no texture.
+TEST(Md5Scene, the_only_image_of_a_zip_is_taken_where_no_shader_finds_one) {
+  const auto with = [](const std::vector<const char*>& images) {
+    test::ZipMaker zip;
+    zip.add("a.md5mesh", mesh_file(kTriangle));
+    for (const char* image : images) zip.add(image, "x");
+    const std::string bytes = zip.add("__MACOSX/._t.png", "").bytes();
+    auto scene = test::load_text("a.zip", bytes);
+    EXPECT_TRUE(scene) << scene.error().message();
+    return *std::move(scene);
+  };
+  const Scene one = with({"textures/Guard.PNG"});
+  ASSERT_EQ(one.warnings.size(), 1u);
+  EXPECT_EQ(one.warnings[0].code, "assumed-texture");
+  EXPECT_EQ(one.warnings[0].detail,
+            "a.md5mesh names no texture of the upload; textures/Guard.PNG, its only image, is "
+            "used");
+  EXPECT_THAT(one.missing_files, testing::IsEmpty());
+  EXPECT_EQ(one.materials.at(0).name, "skin");
+  ASSERT_EQ(one.materials.at(0).image, 0);
+  EXPECT_EQ(one.images.at(0).name, "textures/Guard.PNG");
+  EXPECT_TRUE(one.has_colors());
+  EXPECT_EQ(with({"a.png", "b.png"}).missing_files.at(0).name, "skin");
+  EXPECT_EQ(with({}).warnings.at(0).code, "missing-texture");
+  const Scene named = with({"skin.tga"});
+  EXPECT_THAT(named.warnings, testing::IsEmpty());
+  EXPECT_EQ(named.images.at(0).name, "skin.tga");
+}
+
 TEST(Md5Scene, the_first_word_tells_a_mesh_and_an_animation_is_not_one) {
   EXPECT_TRUE(test::load_text("", mesh_file(kTriangle)));
   const std::string anim = anim_file(kFrames);

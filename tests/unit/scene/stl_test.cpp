@@ -127,10 +127,29 @@ TEST(Stl, mistakes_are_told) {
   std::string lying = binary({kLeft});
   lying[80] = 9;
   const std::pair<std::string, const char*> cases[] = {
-      {"", "a.stl: truncated header: expected 84 bytes, got 0"},
+      {"",
+       "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
+       "number of triangles, got no bytes"},
+      {"solidity\n",
+       "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
+       "number of triangles, got 9 bytes that begin with \"solidity\\x0a\""},
+      // Of text the triangle count would be 543,973,741, or 169,877,536 where byte 83 ends a line.
+      {std::string(80, 'x') + "mal " + std::string(500, 'x'),
+       "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
+       "number of triangles, got 584 bytes that begin with \"xxxxxxxxxxxxxxxx\""},
+      {std::string(80, 'x') + "   \n" + std::string(500, 'x'),
+       "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
+       "number of triangles, got 584 bytes that begin with \"xxxxxxxxxxxxxxxx\""},
+      {"\x89PNG\r\n\x1a\n" + std::string(72, '\0') + "\x89\xab\xcd\xef" + std::string(99, '\0'),
+       "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
+       "number of triangles, got 183 bytes that begin with "
+       "\"\\x89PNG\\x0d\\x0a\\x1a\\x0a\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\""},
       {binary({}), "a.stl: the mesh is empty: expected at least one triangle, got no triangles"},
       {lying, "a.stl byte 80: truncated: 9 triangles declared: expected 534 bytes, got 134"},
-      {huge, "a.stl byte 80: too many triangles: expected at most 200000000, got 4294967295"},
+      {huge,
+       "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
+       "number of triangles, got 134 bytes that begin with "
+       "\"\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\\x00\""},
       {binary({kLeft, kNan}),
        "a.stl triangle 1: vertex coordinate: expected a finite number up to 1e30, got inf"},
       {"solid x\nendsolid x\n",
