@@ -45,8 +45,9 @@ Status check_length(std::string_view what, std::string_view text, size_t bytes_m
 }
 
 // Of what ends up in headers, labels and lines of the log.
-Status check_name(std::string_view what, std::string_view text) {
-  VOXELD_TRY(check_length(what, text, limits::kTaskNameBytesMax));
+Status check_name(std::string_view what, std::string_view text,
+                  size_t bytes_max = limits::kTaskNameBytesMax) {
+  VOXELD_TRY(check_length(what, text, bytes_max));
   const bool is_plain = std::ranges::none_of(
       text, [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
   if (is_plain) return {};
@@ -111,7 +112,7 @@ Status check_output(const TaskOutput& output) {
     return out_of_bounds("complete.outputs.role", "result, grid or sequence", shown(output.role));
   }
   VOXELD_TRY(check_path("complete.outputs.path", output.path));
-  VOXELD_TRY(check_name("complete.outputs.filename", output.filename));
+  VOXELD_TRY(check_name("complete.outputs.filename", output.filename, limits::kTaskTextBytesMax));
   if (is_media_type(output.media_type)) return {};
   return out_of_bounds("complete.outputs.media_type", "that of a format of results",
                        shown(output.media_type));
@@ -201,10 +202,10 @@ Status check_bounds(const TaskPark& park) {
 }
 
 Status check_bounds(const TaskFailure& failure) {
-  VOXELD_TRY(check_length("fail.error.detail", failure.error.detail, limits::kTaskTextBytesMax));
+  VOXELD_TRY(check_length("fail.error.detail", failure.error.detail, limits::kTaskErrorBytesMax));
   VOXELD_TRY(
-      check_length("fail.error.expected", failure.error.expected, limits::kTaskTextBytesMax));
-  return check_length("fail.error.got", failure.error.got, limits::kTaskTextBytesMax);
+      check_length("fail.error.expected", failure.error.expected, limits::kTaskErrorBytesMax));
+  return check_length("fail.error.got", failure.error.got, limits::kTaskErrorBytesMax);
 }
 
 Status check_bounds(const TurnsHello& hello) {

@@ -33,8 +33,11 @@ inline constexpr int64_t kDeviceJsonValuesMax = 256;
 inline constexpr int kMetaDepthMax = 16;
 inline constexpr int64_t kMetaMembersMax = 256;  // of one object
 
-inline constexpr size_t kTaskNameBytesMax = 255;   // names of files, devices, drivers, warnings
-inline constexpr size_t kTaskTextBytesMax = 2000;  // details of warnings and errors
+inline constexpr size_t kTaskNameBytesMax = 255;   // names of devices, drivers, warnings
+inline constexpr size_t kTaskTextBytesMax = 2000;  // details of warnings, names of files
+// Each text of an error. A worker cuts them at kTaskTextBytesMax; bytes that are no UTF-8 become
+// three each on their way.
+inline constexpr size_t kTaskErrorBytesMax = 3 * kTaskTextBytesMax;
 inline constexpr size_t kTaskPathBytesMax = 4096;
 inline constexpr size_t kTaskOutputsMax = 8;
 inline constexpr size_t kTaskTimingsMax = 32;

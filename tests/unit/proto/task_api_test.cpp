@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "proto/task_bounds.h"
+
 namespace voxeld {
 namespace {
 
@@ -269,6 +271,25 @@ TEST(TaskApi, a_failure_comes_back) {
   EXPECT_EQ(back->fence, 7);
   EXPECT_EQ(back->error.code, ErrorCode::kMalformedMesh);
   EXPECT_EQ(back->error.message(), failure().error.message());
+}
+
+// What an honest worker says of the worst file is within the bounds.
+TEST(TaskApi, the_longest_names_and_errors_are_within_the_bounds) {
+  TaskCompletion longest = completion();
+  longest.outputs[0].filename = std::string(3 * 255, 'f') + ".npy";
+  longest.warnings.assign(101, Warning{"missing-texture", std::string(500, '\xff')});
+  const auto dumped = [](const Json& message) {
+    return Json::parse(message.dump(-1, ' ', false, Json::error_handler_t::replace));
+  };
+  const auto back = parse_task_completion(dumped(to_json_message(longest)));
+  EXPECT_TRUE(back) << back.error().message();
+  TaskFailure failed = failure();
+  failed.error.detail = std::string(limits::kTaskTextBytesMax, '\xff');
+  const auto told = parse_task_failure(dumped(to_json_message(failed)));
+  EXPECT_TRUE(told) << told.error().message();
+  failed.error.detail = std::string(limits::kTaskErrorBytesMax + 1, 'x');
+  EXPECT_EQ(parse_task_failure(to_json_message(failed)).error().message(),
+            "fail.error.detail: expected at most 6000 bytes, got 6001");
 }
 
 TEST(TaskApi, another_type_of_message_is_refused_by_its_name) {
