@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/tile_runs.h"
+#include "server/base/cancel_point.h"
 #include "server/formats/extend_sign.h"
 #include "server/formats/formats.h"
 #include "server/formats/npy_array.h"
@@ -82,6 +83,7 @@ Array make_array(const Grid& grid, const OutputOptions& options, std::optional<C
 template <typename Visit>
 void for_each_cell(const Grid& grid, Visit&& visit) {
   for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
     for_each_mask_voxel(tile,
                         [&](int x, int y, int z, size_t voxel) { visit(tile, x, y, z, voxel); });
   }
@@ -93,6 +95,7 @@ void fill_occupancy(const Grid& grid, Array& array) {
     array.set(array.layout.at(x, y, z, 0), T{1});
   });
   for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
     for_each_full_run(tile, [&](int x, int y, int z, int length) {
       const size_t first = array.layout.at(x, y, z, 0);
       if constexpr (sizeof(T) == 1) {
@@ -223,6 +226,7 @@ std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options
   });
   // What is entirely inside is covered.
   for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
     for_each_full_run(tile, [&](int x, int y, int z, int length) {
       const size_t first = array.layout.at(x, y, z, 0);
       for (size_t i = 0; i < static_cast<size_t>(length); ++i) {
@@ -269,6 +273,7 @@ std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options
               static_cast<float>(tile.distance[voxel]) / static_cast<float>(kDistanceSteps));
   });
   for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
     for_each_full_run(tile, [&](int x, int y, int z, int length) {
       std::ranges::fill(cells.subspan(array.layout.at(x, y, z, 0), static_cast<size_t>(length)),
                         -background.voxels);

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "proto/option_values.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld::vox {
 namespace {
@@ -46,6 +47,7 @@ uint32_t Colors::of(const SparseTile& tile, size_t voxel) const {
 
 void count_colors(const Grid& grid, const Colors& colors, ColorCounts& counts) {
   for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
     const size_t voxels = tile.attribute_count();
     for (size_t voxel = 0; voxel < voxels; ++voxel) ++counts[colors.of(tile, voxel)];
     const uint64_t others = tile.voxel_count() - voxels;
@@ -75,6 +77,7 @@ Models models_of(const Grid& grid, const Colors& colors, const Palette& palette)
                      static_cast<uint8_t>(p[2] % kModelSide), static_cast<uint8_t>(entry + 1)});
   };
   for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
       add(x, y, z, palette.index_of.at(colors.of(tile, voxel)));
     });

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/parallel.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -101,6 +102,7 @@ Status ZipWriter::deflate_pending(bool is_last) {
   const std::span<const uint8_t> raw = pending_;
   std::vector<Slice> slices(std::max<size_t>((raw.size() + kSliceBytes - 1) / kSliceBytes, 1));
   for_each_parallel(slices.size(), [&](size_t i) {
+    cancel_point();  // on the calling thread
     const size_t begin = i * kSliceBytes;
     slices[i] = deflate_slice(raw.subspan(begin, std::min(kSliceBytes, raw.size() - begin)),
                               is_last && i + 1 == slices.size());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "proto/canonical_tile.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -61,7 +62,10 @@ std::string content_hash(const Grid& grid) {
   for (const SparseTile& tile : grid.tiles) tiles.push_back(&tile);
   std::ranges::sort(tiles, {}, [](const SparseTile* tile) { return tile_order(*tile); });
   ContentHasher hasher(grid);
-  for (const SparseTile* tile : tiles) hasher.add(*tile);
+  for (const SparseTile* tile : tiles) {
+    cancel_point();
+    hasher.add(*tile);
+  }
   return hasher.finish();
 }
 

@@ -5,6 +5,7 @@
 
 #include "proto/limits.h"
 #include "proto/range_text.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/gltf_extensions.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/normals.h"
@@ -115,6 +116,7 @@ Status GltfMeshes::add_primitive(int node, size_t index) {
   Renumbering renumbering(source.position.count(), corners.size());
   part.indices.reserve(first_corner + corners.size());
   for (const uint32_t corner : corners) {
+    cancel_point();
     const auto next = static_cast<uint32_t>(part.positions.size());
     const auto [number, is_new] = renumbering.number_of(corner, next);
     part.indices.push_back(number);
@@ -186,6 +188,7 @@ Result<std::vector<uint32_t>> GltfMeshes::triangles_of(const GltfPrimitive& prim
     if (!is_bridge) corners.insert(corners.end(), triangle, triangle + 3);
   };
   for (uint64_t i = 0; i < count; ++i) {  // glTF 2.0, 3.7.2.1
+    cancel_point();
     if (primitive.mode == kTriangles) add(3 * i, 3 * i + 1, 3 * i + 2);
     if (primitive.mode == kStrip) add(i, i + 1 + i % 2, i + 2 - i % 2);
     if (primitive.mode == kFan) add(i + 1, i + 2, 0);

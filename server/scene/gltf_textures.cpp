@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/scene/image.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/textures.h"
@@ -91,24 +92,23 @@ Result<std::optional<std::vector<uint8_t>>> GltfTextures::image_bytes(const Gltf
 }
 
 int GltfTextures::load_image(int index, const std::string& needed_by) {
+  cancel_point();
   const GltfImage& image = images_[static_cast<size_t>(index)];
   const std::string label = label_of(image, index);
-  const std::string too_many = "is left out: the textures of one scene have at most " +
-                               std::to_string(kScenePixelsMax) + " pixels";
   // Many elements may name one large file: neither successes nor failures are tried without end.
   if (refused_count_ >= kSceneWarningsMax) return -1;
-  if (is_full_) return refuse(label, needed_by, "too-many-pixels", too_many);
+  if (budget_.is_spent()) return refuse(label, needed_by, "too-many-pixels", too_many_pixels());
   const auto bytes = image_bytes(image);
   if (!bytes) return refuse(label, needed_by, "bad-texture", bytes.error().message());
   if (!*bytes) return refuse(label, needed_by, "missing-texture", "is not in the upload");
   Image decoded{.name = label, .rgba = {}};
   if (options_.decode_images) {
-    auto result = decode_image(label, **bytes);
+    auto result = decode_image(label, **bytes, &budget_);
+    if (!result && budget_.is_spent()) {
+      return refuse(label, needed_by, "too-many-pixels", too_many_pixels());
+    }
     if (!result) return refuse(label, needed_by, "bad-texture", result.error().message());
     decoded = *std::move(result);
-    pixel_count_ += int64_t{decoded.width} * decoded.height;
-    is_full_ = pixel_count_ > kScenePixelsMax;
-    if (is_full_) return refuse(label, needed_by, "too-many-pixels", too_many);
   }
   scene_.images.push_back(std::move(decoded));
   return static_cast<int>(scene_.images.size()) - 1;

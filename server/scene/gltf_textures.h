@@ -12,6 +12,7 @@
 #include "proto/result.h"
 #include "server/scene/gltf_accessor.h"
 #include "server/scene/gltf_document.h"
+#include "server/scene/image.h"
 #include "server/scene/load.h"
 #include "server/scene/scene.h"
 
@@ -65,8 +66,7 @@ class GltfTextures {
   LoadOptions options_;
   Scene& scene_;
   std::map<int, int> materials_, loaded_;  // document index to scene index
-  int64_t pixel_count_ = 0;
-  bool is_full_ = false;  // the scene has as many pixels as it may
+  PixelBudget budget_;
   size_t refused_count_ = 0;
 };
 

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/scene/image_tga.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
@@ -78,10 +79,33 @@ bool read_linear(OIIO::ImageInput& input, int channel_count, Image& image) {
   std::vector<float> row(static_cast<size_t>(image.width) * channel_count);
   std::vector<uint8_t> bytes(row.size());
   for (int y = 0; y < image.height; ++y) {
+    cancel_point();
     if (!input.read_scanline(y + input.spec().y, 0, OIIO::TypeFloat, row.data())) return false;
     std::transform(row.begin(), row.end(), bytes.begin(), srgb_byte);
     expand_row(bytes.data(), channel_count, image.width,
                &image.rgba[4 * static_cast<size_t>(y) * image.width]);
+  }
+  return true;
+}
+
+// All rows, some at a time where the format has rows: a cancel does not wait for 67 megapixels.
+// Readers of tiles, and of WebP and GIF, which decode the whole image with its first row, take up
+// to a second.
+bool read_packed(OIIO::ImageInput& input, int channel_count, const Image& image, uint8_t* packed) {
+  constexpr int kPixelsAtOnce = 1 << 20;
+  const OIIO::ImageSpec& spec = input.spec();
+  if (spec.tile_width > 0) {
+    return input.read_image(0, 0, 0, channel_count, OIIO::TypeUInt8, packed);
+  }
+  const int rows = std::max(1, kPixelsAtOnce / image.width);
+  const size_t row_bytes = static_cast<size_t>(image.width) * channel_count;
+  for (int y = 0; y < image.height; y += rows) {
+    cancel_point();
+    const int end = std::min(y + rows, image.height);
+    if (!input.read_scanlines(0, 0, spec.y + y, spec.y + end, 0, 0, channel_count, OIIO::TypeUInt8,
+                              packed + row_bytes * y)) {
+      return false;
+    }
   }
   return true;
 }
@@ -91,9 +115,10 @@ bool read_linear(OIIO::ImageInput& input, int channel_count, Image& image) {
 bool read_bytes(OIIO::ImageInput& input, int channel_count, Image& image) {
   const size_t row_bytes = static_cast<size_t>(image.width) * channel_count;
   uint8_t* packed = image.rgba.data() + image.rgba.size() - row_bytes * image.height;
-  if (!input.read_image(0, 0, 0, channel_count, OIIO::TypeUInt8, packed)) return false;
+  if (!read_packed(input, channel_count, image, packed)) return false;
   std::vector<uint8_t> row(row_bytes);
   for (int y = 0; y < image.height; ++y) {
+    cancel_point();
     std::copy_n(packed + row_bytes * y, row_bytes, row.data());
     expand_row(row.data(), channel_count, image.width,
                &image.rgba[4 * static_cast<size_t>(y) * image.width]);
@@ -102,7 +127,7 @@ bool read_bytes(OIIO::ImageInput& input, int channel_count, Image& image) {
 }
 
 Result<Image> decode(std::string_view name, const ImageFormat& format,
-                     std::span<const uint8_t> bytes) {
+                     std::span<const uint8_t> bytes, PixelBudget* budget) {
   static const bool is_set = OIIO::attribute("try_all_readers", 0);
   (void)is_set;
   OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
@@ -121,6 +146,7 @@ Result<Image> decode(std::string_view name, const ImageFormat& format,
     return Error{ErrorCode::kMalformedImage, std::string(name) + ": channels of the image",
                  "1 to 4", std::to_string(spec.nchannels)};
   }
+  if (budget != nullptr) VOXELD_TRY(budget->take(name, spec.width, spec.height, bytes.size()));
   Image image{.name = std::string(name), .width = spec.width, .height = spec.height, .rgba = {}};
   image.rgba.resize(4 * static_cast<size_t>(spec.width) * spec.height);
   const int channel_count = spec.nchannels;
@@ -133,16 +159,17 @@ Result<Image> decode(std::string_view name, const ImageFormat& format,
 
 }  // namespace
 
-Result<Image> decode_image(std::string_view name, std::span<const uint8_t> bytes) {
+Result<Image> decode_image(std::string_view name, std::span<const uint8_t> bytes,
+                           PixelBudget* budget) {
   const ImageFormat* format = format_of(bytes);
   if (!format) {
-    if (looks_like_tga(bytes)) return decode_tga(name, bytes);
+    if (looks_like_tga(bytes)) return decode_tga(name, bytes, budget);
     return Error{
         ErrorCode::kUnsupportedMedia, std::string(name) + ": not an image that voxeld reads",
         "PNG, JPEG, TGA, BMP, DDS, WebP, HDR, TIFF or GIF", shown(as_text(bytes).substr(0, 8))};
   }
   try {
-    return decode(name, *format, bytes);
+    return decode(name, *format, bytes, budget);
   } catch (const std::exception& e) {
     return malformed(name, e.what());
   }

@@ -5,7 +5,7 @@
 
 namespace voxeld {
 
-Result<Image> decode_image(std::string_view name, std::span<const uint8_t>) {
+Result<Image> decode_image(std::string_view name, std::span<const uint8_t>, PixelBudget*) {
   return Error{ErrorCode::kUnsupportedFeature,
                std::string(name) + ": this build of voxeld reads no images", "", ""};
 }

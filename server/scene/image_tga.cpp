@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 namespace {
@@ -17,6 +18,7 @@ namespace {
 //   7 u8 bits of an entry   8 u16 x   10 u16 y   12 u16 width   14 u16 height   16 u8 bits
 //   17 u8 descriptor: 0-3 alpha bits, 4 right to left, 5 top to bottom, 6-7 zero
 constexpr size_t kHeaderBytes = 18;
+constexpr size_t kPixelsAtOnce = size_t{1} << 20;  // between two cancel points
 
 enum Type { kPalette = 1, kColor = 2, kGrey = 3 };
 constexpr int kRunLength = 8;  // added to Type
@@ -108,7 +110,8 @@ class Reader {
     image.rgba.resize(4 * pixel_count);
     size_t done = 0;
     while (done < pixel_count) {
-      size_t count = pixel_count;
+      cancel_point();
+      size_t count = std::min(pixel_count - done, kPixelsAtOnce);
       bool is_run = false;
       if (header_.is_run_length) {
         VOXELD_TRY(need(1));
@@ -213,10 +216,33 @@ Status check_image_size(std::string_view name, int64_t width, int64_t height) {
   return {};
 }
 
-Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes) {
+std::string too_many_pixels() {
+  return "is left out: the textures of one scene have at most " + std::to_string(kScenePixelsMax) +
+         " pixels, and beyond the first " + std::to_string(limits::kImagePixelsMax) + " at most " +
+         std::to_string(PixelBudget::kPixelsPerByteMax) + " for each byte of their files";
+}
+
+Status PixelBudget::take(std::string_view name, int64_t width, int64_t height, size_t file_bytes) {
+  constexpr size_t kBytesMax = kScenePixelsMax / kPixelsPerByteMax;  // more pay for no more
+  const int64_t pixels = width * height;
+  paid_ += static_cast<int64_t>(std::min(file_bytes, kBytesMax)) * kPixelsPerByteMax;
+  is_spent_ = pixels > left_ || pixels > paid_;
+  if (is_spent_) {
+    return Error{ErrorCode::kPayloadTooLarge, std::string(name) + " " + too_many_pixels(), "", ""};
+  }
+  left_ -= pixels;
+  paid_ -= pixels;
+  return {};
+}
+
+Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes,
+                         PixelBudget* budget) {
   const std::optional<Header> header = parse_header(bytes);
   if (!header) return malformed(name, 0, "no TGA header");
   VOXELD_TRY(check_image_size(name, header->width, header->height));
+  if (budget != nullptr) {
+    VOXELD_TRY(budget->take(name, header->width, header->height, bytes.size()));
+  }
   return Reader(name, *header, bytes).read();
 }
 

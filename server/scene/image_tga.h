@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "proto/result.h"
+#include "server/scene/image.h"
 #include "server/scene/scene.h"
 
 namespace voxeld {
@@ -16,7 +17,8 @@ bool looks_like_tga(std::span<const uint8_t> bytes);
 
 // Types 1, 2, 3 and their run-length forms 9, 10, 11; 8, 15, 16, 24 and 32 bits; any origin.
 // Errors: malformed-image with the byte, payload-too-large over limits::kImagePixelsMax.
-Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes);
+Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes,
+                         PixelBudget* budget = nullptr);
 
 // payload-too-large over limits::kImagePixelsMax and kImageSideMax, malformed-image for empty
 // images. For every reader, before it allocates pixels.

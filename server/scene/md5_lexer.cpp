@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "proto/range_text.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
 
@@ -25,6 +26,7 @@ Error Md5Lexer::wrong(std::string_view what, std::string expected, const Md5Toke
 }
 
 Status Md5Lexer::skip_blanks() {
+  cancel_point();
   while (at_ < text_.size()) {
     const char c = text_[at_];
     const std::string_view two = text_.substr(at_, 2);

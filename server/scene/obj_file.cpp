@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
 
@@ -36,6 +37,7 @@ class ObjReader {
     file_.corners.reserve(left_.size() / 20);
     file_.faces.reserve(left_.size() / 60);
     while (!left_.empty()) {
+      cancel_point();
       VOXELD_TRY(read_statement(next_line()));
     }
     VOXELD_TRY(check_corners());

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/off.h"
 
@@ -94,6 +95,7 @@ class OffBinaryReader {
   Status read_vertices() {
     mesh_.part.positions.reserve(static_cast<size_t>(vertex_count_));
     for (int64_t i = 0; i < vertex_count_; ++i) {
+      cancel_point();
       glm::dvec3 position;
       for (int axis = 0; axis < 3; ++axis) {
         position[axis] = take_float();

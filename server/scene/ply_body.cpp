@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/color_space.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/ply_source.h"
@@ -159,6 +160,7 @@ class PlyBodyReader {
 
   Status skip_element() {
     for (index_ = 0; index_ < element_->count; ++index_) {
+      cancel_point();
       for (const PlyProperty& property : element_->properties) {
         VOXELD_TRY(skip_property(property));
       }
@@ -175,6 +177,7 @@ class PlyBodyReader {
     mesh_.positions.reserve(element_->count);
     Values values{};
     for (index_ = 0; index_ < element_->count; ++index_) {
+      cancel_point();
       for (size_t i = 0; i < element_->properties.size(); ++i) {
         VOXELD_TRY(read_property(i, roles, values));
       }
@@ -223,6 +226,7 @@ class PlyBodyReader {
     mesh_.corners.reserve(element_->count * 3);
     Values values{};
     for (index_ = 0; index_ < element_->count; ++index_) {
+      cancel_point();
       texcoord_.clear();
       texture_ = 0;
       const size_t first = mesh_.corners.size();

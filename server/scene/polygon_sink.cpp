@@ -1,6 +1,7 @@
 #include "server/scene/polygon_sink.h"
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/triangulate.h"
 
@@ -20,6 +21,7 @@ std::vector<T> gathered(const std::vector<T>& values, const std::vector<uint32_t
 
 Status PolygonSink::add_face(std::span<const uint32_t> corners, MeshPart& part,
                              std::vector<uint32_t>* local) {
+  cancel_point();
   triangle_count_ += static_cast<int64_t>(corners.size()) - 2;
   if (triangle_count_ > limits::kTrianglesMax) {
     return over_limit(name_, "", "too many triangles", limits::kTrianglesMax, triangle_count_);

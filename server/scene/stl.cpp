@@ -21,6 +21,7 @@
 #include <optional>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/color_space.h"
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
@@ -164,6 +165,7 @@ Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> by
   part.indices.reserve(size_t{count} * 3);
   VertexTable table(count / 2);  // a closed mesh has half as many vertices as triangles
   for (uint32_t i = 0; i < count; ++i) {
+    cancel_point();
     const uint8_t* facet = bytes.data() + kFirstTriangle + size_t{i} * kTriangleBytes;
     VOXELD_TRY(add_facet(name, i, facet, colors, table, part));
   }

@@ -5,6 +5,8 @@
 #include <limits>
 #include <system_error>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -93,6 +95,7 @@ std::string_view TextCursor::take_word() {
 }
 
 std::string_view TextCursor::token() {
+  cancel_point();
   while (at_ != end_) {
     if (*at_ == '\n') {
       ++line_;
@@ -116,6 +119,7 @@ std::string_view TextCursor::token_on_line() {
 }
 
 std::string_view TextCursor::rest_of_line() {
+  cancel_point();
   const char* begin = at_;
   const void* newline = std::memchr(at_, '\n', bytes_left());
   token_line_ = line_;

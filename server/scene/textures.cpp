@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/scene/image.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
@@ -52,8 +53,17 @@ int TextureSet::image_index(std::string_view reference, std::string_view needed_
   return index;
 }
 
+int TextureSet::too_many(const std::string& reference, std::string_view needed_by) {
+  add_missing(scene_, reference, needed_by);
+  add_warning(scene_, "too-many-pixels",
+              reference + ", named by " + std::string(needed_by) + ", " + too_many_pixels());
+  return -1;
+}
+
 int TextureSet::load(const std::string& reference, std::string_view needed_by) {
   const std::string where = reference + ", named by " + std::string(needed_by);
+  cancel_point();
+  if (budget_.is_spent()) return too_many(reference, needed_by);
   const auto bytes = bundle_.find(reference, from_);
   if (!bytes || !*bytes) {
     add_missing(scene_, reference, needed_by);
@@ -65,19 +75,11 @@ int TextureSet::load(const std::string& reference, std::string_view needed_by) {
     return -1;
   }
   if (!options_.decode_images) return add_image(scene_, {.name = reference, .rgba = {}});
-  auto image = decode_image(reference, **bytes);
+  auto image = decode_image(reference, **bytes, &budget_);
   if (!image) {
+    if (budget_.is_spent()) return too_many(reference, needed_by);
     add_missing(scene_, reference, needed_by);
     add_warning(scene_, "broken-texture", where + ": " + image.error().message());
-    return -1;
-  }
-  pixels_ += int64_t{image->width} * image->height;
-  if (pixels_ > kScenePixelsMax) {
-    pixels_ -= int64_t{image->width} * image->height;
-    add_missing(scene_, reference, needed_by);
-    add_warning(scene_, "too-many-pixels",
-                where + ", is left out: the textures of one scene have at most " +
-                    std::to_string(kScenePixelsMax) + " pixels");
     return -1;
   }
   return add_image(scene_, *std::move(image));

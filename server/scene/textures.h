@@ -6,14 +6,11 @@
 #include <string>
 #include <string_view>
 
+#include "server/scene/image.h"
 #include "server/scene/load.h"
 #include "server/scene/scene.h"
 
 namespace voxeld {
-
-// Pixels of all textures of one scene together; further ones are named in a warning and left out.
-// 268 Mpx are 1 GiB as RGBA8.
-inline constexpr int64_t kScenePixelsMax = int64_t{1} << 28;
 
 // The only image of a bundle, which a mesh that names no texture is meant to be used with (spot.zip
 // is one); nullopt for none and for several.
@@ -33,12 +30,13 @@ class TextureSet {
 
  private:
   int load(const std::string& reference, std::string_view needed_by);
+  int too_many(const std::string& reference, std::string_view needed_by);
 
   Scene& scene_;
   const Bundle& bundle_;
   std::string from_;
   LoadOptions options_;
-  int64_t pixels_ = 0;
+  PixelBudget budget_;
   std::map<std::string, int, std::less<>> loaded_;
 };
 

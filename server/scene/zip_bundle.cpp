@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/base/cancel_point.h"
 #include "server/scene/bundle_names.h"
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
@@ -28,6 +29,11 @@ constexpr size_t kEndRecordSearchBytes = 65'535 + kEndRecordBytes;
 // 200 bytes per 46 bytes of this table, so it must be bounded before libzip sees the archive.
 constexpr uint64_t kDirectoryBytesMax = uint64_t{limits::kBundleEntriesMax} * 4096;
 constexpr uint64_t kRatioCheckedFromBytes = 1 << 20;
+constexpr size_t kBytesAtOnce = size_t{1} << 20;  // between two cancel points
+// A mesh may name one file again and again. All its files may be inflated so often, and so many
+// bytes besides; more: malformed-bundle.
+constexpr int64_t kRepeatsMax = 4;
+constexpr int64_t kInflatedBytesMin = int64_t{64} << 20;
 
 Error malformed(const std::string& what, std::string expected = {}, std::string got = {}) {
   return {ErrorCode::kMalformedBundle, "zip: " + what, std::move(expected), std::move(got)};
@@ -190,6 +196,7 @@ class ZipBundle final : public Bundle {
     if (name.back() == '/' || name.back() == '\\') return {};  // a folder
     entries_.push_back({*normalized_name(name), static_cast<int64_t>(stat.size)});
     names_.push_back(entries_.back().name);
+    all_bytes_ += entries_.back().bytes;
     indices_.push_back(index);
     return {};
   }
@@ -239,10 +246,19 @@ class ZipBundle final : public Bundle {
         zip_fopen_index(archive_.get(), indices_[entry], 0));
     if (!file) return malformed(where + ": " + zip_error_strerror(zip_get_error(archive_.get())));
     const auto declared = static_cast<size_t>(entries_[entry].bytes);
+    inflated_bytes_ += entries_[entry].bytes;
+    const int64_t inflated_max = kRepeatsMax * all_bytes_ + kInflatedBytesMin;
+    if (inflated_bytes_ > inflated_max) {
+      return malformed(where + ": the bundle's files are read too often",
+                       "at most " + std::to_string(inflated_max) + " bytes to inflate in all",
+                       std::to_string(inflated_bytes_));
+    }
     std::vector<uint8_t> bytes(declared);
     size_t read = 0;
     while (read < declared) {
-      const zip_int64_t count = zip_fread(file.get(), bytes.data() + read, declared - read);
+      cancel_point();
+      const zip_int64_t count =
+          zip_fread(file.get(), bytes.data() + read, std::min(declared - read, kBytesAtOnce));
       if (count < 0) return malformed(where + ": " + read_error(file.get()));
       if (count == 0) break;
       read += static_cast<size_t>(count);
@@ -263,7 +279,9 @@ class ZipBundle final : public Bundle {
 
   ZipPointer archive_;
   uint64_t archive_bytes_;
-  std::vector<Entry> entries_;  // files alone
+  int64_t all_bytes_ = 0;               // of all entries, inflated
+  mutable int64_t inflated_bytes_ = 0;  // so far
+  std::vector<Entry> entries_;          // files alone
   std::vector<std::string> names_;
   std::vector<zip_uint64_t> indices_;  // of the files in the archive
 };

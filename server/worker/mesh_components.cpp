@@ -6,6 +6,8 @@
 #include <glm/geometric.hpp>
 #include <glm/vector_relational.hpp>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -25,6 +27,7 @@ class Components {
       : positions_(positions), root_(positions.size()) {
     std::iota(root_.begin(), root_.end(), 0u);
     for (const Corners& v : triangles) {
+      cancel_point();
       join(v[0], v[1]);
       join(v[1], v[2]);
     }
@@ -40,7 +43,10 @@ class Components {
   // The parts one by one, in the order of the file.
   const std::vector<Component>& list(std::span<const Corners> triangles) {
     sort(triangles);
-    for (Component& component : list_) measure(component);
+    for (Component& component : list_) {
+      cancel_point();
+      measure(component);
+    }
     return list_;
   }
 
@@ -177,6 +183,7 @@ void count_components(std::span<const Corners> triangles, const std::vector<glm:
   for (const Component& inner : list) {
     bool is_enclosed = false, is_wall = false;
     for (const Component& outer : list) {
+      cancel_point();
       if (++pairs > kEnclosureTestsMax) return;
       if (!outer.closed || !lies_within(inner, outer)) continue;
       tests += static_cast<int64_t>(outer.count);

@@ -1,6 +1,9 @@
 #include "server/worker/mesh_report.h"
 
+#include <thread>
 #include <utility>
+
+#include "server/base/cancel_point.h"
 
 namespace voxeld {
 
@@ -11,7 +14,11 @@ MeshReport::MeshReport(InputCache& cache, std::string key, const Scene& scene)
   const auto when = scene.triangle_count() > kBesideTrianglesMax
                         ? std::launch::deferred
                         : std::launch::async | std::launch::deferred;
-  counted_ = std::async(when, [&scene] { return mesh_topology(scene); });
+  counted_ = std::async(when, [this, &scene, task = std::this_thread::get_id()] {
+    if (std::this_thread::get_id() == task) return mesh_topology(scene);  // deferred
+    const CancelScope scope(is_unwanted_);
+    return mesh_topology(scene);
+  });
 }
 
 const std::optional<MeshTopology>& MeshReport::get() {

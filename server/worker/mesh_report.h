@@ -1,6 +1,7 @@
 // The mesh's topology beside the work on its grid.
 #pragma once
 
+#include <atomic>
 #include <future>
 #include <optional>
 #include <string>
@@ -19,6 +20,10 @@ class MeshReport {
 
   // key: of the scene, in the cache.
   MeshReport(InputCache& cache, std::string key, const Scene& scene);
+  // Stops the count where it was not asked for.
+  ~MeshReport() { is_unwanted_ = true; }
+  MeshReport(const MeshReport&) = delete;
+  MeshReport& operator=(const MeshReport&) = delete;
 
   // Waits. Throws std::bad_alloc.
   const std::optional<MeshTopology>& get();
@@ -26,7 +31,8 @@ class MeshReport {
  private:
   InputCache& cache_;
   std::string key_;
-  std::future<std::optional<MeshTopology>> counted_;
+  std::atomic<bool> is_unwanted_{false};
+  std::future<std::optional<MeshTopology>> counted_;  // last: it waits for its thread
 };
 
 }  // namespace voxeld

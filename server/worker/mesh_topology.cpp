@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "server/base/cancel_point.h"
 #include "server/voxel/parallel.h"
 #include "server/voxel/raw_vector.h"
 #include "server/worker/mesh_components.h"
@@ -24,6 +25,7 @@ using HalfEdge = uint32_t;
 template <typename Visit>
 void for_each_edge(std::span<const Corners> triangles, const Visit& visit) {
   for (const Corners& v : triangles) {
+    cancel_point();
     for (size_t i = 0; i < 3; ++i) {
       const uint32_t from = v[i], to = v[i == 2 ? 0 : i + 1];
       visit(std::min(from, to), 2 * std::max(from, to) + (from > to ? 1u : 0u));
@@ -100,6 +102,7 @@ std::vector<Corners> number_corners(const Scene& scene, PositionNumbers& numbers
     for (const uint32_t vertex : part.indices) of_vertex[vertex] = 0;
     numbers.number(part.positions, of_vertex);
     for (size_t corner = 0; corner + 2 < part.indices.size(); corner += 3) {
+      cancel_point();
       Corners v{};
       for (size_t i = 0; i < 3; ++i) v[i] = of_vertex[part.indices[corner + i]];
       if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) {

@@ -3,6 +3,7 @@
 #include <new>
 #include <utility>
 
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/base/host_memory.h"
 #include "server/base/sha256.h"
@@ -155,6 +156,7 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   // What a large task before this one freed is not this one's.
   if (resident_bytes() > kTrimBytesMin) release_free_memory();
   const PeakMemory peak;
+  const CancelScope scope(monitor.cancel_flag());
   try {
     add_meta(run, {{"source_hash", task.input_hash}});
     if (const Status done = run_kind(run); !done) {
@@ -164,6 +166,8 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
     }
     add_meta(run, {{"host_bytes_peak", peak.bytes()}});
     return std::move(run.completion);
+  } catch (const Cancelled&) {
+    return monitor.check().error();
   } catch (const std::bad_alloc&) {
     engine.cache = {};  // gives back what it can
     return Error{ErrorCode::kGridTooLarge, "the server ran out of memory for this request", "", ""};

@@ -18,7 +18,7 @@ namespace voxeld {
 // taken for a dead worker, and learns whether to stop. The task's thread calls the rest.
 class TaskMonitor {
  public:
-  static constexpr std::chrono::milliseconds kPeriod{200};
+  static constexpr std::chrono::milliseconds kPeriod{100};
 
   // Asked on the threads that call set_stage() and set_progress(), at most every kPeriod.
   using ReadDeviceMemory = std::function<DeviceMemory()>;
@@ -39,6 +39,8 @@ class TaskMonitor {
   Status report_part(int64_t position, const std::filesystem::path& path);
   // Errors: cancelled.
   Status check() const;
+  // For cancel points (server/base/cancel_point.h): what check() looks at.
+  const std::atomic<bool>& cancel_flag() const { return cancelled_; }
   // Whether all that the task has done is with the gateway, or will be once it is asked to park;
   // the time until it first was is what its preparation took.
   void set_can_park(bool can_park) EXCLUDES(mutex_);

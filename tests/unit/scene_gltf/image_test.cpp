@@ -6,6 +6,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+
+#include "server/base/cancel_point.h"
 #include "tests/unit/scene_gltf/gltf_builder.h"
 
 namespace voxeld {
@@ -133,6 +136,57 @@ TEST(Image, size_is_refused_before_pixels_are_decoded) {
   EXPECT_EQ(error(png),
             "payload-too-large: a.png: the image is too large: expected at most 67108864 pixels, "
             "32768 to a side, got 9000 x 9000 pixels");
+}
+
+TEST(Image, one_that_is_cancelled_is_not_decoded_to_its_end) {
+  const Bytes png = encode<uint8_t>("a.png", 1, {7, 9});
+  std::atomic<bool> is_cancelled{true};
+  const CancelScope scope(is_cancelled);
+  EXPECT_THROW((void)decode_image("a.png", png).ok(), Cancelled);
+  is_cancelled = false;
+  EXPECT_TRUE(decode_image("a.png", png));
+}
+
+// 5 megapixels at a time, and those of several pieces.
+TEST(Image, an_image_of_many_pieces_comes_back) {
+  std::vector<uint8_t> grey(size_t{2000} * 2500);
+  for (size_t i = 0; i < grey.size(); ++i) grey[i] = static_cast<uint8_t>(i * i >> 7);
+  const auto image = decode_image("a.png", encode<uint8_t>("a.png", 1, grey, 2000, 2500));
+  ASSERT_TRUE(image) << image.error().message();
+  for (size_t i = 0; i < grey.size(); ++i) ASSERT_EQ(image->rgba[4 * i + 1], grey[i]) << i;
+}
+
+// A PNG of 8 KB holds 67 megapixels: a scene has one such for nothing.
+TEST(PixelBudget, pixels_beyond_the_first_image_are_paid_for_by_bytes) {
+  PixelBudget budget;
+  EXPECT_TRUE(budget.take("a.png", 8192, 8192, 8229));
+  EXPECT_FALSE(budget.is_spent());
+  EXPECT_TRUE(budget.take("b.png", 1024, 1024, 4096));
+  const Status refused = budget.take("c.png", 8192, 8192, 8229);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kPayloadTooLarge);
+  EXPECT_EQ(refused.error().message(),
+            "c.png is left out: the textures of one scene have at most 268435456 pixels, and beyond "
+            "the first 67108864 at most 256 for each byte of their files");
+  EXPECT_TRUE(budget.is_spent());
+}
+
+TEST(PixelBudget, large_files_pay_up_to_the_scene_s_limit) {
+  PixelBudget budget;
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(budget.take("a.jpg", 8192, 8192, size_t{1} << 33));
+  EXPECT_FALSE(budget.take("b.jpg", 1, 1, size_t{1} << 33));
+}
+
+TEST(PixelBudget, a_broken_image_is_paid_for) {
+  Bytes png = encode<uint8_t>("a.png", 1, std::vector<uint8_t>(size_t{4096} * 4096), 4096, 4096);
+  png.resize(png.size() - 40);
+  PixelBudget budget;
+  int decoded = 0;
+  while (!budget.is_spent() && decoded < 100) {
+    EXPECT_FALSE(decode_image("a.png", png, &budget));
+    ++decoded;
+  }
+  EXPECT_LT(decoded, 10);
 }
 
 }  // namespace

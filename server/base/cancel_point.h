@@ -1,0 +1,43 @@
+// Cancellation of long computations that do not know of tasks: parsers, decoders, encoders.
+//
+// A task installs its flag with a CancelScope; every loop whose length a file decides calls
+// cancel_point(), which throws Cancelled once the flag is set. An exception, because the loops are
+// many levels deep in code whose results have nothing to do with tasks; it is caught in one place
+// (server/worker/run_task.cpp). Between two cancel points lie at most about 50 ms of work; a call
+// of a library that takes longer is named where it is made.
+#pragma once
+
+#include <atomic>
+#include <utility>
+
+namespace voxeld {
+
+// Not a std::exception: handlers of what libraries throw let it pass.
+class Cancelled {};
+
+namespace internal {
+extern constinit thread_local const std::atomic<bool>* cancel_flag;
+}  // namespace internal
+
+// Throws Cancelled where this thread's scope is cancelled; without a scope nothing. A nanosecond:
+// may stand in a loop over vertices. Not to be called from callbacks of C libraries.
+inline void cancel_point() {
+  const std::atomic<bool>* flag = internal::cancel_flag;
+  if (flag != nullptr && flag->load(std::memory_order_relaxed)) [[unlikely]]
+    throw Cancelled();
+}
+
+// Of the calling thread alone: threads that it starts have no cancel points. Scopes nest.
+class CancelScope {
+ public:
+  explicit CancelScope(const std::atomic<bool>& flag)
+      : outer_(std::exchange(internal::cancel_flag, &flag)) {}
+  ~CancelScope() { internal::cancel_flag = outer_; }
+  CancelScope(const CancelScope&) = delete;
+  CancelScope& operator=(const CancelScope&) = delete;
+
+ private:
+  const std::atomic<bool>* const outer_;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,36 @@
+#include "server/base/cancel_point.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace voxeld {
+namespace {
+
+TEST(CancelPoint, throws_once_the_scope_s_flag_is_set_and_not_without_a_scope) {
+  std::atomic<bool> flag{false};
+  {
+    const CancelScope scope(flag);
+    EXPECT_NO_THROW(cancel_point());
+    flag = true;
+    EXPECT_THROW(cancel_point(), Cancelled);
+    std::thread([] { EXPECT_NO_THROW(cancel_point()); }).join();  // it has no scope
+  }
+  EXPECT_NO_THROW(cancel_point());
+}
+
+TEST(CancelPoint, passes_handlers_of_what_libraries_throw) {
+  const std::atomic<bool> flag{true};
+  const CancelScope scope(flag);
+  const auto decode = [] {
+    try {
+      cancel_point();
+    } catch (const std::exception&) {
+      FAIL() << "taken for a failure of the library";
+    }
+  };
+  EXPECT_THROW(decode(), Cancelled);
+}
+
+}  // namespace
+}  // namespace voxeld

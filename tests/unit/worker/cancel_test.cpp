@@ -1,0 +1,64 @@
+// A task that is cancelled while its file is read: it ends, and its worker goes on.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "server/worker/worker.h"
+#include "tests/unit/worker/fake_gateway.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+using testing::FakeGateway;
+
+// Polygons of the most corners, which all stand at four places: seconds of work.
+void write_slow_obj(const std::filesystem::path& path, int polygons) {
+  std::ofstream out(path);
+  out << "v 0 0 0\nv 1 1 0\nv 1 0 0\nv 0 1 0\n";
+  std::string face = "f";
+  for (int corner = 0; corner < 65'535; ++corner) face += " " + std::to_string(1 + corner % 4);
+  for (int i = 0; i < polygons; ++i) out << face << "\n";
+}
+
+// A worker reports ten times a second, so the reports after a cancel tell how long it took.
+TEST(Cancel, reading_a_file_stops_within_a_few_reports_and_the_worker_claims_again) {
+  testing::TemporaryDir dir;
+  write_slow_obj(dir.path() / "mesh.obj", 60);
+  int reports = 0, claims = 0;
+  json failure;
+  FakeGateway gateway([&](const json& message) -> std::string {
+    const std::string type = message.value("type", "");
+    if (type == "progress") {
+      ++reports;
+      EXPECT_EQ(message["stage"], "parse");
+      return R"({"cancel":true,"fenced":false})";
+    }
+    if (type == "fail") failure = message["error"];
+    if (type != "claim") return json{{"ok", true}}.dump();
+    if (++claims > 1) return "";  // the gateway goes
+    Task task;
+    task.id = "j-1";
+    task.fence = 1;
+    task.input_path = (dir.path() / "mesh.obj").string();
+    task.input_hash = "sha256-1";
+    task.filename = "mesh.obj";
+    task.options_json = R"({"size":16})";
+    return json{{"task", to_json_message(task)}}.dump();
+  });
+  Engine engine(open_device(gpu::DeviceId{.kind = gpu::DeviceKind::kCpu}, "").value());
+  const auto client = TaskClient::connect(gateway.address()).value();
+  EXPECT_EQ(serve_tasks(engine, *client, nullptr, dir.path()), 0);
+  EXPECT_EQ(claims, 2);
+  EXPECT_EQ(failure["code"], "cancelled");
+  EXPECT_GE(reports, 1);
+  EXPECT_LE(reports, 4);
+}
+
+}  // namespace
+}  // namespace voxeld
