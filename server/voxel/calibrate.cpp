@@ -133,7 +133,7 @@ Result<std::vector<CalibrationMeasurement>> measure_pipelines(
       const Status measured = measure(voxelizer, pipeline, attributes, seconds_max, measurements);
       // Devices without DeviceTraits::has_int64 refuse attributes, and are never chosen for them.
       const bool is_refused = attributes && pipeline != Pipeline::kCpu && !measured &&
-                              measured.error().code == ErrorCode::kDeviceUnavailable;
+                              measured.error().code == ErrorCode::kUnsupportedFeature;
       if (!is_refused) VOXELD_TRY(measured);
     }
   }

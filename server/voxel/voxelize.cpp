@@ -162,7 +162,7 @@ PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& w
 Status Voxelizer::Impl::check_asked(PipelineChoice asked) const {
   const auto named = asked_pipeline(asked);
   if (!named || *named == Pipeline::kCpu || device != nullptr) return {};
-  return Error{ErrorCode::kDeviceUnavailable,
+  return Error{ErrorCode::kUnsupportedFeature,
                "pipeline " + std::string(pipeline_name(*named)) +
                    " needs a GL context, and this device has none",
                "pipeline=cpu or auto", std::string(pipeline_name(*named))};

@@ -5,7 +5,7 @@ namespace voxeld {
 Result<Engine::ChosenRenderer> Engine::choose_renderer(RendererChoice asked) {
   Renderer* gl = device.gl_renderer.get();
   if (asked == RendererChoice::kGl && gl == nullptr) {
-    return Error{ErrorCode::kDeviceUnavailable,
+    return Error{ErrorCode::kUnsupportedFeature,
                  "renderer gl needs a GL context, and this device has none", "renderer=cpu or auto",
                  "gl"};
   }

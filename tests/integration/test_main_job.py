@@ -102,12 +102,13 @@ class OneShotWithoutGl(OneShot):
         self.assertEqual(response.headers["X-Voxeld-Pipeline"], "cpu")
         self.assertEqual(response.headers["X-Voxeld-Device"].split()[0], "cpu")
 
-    def test_pipelines_that_need_gl_are_device_unavailable(self):
+    def test_pipelines_that_this_device_will_never_have_are_no_reason_to_try_again(self):
         for pipeline in ("compute", "raster"):
             response = self.daemon.post(
                 f"/v1/voxelize?size=32&filename=sample.ply&pipeline={pipeline}",
                 self.fixture("sample.ply"))
-            self.assert_problem(response, 503, "device-unavailable", pipeline, "GL context")
+            self.assert_problem(response, 422, "unsupported-feature", pipeline, "GL context")
+            self.assertNotIn("Retry-After", response.headers)
 
 
 class EveryDriverAndPipeline(unittest.TestCase):

@@ -37,7 +37,7 @@ Status GlPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   plan_ = &plan;
   stats_ = &stats;
   if (plan.channels.any() && !tuning_.has_int64(context_->info())) {
-    return Error{ErrorCode::kDeviceUnavailable,
+    return Error{ErrorCode::kUnsupportedFeature,
                  "attributes need 64-bit integers in shaders, which " + context_->info().renderer +
                      " does not have",
                  "pipeline=cpu or auto, or channels=occupancy",

@@ -95,7 +95,7 @@ TEST(Batches, attributes_without_64_bit_integers_are_refused_and_auto_takes_the_
   options.pipeline = PipelineChoice::kCompute;
   const auto refused = one.voxelize(scene, options, {}, nullptr);
   ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.error().code, ErrorCode::kDeviceUnavailable);
+  EXPECT_EQ(refused.error().code, ErrorCode::kUnsupportedFeature);
   EXPECT_EQ(refused.error().message(),
             "attributes need 64-bit integers in shaders, which " +
                 gpu::test_context().info().renderer +

@@ -128,7 +128,7 @@ TEST_F(RunTaskTest, a_picture_says_what_drew_it) {
   if (has_gl()) {
     EXPECT_EQ(json::parse(by_gl->meta_json)["drawn_by"], "gl");
   } else {
-    EXPECT_EQ(by_gl.error().code, ErrorCode::kDeviceUnavailable);
+    EXPECT_EQ(by_gl.error().code, ErrorCode::kUnsupportedFeature);
   }
 }
 
@@ -146,7 +146,7 @@ TEST_F(RunTaskTest, both_pipelines_and_every_output_format_leave_the_same_contai
     const auto done = run(task(JobKind::kVoxelize, kCube, options));
     if (!has_gl() && std::string_view(options).find("pipeline") != std::string_view::npos) {
       ASSERT_FALSE(done);
-      EXPECT_EQ(done.error().code, ErrorCode::kDeviceUnavailable);
+      EXPECT_EQ(done.error().code, ErrorCode::kUnsupportedFeature);
       continue;
     }
     ASSERT_TRUE(done) << done.error().message();

@@ -49,7 +49,7 @@ TEST(Calibrate, a_pipeline_that_the_device_does_not_have_is_an_error) {
   Voxelizer voxelizer(nullptr, 1);
   const auto measured = measure_pipelines(voxelizer, {Pipeline::kCompute}, 0.0);
   ASSERT_FALSE(measured.ok());
-  EXPECT_EQ(measured.error().code, ErrorCode::kDeviceUnavailable);
+  EXPECT_EQ(measured.error().code, ErrorCode::kUnsupportedFeature);
 }
 
 TEST(Calibrate, a_voxelizer_tells_the_numbers_that_it_decided_by) {

@@ -140,7 +140,7 @@ TEST(VoxelizerWithoutDevice, pipelines_of_a_gl_context_are_refused) {
     Voxelizer voxelizer;
     const auto grid = voxelizer.voxelize(scene, options, {}, nullptr);
     ASSERT_FALSE(grid.ok());
-    EXPECT_EQ(grid.error().code, ErrorCode::kDeviceUnavailable);
+    EXPECT_EQ(grid.error().code, ErrorCode::kUnsupportedFeature);
     EXPECT_EQ(grid.error().message(),
               std::string("pipeline ") + name +
                   " needs a GL context, and this device has none: expected pipeline=cpu or auto, "
