@@ -8,6 +8,7 @@
 #include <map>
 #include <utility>
 
+#include "server/base/authority.h"
 #include "server/jobs/api_key.h"
 
 namespace voxeld {
@@ -33,15 +34,23 @@ std::filesystem::path default_data_dir() {
 // More would wait for one another, and each has its memory.
 constexpr int kWorkersPerDeviceMax = 64;
 
-// Loopback by its number or name; a name that only resolves to it does not count.
-bool is_loopback(std::string_view host) {
-  return host == "localhost" || host == "[::1]" || host == "::1" || host.starts_with("127.");
-}
-
 // What is wrong with it; empty for an address.
 std::string is_ipv6(const std::string& text) {
   in6_addr address{};
   return ::inet_pton(AF_INET6, text.c_str(), &address) == 1 ? "" : "not an IPv6 address: " + text;
+}
+
+// A name or address that clients put into Host.
+std::string check_public_host(const std::string& text) {
+  const auto authority = parse_authority(text);
+  const bool is_host = authority && !authority->host.empty() && authority->port == 0 &&
+                       text.size() == authority->host.size();
+  return is_host ? "" : "expected a host name without a port, got " + text;
+}
+
+std::string check_cors_origin(const std::string& text) {
+  if (parse_origin(text)) return "";
+  return "expected an origin such as https://app.example.org or http://localhost:3000, got " + text;
 }
 
 void add_log_level(CLI::App& command, log::Level& level) {
@@ -189,6 +198,19 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->delimiter(',')
       ->check(CLI::ValidIPV4 | CLI::Validator(is_ipv6, "IPV6"))
       ->envname("VOXELD_TRUSTED_PROXY");
+  serve
+      ->add_option("--public-host", config.public_hosts,
+                   "Host name that clients use, beside loopback, while no API key is needed, and "
+                   "always for the admin port; several with commas")
+      ->delimiter(',')
+      ->check(CLI::Validator(check_public_host, "HOST"))
+      ->envname("VOXELD_PUBLIC_HOST");
+  serve
+      ->add_option("--cors-origin", config.cors_origins,
+                   "Origin whose web pages may call the API; several with commas")
+      ->delimiter(',')
+      ->check(CLI::Validator(check_cors_origin, "ORIGIN"))
+      ->envname("VOXELD_CORS_ORIGIN");
   serve
       ->add_option("--drain-seconds", config.drain_seconds,
                    "How long running answers may go on after SIGTERM, while new work gets 503")
@@ -369,8 +391,9 @@ Status check_listen_address(const std::string& flag, const std::string& address,
     return Error{ErrorCode::kInvalidOption, flag, "HOST:PORT", address};
   }
   if (allow_remote || guard == Guard::kKeys ||
-      is_loopback(std::string_view(address).substr(0, colon)))
+      is_loopback_host(std::string_view(address).substr(0, colon))) {
     return {};
+  }
   return Error{ErrorCode::kInvalidOption,
                flag + " " + address + " can be reached from other machines, and " +
                    (guard == Guard::kNoKeys

@@ -26,6 +26,8 @@ struct ServeConfig {
   int connections_max = 16384;
   int connections_per_address = 256;         // neither loopback nor a trusted proxy; 0: any number
   std::vector<std::string> trusted_proxies;  // whose X-Forwarded-For is believed
+  std::vector<std::string> public_hosts;     // names, beside loopback, that clients call it by
+  std::vector<std::string> cors_origins;     // whose web pages may read answers
   int workers_per_device = 3;
   bool is_fair = true;           // --scheduler fair
   int64_t memory_bytes_max = 0;  // 0: three quarters of what the machine has

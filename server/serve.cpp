@@ -1,10 +1,7 @@
 #include "server/serve.h"
 
 #include <prometheus/registry.h>
-#include <pthread.h>
 #include <signal.h>
-#include <sys/resource.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,11 +12,13 @@
 #include "server/base/log.h"
 #include "server/base/memory_reserve.h"
 #include "server/base/stopwatch.h"
+#include "server/descriptors.h"
 #include "server/gpu/device.h"
 #include "server/http/server.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/key_ring.h"
 #include "server/jobs/url_secret.h"
+#include "server/shutdown_watch.h"
 
 namespace voxeld {
 namespace {
@@ -27,70 +26,7 @@ namespace {
 constexpr int kExitFailure = 1;
 // How long the line that says "ready" waits for a worker; the daemon listens before that.
 constexpr double kReadySecondsMax = 60.0;
-
-sigset_t ending_signals() {
-  sigset_t set;
-  ::sigemptyset(&set);
-  ::sigaddset(&set, SIGTERM);
-  ::sigaddset(&set, SIGINT);
-  return set;
-}
-
-// Blocks them for this thread and all that it starts; wait_for_signal takes them.
-void block_ending_signals() {
-  const sigset_t set = ending_signals();
-  ::pthread_sigmask(SIG_BLOCK, &set, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
-}
-
-// Each connection needs a descriptor; the soft limit is 1024 in many places.
-void raise_descriptor_limit(int connections_max) {
-  constexpr rlim_t kOthers = 512;  // files, workers, the admin port
-  rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
-  const rlim_t wanted = static_cast<rlim_t>(connections_max) + kOthers;
-  if (limit.rlim_cur >= wanted) return;
-  limit.rlim_cur = std::min(limit.rlim_max, wanted);
-  ::setrlimit(RLIMIT_NOFILE, &limit);
-  if (limit.rlim_cur < wanted) {
-    log::warn("fewer connections than --connections-max: the limit on open files is too low",
-              {{"limit", static_cast<int64_t>(limit.rlim_cur)},
-               {"wanted", static_cast<int64_t>(wanted)}});
-  }
-}
-
-// The signal, or 0 after `seconds` (negative: waits for ever).
-int wait_for_signal(double seconds) {
-  const sigset_t set = ending_signals();
-  if (seconds < 0) {
-    int signal = 0;
-    while (::sigwait(&set, &signal) != 0) {
-    }
-    return signal;
-  }
-  timespec limit{};
-  limit.tv_sec = static_cast<time_t>(seconds);
-  limit.tv_nsec = static_cast<long>((seconds - static_cast<double>(limit.tv_sec)) * 1e9);
-  return std::max(0, ::sigtimedwait(&set, nullptr, &limit));
-}
-
-// As the signal ends any process. The first one of a container is not ended by its own signals: by
-// the status that shells give for that.
-void end_at_once(int signal) {
-  ::raise(signal);
-  ::_exit(128 + signal);
-}
-
-// A second signal ends the process at once; its workers end with it.
-void let_next_signal_kill() {
-  struct sigaction action {};
-  action.sa_handler = end_at_once;
-  action.sa_flags = static_cast<int>(SA_RESETHAND | SA_NODEFER);
-  ::sigaction(SIGTERM, &action, nullptr);
-  ::sigaction(SIGINT, &action, nullptr);
-  const sigset_t set = ending_signals();
-  ::pthread_sigmask(SIG_UNBLOCK, &set, nullptr);
-}
+constexpr double kSignalWaitSeconds = 3600.0;  // then it waits again
 
 // "auto" becomes the device that this machine runs best; the others are checked.
 Result<std::vector<std::string>> resolve_devices(const std::vector<std::string>& wanted,
@@ -133,13 +69,13 @@ bool all_devices_failed(JobService& jobs) {
 
 // Returns the signal that came meanwhile, or 0. Errors: device-unavailable when no device works:
 // who starts a daemon wants to hear that now. (Later the supervisor goes on trying.)
-Result<int> wait_for_worker(JobService& jobs) {
+Result<int> wait_for_worker(JobService& jobs, ShutdownWatch& watch_of_end) {
   const Stopwatch watch;
   while (watch.ms() < kReadySecondsMax * 1000.0) {
     const Status ready = jobs.ready();
     if (ready) return 0;
     if (all_devices_failed(jobs)) return ready.error();
-    if (const int signal = wait_for_signal(0.02); signal != 0) return signal;
+    if (const int signal = watch_of_end.wait(0.02); signal != 0) return signal;
   }
   log::error("no worker yet; jobs wait", {{"reason", jobs.ready().error().message()}});
   return 0;
@@ -182,6 +118,23 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   return jobs;
 }
 
+// Ends what serves, in the order in which it depends on each other. True: all of it has come to its
+// end, and can be destroyed.
+bool end_serving(http::Server& server, JobService& jobs, double drain_seconds,
+                 ShutdownWatch& shutdown) {
+  shutdown.enter("drain");
+  jobs.drain();
+  const std::vector<http::RunningRequest> left = server.stop(drain_seconds);
+  for (const http::RunningRequest& request : left) {
+    log::error("a request did not end",
+               {{"request", request.what}, {"peer", request.peer}, {"seconds", request.seconds}});
+  }
+  shutdown.enter("workers and jobs");
+  jobs.stop();
+  shutdown.enter("database");
+  return left.empty();
+}
+
 Status serve(const ServeConfig& config, const std::string& self_executable) {
   VOXELD_ASSIGN(const auto keys, KeyRing::open(config.data_dir));
   const Guard guard = keys->needs_keys() ? Guard::kKeys : Guard::kNoKeys;
@@ -189,8 +142,14 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen, config.allow_remote,
                                   Guard::kNone));
   VOXELD_ASSIGN(const auto devices, resolve_devices(config.devices, self_executable));
-  block_ending_signals();
-  raise_descriptor_limit(config.connections_max);
+  ::signal(SIGPIPE, SIG_IGN);
+  // Before any other thread.
+  ShutdownWatch shutdown(config.drain_seconds);
+  VOXELD_ASSIGN(
+      const DescriptorPlan descriptors,
+      share_out_descriptors({0, config.connections_max, config.connections_per_address,
+                             kAdminConnectionsMax, config.request_threads},
+                            static_cast<int>(devices.size()) * config.workers_per_device));
   auto metrics = std::make_shared<prometheus::Registry>();
   VOXELD_ASSIGN(const auto jobs,
                 start_job_service(job_config(config, devices, self_executable, *keys), metrics));
@@ -200,10 +159,12 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   http_config.listen = config.listen;
   http_config.admin_listen = config.admin_listen;
   http_config.upload_bytes_max = config.upload_bytes_max;
-  http_config.request_threads = config.request_threads;
-  http_config.connections_max = config.connections_max;
-  http_config.connections_per_address = config.connections_per_address;
+  http_config.request_threads = descriptors.request_threads;
+  http_config.connections_max = descriptors.connections;
+  http_config.connections_per_address = descriptors.connections_per_address;
+  http_config.admin_connections_max = descriptors.admin_connections;
   http_config.trusted_proxies = config.trusted_proxies;
+  http_config.origins = {config.public_hosts, config.cors_origins};
   VOXELD_ASSIGN(const auto server,
                 http::start_server(http_config, *jobs, *keys, *secrets, metrics));
   log::info("listening", {{"url", url_of(config.listen, server->port())},
@@ -213,17 +174,19 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
     log::warn("there are no API keys: whoever reaches the daemon can use all of it",
               {{"hint", "voxeld keys add"}});
   }
-  VOXELD_ASSIGN(int signal, wait_for_worker(*jobs));
+  VOXELD_ASSIGN(int signal, wait_for_worker(*jobs, shutdown));
   if (signal == 0) {
     std::printf("ready %s admin=%s device=%s\n", url_of(config.listen, server->port()).c_str(),
                 url_of(config.admin_listen, server->admin_port()).c_str(), joined(devices).c_str());
     std::fflush(stdout);
-    signal = wait_for_signal(-1);
+    while (signal == 0) signal = shutdown.wait(kSignalWaitSeconds);
   }
   log::info("stopping", {{"signal", signal}});
-  let_next_signal_kill();
-  jobs->drain();
-  server->stop(config.drain_seconds);
+  if (!end_serving(*server, *jobs, config.drain_seconds, shutdown)) {
+    // Their threads use what would be destroyed now.
+    log::info("stopped, with requests that did not end");
+    ::_exit(0);
+  }
   return {};
 }
 

@@ -15,6 +15,7 @@ constexpr Row kRows[] = {
     {"unknown-option", kUsage},
     {"invalid-option", kUsage},
     {"unauthorized", kUsage},
+    {"forbidden", kUsage},
     {"not-found", kUsage},
     {"gone", kUsage},
     {"malformed-mesh", kBadInput},

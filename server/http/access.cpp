@@ -35,10 +35,7 @@ Status Access::admit(Request& request) {
   } else {
     holder = keys_.admit(bearer_token(request.head.header("Authorization")));
   }
-  if (!holder) {
-    return Error{ErrorCode::kUnauthorized, "this daemon needs a valid API key",
-                 "Authorization: Bearer KEY", ""};
-  }
+  if (!holder) return no_valid_key();
   request.caller = std::move(holder->caller);
   request.key_id = std::move(holder->key_id);
   if (request.key_id.empty()) return {};  // limits stand with keys
@@ -49,6 +46,11 @@ Status Access::admit(Request& request) {
   if (request.rate->admitted) return {};
   return Error{ErrorCode::kTooManyRequests, "this tenant asks too often; slow down",
                "at most " + rate_text(limits.requests_per_minute), "more"};
+}
+
+Error no_valid_key() {
+  return {ErrorCode::kUnauthorized, "this daemon needs a valid API key",
+          "Authorization: Bearer KEY", ""};
 }
 
 void add_rate_headers(const RateState& rate, Response& response) {

@@ -31,6 +31,9 @@ class Access {
   RateLimiter limiter_;
 };
 
+// What is answered to a key that is missing, malformed, unknown, wrong, expired or revoked.
+Error no_valid_key();
+
 // The draft headers RateLimit-Policy and RateLimit, and Retry-After where the request was refused.
 void add_rate_headers(const RateState& rate, Response& response);
 

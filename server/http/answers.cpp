@@ -128,7 +128,7 @@ Response run_transient(Request& request, Api& api, const JobRequest& job) {
   return await_result(request, api, *status, /*transient=*/true);
 }
 
-Result<std::optional<Format>> requested_format(const Request& request, MediaTypeOf media_type) {
+Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf media_type) {
   std::string known;
   for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
     known += (known.empty() ? "" : ", ") + std::string(format_name(format));
@@ -140,6 +140,7 @@ Result<std::optional<Format>> requested_format(const Request& request, MediaType
     }
     return format;
   }
+  request.is_negotiated = true;
   const std::string_view accept = request.head.header("Accept");
   if (accept.empty() || accept.find("*/*") != std::string_view::npos) {
     return std::optional<Format>();
@@ -163,7 +164,10 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
                              "done", std::string(job_state_name(status.state))});
   }
   if (status.state != JobState::kDone || !status.result) {
-    return problem(request, ended_error(status));
+    Response failed = problem(request, ended_error(status));
+    // What has ended stays as it is, however often it is asked for.
+    if (request.head.method != "POST") failed.headers.erase("Retry-After");
+    return failed;
   }
   const auto blob = api.jobs.result_of(status);
   if (!blob) return problem(request, blob.error());
@@ -174,18 +178,27 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
   if (response->status == 200 || response->status == 206) {
     response->headers["Content-Type"] = status.result->media_type;
     if (!status.result->filename.empty()) {
-      std::string name = header_safe(status.result->filename);
-      std::ranges::replace(name, '"', '_');
-      response->headers["Content-Disposition"] = "inline; filename=\"" + name + "\"";
+      response->headers["Content-Disposition"] = content_disposition(status.result->filename);
     }
   }
   return std::move(response).value();
 }
 
+bool is_abandoned(const Request& request, const Api& api) {
+  return request.client_gone() || !api.access.still_admits(request.key_id);
+}
+
+std::optional<Response> key_ended(const Request& request, const Api& api) {
+  if (api.access.still_admits(request.key_id)) return std::nullopt;
+  return problem(request, no_valid_key());
+}
+
 Response await_result(Request& request, Api& api, const JobStatus& submitted, bool transient) {
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
-  auto status = api.jobs.wait_end(request.caller, submitted.id, deadline, request.client_gone);
+  auto status = api.jobs.wait_end(request.caller, submitted.id, deadline,
+                                  [&] { return is_abandoned(request, api); });
   if (!status) return problem(request, status.error());
+  if (auto refused = key_ended(request, api)) return *std::move(refused);
   if (!status->ended()) {
     if (transient) (void)api.jobs.cancel(request.caller, submitted.id);
     return problem(

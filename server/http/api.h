@@ -68,6 +68,11 @@ std::string requested_filename(const Request& request);
 // --- answers.cpp
 // The bytes of a finished job with all headers; 304, 206, 416 as the request asks.
 Response job_result_response(const Request& request, Api& api, const JobStatus& status);
+// For calls that wait: whether the client has left, or the key that it came with no longer counts.
+bool is_abandoned(const Request& request, const Api& api);
+// The answer to a request whose key has ended while it waited, in the words for any other key that
+// does not count; nullopt where it still does.
+std::optional<Response> key_ended(const Request& request, const Api& api);
 // Waits for a job and answers with its bytes or with its problem; cancels it when the client leaves
 // and `transient` is set.
 Response await_result(Request& request, Api& api, const JobStatus& submitted, bool transient);
@@ -82,7 +87,7 @@ Response status_response(int http_status, const JobStatus& status);
 // The format that `format=` or Accept asks for; nullopt: any. Errors: invalid-option,
 // not-acceptable with the list of formats. Grids and sequences have types of their own.
 using MediaTypeOf = std::string_view (*)(Format);
-Result<std::optional<Format>> requested_format(const Request& request,
+Result<std::optional<Format>> requested_format(Request& request,
                                                MediaTypeOf media_type = format_media_type);
 
 }  // namespace voxeld::http

@@ -1,13 +1,28 @@
 #include "server/http/client_table.h"
 
+#include <arpa/inet.h>
+
+#include <algorithm>
+
 namespace voxeld::http {
+
+std::string counted_as(std::string_view address) {
+  in6_addr bytes{};
+  // A link-local address has the name of its interface behind it.
+  const std::string number(address.substr(0, address.find('%')));
+  if (::inet_pton(AF_INET6, number.c_str(), &bytes) != 1) return std::string(address);
+  std::fill(std::begin(bytes.s6_addr) + 8, std::end(bytes.s6_addr), uint8_t{0});
+  char text[INET6_ADDRSTRLEN] = "";
+  ::inet_ntop(AF_INET6, &bytes, text, sizeof text);
+  return std::string(text) + "/64";
+}
 
 Client& ClientTable::add(UniqueFd fd, std::string address, bool is_counted) {
   const int raw = fd.get();
   auto client = std::make_unique<Client>(std::move(fd), std::move(address));
   Client& added = *client;
   added.is_counted = is_counted;
-  if (is_counted) ++by_address_[added.connection.peer()];
+  if (is_counted) ++by_address_[counted_as(added.connection.peer())];
   auto& list = lists_[index(added.state)];
   added.place = list.insert(list.end(), &added);
   by_fd_[raw] = std::move(client);
@@ -23,7 +38,7 @@ std::unique_ptr<Client> ClientTable::remove(Client& client) {
   lists_[index(client.state)].erase(client.place);
   count_in_flight(client, false);
   if (client.is_counted) {
-    const auto counted = by_address_.find(client.connection.peer());
+    const auto counted = by_address_.find(counted_as(client.connection.peer()));
     if (--counted->second == 0) by_address_.erase(counted);
   }
   const auto it = by_fd_.find(client.connection.fd());
@@ -48,8 +63,8 @@ void ClientTable::count_in_flight(Client& client, bool is_in_flight) {
   in_flight_ = is_in_flight ? in_flight_ + 1 : in_flight_ - 1;
 }
 
-int ClientTable::count_of(const std::string& address) const {
-  const auto it = by_address_.find(address);
+int ClientTable::count_of(std::string_view address) const {
+  const auto it = by_address_.find(counted_as(address));
   return it == by_address_.end() ? 0 : it->second;
 }
 
@@ -64,12 +79,6 @@ Client* ClientTable::late(Client::State state, double seconds, Clock::time_point
     if (!client->is_taken) return client;
   }
   return nullptr;
-}
-
-std::vector<int> ClientTable::sockets(Client::State state) const {
-  std::vector<int> sockets;
-  for (const Client* client : lists_[index(state)]) sockets.push_back(client->connection.fd());
-  return sockets;
 }
 
 }  // namespace voxeld::http

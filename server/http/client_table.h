@@ -45,6 +45,7 @@ struct Client {
   std::optional<Result<Head>> head;  // once it is whole
   size_t head_scanned = 0;           // bytes of the buffer without an empty line
   Clock::time_point started;         // its head was whole
+  std::string what;                  // method and path; the table's owner guards it
   std::unique_ptr<Output> output;    // its answer
   ExchangeRecord record;
   bool keep = false;
@@ -56,6 +57,10 @@ struct Client {
   friend class ClientTable;
   bool is_in_flight_ = false;
 };
+
+// The name under which connections of an address are counted: an IPv4 address itself, or the first
+// 64 bits of an IPv6 one, since a customer is given 2^64 of them at least.
+std::string counted_as(std::string_view address);
 
 // Not thread-safe. Everything is O(1), but for taking those who are late, which is O(of them) and
 // of those that are taken.
@@ -73,13 +78,13 @@ class ClientTable {
   size_t count(Client::State state) const { return lists_[index(state)].size(); }
   // Those with a request that has begun, was not refused, and is not answered to its end.
   size_t in_flight() const { return in_flight_; }
-  int count_of(const std::string& address) const;
+  int count_of(std::string_view address) const;
   // Who has been in that state for longest; null where nobody is.
   Client* longest(Client::State state) const;
   // The same of those that are not taken, if it has been for more than `seconds`.
   Client* late(Client::State state, double seconds, Clock::time_point now) const;
-  // The sockets of those in that state.
-  std::vector<int> sockets(Client::State state) const;
+  // Those in that state, the longest first.
+  const std::list<Client*>& clients(Client::State state) const { return lists_[index(state)]; }
 
  private:
   static size_t index(Client::State state) { return static_cast<size_t>(state); }

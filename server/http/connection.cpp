@@ -94,9 +94,8 @@ int64_t Connection::send_file_some(int file, int64_t offset, int64_t bytes) {
 
 bool Connection::peer_closed() const {
   if (broken_) return true;
-  char byte = 0;
-  const ssize_t got = ::recv(fd_.get(), &byte, 1, MSG_PEEK | MSG_DONTWAIT);
-  return got == 0 || (got < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+  pollfd entry{fd_.get(), POLLRDHUP, 0};
+  return ::poll(&entry, 1, 0) > 0;  // or POLLHUP, POLLERR
 }
 
 }  // namespace voxeld::http

@@ -35,7 +35,7 @@ class Connection {
   // What the socket takes now, without waiting: bytes, 0 where it takes none; broken() on errors.
   int64_t send_some(std::string_view bytes);
   int64_t send_file_some(int file, int64_t offset, int64_t bytes);
-  // Whether the peer closed its side, without consuming anything.
+  // Whether the peer closed its side, or this one was cut, whatever is left unread.
   bool peer_closed() const;
   bool broken() const { return broken_; }
 

@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <cstdio>
 #include <optional>
 
 #include "server/base/file.h"
@@ -84,6 +86,8 @@ std::string_view reason_phrase(int status) {
       return "Bad Request";
     case 401:
       return "Unauthorized";
+    case 403:
+      return "Forbidden";
     case 404:
       return "Not Found";
     case 405:
@@ -117,6 +121,20 @@ std::string_view reason_phrase(int status) {
     default:
       return "Status";
   }
+}
+
+std::string http_date(std::time_t seconds) {
+  constexpr std::array kDays = {"Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"};
+  constexpr std::array kMonths = {"Jan", "Feb", "Mar", "Apr", "May", "Jun",
+                                  "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"};
+  std::tm utc{};
+  ::gmtime_r(&seconds, &utc);
+  std::array<char, 40> text{};  // strftime() would use the names of the locale
+  std::snprintf(text.data(), text.size(), "%s, %02d %s %04d %02d:%02d:%02d GMT",
+                kDays.at(static_cast<size_t>(utc.tm_wday)), utc.tm_mday,
+                kMonths.at(static_cast<size_t>(utc.tm_mon)), utc.tm_year + 1900, utc.tm_hour,
+                utc.tm_min, utc.tm_sec);
+  return text.data();
 }
 
 Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag) {
@@ -156,6 +174,7 @@ Output::Output(const Head& head, const Response& response, bool keep) {
   text_ += "HTTP/1.1 " + std::to_string(response.status) + " ";
   text_ += reason_phrase(response.status);
   text_ += "\r\n";
+  text_ += "Date: " + http_date(std::time(nullptr)) + "\r\n";
   for (const auto& [name, value] : response.headers) {
     text_ += name;
     text_ += ": ";

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <ctime>
 #include <string>
 #include <string_view>
 
@@ -54,5 +55,8 @@ class Output {
 Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag);
 
 std::string_view reason_phrase(int status);
+
+// "Sun, 06 Nov 1994 08:49:37 GMT" (RFC 9110 section 5.6.7).
+std::string http_date(std::time_t seconds);
 
 }  // namespace voxeld::http

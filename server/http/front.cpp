@@ -34,6 +34,8 @@ constexpr int kAcceptsMax = 256;
 constexpr size_t kBufferKeptBytes = 4096;
 constexpr int64_t kLingerBytesMax = int64_t{64} << 20;
 constexpr int kPollMs = 500;
+// Of a path, in the log of what did not end.
+constexpr size_t kWhatBytesMax = 200;
 constexpr auto kDrainStep = std::chrono::milliseconds(10);
 // Against those who ask again and again, and would keep the front from ending.
 constexpr double kUnheardSecondsMax = 1;
@@ -60,22 +62,57 @@ class EpollFront final : public Front {
     keeper_ = std::thread([this] { keep_loop(); });
     for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this] { pool_loop(); });
   }
-  ~EpollFront() override { stop(0); }
+  ~EpollFront() override {
+    (void)stop(0);
+    join_all();
+  }
 
   int port() const override { return port_; }
   FrontState state() const override { return {connections_.load(), running_.load()}; }
 
-  void stop(double seconds) override {
-    if (stopping_.exchange(true)) return;
+  std::vector<RunningRequest> stop(double seconds) override {
+    if (stopping_.exchange(true)) return {};
     drain(seconds);
     {
       const MutexLock lock(mutex_);
       ended_ = true;  // from here on nothing that waits begins
       // What still runs has its socket cut, so that its thread comes back.
-      for (const int fd : table_.sockets(State::kRunning)) ::shutdown(fd, SHUT_RDWR);
+      for (const Client* client : table_.clients(State::kRunning)) {
+        ::shutdown(client->connection.fd(), SHUT_RDWR);
+      }
     }
     const uint64_t one = 1;  // never read again: all threads see it
     [[maybe_unused]] const ssize_t written = ::write(end_.get(), &one, sizeof one);
+    wait_while([this] { return !running().empty(); }, from_now(kCutSecondsMax));
+    std::vector<RunningRequest> left = running();
+    if (left.empty()) join_all();
+    return left;
+  }
+
+ private:
+  static Clock::time_point from_now(double seconds) {
+    return Clock::now() +
+           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  }
+
+  template <typename Condition>
+  static void wait_while(const Condition& condition, Clock::time_point end) {
+    while (condition() && Clock::now() < end) std::this_thread::sleep_for(kDrainStep);
+  }
+
+  std::vector<RunningRequest> running() EXCLUDES(mutex_) {
+    const MutexLock lock(mutex_);
+    std::vector<RunningRequest> running;
+    for (const Client* client : table_.clients(State::kRunning)) {
+      running.push_back({client->what, client->connection.peer(),
+                         std::chrono::duration<double>(Clock::now() - client->started).count()});
+    }
+    return running;
+  }
+
+  // After stop(). Nothing happens where all have ended already.
+  void join_all() EXCLUDES(mutex_) {
+    if (!keeper_.joinable()) return;
     keeper_.join();
     for (std::thread& thread : pool_) thread.join();
     listener_.reset();
@@ -85,7 +122,6 @@ class EpollFront final : public Front {
     connections_ = 0;
   }
 
- private:
   void control(int operation, int fd, uint32_t events) {
     epoll_event event{};
     event.events = events;
@@ -96,24 +132,17 @@ class EpollFront final : public Front {
   // Until nothing is in flight, and then for a moment for clients to close: with bytes of theirs
   // unread, closing would take their last answer away.
   void drain(double seconds) EXCLUDES(mutex_) {
-    const auto until = [](double from_now) {
-      return Clock::now() +
-             std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(from_now));
-    };
-    const auto deadline = until(seconds);
-    const auto wait_while = [](const auto& condition, Clock::time_point end) {
-      while (condition() && Clock::now() < end) std::this_thread::sleep_for(kDrainStep);
-    };
+    const auto deadline = from_now(seconds);
     const auto is_busy = [this] { return in_flight() > 0; };
     wait_while(is_busy, deadline);
     // Requests that nobody has read yet, as all threads were busy, come in within a moment.
     wait_while([&] { return is_busy() || has_unheard(); },
-               std::min(deadline, until(kUnheardSecondsMax)));
+               std::min(deadline, from_now(kUnheardSecondsMax)));
     wait_while(is_busy, deadline);
     if (const size_t cut = in_flight(); cut > 0) {
       log::warn("the time to drain is over: answers are cut", {{"answers", cut}});
     }
-    wait_while([this] { return is_lingering(); }, std::min(deadline, until(kLingerSecondsMax)));
+    wait_while([this] { return is_lingering(); }, std::min(deadline, from_now(kLingerSecondsMax)));
   }
 
   size_t in_flight() EXCLUDES(mutex_) {
@@ -126,7 +155,9 @@ class EpollFront final : public Front {
     {
       const MutexLock lock(mutex_);
       for (const State state : {State::kIdle, State::kHead, State::kBody}) {
-        for (const int fd : table_.sockets(state)) entries.push_back({fd, POLLIN, 0});
+        for (const Client* client : table_.clients(state)) {
+          entries.push_back({client->connection.fd(), POLLIN, 0});
+        }
       }
     }
     return ::poll(entries.data(), entries.size(), 0) > 0;
@@ -204,11 +235,14 @@ class EpollFront final : public Front {
     control(EPOLL_CTL_ADD, fd, EPOLLIN | EPOLLONESHOT);
   }
 
-  // Closes who has been idle for longest; false where nobody has been for long enough.
+  // Closes the client that has waited for its own bytes for longest; false where none has for long
+  // enough.
   bool make_room() EXCLUDES(mutex_) {
-    Client* idle = take_late(State::kIdle, kIdleSecondsMin);
-    if (idle != nullptr) close(*idle);
-    return idle != nullptr;
+    Client* late = take_late(State::kIdle, kIdleSecondsMin);
+    if (late == nullptr) late = take_late(State::kHead, kHeadSecondsMin);
+    if (late == nullptr) late = take_late(State::kBody, kBodySecondsMin);
+    if (late != nullptr) close(*late);
+    return late != nullptr;
   }
 
   // Who has waited for too long is this thread's from then on.
@@ -325,6 +359,12 @@ class EpollFront final : public Front {
     return begin(client, (head.has_body() && !is_small) || may_wait);
   }
 
+  static std::string what_of(const Client& client) {
+    if (!client.head || !*client.head) return "a broken head";
+    const Head& head = client.head->value();
+    return head.method + " " + head.path.substr(0, kWhatBytesMax);
+  }
+
   // A request begins. False: it waits for one of the threads that may be slow; the one that gets
   // free takes it, so that nobody has to be woken.
   bool begin(Client& client, bool is_slow) EXCLUDES(mutex_) {
@@ -333,6 +373,7 @@ class EpollFront final : public Front {
                         config_.is_new_work(client.head->value());
     client.is_slow = is_slow && !client.is_refused;
     const MutexLock lock(mutex_);
+    client.what = what_of(client);
     const bool waits = client.is_slow && slow_running_ >= slow_max_;
     table_.set_state(client, waits || ended_ ? State::kQueued : State::kRunning);
     if (ended_) return false;

@@ -16,8 +16,11 @@ namespace voxeld::http {
 inline constexpr int kHeadSecondsMax = 10;   // from a request's first byte to its empty line
 inline constexpr int kIdleSecondsMax = 120;  // between requests
 inline constexpr int kLingerSecondsMax = 2;  // for a client to close after its last answer
-// One that has been idle for so long gives way to a new connection when all places are taken.
+// When all places are taken, a client that has been in its state for so long gives way to a new
+// one: first idle ones, then those whose head, and then whose small body is not whole.
 inline constexpr double kIdleSecondsMin = 1.0;
+inline constexpr double kHeadSecondsMin = 1.0;
+inline constexpr double kBodySecondsMin = 5.0;
 // Bodies up to here are waited for without a thread.
 inline constexpr int64_t kSmallBodyBytesMax = int64_t{16} << 10;
 // Average bytes per second of an answer that its client must take after the first seconds.
@@ -34,7 +37,7 @@ struct SendLimits {
 struct FrontConfig {
   std::string listen;  // "127.0.0.1:8080"; port 0 takes a free one
   int threads = 64;
-  // More are closed at once, unless one has been idle for a while and gives way.
+  // More are closed at once, unless one gives way.
   int connections_max = 16384;
   // From one address that is neither loopback nor a trusted proxy; 0: any number.
   int connections_per_address = 256;
@@ -54,6 +57,15 @@ struct FrontState {
   int64_t connections = 0;
   int64_t requests_running = 0;
 };
+
+// A handler that goes on though its client was cut off.
+struct RunningRequest {
+  std::string what;  // "GET /v1/jobs"
+  std::string peer;
+  double seconds = 0;  // since its head was whole
+};
+// How long the end of a front waits for handlers whose clients it has cut off.
+inline constexpr double kCutSecondsMax = 0.3;
 
 // Answers one request; the front has parsed the head and owns the connection.
 using Handler = std::function<Response(Request&)>;
@@ -76,7 +88,9 @@ class Front {
   virtual FrontState state() const = 0;
   // Drains for at most `seconds`, as long as anything runs that is not refused: new and kept
   // connections are served, each answer being their last. Then cuts what still runs, closes all.
-  virtual void stop(double seconds) = 0;
+  // Returns the requests whose handlers have not come back kCutSecondsMax later; what they use has
+  // to stay, and the destructor waits for them.
+  virtual std::vector<RunningRequest> stop(double seconds) = 0;
 };
 
 // Errors: internal with the address and the system's words.

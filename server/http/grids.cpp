@@ -46,7 +46,9 @@ Result<StoredBlob> wanted_grid(Request& request, Api& api) {
   VOXELD_ASSIGN(const JobStatus submitted, api.jobs.submit(request.caller, job, submit));
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax);
   VOXELD_ASSIGN(const JobStatus status,
-                api.jobs.wait_end(request.caller, submitted.id, deadline, request.client_gone));
+                api.jobs.wait_end(request.caller, submitted.id, deadline,
+                                  [&] { return is_abandoned(request, api); }));
+  if (!api.access.still_admits(request.key_id)) return no_valid_key();
   if (!status.ended()) {
     (void)api.jobs.cancel(request.caller, submitted.id);
     return Error{ErrorCode::kDeadlineExceeded, "the job " + submitted.id + " did not end in time",

@@ -64,6 +64,11 @@ Status parse_target(Head& head) {
   }
   if (target.starts_with("http://")) {  // absolute form, as proxies send it
     const size_t slash = target.find_first_of("/?", 7);
+    const auto authority = parse_authority(target.substr(7, slash - 7));
+    if (!authority || authority->host.empty()) {
+      return bad("host of the request target", "HOST or HOST:PORT", "something else");
+    }
+    head.authority = *authority;
     target = slash == std::string_view::npos ? "/" : target.substr(slash);
   }
   if (!target.starts_with('/') && !(target == "*" && head.method == "OPTIONS")) {
@@ -115,8 +120,22 @@ Status add_header(std::string_view line, Head& head) {
   return {};
 }
 
+// A target in absolute form has said which host is meant (RFC 9112 section 3.2.2).
+Status check_host(Head& head) {
+  const auto host = head.headers.find("Host");
+  if (host == head.headers.end()) {
+    if (head.minor == 1) return bad("header Host is missing");
+    return {};
+  }
+  const auto authority = parse_authority(host->second);
+  if (!authority) {
+    return bad("header Host", "HOST or HOST:PORT", "\"" + host->second.substr(0, 40) + "\"");
+  }
+  if (head.authority.host.empty()) head.authority = *authority;
+  return {};
+}
+
 Status check_framing(Head& head) {
-  if (head.minor == 1 && head.headers.count("Host") == 0) return bad("header Host is missing");
   const bool has_length = head.headers.count("Content-Length") != 0;
   const bool has_coding = head.headers.count("Transfer-Encoding") != 0;
   if (has_length && has_coding) return bad("both Content-Length and Transfer-Encoding");
@@ -194,6 +213,7 @@ Result<Head> parse_head(std::string_view text) {
     VOXELD_TRY(add_header(line, head));
   }
   if (is_first) return bad("the request line is missing");
+  VOXELD_TRY(check_host(head));
   VOXELD_TRY(check_framing(head));
   return head;
 }

@@ -16,10 +16,10 @@ inline constexpr size_t kTargetBytesMax = size_t{8} * 1024;
 inline constexpr size_t kHeaderCountMax = 100;
 
 // `text` is everything up to and with the empty line. Errors: bad-request for bare LF, NUL and
-// other control characters, folded lines, spaces before a colon, a missing or second Host, a bad or
-// second Content-Length, Content-Length with Transfer-Encoding, a transfer coding other than
-// chunked, broken percent-encoding; unsupported-media-type for a Content-Encoding that is not
-// decoded here.
+// other control characters, folded lines, spaces before a colon, a missing, second or malformed
+// Host, a bad or second Content-Length, Content-Length with Transfer-Encoding, a transfer coding
+// other than chunked, broken percent-encoding; unsupported-media-type for a Content-Encoding that
+// is not decoded here.
 Result<Head> parse_head(std::string_view text);
 
 // Decodes %XX; with `plus_is_space`, '+' too. NUL and control characters are refused.

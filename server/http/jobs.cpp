@@ -16,7 +16,15 @@ constexpr int kListDefault = 100, kListMax = 1000;
 // How long a waiting poll may overlook that its client left.
 constexpr auto kPollStep = std::chrono::milliseconds(200);
 
+// A web page may send other types than this one without asking first.
+constexpr std::string_view kJsonMediaType = "application/json";
+
 Result<JobRequest> read_job_request(Request& request) {
+  if (request.head.media_type() != kJsonMediaType) {
+    return Error{ErrorCode::kUnsupportedMedia, "Content-Type of the body",
+                 std::string(kJsonMediaType),
+                 "\"" + header_safe(request.head.header("Content-Type").substr(0, 80)) + "\""};
+  }
   VOXELD_ASSIGN(const std::string text, request.body->read_text(limits::kJsonBodyBytesMax));
   VOXELD_ASSIGN(const Json body, parse_json_bounded(text));
   return parse_job_request(body);
@@ -55,8 +63,9 @@ Response post_job(Request& request, Api& api) {
     const bool cached = status->cached;
     status = api.jobs.wait_end(request.caller, status->id,
                                JobService::Clock::now() + std::chrono::seconds(wait),
-                               request.client_gone);
+                               [&] { return is_abandoned(request, api); });
     if (!status) return problem(request, status.error());
+    if (auto refused = key_ended(request, api)) return *std::move(refused);
     status->cached = cached;
   }
   Response response = status_response(status->ended() ? 200 : 202, *status);
@@ -106,7 +115,7 @@ Response get_job(Request& request, Api& api) {
   const auto deadline = JobService::Clock::now() + std::chrono::seconds(wait);
   const auto tag = [](const JobStatus& s) { return "\"" + std::to_string(s.version) + "\""; };
   const std::string_view known = request.head.header("If-None-Match");
-  const auto abandoned = [&] { return api.stopping || request.client_gone(); };
+  const auto abandoned = [&] { return api.stopping || is_abandoned(request, api); };
   if (known.empty() && wait > 0 && !status->ended()) {
     status = api.jobs.wait_end(request.caller, id, deadline, abandoned);
     if (!status) return problem(request, status.error());
@@ -118,6 +127,7 @@ Response get_job(Request& request, Api& api) {
                                   std::min(deadline, JobService::Clock::now() + kPollStep));
     if (!status) return problem(request, status.error());
   }
+  if (auto refused = key_ended(request, api)) return *std::move(refused);
   Response response = status_response(200, *status);
   if (!known.empty() && known == tag(*status)) {
     response.status = 304;

@@ -17,6 +17,18 @@ Error listen_error(const std::string& address) {
   return {ErrorCode::kInternal, address + ": " + std::strerror(errno), "", ""};
 }
 
+// A listener on [::] names IPv4 clients as ::ffff:192.0.2.1; all else knows the IPv4 address.
+void unmap(sockaddr_storage& address, socklen_t& size) {
+  const auto ip6 = reinterpret_cast<const sockaddr_in6&>(address);
+  if (address.ss_family != AF_INET6 || !IN6_IS_ADDR_V4MAPPED(&ip6.sin6_addr)) return;
+  sockaddr_in ip4{};
+  ip4.sin_family = AF_INET;
+  ip4.sin_port = ip6.sin6_port;
+  std::memcpy(&ip4.sin_addr, &ip6.sin6_addr.s6_addr[12], sizeof ip4.sin_addr);
+  std::memcpy(&address, &ip4, sizeof ip4);
+  size = sizeof ip4;
+}
+
 bool is_loopback(const sockaddr_storage& address) {
   if (address.ss_family == AF_INET) {
     const auto& ip4 = reinterpret_cast<const sockaddr_in&>(address);
@@ -72,7 +84,8 @@ Accepted accept_one(int listener) {
   if (!accepted.fd.valid()) return accepted;
   const int on = 1;
   ::setsockopt(accepted.fd.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  char host[INET6_ADDRSTRLEN] = "?";
+  unmap(address, size);
+  char host[NI_MAXHOST] = "?";
   ::getnameinfo(reinterpret_cast<sockaddr*>(&address), size, host, sizeof host, nullptr, 0,
                 NI_NUMERICHOST);
   accepted.address = host;

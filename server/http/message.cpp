@@ -1,6 +1,7 @@
 #include "server/http/message.h"
 
 #include <algorithm>
+#include <cctype>
 #include <nlohmann/json.hpp>
 
 #include "proto/job.h"
@@ -12,6 +13,24 @@ char lower(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
 }
 
+// Without overlong forms and surrogates, as RFC 3629 has it.
+bool is_utf8(std::string_view text) {
+  for (size_t i = 0; i < text.size();) {
+    const auto first = static_cast<unsigned char>(text[i++]);
+    if (first < 0x80) continue;
+    const size_t more = first >= 0xf0 ? 3 : first >= 0xe0 ? 2 : 1;
+    if (first < 0xc2 || first > 0xf4 || text.size() - i < more) return false;
+    const auto second = static_cast<unsigned char>(text[i]);
+    const bool is_out = (first == 0xe0 && second < 0xa0) || (first == 0xed && second > 0x9f) ||
+                        (first == 0xf0 && second < 0x90) || (first == 0xf4 && second > 0x8f);
+    if (is_out) return false;
+    for (const size_t end = i + more; i < end; ++i) {
+      if ((static_cast<unsigned char>(text[i]) & 0xc0) != 0x80) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 bool LessNoCase::operator()(std::string_view a, std::string_view b) const {
@@ -21,6 +40,14 @@ bool LessNoCase::operator()(std::string_view a, std::string_view b) const {
 std::string_view Head::header(std::string_view name) const {
   const auto it = headers.find(name);
   return it == headers.end() ? std::string_view() : std::string_view(it->second);
+}
+
+std::string Head::media_type() const {
+  const std::string_view whole = header("Content-Type");
+  std::string type(whole.substr(0, whole.find(';')));
+  std::ranges::transform(type, type.begin(), lower);
+  while (type.ends_with(' ')) type.pop_back();
+  return type;
 }
 
 bool Head::keep_alive() const {
@@ -65,6 +92,35 @@ Response Response::problem(const Error& error, std::string_view instance,
   if (response.status == 415) response.headers["Accept-Encoding"] = "gzip, zstd";
   if (response.status == 503 || response.status == 429) response.headers["Retry-After"] = "2";
   return response;
+}
+
+void add_vary(Response& response, std::string_view header) {
+  std::string& vary = response.headers["Vary"];
+  if (vary.find(header) != std::string::npos) return;  // no name here is a part of another
+  if (!vary.empty()) vary += ", ";
+  vary += header;
+}
+
+std::string content_disposition(std::string_view filename) {
+  constexpr std::string_view kHex = "0123456789ABCDEF";
+  constexpr std::string_view kPlain = "!#$&+-.^_`|~";  // attr-char beside letters and digits
+  std::string quoted, encoded;
+  bool is_ascii = true;
+  for (const char c : filename) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool is_control = byte < 0x20 || byte == 0x7f;
+    is_ascii = is_ascii && byte < 0x80;
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += is_control || byte >= 0x80 ? '_' : c;
+    if (std::isalnum(byte) != 0 || kPlain.find(c) != kPlain.npos) {
+      encoded += c;
+    } else {
+      encoded += {'%', kHex[byte >> 4], kHex[byte & 15]};
+    }
+  }
+  std::string text = "inline; filename=\"" + quoted + "\"";
+  if (!is_ascii && is_utf8(filename)) text += "; filename*=UTF-8''" + encoded;
+  return text;
 }
 
 std::string header_safe(std::string_view text) {

@@ -14,6 +14,7 @@
 
 #include "proto/options.h"
 #include "proto/result.h"
+#include "server/base/authority.h"
 #include "server/base/trace_context.h"
 #include "server/http/content_coding.h"
 #include "server/jobs/caller.h"
@@ -29,17 +30,20 @@ using Headers = std::map<std::string, std::string, LessNoCase>;
 
 // The validated head of a request.
 struct Head {
-  std::string method;  // upper case
-  std::string target;  // as sent
-  std::string path;    // percent-decoded, begins with /; "%2f" stays encoded
-  OptionPairs query;   // decoded, in order
-  int minor = 1;       // HTTP/1.minor
+  std::string method;   // upper case
+  std::string target;   // as sent
+  std::string path;     // percent-decoded, begins with /; "%2f" stays encoded
+  OptionPairs query;    // decoded, in order
+  int minor = 1;        // HTTP/1.minor
+  Authority authority;  // of the target in absolute form, else of Host
   Headers headers;
   std::optional<int64_t> content_length;
   bool chunked = false;
   ContentCoding coding = ContentCoding::kNone;  // of the body
 
   std::string_view header(std::string_view name) const;
+  // Of Content-Type, without parameters, in small letters; empty where it is absent.
+  std::string media_type() const;
   bool has_body() const { return chunked || content_length.value_or(0) > 0; }
   bool keep_alive() const;
 };
@@ -69,6 +73,7 @@ struct Request {
   BodyReader* body = nullptr;
   // True when the client closed its side; cheap enough to poll.
   std::function<bool()> client_gone;
+  bool is_negotiated = false;  // its Accept has chosen among formats
 
   // First value of a query parameter.
   std::optional<std::string> query(std::string_view name) const;
@@ -95,6 +100,13 @@ struct Response {
   static Response problem(const Error& error, std::string_view instance,
                           std::string_view trace_id = "");
 };
+
+// Adds a header's name to Vary, once: a cache keeps the answer for equal values of it alone.
+void add_vary(Response& response, std::string_view header);
+
+// "inline" with the name of a file (RFC 6266): a quoted string, in which bytes that are not ASCII
+// are '_'; where there are such, and the name is UTF-8, also in full as filename* (RFC 8187).
+std::string content_disposition(std::string_view filename);
 
 // Text that a client may safely receive in a header: no control characters.
 std::string header_safe(std::string_view text);

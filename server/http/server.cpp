@@ -1,5 +1,8 @@
 #include "server/http/server.h"
 
+#include <algorithm>
+#include <iterator>
+
 #include "server/base/memory_reserve.h"
 #include "server/http/access.h"
 #include "server/http/admin.h"
@@ -12,7 +15,6 @@ namespace voxeld::http {
 namespace {
 
 constexpr int kAdminThreads = 2;
-constexpr int kAdminConnectionsMax = 64;
 
 // Whether the answer may wait for a job or an event: by what the request looks like, before
 // anybody knows whether its result is there already.
@@ -47,6 +49,9 @@ class HttpServer final : public Server {
   HttpServer(const ServerConfig& config, JobService& jobs, const KeyRing& keys,
              const UrlSecrets& secrets, const std::shared_ptr<prometheus::Registry>& registry)
       : config_(config),
+        keys_(keys),
+        guard_(config.origins, config.listen),
+        admin_guard_(config.origins, config.admin_listen),
         access_(keys, secrets),
         api_{jobs, access_, config_},
         metrics_(registry),
@@ -67,7 +72,7 @@ class HttpServer final : public Server {
       process_metrics_.refresh();
     });
   }
-  ~HttpServer() override { stop(0); }
+  ~HttpServer() override { (void)stop(0); }
 
   Status start() {
     FrontConfig front{config_.listen,
@@ -82,36 +87,56 @@ class HttpServer final : public Server {
                               [this](const ExchangeRecord& exchange) {
                                 metrics_.record(exchange, exchange.route);
                               }));
-    VOXELD_ASSIGN(admin_front_, start_front(
-                                    {config_.admin_listen, kAdminThreads, kAdminConnectionsMax},
-                                    [this](Request& request) {
-                                      std::string route;
-                                      return admin_router_.dispatch(request, &route);
-                                    },
-                                    [](const ExchangeRecord&) {}));
+    VOXELD_ASSIGN(admin_front_,
+                  start_front(
+                      {config_.admin_listen, kAdminThreads, config_.admin_connections_max},
+                      [this](Request& request) { return answer_admin(request); },
+                      [](const ExchangeRecord&) {}));
     return {};
   }
 
   int port() const override { return front_->port(); }
   int admin_port() const override { return admin_front_->port(); }
 
-  void stop(double seconds) override {
+  std::vector<RunningRequest> stop(double seconds) override {
     api_.stopping = true;
-    if (front_) front_->stop(seconds);
-    if (admin_front_) admin_front_->stop(0.1);
+    std::vector<RunningRequest> left;
+    if (front_) left = front_->stop(seconds);
+    if (admin_front_) std::ranges::move(admin_front_->stop(0.1), std::back_inserter(left));
+    return left;
   }
 
  private:
   Response answer(Request& request) {
-    Status admitted = access_.admit(request);
-    if (admitted) admitted = check_memory(request.head);
-    Response response =
-        admitted ? router_.dispatch(request, &request.route) : problem(request, admitted.error());
+    Response response = answer_guarded(request);
     if (request.rate) add_rate_headers(*request.rate, response);
+    if (request.is_negotiated) add_vary(response, "Accept");
+    guard_.add_headers(request.head, response);
     return response;
   }
 
+  Response answer_guarded(Request& request) {
+    Status admitted = guard_.check(request.head, !keys_.needs_keys());
+    if (admitted) {
+      if (auto preflight = guard_.preflight(request.head)) return *std::move(preflight);
+      admitted = access_.admit(request);
+    }
+    if (admitted) admitted = check_memory(request.head);
+    if (!admitted) return problem(request, admitted.error());
+    return router_.dispatch(request, &request.route);
+  }
+
+  // Its routes never need a key.
+  Response answer_admin(Request& request) {
+    if (Status checked = admin_guard_.check(request.head, /*is_open=*/true); !checked) {
+      return problem(request, checked.error());
+    }
+    return admin_router_.dispatch(request, &request.route);
+  }
+
   const ServerConfig config_;
+  const KeyRing& keys_;
+  const OriginGuard guard_, admin_guard_;
   Access access_;
   Api api_;
   RequestMetrics metrics_;

@@ -9,6 +9,8 @@
 
 #include "proto/limits.h"
 #include "proto/result.h"
+#include "server/http/front.h"
+#include "server/http/origin_guard.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/key_ring.h"
 #include "server/jobs/url_secret.h"
@@ -23,7 +25,9 @@ struct ServerConfig {
   // As of FrontConfig.
   int connections_max = 16384;
   int connections_per_address = 256;
+  int admin_connections_max = 64;
   std::vector<std::string> trusted_proxies;
+  OriginRules origins;
 };
 
 class Server {
@@ -32,8 +36,8 @@ class Server {
   virtual int port() const = 0;
   virtual int admin_port() const = 0;
   // Graceful: for at most `seconds`, running answers finish and new work is refused with
-  // shutting-down; then closes. The admin listener goes on until then.
-  virtual void stop(double seconds) = 0;
+  // shutting-down; then closes. The admin listener goes on until then. Returns as Front::stop().
+  virtual std::vector<RunningRequest> stop(double seconds) = 0;
 };
 
 // Binds both listeners and serves, the public one to holders of keys alone, on threads of its own.

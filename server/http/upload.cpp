@@ -21,16 +21,6 @@ constexpr std::array<std::string_view, 9> kMediaTypes = {
     "application/x-ply",         "application/x-zip-compressed",
     "application/vnd.ms-pki.stl"};
 
-// Without parameters, in small letters.
-std::string media_type(std::string_view content_type) {
-  std::string type(content_type.substr(0, content_type.find(';')));
-  std::ranges::transform(type, type.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
-  });
-  while (type.ends_with(' ')) type.pop_back();
-  return type;
-}
-
 Status check_media_type(std::string_view type) {
   if (type.empty() || type.starts_with("model/") || std::ranges::count(kMediaTypes, type) != 0) {
     return {};
@@ -146,7 +136,7 @@ Result<Upload> receive_upload(Request& request, Api& api) {
   Upload upload;
   upload.content_type = request.head.header("Content-Type");
   upload.filename = requested_filename(request);
-  const std::string type = media_type(upload.content_type);
+  const std::string type = request.head.media_type();
   if (type == kBundleMediaType) {
     VOXELD_TRY(receive_bundle(request, api, upload));
   } else {

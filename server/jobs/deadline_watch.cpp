@@ -20,12 +20,16 @@ DeadlineWatch::DeadlineWatch(JobStore& jobs, std::function<void(const JobRecord&
 }
 
 DeadlineWatch::~DeadlineWatch() {
+  stop();
+}
+
+void DeadlineWatch::stop() {
   {
     MutexLock lock(mutex_);
     ending_ = true;
     changed_.notify_all();
   }
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
 }
 
 void DeadlineWatch::look() {

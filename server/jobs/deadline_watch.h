@@ -15,6 +15,8 @@ class DeadlineWatch {
   // `ended` is called after each job's end is durable.
   DeadlineWatch(JobStore& jobs, std::function<void(const JobRecord&)> ended);
   ~DeadlineWatch();
+  // Returns when its thread has ended.
+  void stop() EXCLUDES(mutex_);
   DeadlineWatch(const DeadlineWatch&) = delete;
   DeadlineWatch& operator=(const DeadlineWatch&) = delete;
   // A job was queued, whose deadline may be the next.

@@ -40,7 +40,8 @@ namespace fs = std::filesystem;
 constexpr std::chrono::milliseconds kWaitSlice{200};
 // How long the end of a worker's connection waits for the end of its process, to name the signal.
 constexpr std::chrono::milliseconds kExitReasonWait{1000};
-constexpr double kWorkerGraceSeconds = 5.0;
+// For a worker to give up what it does; then it is killed, and loses nothing but its time.
+constexpr double kWorkerGraceSeconds = 0.5;
 
 // Everything below runs on HTTP threads and on the task server's connection threads.
 class Service final : public JobService {
@@ -123,6 +124,7 @@ class Service final : public JobService {
   int64_t queued_jobs() override;
   Status ready() override;
   void drain() override { draining_ = true; }
+  void stop() override;
 
  private:
   void job_changed(const JobRecord& record);
@@ -266,8 +268,12 @@ void Service::start_supervisor() {
 }
 
 Service::~Service() {
+  stop();
+}
+
+void Service::stop() {
   draining_ = true;
-  deadlines_.reset();
+  if (deadlines_ != nullptr) deadlines_->stop();
   sweep_.stop();
   // First the connections: their tasks go back to the queue, and workers end when theirs closes.
   if (tasks_ != nullptr) tasks_->stop();

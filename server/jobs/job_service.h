@@ -190,6 +190,9 @@ class JobService {
   virtual Status ready() = 0;
   // New work is refused from now on; running jobs go on.
   virtual void drain() = 0;
+  // Puts running jobs back into the queue and ends workers and threads, as the destructor does;
+  // calls that still run on other threads may go on.
+  virtual void stop() = 0;
 };
 
 // When a worker that runs a task is taken for lost, and killed if it is ours. Seconds.

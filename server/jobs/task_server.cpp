@@ -569,7 +569,7 @@ std::string TaskServer::lost_reason(Connection& connection, const Error& why, bo
 // until it succeeds or the daemon stops, after which recover() does it.
 void TaskServer::put_back(Connection& connection, const Error& why) noexcept {
   constexpr std::chrono::milliseconds kBetweenTries{500};
-  constexpr int kTriesWhileStopping = 10;
+  constexpr int kTriesWhileStopping = 2;
   std::string reason;
   for (int tries = 0; !stopping_ || tries < kTriesWhileStopping; ++tries) {
     bool is_done = false;

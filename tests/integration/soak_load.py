@@ -165,7 +165,7 @@ class Soak(TenantsDaemon):
         """Part of a request, or part of an answer, and away."""
         key = self.tenants[tenant].key
         body = self.meshes[1].read_bytes()
-        request = (f"POST /v1/voxelize?size=48&filename=a.glb HTTP/1.1\r\nHost: a\r\nAuthorization: "
+        request = (f"POST /v1/voxelize?size=48&filename=a.glb HTTP/1.1\r\nHost: localhost\r\nAuthorization: "
                    f"Bearer {key}\r\nContent-Length: {len(body)}\r\n\r\n").encode() + body
         with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=10) as client:
             client.sendall(request[:chance.choice((0, 10, 60, 200, 5000, len(request)))])
@@ -180,7 +180,7 @@ class Soak(TenantsDaemon):
         jobs = self.ask(tenant, "GET", "/v1/jobs?limit=5", {200}).json()["jobs"]
         for job in jobs:
             with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=10) as client:
-                client.sendall(f"GET /v1/jobs/{job['id']}/events HTTP/1.1\r\nHost: a\r\nAuthorization:"
+                client.sendall(f"GET /v1/jobs/{job['id']}/events HTTP/1.1\r\nHost: localhost\r\nAuthorization:"
                                f" Bearer {self.tenants[tenant].key}\r\n\r\n".encode())
                 client.recv(400)
         self.ask(tenant, "GET", "/v1/queue", {200})

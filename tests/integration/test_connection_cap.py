@@ -6,6 +6,7 @@ import http.client
 import os
 import socket
 import struct
+import subprocess
 import unittest
 
 from harness import Daemon
@@ -14,6 +15,9 @@ CLONE_NEWUSER, CLONE_NEWNET = 0x10000000, 0x40000000
 SIOCSIFADDR, SIOCSIFFLAGS, IFF_UP = 0x8916, 0x8914, 1
 CAP = 3
 GREEDY, OTHER = "192.0.2.1", "192.0.2.2"  # of those that documentation may use
+SERVER_6 = "2001:db8::1"
+GREEDY_6 = ("2001:db8:0:1::1", "2001:db8:0:1:ffff::2", "2001:db8:0:1:0:1::3", "2001:db8:0:1::4")  # one customer's
+OTHER_6 = "2001:db8:0:2::1"
 
 
 def enter_network():
@@ -31,12 +35,14 @@ def enter_network():
         for i, address in enumerate((GREEDY, OTHER)):
             fcntl.ioctl(control, SIOCSIFADDR, struct.pack(
                 "16sHH4s8x", f"lo:{i + 1}".encode(), socket.AF_INET, 0, socket.inet_aton(address)))
+    for address in (SERVER_6, *GREEDY_6, OTHER_6):
+        subprocess.run(["ip", "-6", "address", "add", f"{address}/128", "dev", "lo", "nodad"], check=True)
     return True
 
 
 class ConnectionCap(unittest.TestCase):
-    def connect(self, source):
-        connection = http.client.HTTPConnection(source, self.daemon.port, timeout=30,
+    def connect(self, source, to=None):
+        connection = http.client.HTTPConnection(to or source, self.daemon.port, timeout=30,
                                                 source_address=(source, 0))
         self.addCleanup(connection.close)
         connection.connect()
@@ -66,6 +72,21 @@ class ConnectionCap(unittest.TestCase):
         self.assertEqual([self.ask(one) for one in held], [200] * CAP, "those that were there stay")
         held[0].close()
         self.assertTrue(self.comes_true(lambda: self.ask(self.connect(GREEDY)) == 200))
+
+    def test_a_customer_with_2_to_the_64_addresses_is_one(self):
+        self.daemon = Daemon(device="cpu", listen="[::]:0", arguments=(
+            "--allow-remote", "--connections-per-address", str(CAP)))
+        self.addCleanup(self.daemon.stop)
+        held = [self.connect(source, SERVER_6) for source in GREEDY_6[:CAP]]
+        self.assertEqual([self.ask(one) for one in held], [200] * CAP)
+        self.assertIsNone(self.ask(self.connect(GREEDY_6[CAP], SERVER_6)), "one more is closed")
+        self.assertEqual(self.ask(self.connect(OTHER_6, SERVER_6)), 200)
+        # IPv4 comes by the same listener, and its addresses count each for itself.
+        held_4 = [self.connect(GREEDY) for _ in range(CAP)]
+        self.assertEqual([self.ask(one) for one in held_4], [200] * CAP)
+        self.assertIsNone(self.ask(self.connect(GREEDY)))
+        self.assertEqual(self.ask(self.connect(OTHER)), 200)
+        self.assertEqual([self.ask(self.connect("127.0.0.1")) for _ in range(2 * CAP)], [200] * 2 * CAP)
 
     def comes_true(self, condition):
         return any(condition() for _ in range(200))

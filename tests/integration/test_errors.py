@@ -12,6 +12,7 @@ from harness import PROGRAM_FILE, ROOT, Daemon, DaemonTest
 # Codes that no request to a healthy daemon on loopback can provoke, and where they are tested.
 TESTED_ELSEWHERE = {
     "unauthorized": "test_tenants",
+    "forbidden": "test_web_pages",
     "internal": "unit_proto: the table alone; it means a bug or a driver that failed",
     "worker-crashed": "test_crash",
     "idempotency-mismatch": "test_jobs",
@@ -180,7 +181,7 @@ class Errors(DaemonTest):
 
     def test_a_chunked_body_is_bounded_too(self):
         with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=30) as raw:
-            raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: x\r\n"
+            raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n"
                         b"Transfer-Encoding: chunked\r\n\r\n")
             chunk = b"100000\r\n" + b"x" * 0x100000 + b"\r\n"
             answer = b""
@@ -200,7 +201,7 @@ class Errors(DaemonTest):
 
     def test_a_post_without_length(self):
         with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=30) as raw:
-            raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: x\r\n\r\n")
+            raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n\r\n")
             answer = raw.recv(65536)
         self.assertIn(b" 411 ", answer.split(b"\r\n")[0])
         PROVOKED.add("length-required")
@@ -261,6 +262,18 @@ class Errors(DaemonTest):
         linked = subprocess.run(["ldd", PROGRAM_FILE], check=True, capture_output=True, text=True)
         self.assertIn("libcrypto", linked.stdout)
         self.assertNotIn("httplib", linked.stdout)
+
+    def test_the_specification_names_the_problems_of_each_operation_by_status(self):
+        statuses = {str(status) for status in re.findall(r"// (\d{3}) [a-z-]+",
+                                                         (ROOT / "proto/error_code.h").read_text())}
+        for path, operations in self.daemon.openapi.spec["paths"].items():
+            for method, operation in operations.items():
+                if method not in ("get", "post", "delete"):
+                    continue
+                named = set(operation["responses"])
+                self.assertFalse({s for s in named if not s.isdigit()}, (method, path))
+                self.assertLessEqual({s for s in named if s >= "400"}, statuses, (method, path))
+                self.assertLessEqual({"400", "403"}, named, (method, path))
 
     def test_zz_every_error_code_is_tested(self):
         """Runs last: each code of proto/error_code.h is provoked here or named with its place."""

@@ -20,6 +20,7 @@ TEST(ExitStatus, every_code_of_the_api_has_its_number) {
                                                    {"unknown-option", 2},
                                                    {"invalid-option", 2},
                                                    {"unauthorized", 2},
+                                                   {"forbidden", 2},
                                                    {"not-found", 2},
                                                    {"method-not-allowed", 1},
                                                    {"not-acceptable", 1},

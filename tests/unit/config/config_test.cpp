@@ -84,6 +84,21 @@ TEST(Config, variables_stand_in_for_flags_and_flags_win) {
             "127.0.0.1:2");
 }
 
+TEST(Config, names_and_origins_are_lists_of_what_they_can_be) {
+  const auto config = std::get<ServeConfig>(
+      parse({"--public-host", "a.example,b.example", "--public-host", "c", "--cors-origin",
+             "https://app.example", "--cors-origin", "http://localhost:3000"}));
+  EXPECT_EQ(config.public_hosts, (std::vector<std::string>{"a.example", "b.example", "c"}));
+  EXPECT_EQ(config.cors_origins,
+            (std::vector<std::string>{"https://app.example", "http://localhost:3000"}));
+  for (const char* host : {"a:80", "http://a", "*", "a b", "", "a/b"}) {
+    EXPECT_EQ(std::get<ExitCommand>(parse({"--public-host", host})).status, 64) << host;
+  }
+  for (const char* origin : {"*", "null", "app.example", "https://app.example/", "ftp://a", ""}) {
+    EXPECT_EQ(std::get<ExitCommand>(parse({"--cors-origin", origin})).status, 64) << origin;
+  }
+}
+
 TEST(Config, the_log_level_goes_by_name) {
   EXPECT_EQ(std::get<ServeConfig>(parse({"serve", "--log-level", "debug"})).log_level,
             log::Level::kDebug);
@@ -150,7 +165,8 @@ TEST(Config, other_addresses_than_loopback_need_keys_or_a_flag_and_the_reason_is
   for (const char* address : {"127.0.0.1:8080", "127.1.2.3:0", "localhost:80", "[::1]:8080"}) {
     EXPECT_TRUE(check_listen_address("--listen", address, false, Guard::kNoKeys)) << address;
   }
-  for (const char* address : {"0.0.0.0:8080", "[::]:8080", "192.168.0.1:80", "example.org:80"}) {
+  for (const char* address :
+       {"0.0.0.0:8080", "[::]:8080", "127.evil.example:80", "192.168.0.1:80", "example.org:80"}) {
     const Status refused = check_listen_address("--listen", address, false, Guard::kNoKeys);
     ASSERT_FALSE(refused) << address;
     EXPECT_NE(refused.error().detail.find("there are no API keys"), std::string::npos);

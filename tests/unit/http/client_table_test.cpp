@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <sys/eventfd.h>
 
+#include <list>
+
 #include "server/http/answer_request.h"
 #include "server/http/head_parser.h"
 
@@ -60,8 +62,7 @@ TEST(ClientTable, in_flight_is_what_has_begun_and_was_not_refused) {
     table.set_state(refused, state);
     EXPECT_EQ(table.in_flight(), 1u);
   }
-  EXPECT_EQ(table.sockets(Client::State::kSending),
-            (std::vector<int>{client.connection.fd(), refused.connection.fd()}));
+  EXPECT_EQ(table.clients(Client::State::kSending), (std::list<Client*>{&client, &refused}));
   table.remove(client);
   EXPECT_EQ(table.in_flight(), 0u);
 }
@@ -87,6 +88,15 @@ std::string address_of(const std::string& lines, const std::vector<std::string>&
   const std::string address = take_client_address(head, "10.0.0.9", trusted);
   EXPECT_EQ(head.headers.size(), 1u) << "nothing of what was forwarded is left";
   return address;
+}
+
+TEST(CountedAs, takes_the_first_64_bits_of_an_ipv6_address_and_all_of_an_ipv4_one) {
+  EXPECT_EQ(counted_as("192.0.2.1"), "192.0.2.1");
+  EXPECT_EQ(counted_as("2001:db8:0:1::1"), "2001:db8:0:1::/64");
+  EXPECT_EQ(counted_as("2001:db8:0:1:ffff:2:3:4"), "2001:db8:0:1::/64");
+  EXPECT_EQ(counted_as("2001:db8:0:2::1"), "2001:db8:0:2::/64");
+  EXPECT_EQ(counted_as("fe80::1%lo"), "fe80::/64");
+  EXPECT_EQ(counted_as("?"), "?");
 }
 
 TEST(ClientAddress, is_the_peers_whatever_strangers_say) {

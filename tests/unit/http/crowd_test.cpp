@@ -149,6 +149,17 @@ TEST_F(CrowdTest, who_has_been_idle_for_longest_gives_way_when_all_places_are_ta
   EXPECT_TRUE(second.receive());
 }
 
+TEST_F(CrowdTest, half_a_head_gives_way_when_all_places_are_taken_and_nobody_is_idle) {
+  start(2, /*connections_max=*/1);
+  HttpClient half(port());
+  ASSERT_TRUE(half.send("GET /hello HTTP/1.1\r\n"));
+  ASSERT_TRUE(comes_true([&] {
+    HttpClient other(port());
+    return other.send_get("/hello") && other.receive().has_value();
+  }));
+  EXPECT_EQ(half.receive_to_end(), "");
+}
+
 TEST_F(CrowdTest, loopback_and_trusted_proxies_have_no_cap_by_address) {
   FrontConfig config;
   config.connections_per_address = 1;

@@ -208,6 +208,32 @@ TEST_F(DrainTest, an_upload_that_stands_still_is_cut_at_the_end_of_the_grace) {
   EXPECT_EQ(observed(1)[0].status, 400);
 }
 
+TEST_F(DrainTest, a_handler_that_minds_nothing_is_named_and_left_behind) {
+  start();
+  HttpClient stuck(port()), fine(port());
+  ASSERT_TRUE(stuck.send_get("/held?a=1") && fine.send_get("/endless"));
+  ASSERT_TRUE(comes_true([&] { return entered_ == 2; }));
+  const std::vector<RunningRequest> left = front_->stop(0.1);
+  ASSERT_EQ(left.size(), 1U) << "the other one sees that its client is gone";
+  EXPECT_EQ(left[0].what, "GET /held");
+  EXPECT_EQ(left[0].peer, "127.0.0.1");
+  EXPECT_GE(left[0].seconds, 0.1);
+  EXPECT_TRUE(front_->stop(0).empty());
+  held_.count_down();
+  front_.reset();
+}
+
+TEST_F(DrainTest, a_client_is_gone_also_where_it_has_sent_more_than_was_read) {
+  start();
+  HttpClient cut(port()), left(port());
+  ASSERT_TRUE(cut.send_get("/endless") && left.send_get("/endless"));
+  ASSERT_TRUE(comes_true([&] { return entered_ == 2; }));
+  ASSERT_TRUE(cut.send("GET /hello HTTP/1.1\r\n") && left.send("GET /hello HTTP/1.1\r\n"));
+  left.close();
+  EXPECT_TRUE(comes_true([&] { return front_->state().requests_running == 1; }));
+  EXPECT_TRUE(front_->stop(0).empty());
+}
+
 TEST_F(DrainTest, stopping_under_load_loses_no_answer_that_was_begun) {
   start(/*threads=*/4);
   constexpr int kClients = 8;

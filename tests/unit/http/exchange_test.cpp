@@ -115,5 +115,34 @@ TEST(ReasonPhrase, every_status_of_an_error_code_has_one) {
   }
 }
 
+TEST(HttpDate, is_what_the_standard_shows) {
+  EXPECT_EQ(http_date(784111777), "Sun, 06 Nov 1994 08:49:37 GMT");
+  EXPECT_EQ(http_date(0), "Thu, 01 Jan 1970 00:00:00 GMT");
+  EXPECT_EQ(http_date(1709210096), "Thu, 29 Feb 2024 12:34:56 GMT");
+}
+
+TEST(ContentDisposition, a_name_is_a_quoted_string_and_where_that_cannot_hold_it_encoded_too) {
+  EXPECT_EQ(content_disposition("bunny.vox"), "inline; filename=\"bunny.vox\"");
+  EXPECT_EQ(content_disposition("a b;c.vox"), "inline; filename=\"a b;c.vox\"");
+  EXPECT_EQ(content_disposition("a\"; filename=\"b.exe"),
+            "inline; filename=\"a\\\"; filename=\\\"b.exe\"");
+  EXPECT_EQ(content_disposition("a\\"), "inline; filename=\"a\\\\\"");
+  EXPECT_EQ(content_disposition("h\xc3\xa4 %.vox"),
+            "inline; filename=\"h__ %.vox\"; filename*=UTF-8''h%C3%A4%20%25.vox");
+  EXPECT_EQ(content_disposition("a\r\nb\x7f"), "inline; filename=\"a__b_\"");
+  // No UTF-8: latin-1, an overlong slash, a surrogate, one that is cut off.
+  for (const char* name : {"\xe4.vox", "\xc0\xaf", "\xed\xa0\x80", "a\xe2\x82"}) {
+    EXPECT_EQ(content_disposition(name).find("filename*"), std::string::npos) << name;
+  }
+}
+
+TEST(AddVary, names_each_header_once) {
+  Response response;
+  add_vary(response, "Accept");
+  add_vary(response, "Origin");
+  add_vary(response, "Accept");
+  EXPECT_EQ(response.headers["Vary"], "Accept, Origin");
+}
+
 }  // namespace
 }  // namespace voxeld::http

@@ -221,6 +221,33 @@ TEST(HeadParser, the_absolute_form_loses_its_authority) {
   EXPECT_EQ(parse_head(target_of("http://h:80"))->path, "/");
 }
 
+TEST(HeadParser, the_host_is_that_of_the_target_or_else_of_the_header) {
+  const auto of = [](const std::string& text) { return parse_head(text)->authority; };
+  EXPECT_EQ(of("GET / HTTP/1.1\r\nHost: Voxels.example:8080\r\n\r\n"),
+            (Authority{"voxels.example", 8080}));
+  EXPECT_EQ(of("GET / HTTP/1.1\r\nHost: [::1]\r\n\r\n"), (Authority{"[::1]", 0}));
+  EXPECT_EQ(of("GET / HTTP/1.1\r\nHost:\r\n\r\n"), (Authority{"", 0}));
+  EXPECT_EQ(of("GET / HTTP/1.0\r\n\r\n"), (Authority{"", 0}));
+  EXPECT_EQ(of("GET http://evil.example:81/ HTTP/1.1\r\nHost: localhost\r\n\r\n"),
+            (Authority{"evil.example", 81}));
+}
+
+TEST(HeadParser, a_host_that_is_none_is_refused) {
+  for (const char* host :
+       {"a b", "a,b", "a/b", "user@h", "h:x", "h:65536", "[::1", "::1", "h%2e"}) {
+    EXPECT_EQ(refusal("GET / HTTP/1.1\r\nHost: " + std::string(host) + "\r\n\r\n"),
+              "header Host: expected HOST or HOST:PORT, got \"" + std::string(host) + "\"");
+    EXPECT_EQ(refusal("GET / HTTP/1.0\r\nHost: " + std::string(host) + "\r\n\r\n"),
+              "header Host: expected HOST or HOST:PORT, got \"" + std::string(host) + "\"");
+  }
+  const char* target = "host of the request target: expected HOST or HOST:PORT, got something else";
+  expect_refusals({
+      {"user information", target_of("http://user@h/"), target},
+      {"no host", target_of("http:///a"), target},
+      {"a port alone", target_of("http://:80/a"), target},
+  });
+}
+
 TEST(HeadParser, other_forms_of_targets_are_refused) {
   const char* form = "request target: expected a path that begins with /, got another form";
   expect_refusals({

@@ -45,6 +45,7 @@ class ServerTest : public ::testing::Test {
     ASSERT_TRUE(service) << service.error().message();
     jobs_ = *std::move(service);
     config.listen = config.admin_listen = "127.0.0.1:0";
+    config.origins.public_hosts.emplace_back("h");  // whom HttpClient asks for
     auto keys = KeyRing::open(dir_.path() / "data");
     ASSERT_TRUE(keys) << keys.error().message();
     keys_ = *std::move(keys);
@@ -70,13 +71,15 @@ class ServerTest : public ::testing::Test {
   HttpAnswer admin(const std::string& target) {
     return request_at(server_->admin_port(), "GET", target, "", "");
   }
+  // A body that looks like JSON says so, unless `lines` has a Content-Type.
   static HttpAnswer request_at(int port, const std::string& method, const std::string& target,
                                const std::string& lines, const std::string& body) {
     HttpClient client(port);
-    const std::string length =
-        method == "POST" ? "Content-Length: " + std::to_string(body.size()) + "\r\n" : "";
-    EXPECT_TRUE(client.send(method + " " + target + " HTTP/1.1\r\nHost: h\r\n" + length + lines +
-                            "\r\n" + body));
+    std::string head = method + " " + target + " HTTP/1.1\r\nHost: h\r\n" + lines;
+    if (method == "POST") head += "Content-Length: " + std::to_string(body.size()) + "\r\n";
+    const bool is_json = body.starts_with('{') && lines.find("Content-Type") == lines.npos;
+    if (is_json) head += "Content-Type: application/json\r\n";
+    EXPECT_TRUE(client.send(head + "\r\n" + body));
     return client.receive(method != "HEAD").value_or(HttpAnswer{});
   }
   static nlohmann::json json(const HttpAnswer& answer) {

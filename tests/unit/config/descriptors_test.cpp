@@ -1,0 +1,53 @@
+#include "server/descriptors.h"
+
+#include <gtest/gtest.h>
+
+namespace voxeld {
+namespace {
+
+DescriptorPlan wanted(int64_t limit) {
+  return {limit, 16384, 256, kAdminConnectionsMax, 64};
+}
+
+int64_t used(const DescriptorPlan& plan, int workers) {
+  return kDescriptorsOfProcess + kDescriptorsOfWorker * workers + plan.admin_connections +
+         kDescriptorsOfThread * plan.request_threads + kDescriptorsOfConnection * plan.connections;
+}
+
+TEST(FitDescriptors, takes_what_is_wanted_where_there_is_room_for_it) {
+  EXPECT_EQ(fit_descriptors(wanted(65536), 3).value(), wanted(65536));
+}
+
+TEST(FitDescriptors, never_gives_away_more_than_the_limit_and_keeps_what_jobs_need) {
+  for (int64_t limit = 200; limit < 40'000; limit += 37) {
+    for (const int workers : {1, 3, 8}) {
+      const auto plan = fit_descriptors(wanted(limit), workers);
+      if (!plan) continue;
+      EXPECT_LE(used(*plan, workers), limit);
+      EXPECT_GE(plan->connections, kConnectionsMin) << limit;
+      EXPECT_GE(plan->request_threads, kRequestThreadsMin) << limit;
+      EXPECT_LE(plan->connections_per_address, std::max(1, plan->connections / 2)) << limit;
+    }
+  }
+  const auto small = fit_descriptors(wanted(256), 3);
+  ASSERT_TRUE(small);
+  EXPECT_EQ(small->request_threads, 14);
+  EXPECT_EQ(small->connections, 28);
+  EXPECT_EQ(small->connections_per_address, 14);
+}
+
+TEST(FitDescriptors, any_number_of_one_address_stays_any_number) {
+  DescriptorPlan plan = wanted(256);
+  plan.connections_per_address = 0;
+  EXPECT_EQ(fit_descriptors(plan, 3)->connections_per_address, 0);
+}
+
+TEST(FitDescriptors, too_low_a_limit_is_refused_with_the_one_that_is_needed) {
+  EXPECT_EQ(fit_descriptors(wanted(64), 3).error().message(),
+            "limit on open files (ulimit -n): expected at least 144 for 3 workers, got 64");
+  EXPECT_FALSE(fit_descriptors(wanted(144), 3)) << "of more, more is set aside for the admin port";
+  EXPECT_TRUE(fit_descriptors(wanted(160), 3));
+}
+
+}  // namespace
+}  // namespace voxeld
