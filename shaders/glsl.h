@@ -16,6 +16,7 @@ using glm::abs;
 using glm::bitCount;
 using glm::ceil;
 using glm::clamp;
+using glm::findMSB;
 using glm::floor;
 using glm::i64vec3;
 using glm::ivec2;

@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 4;
+inline constexpr int kAlgorithmVersion = 5;
 }  // namespace voxeld

@@ -20,8 +20,11 @@ constexpr size_t kTriangleGrain = 1 << 12;
 // attributes vary along its longest side alone.
 constexpr int64_t kSliverLength = 512;  // 1/256 voxel
 constexpr int64_t kSliverAltitude = 64;
-constexpr double kTexelFraction = 256.0;  // texture coordinates have 8 bits
-constexpr double kTexelMax = 1 << 30;
+constexpr double kUvFraction = 1 << ATTRIBUTE_UV_BITS;
+constexpr double kUvMax = 2047.0;  // periods of a texture; what is beyond has the colour there
+// Of an altitude, 1/8 texel, and two thirds of it: taps reach 3/2 texels of their level far.
+constexpr double kAltitudeFraction = 16.0 / 3.0;
+constexpr double kAltitudeMax = 65535.0;
 
 // 65535 times a component in [0, 1]; NaN gives 0.
 uint32_t fraction16(double c) {
@@ -82,14 +85,39 @@ double period_below(Wrap wrap, double least) {
   return 0.0;
 }
 
-uint32_t texel_word(double t, int size) {
-  const double at = std::floor(t * size * kTexelFraction + 0.5) - kTexelFraction / 2.0;
+uint32_t uv_word(double u) {
   // Written so that NaN becomes 0.
-  const double bounded = at >= -kTexelMax ? std::min(at, kTexelMax) : (at < 0.0 ? -kTexelMax : 0.0);
-  return static_cast<uint32_t>(static_cast<int32_t>(bounded));
+  const double bounded = u >= -kUvMax ? std::min(u, kUvMax) : (u < 0.0 ? -kUvMax : 0.0);
+  return static_cast<uint32_t>(static_cast<int32_t>(std::floor(bounded * kUvFraction + 0.5)));
+}
+
+double cross(const glm::dvec2& a, const glm::dvec2& b) {
+  return a.x * b.y - a.y * b.x;
+}
+
+// t: corners in texels.
+uint32_t altitude_word(const std::array<glm::dvec2, 3>& t) {
+  const glm::dvec2 t01 = t[1] - t[0], t02 = t[2] - t[0], t12 = t[2] - t[1];
+  const double longest =
+      std::sqrt(std::max({glm::dot(t01, t01), glm::dot(t02, t02), glm::dot(t12, t12)}));
+  const double altitude = std::abs(cross(t01, t02)) / longest * kAltitudeFraction;
+  return altitude > 0.0 ? static_cast<uint32_t>(std::min(altitude, kAltitudeMax)) : 0u;  // NaN: 0
+}
+
+bool has_flat_extent(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
+  const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
+  return std::max({extent.x, extent.y, extent.z}) <= kFlatExtentMax;
 }
 
 }  // namespace
+
+uint32_t one_cell_weight(const std::array<glm::ivec3, 3>& q) {
+  const glm::ivec3 cell = q[0] >> limits::kSubVoxelBits;
+  if (q[1] >> limits::kSubVoxelBits != cell || q[2] >> limits::kSubVoxelBits != cell) return 0;
+  const glm::dvec3 normal = glm::cross(glm::dvec3(q[1] - q[0]), glm::dvec3(q[2] - q[0]));
+  const double area = std::sqrt(glm::dot(normal, normal)) / 2.0;  // a face has 2^16
+  return std::max(1u, static_cast<uint32_t>(std::floor(area / 16.0 + 0.5)));
+}
 
 bool has_transparency(const Scene& scene) {
   for (const Material& material : scene.materials) {
@@ -109,24 +137,26 @@ bool has_transparency(const Scene& scene) {
 }
 
 AttributeRecords::AttributeRecords(const Scene& scene, const SnappedMesh& mesh,
-                                   const GridSpec& spec, const glm::dmat4& world_from_file,
-                                   ColorMode mode, AttributeChannels channels, int texture_side_max)
+                                   const glm::dmat4& world_from_file, ColorMode mode,
+                                   AttributeChannels channels, int texture_side_max,
+                                   FlatColors* flat)
     : scene_(scene),
       mesh_(mesh),
-      spec_(spec),
       world_from_file_(world_from_file),
       world_from_file_normal_(glm::transpose(glm::inverse(glm::dmat3(world_from_file)))),
       is_mirrored_(glm::determinant(glm::dmat3(world_from_file)) < 0.0),
       mode_(mode),
       channels_(channels),
-      image_levels_(scene.images.size()) {
+      image_levels_(scene.images.size()),
+      flat_(flat != nullptr && mesh.is_whole ? flat : &own_flat_) {
   if (channels.color && mode != ColorMode::kAxis) find_levels(texture_side_max);
 }
 
 AttributeRecords::Corner AttributeRecords::file_corner(const MeshPart& part, uint32_t index) const {
   Corner corner;
-  corner.p_world = glm::dvec3(world_from_file_ * glm::dvec4(part.positions[index], 1.0));
-  if (!part.normals.empty()) {
+  if (channels_.normal && part.normals.empty()) {
+    corner.p_world = glm::dvec3(world_from_file_ * glm::dvec4(part.positions[index], 1.0));
+  } else if (channels_.normal) {
     corner.normal_world = world_from_file_normal_ * glm::dvec3(part.normals[index]);
   }
   if (!part.colors.empty()) corner.color = glm::dvec4(part.colors[index]);
@@ -149,17 +179,30 @@ AttributeRecords::Corner AttributeRecords::corner_of(const MeshPart& part, uint3
   return mean;
 }
 
-// The level of which one texel is about as large as one voxel: the texture's density is the larger
-// singular value of the map from the triangle in grid space to texels, s; the level is the least l
-// with s <= 2^(l + 1/2).
-int AttributeRecords::level_of(const SnappedTriangle& triangle, const Image& image) const {
+std::array<AttributeRecords::Corner, 3> AttributeRecords::corners_of(
+    const SnappedTriangle& triangle, const CornerOrder& order) const {
   const MeshPart& part = scene_.parts[triangle.part];
   const uint32_t first_vertex = mesh_.part_first_vertex[triangle.part];
   std::array<Corner, 3> corners;
-  for (size_t i = 0; i < 3; ++i) corners[i] = corner_of(part, first_vertex, triangle.vertices[i]);
+  for (size_t i = 0; i < 3; ++i) {
+    corners[i] = corner_of(part, first_vertex, triangle.vertices[order.corner[i]]);
+  }
+  return corners;
+}
+
+// The level of which one texel is about as large as one voxel: the texture's density is the larger
+// singular value of the map from the snapped triangle to texels, s; the level is the least l with
+// s <= 2^(l + 1/2).
+int AttributeRecords::level_of(const SnappedTriangle& triangle, const Image& image) const {
+  const auto& vertices = triangle.vertices;
+  const std::array<glm::ivec3, 3> q = {mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]],
+                                       mesh_.vertices[vertices[2]]};
+  const CornerOrder order = corner_order(q);
+  const std::array<Corner, 3> corners = corners_of(triangle, order);
   const glm::dvec2 size(image.width, image.height);
-  const glm::dvec3 e1 = (corners[1].p_world - corners[0].p_world) / spec_.voxel_size;
-  const glm::dvec3 e2 = (corners[2].p_world - corners[0].p_world) / spec_.voxel_size;
+  const glm::ivec3 q0 = q[order.corner[0]];
+  const glm::dvec3 e1 = glm::dvec3(q[order.corner[1]] - q0) / double{kSubVoxelsPerVoxel};
+  const glm::dvec3 e2 = glm::dvec3(q[order.corner[2]] - q0) / double{kSubVoxelsPerVoxel};
   const glm::dvec2 t1 = (corners[1].uv - corners[0].uv) * size;
   const glm::dvec2 t2 = (corners[2].uv - corners[0].uv) * size;
   const double g11 = glm::dot(e1, e1), g12 = glm::dot(e1, e2), g22 = glm::dot(e2, e2);
@@ -201,22 +244,48 @@ void AttributeRecords::merge_equal(const std::array<glm::ivec3, 3>& q,
   if (q[1] == q[2]) set_mean(1, 2);
 }
 
+void AttributeRecords::find_flat_color(uint32_t triangle_index) {
+  if (flat_->known[triangle_index] != 0) return;
+  const SnappedTriangle& triangle = mesh_.triangles[triangle_index];
+  const MeshPart& part = scene_.parts[triangle.part];
+  const Material* material =
+      part.material >= 0 ? &scene_.materials[static_cast<size_t>(part.material)] : nullptr;
+  const glm::dvec4 base = material != nullptr ? glm::dvec4(material->base_color) : glm::dvec4(1.0);
+  std::array<FlatCorner, 3> corners;
+  const std::array<Corner, 3> of_triangle = corners_of(triangle, {});
+  for (size_t i = 0; i < 3; ++i) corners[i] = {of_triangle[i].uv, base * of_triangle[i].color};
+  const int image = part_image(scene_, triangle.part);
+  flat_->linear16[triangle_index] = mean_color(
+      corners, material, image >= 0 ? &scene_.images[static_cast<size_t>(image)] : nullptr);
+  flat_->known[triangle_index] = 1;
+}
+
 void AttributeRecords::find_levels(int texture_side_max) {
-  if (scene_.images.empty()) return;
   const size_t count = mesh_.triangles.size();
   levels_.resize(count);
+  flat_->resize(count);
   std::vector<std::vector<ImageLevels>> found(chunk_count(count, kTriangleGrain),
                                               std::vector<ImageLevels>(scene_.images.size()));
   parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
+      // color=nearest asks for the colour of a point.
+      const auto& vertices = mesh_.triangles[t].vertices;
+      if (mode_ != ColorMode::kNearest &&
+          has_flat_extent(mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]],
+                          mesh_.vertices[vertices[2]])) {
+        levels_[t] = kFlatLevel;
+        find_flat_color(static_cast<uint32_t>(t));
+        continue;
+      }
       const int image_index = part_image(scene_, mesh_.triangles[t].part);
       if (image_index < 0) continue;
       const Image& image = scene_.images[static_cast<size_t>(image_index)];
-      int level = level_of(mesh_.triangles[t], image);
-      while (std::max(image.width, image.height) >> level > texture_side_max) ++level;
+      int first = 0;
+      while (std::max(image.width, image.height) >> first > texture_side_max) ++first;
+      const int level = std::max(first, level_of(mesh_.triangles[t], image));
       levels_[t] = static_cast<uint8_t>(level);
       ImageLevels& levels = found[chunk][static_cast<size_t>(image_index)];
-      levels = {std::min(levels.first, level), std::max(levels.last, level)};
+      levels = {first, std::max(levels.last, level)};
     }
   });
   for (const auto& chunk : found) {
@@ -273,20 +342,31 @@ void AttributeRecords::write_colors(const MeshPart& part, const Corner* corners,
   }
 }
 
+void AttributeRecords::write_flat_color(uint32_t triangle, uint32_t* words) const {
+  const auto& [r, g, b, a] = flat_color(triangle);
+  for (size_t i = 0; i < 3; ++i) {
+    words[ATTRIBUTE_COLORS + 2 * i] = r | uint32_t{g} << 16;
+    words[ATTRIBUTE_COLORS + 2 * i + 1] = b | uint32_t{a} << 16;
+  }
+}
+
 void AttributeRecords::write_uvs(const Material& material, const Corner* corners, int level,
                                  uint32_t* words) const {
   const auto image_index = static_cast<size_t>(material.image);
   const Image& image = scene_.images[image_index];
-  const int width = std::max(1, image.width >> level), height = std::max(1, image.height >> level);
+  const int first = image_levels_[image_index].first;
+  const glm::dvec2 size(std::max(1, image.width >> first), std::max(1, image.height >> first));
   const double shift_u =
       period_below(material.wrap_u, std::min({corners[0].uv.x, corners[1].uv.x, corners[2].uv.x}));
   const double shift_v =
       period_below(material.wrap_v, std::min({corners[0].uv.y, corners[1].uv.y, corners[2].uv.y}));
   for (size_t i = 0; i < 3; ++i) {
-    words[ATTRIBUTE_UVS + 2 * i] = texel_word(corners[i].uv.x - shift_u, width);
-    words[ATTRIBUTE_UVS + 2 * i + 1] = texel_word(corners[i].uv.y - shift_v, height);
+    words[ATTRIBUTE_UVS + 2 * i] = uv_word(corners[i].uv.x - shift_u);
+    words[ATTRIBUTE_UVS + 2 * i + 1] = uv_word(corners[i].uv.y - shift_v);
   }
-  const auto level_word = static_cast<uint32_t>(level - image_levels_[image_index].first);
+  words[ATTRIBUTE_ALTITUDE] =
+      altitude_word({corners[0].uv * size, corners[1].uv * size, corners[2].uv * size});
+  const auto level_word = static_cast<uint32_t>(level - first);
   words[ATTRIBUTE_FLAGS] |= wrap_code(material.wrap_u) << ATTRIBUTE_WRAP_U_SHIFT |
                             wrap_code(material.wrap_v) << ATTRIBUTE_WRAP_V_SHIFT |
                             level_word << ATTRIBUTE_LEVEL_SHIFT;
@@ -307,24 +387,43 @@ void AttributeRecords::write_normals(const MeshPart& part, Corner* corners, bool
   }
 }
 
+// All corners get the mean of their normals.
+void AttributeRecords::flatten_normals(uint32_t* words) {
+  std::array<uint32_t, 3> sums{};
+  for (size_t i = 0; i < 3; ++i) {
+    const uint32_t xy = words[ATTRIBUTE_NORMALS + 2 * i], z = words[ATTRIBUTE_NORMALS + 2 * i + 1];
+    sums = {sums[0] + (xy & 0xffffu), sums[1] + (xy >> 16), sums[2] + z};
+  }
+  for (uint32_t& sum : sums) sum = (sum + 1) / 3;
+  for (size_t i = 0; i < 3; ++i) {
+    words[ATTRIBUTE_NORMALS + 2 * i] = sums[0] | sums[1] << 16;
+    words[ATTRIBUTE_NORMALS + 2 * i + 1] = sums[2];
+  }
+}
+
 void AttributeRecords::write(uint32_t triangle_index, const std::array<glm::ivec3, 3>& q, int axis,
                              const CornerOrder& order, std::span<uint32_t> words) const {
   const SnappedTriangle& triangle = mesh_.triangles[triangle_index];
   const MeshPart& part = scene_.parts[triangle.part];
   write_geometry(q, axis, words.data());
-  std::array<Corner, 3> corners;
-  for (size_t i = 0; i < 3; ++i) {
-    corners[i] =
-        corner_of(part, mesh_.part_first_vertex[triangle.part], triangle.vertices[order.corner[i]]);
-  }
+  words[ATTRIBUTE_WEIGHT] = one_cell_weight(q);
+  const bool is_small = has_flat_extent(q[0], q[1], q[2]);
+  if (is_small && mode_ != ColorMode::kNearest)
+    words[ATTRIBUTE_FLAGS] |= 1u << ATTRIBUTE_FLAT_SHIFT;
+  const bool is_flat_color = has_flat_color(triangle_index);
+  if (is_flat_color) write_flat_color(triangle_index, words.data());
+  if (is_flat_color && !channels_.normal) return;
+  std::array<Corner, 3> corners = corners_of(triangle, order);
   merge_equal(q, corners);
-  if (channels_.color) write_colors(part, corners.data(), axis, words.data());
+  if (channels_.normal) write_normals(part, corners.data(), order.reversed, words.data());
+  if (channels_.normal && is_small) flatten_normals(words.data());
+  if (!channels_.color || is_flat_color) return;
+  write_colors(part, corners.data(), axis, words.data());
   const int image = part_image(scene_, triangle.part);
-  if (channels_.color && mode_ != ColorMode::kAxis && image >= 0) {
+  if (mode_ != ColorMode::kAxis && image >= 0) {
     write_uvs(scene_.materials[static_cast<size_t>(part.material)], corners.data(),
               levels_[triangle_index], words.data());
   }
-  if (channels_.normal) write_normals(part, corners.data(), order.reversed, words.data());
 }
 
 void AttributeRecords::fill(std::span<const uint32_t> triangles, const TileWindow& window,

@@ -59,6 +59,8 @@ class SharedFrames {
   // Never 0.
   uint64_t mesh_key() const { return mesh_key_; }
 
+  // Colours of triangles, as frames find them.
+  FlatColors& flat_colors() { return flat_colors_; }
   // Adds the levels that a frame samples to those of the frames before it, in both places.
   void unite_levels(std::vector<ImageLevels>& of_frame);
   // Names the scene's images at these levels, among all that a process makes: pipelines keep what
@@ -72,6 +74,7 @@ class SharedFrames {
   std::optional<Choice> choice_;
   bool device_moves_ = false;
   SnappedMesh mesh_;
+  FlatColors flat_colors_;
   std::vector<ImageLevels> levels_;
   uint64_t mesh_key_, textures_key_;
 };

@@ -207,8 +207,9 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   }
   if (!plan.channels.any()) return {};
   VOXELD_ASSIGN(plan.ids, id_channels(scene, options, plan.channels.grid));
-  plan.records.emplace(scene, plan.mesh, plan.spec, plan.world_from_file, options.color,
-                       plan.channels.recorded(), traits().texture_side_max);
+  plan.records.emplace(scene, plan.mesh, plan.world_from_file, options.color,
+                       plan.channels.recorded(), traits().texture_side_max,
+                       frames != nullptr ? &frames->flat_colors() : nullptr);
   if (frames != nullptr) {
     frames->unite_levels(plan.records->image_levels());
     plan.textures_key = frames->textures_key();

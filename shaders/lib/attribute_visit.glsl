@@ -19,6 +19,8 @@ uint visited_flags;
 uvec4 corner_color0, corner_color1, corner_color2;
 uvec3 corner_normal0, corner_normal1, corner_normal2;
 ivec2 corner_uv0, corner_uv1, corner_uv2;
+uint visited_altitude;
+uint visited_weight;
 
 uint column_points;
 int64_t column_depth;
@@ -36,13 +38,15 @@ uvec4 linear_texel(ivec2 at, int level) {
 }
 
 // Bilinear, in linear light: 8 bits of fraction on each axis, so that 65535 * 65536 fits.
-uvec4 sample_texture(ivec3 weights) {
-  int u = blend_uv(corner_uv0.x, corner_uv1.x, corner_uv2.x, weights);
-  int v = blend_uv(corner_uv0.y, corner_uv1.y, corner_uv2.y, weights);
-  int level = int(visited_flags >> ATTRIBUTE_LEVEL_SHIFT) & 15;
+uvec4 sample_tap(ivec3 weights, int level_max) {
+  int level = tap_level(weights, visited_altitude, level_max);
   uint wrap_u = (visited_flags >> ATTRIBUTE_WRAP_U_SHIFT) & 3u;
   uint wrap_v = (visited_flags >> ATTRIBUTE_WRAP_V_SHIFT) & 3u;
   ivec2 size = level_size(level);
+  int u = level_coordinate(blend_uv(corner_uv0.x, corner_uv1.x, corner_uv2.x, weights), size.x,
+                           wrap_u);
+  int v = level_coordinate(blend_uv(corner_uv0.y, corner_uv1.y, corner_uv2.y, weights), size.y,
+                           wrap_v);
   int x0 = wrap_texel(u >> 8, size.x, wrap_u), x1 = wrap_texel((u >> 8) + 1, size.x, wrap_u);
   int y0 = wrap_texel(v >> 8, size.y, wrap_v), y1 = wrap_texel((v >> 8) + 1, size.y, wrap_v);
   uint fx = uint(u & 255), fy = uint(v & 255);
@@ -52,15 +56,53 @@ uvec4 sample_texture(ivec3 weights) {
               linear_texel(ivec2(x1, y1), level) * (fx * fy);
   return sum >> 16;
 }
+
+// Whether one tap is enough for a place whose size texels of level_max have: bilinear sampling
+// reaches over all of it with texels half as large, too.
+bool tap_fits(ivec3 weights, int level_max) {
+  return tap_level(weights, visited_altitude, level_max) + 1 >= level_max;
+}
+
+ivec3 weights_at(int i, int j, uint points) {
+  return corner_weights(visited, sample_position(visited, i, j, points));
+}
+
+// Sum over the points of a quarter of a column: one tap, times their number, where that is enough,
+// else one for each point.
+uvec4 sum_quarter(int i, int j, uint points, int level_max) {
+  ivec3 weights = weights_at(i, j, points);
+  uint count = uint(bitCount(points));
+  if (count == 1u || tap_fits(weights, level_max)) return sample_tap(weights, level_max) * count;
+  uvec4 sum = uvec4(0u);
+  for (uint rest = points; rest != 0u; rest &= rest - 1u) {
+    sum += sample_tap(weights_at(i, j, rest & (~rest + 1u)), level_max - 1);
+  }
+  return sum;
+}
+
+// The mean over a cell's points: one tap where that is enough, else that of its quarters.
+uvec4 sample_texture(ivec3 weights, int i, int j, uint points) {
+  int level_max = int(visited_flags >> ATTRIBUTE_LEVEL_SHIFT) & 15;
+  uint count = uint(bitCount(points));
+  if (count <= 1u || tap_fits(weights, level_max)) return sample_tap(weights, level_max);
+  uvec4 sum = uvec4(count / 2u);
+  for (int number = 0; number < 4; ++number) {
+    uint part = tap_points(points, number);
+    if (part != 0u) sum += sum_quarter(i, j, part, level_max - 1);
+  }
+  return sum / count;
+}
 #endif
 
-void add_color(uint voxel, uint weight, ivec3 weights) {
+void add_color(uint voxel, uint weight, ivec3 weights, int i, int j, uint points) {
   uvec3 w = weights15(weights);
   uvec4 color = (corner_color0 * w.x + corner_color1 * w.y + corner_color2 * w.z) >> 15;
 #if ATTRIBUTE_TEXTURE
-  uvec4 texel = sample_texture(weights);
-  color = uvec4(product16(color.x, texel.x), product16(color.y, texel.y),
-                product16(color.z, texel.z), product16(color.w, texel.w));
+  if (((visited_flags >> ATTRIBUTE_FLAT_SHIFT) & 1u) == 0u) {
+    uvec4 texel = sample_texture(weights, i, j, points);
+    color = uvec4(product16(color.x, texel.x), product16(color.y, texel.y),
+                  product16(color.z, texel.z), product16(color.w, texel.w));
+  }
 #endif
   add_to_sum(voxel, 1u, weight * color.x);
   add_to_sum(voxel, 2u, weight * color.y);
@@ -83,11 +125,13 @@ void visit_cell(int i, int j, int k) {
   uint voxel;
   if (!find_voxel(i, j, k, voxel)) return;
   uint points = column_points & lattice_in_cell(visited, column_depth, k);
-  uint weight = points == 0u ? 1u : uint(bitCount(points)) * visited.factor;
+  uint weight = visited_weight != 0u ? visited_weight
+                : points == 0u       ? 1u
+                                     : uint(bitCount(points)) * visited.factor;
   ivec3 weights = corner_weights(visited, sample_position(visited, i, j, points));
   add_to_sum(voxel, 0u, weight);
 #if ATTRIBUTE_COLOR
-  add_color(voxel, weight, weights);
+  add_color(voxel, weight, weights, i, j, points);
 #endif
 #if ATTRIBUTE_NORMAL
   add_normal(voxel, weight, weights);
@@ -104,6 +148,7 @@ ivec2 read_uv(int word) { return ivec2(int(attribute_word(word)), int(attribute_
 // v: corners, swizzled.
 void read_attributes(ivec3 v0, ivec3 v1, ivec3 v2) {
   visited_flags = attribute_word(ATTRIBUTE_FLAGS);
+  visited_weight = attribute_word(ATTRIBUTE_WEIGHT);
   int64_t reciprocal = int64_t(attribute_word(ATTRIBUTE_RECIPROCAL)) |
                        (int64_t(attribute_word(ATTRIBUTE_RECIPROCAL + 1)) << 32);
   visited = attribute_setup(v0, v1, v2, int(attribute_word(ATTRIBUTE_SLOPE_I)),
@@ -122,5 +167,6 @@ void read_attributes(ivec3 v0, ivec3 v1, ivec3 v2) {
   corner_uv0 = read_uv(ATTRIBUTE_UVS);
   corner_uv1 = read_uv(ATTRIBUTE_UVS + 2);
   corner_uv2 = read_uv(ATTRIBUTE_UVS + 4);
+  visited_altitude = attribute_word(ATTRIBUTE_ALTITUDE);
 #endif
 }

@@ -183,10 +183,33 @@ uint product16(uint a, uint b) {
   return (p + (p >> 16) + 1u) >> 16;
 }
 
-// Texel number, which may be one below 0, in a level of `size` texels.
+// The coarsest level, at most level_max, of which a bilinear tap at these weights reads nothing
+// beyond the triangle's sides; 0 where none is fine enough. altitude: ATTRIBUTE_ALTITUDE.
+int tap_level(ivec3 weights, uint altitude, int level_max) {
+  uint least = uint(min(weights.x, min(weights.y, weights.z))) >> 9;
+  return min(level_max, max(findMSB((least * altitude) >> 18), 0));
+}
+
+// Points of the lattice that share a tap: 2 x 2 of them, number 0..3.
+uint tap_points(uint points, int number) {
+  return points & (0x33u << (2 * (number & 1) + 8 * (number >> 1)));
+}
+
+// Of a texture coordinate, in 1/256 texel from texel centre 0 of a level, within one period: from
+// -128 to that of the period's end.
+int level_coordinate(int uv, int size, uint wrap) {
+  int one = 1 << ATTRIBUTE_UV_BITS;
+  int within = wrap == uint(ATTRIBUTE_WRAP_CLAMP)    ? clamp(uv, 0, one)
+               : wrap == uint(ATTRIBUTE_WRAP_REPEAT) ? uv & (one - 1)
+                                                     : uv & (2 * one - 1);
+  return int((int64_t(within) * int64_t(size)) >> (ATTRIBUTE_UV_BITS - 8)) - 128;
+}
+
+// Texel number of x, which is at most one beyond the period that level_coordinate() gives; `size`
+// texels a side. No modulo: it would cost more than the rest of a tap.
 int wrap_texel(int x, int size, uint wrap) {
   if (wrap == uint(ATTRIBUTE_WRAP_CLAMP)) return clamp(x, 0, size - 1);
-  if (wrap == uint(ATTRIBUTE_WRAP_REPEAT)) return (x + size) % size;
-  int y = (x + 2 * size) % (2 * size);
-  return y < size ? y : 2 * size - 1 - y;
+  int period = wrap == uint(ATTRIBUTE_WRAP_REPEAT) ? size : 2 * size;
+  int y = x < 0 ? x + period : x >= period ? x - period : x;
+  return y < size ? y : period - 1 - y;
 }

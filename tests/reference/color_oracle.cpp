@@ -43,19 +43,26 @@ double area_of(const Point& a, const Point& b, const Point& c) {
                           u[0] * v[1] - u[1] * v[0]);
 }
 
-constexpr int kSubdivisions = 6;  // 36 sample triangles per fan triangle
+constexpr int kSubdivisionsMin = 6;  // 36 sample triangles per fan triangle
+
+double length_of(const Point& a, const Point& b) {
+  return std::hypot(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
+}
 
 // Integrates the colour over the fan triangle (a, b, c).
 void integrate(const Corner& a, const Corner& b, const Corner& c, size_t t, const ColorAt& color_at,
-               CellColor& sum) {
-  const double part = area_of(a.p, b.p, c.p) / (kSubdivisions * kSubdivisions);
+               double samples_per_voxel, CellColor& sum) {
+  const double longest = std::max({length_of(a.p, b.p), length_of(b.p, c.p), length_of(c.p, a.p)});
+  const int subdivisions =
+      std::max(kSubdivisionsMin, static_cast<int>(std::ceil(longest * samples_per_voxel)));
+  const double part = area_of(a.p, b.p, c.p) / (subdivisions * subdivisions);
   if (part <= 0) return;
-  for (int i = 0; i < kSubdivisions; ++i) {
-    for (int j = 0; j < 2 * (kSubdivisions - i) - 1; ++j) {
+  for (int i = 0; i < subdivisions; ++i) {
+    for (int j = 0; j < 2 * (subdivisions - i) - 1; ++j) {
       // Centroids of the upright and the inverted small triangles of row i.
       const double shift = j % 2 == 0 ? 1.0 / 3 : 2.0 / 3;
-      const double u = (i + shift) / kSubdivisions;
-      const double v = (j / 2 + shift) / kSubdivisions;
+      const double u = (i + shift) / subdivisions;
+      const double v = (j / 2 + shift) / subdivisions;
       std::array<double, 3> bary{};
       for (int k = 0; k < 3; ++k) {
         bary[k] = a.bary[k] * (1 - u - v) + b.bary[k] * u + c.bary[k] * v;
@@ -70,7 +77,8 @@ void integrate(const Corner& a, const Corner& b, const Corner& c, size_t t, cons
 }  // namespace
 
 std::map<size_t, CellColor> average_colors(const std::vector<Triangle>& triangles,
-                                           const OracleGrid& grid, const ColorAt& color_at) {
+                                           const OracleGrid& grid, const ColorAt& color_at,
+                                           double samples_per_voxel) {
   std::map<size_t, CellColor> cells;
   for (size_t t = 0; t < triangles.size(); ++t) {
     Polygon whole(3);
@@ -99,7 +107,7 @@ std::map<size_t, CellColor> average_colors(const std::vector<Triangle>& triangle
           CellColor& sum = cells[x + static_cast<size_t>(grid.dims[0]) *
                                          (y + static_cast<size_t>(grid.dims[1]) * z)];
           for (size_t i = 1; i + 1 < part.size(); ++i) {
-            integrate(part[0], part[i], part[i + 1], t, color_at, sum);
+            integrate(part[0], part[i], part[i + 1], t, color_at, samples_per_voxel, sum);
           }
         }
       }

@@ -22,8 +22,11 @@ struct CellColor {
 };
 
 // Keyed by x + dims.x * (y + dims.y * z). Cells that are touched without area are absent.
+// samples_per_voxel: along a side of what a triangle and a cell have in common, for colours that
+// change faster than a sixth of that side.
 std::map<size_t, CellColor> average_colors(const std::vector<Triangle>& triangles,
-                                           const OracleGrid& grid, const ColorAt& color_at);
+                                           const OracleGrid& grid, const ColorAt& color_at,
+                                           double samples_per_voxel = 0);
 
 // IEC 61966-2-1.
 double srgb_from_linear(double linear);

@@ -23,6 +23,8 @@ constexpr size_t kOctantCount = size_t{kOctantsPerSide} * kOctantsPerSide * kOct
 constexpr uint32_t kOctantBricks = 64;
 // A triangle that reaches more is looked at by every octant instead of standing in so many lists.
 constexpr int kListedOctantsMax = 8;
+// Fewer in an octant are summed by one thread.
+constexpr size_t kSharedTrianglesMin = 4096;
 
 struct Box {
   glm::ivec3 first{0}, last{0};  // inclusive; empty where last < first
@@ -133,6 +135,13 @@ void CpuAttributes::add_triangle(const TileBin& bin, uint32_t triangle,
   const Box box = cell_box(q);
   const Box common = {glm::max(box.first, target.cell_first), glm::min(box.last, target.cell_last)};
   if (common.empty()) return;
+  const bool is_flat = !target.channels.color || plan_->records->has_flat_color(triangle);
+  if (is_flat && box.first == box.last && !target.channels.normal && target.nearest == nullptr) {
+    OneCellSource source{box.first, one_cell_weight(q), {}};
+    if (target.channels.color) source.linear16 = plan_->records->flat_color(triangle);
+    add_one_cell(source, target);
+    return;
+  }
   const CornerOrder order = corner_order(q);
   AttributeSource source;
   source.corners = {q[order.corner[0]], q[order.corner[1]], q[order.corner[2]]};
@@ -214,9 +223,7 @@ void CpuAttributes::find_nearest(const TileBin& bin, const Octant& octant, Attri
   }
 }
 
-void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Worker& worker,
-                               SparseTile& tile) const {
-  const AttributeChannels& channels = plan_->channels.summed;
+AttributeTarget CpuAttributes::target_of(const TileInput& input, const Octant& octant) const {
   const auto place = morton_decode(octant.morton);
   AttributeTarget target;
   target.mask = input.mask;
@@ -225,10 +232,16 @@ void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Wor
   target.cell_last =
       glm::min(target.cell_first + (kOctantSide - 1), tile_cell_max(plan_->spec, input.bin.coord));
   target.voxel_first = octant.voxel_first;
-  target.channels = channels;
+  target.channels = plan_->channels.summed;
+  return target;
+}
+
+void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Worker& worker,
+                               SparseTile& tile) const {
+  AttributeTarget target = target_of(input, octant);
   const std::span<const uint32_t> triangles = octant_triangles(octant, worker);
   if (!input.is_started && plan_->needs_sums()) {
-    worker.sums.assign(octant.voxel_count * channels.count(), 0);
+    worker.sums.assign(octant.voxel_count * target.channels.count(), 0);
     target.sums = worker.sums.data();
     for (const uint32_t triangle : triangles) add_triangle(input.bin, triangle, target);
     resolve_voxels(worker.sums, plan_->resolve_options(), octant.voxel_first, tile);
@@ -243,6 +256,10 @@ void CpuAttributes::run_octant(const TileInput& input, const Octant& octant, Wor
 void CpuAttributes::run_octants(const TileInput& input, SparseTile& tile) {
   find_octants(tile);
   if (octants_.empty()) return;
+  if (shares_octants(input)) {
+    run_shared_octants(input, tile);
+    return;
+  }
   sort_triangles(input.bin);
   std::atomic<size_t> next = 0;
   const auto count =
@@ -252,6 +269,36 @@ void CpuAttributes::run_octants(const TileInput& input, SparseTile& tile) {
       run_octant(input, octants_[o], workers_[static_cast<size_t>(worker)], tile);
     }
   });
+}
+
+bool CpuAttributes::shares_octants(const TileInput& input) const {
+  const bool sums_alone =
+      !input.is_started && plan_->needs_sums() && !plan_->channels.nearest && plan_->ids.empty();
+  return sums_alone && octants_.size() < static_cast<size_t>(pool_->threads()) &&
+         input.bin.triangles.size() >= kSharedTrianglesMin;
+}
+
+void CpuAttributes::run_shared_octants(const TileInput& input, SparseTile& tile) {
+  const auto threads = static_cast<size_t>(pool_->threads());
+  const std::span<const uint32_t> triangles = input.bin.triangles;
+  for (const Octant& octant : octants_) {
+    const AttributeTarget target = target_of(input, octant);
+    const size_t sum_count = octant.voxel_count * target.channels.count();
+    pool_->run(pool_->threads(), [&](int worker) {
+      const auto number = static_cast<size_t>(worker);
+      AttributeTarget own = target;
+      workers_[number].sums.assign(sum_count, 0);
+      own.sums = workers_[number].sums.data();
+      const size_t begin = triangles.size() * number / threads;
+      const size_t end = triangles.size() * (number + 1) / threads;
+      for (size_t t = begin; t < end; ++t) add_triangle(input.bin, triangles[t], own);
+    });
+    std::vector<uint64_t>& sums = workers_[0].sums;
+    for (size_t w = 1; w < threads; ++w) {
+      for (size_t i = 0; i < sum_count; ++i) sums[i] += workers_[w].sums[i];
+    }
+    resolve_voxels(sums, plan_->resolve_options(), octant.voxel_first, tile);
+  }
 }
 
 void CpuAttributes::run(const TileBin& bin, std::span<const uint32_t> mask,

@@ -75,6 +75,11 @@ class CpuAttributes {
   void find_nearest(const TileBin& bin, const Octant& octant, AttributeTarget target,
                     Worker& worker, SparseTile& tile) const;
   void run_octants(const TileInput& input, SparseTile& tile);
+  // Whether there are fewer octants than threads, and more to do for one than a thread is worth.
+  bool shares_octants(const TileInput& input) const;
+  // All threads add a part of each octant's triangles to sums of their own.
+  void run_shared_octants(const TileInput& input, SparseTile& tile);
+  AttributeTarget target_of(const TileInput& input, const Octant& octant) const;
   void run_octant(const TileInput& input, const Octant& octant, Worker& worker,
                   SparseTile& tile) const;
 

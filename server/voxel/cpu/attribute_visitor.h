@@ -39,4 +39,12 @@ struct AttributeSource {
 
 void add_attributes(const AttributeSource& source, const AttributeTarget& target);
 
+// A triangle that lies within one cell and has one colour; no normals are summed.
+struct OneCellSource {
+  glm::ivec3 cell{0};   // in the tile
+  uint32_t weight = 0;  // one_cell_weight()
+  std::array<uint16_t, 4> linear16{};
+};
+void add_one_cell(const OneCellSource& source, const AttributeTarget& target);
+
 }  // namespace voxeld

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <random>
+#include <vector>
 
 #include "shaders/glsl.h"
 
@@ -210,6 +211,55 @@ TEST(AttributesShader, slivers_weigh_the_ends_of_their_longest_side) {
   EXPECT_LE(w.x, 1);
 }
 
+TEST(AttributesShader, taps_are_coarser_the_farther_they_are_from_the_sides) {
+  const int one = 1 << 24;
+  const ivec3 middle(one / 3, one / 3, one - 2 * (one / 3));
+  // Altitude in texels; the sides are a third of it away, and 3/2 2^level is less than that.
+  for (const auto& [texels, level] : {std::pair{0, 0},
+                                      {4, 0},
+                                      {8, 0},
+                                      {10, 1},
+                                      {17, 1},
+                                      {19, 2},
+                                      {37, 3},
+                                      {290, 6},
+                                      {9000, 10}}) {
+    const auto altitude = static_cast<uint>(std::min(65535, texels * 16 / 3));
+    EXPECT_EQ(tap_level(middle, altitude, 15), level) << texels;
+    EXPECT_EQ(tap_level(middle, altitude, 2), std::min(level, 2)) << texels;
+  }
+  EXPECT_EQ(tap_level({one, 0, 0}, 65535, 15), 0);
+  EXPECT_EQ(tap_level({0, one - 5, 5}, 65535, 15), 0);
+}
+
+TEST(AttributesShader, quarters_of_a_column_share_its_points_out) {
+  uint all = 0;
+  for (int number = 0; number < 4; ++number) {
+    const uint part = tap_points(0xffffu, number);
+    EXPECT_EQ(bitCount(part), 4);
+    EXPECT_EQ(all & part, 0u);
+    all |= part;
+  }
+  EXPECT_EQ(all, 0xffffu);
+  EXPECT_EQ(tap_points(0xffffu, 3), 0xcc00u);
+}
+
+TEST(AttributesShader, coordinates_of_a_texture_wrap_at_every_size) {
+  const int one = 1 << ATTRIBUTE_UV_BITS;
+  for (const int size : {1, 3, 256, 32768}) {
+    const int last = 256 * size - 128;  // at the far side
+    EXPECT_EQ(level_coordinate(0, size, ATTRIBUTE_WRAP_CLAMP), -128);
+    EXPECT_EQ(level_coordinate(-5 * one, size, ATTRIBUTE_WRAP_CLAMP), -128);
+    EXPECT_EQ(level_coordinate(7 * one, size, ATTRIBUTE_WRAP_CLAMP), last);
+    EXPECT_EQ(level_coordinate(one / 2, size, ATTRIBUTE_WRAP_REPEAT), 128 * size - 128);
+    EXPECT_EQ(level_coordinate(-2000 * one - one / 2, size, ATTRIBUTE_WRAP_REPEAT),
+              128 * size - 128);
+    EXPECT_EQ(level_coordinate(2047 * one, size, ATTRIBUTE_WRAP_REPEAT), -128);
+    EXPECT_EQ(level_coordinate(-one / 2, size, ATTRIBUTE_WRAP_MIRROR), 384 * size - 128);
+    EXPECT_EQ(level_coordinate(one, size, ATTRIBUTE_WRAP_MIRROR), last);
+  }
+}
+
 TEST(AttributesShader, a_triangle_of_one_point_has_weights_and_no_lattice_points) {
   const ivec3 p(300, 300, 300);
   const AttributeTriangle t = attribute_setup(p, p, p, 0, 0, 0, 0u);
@@ -226,15 +276,16 @@ TEST(AttributesShader, products_of_fractions_keep_white_and_black) {
   }
 }
 
+// One period, and one texel beyond it on either side.
 TEST(AttributesShader, texels_wrap) {
-  const auto row = [](uint wrap) {
-    std::array<int, 8> at{};
-    for (int x = -1; x < 7; ++x) at[static_cast<size_t>(x + 1)] = wrap_texel(x, 3, wrap);
+  const auto row = [](uint wrap, int last) {
+    std::vector<int> at;
+    for (int x = -1; x <= last; ++x) at.push_back(wrap_texel(x, 3, wrap));
     return at;
   };
-  EXPECT_EQ(row(ATTRIBUTE_WRAP_REPEAT), (std::array{2, 0, 1, 2, 0, 1, 2, 0}));
-  EXPECT_EQ(row(ATTRIBUTE_WRAP_CLAMP), (std::array{0, 0, 1, 2, 2, 2, 2, 2}));
-  EXPECT_EQ(row(ATTRIBUTE_WRAP_MIRROR), (std::array{0, 0, 1, 2, 2, 1, 0, 0}));
+  EXPECT_EQ(row(ATTRIBUTE_WRAP_REPEAT, 3), (std::vector{2, 0, 1, 2, 0}));
+  EXPECT_EQ(row(ATTRIBUTE_WRAP_CLAMP, 3), (std::vector{0, 0, 1, 2, 2}));
+  EXPECT_EQ(row(ATTRIBUTE_WRAP_MIRROR, 6), (std::vector{0, 0, 1, 2, 2, 1, 0, 0}));
 }
 
 }  // namespace

@@ -1,0 +1,352 @@
+// color=average of textures that are atlases: charts of strongly different colours, with black
+// between them, against dense sampling of the surface.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <initializer_list>
+#include <iostream>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "server/base/file.h"
+#include "server/scene/load.h"
+#include "server/voxel/voxelize.h"
+#include "tests/reference/color_oracle.h"
+#include "tests/reference/texture_oracle.h"
+
+namespace voxeld {
+namespace {
+
+// Bounds of the mean and the 95th percentile, of 255.
+constexpr double kMeanMax = 2.0, kP95Max = 10.0;
+
+// At 48 a voxel holds several charts or stripes, whose areas 16 points measure; means up
+// to 2.5 and percentiles up to 11.1 (CesiumMan).
+double allowance(int size) {
+  return size < 64 ? 1.25 : 1.0;
+}
+
+// Differences of bytes of red, green and blue.
+struct ColorError {
+  double mean = 0, p95 = 0;
+  size_t voxels = 0;
+};
+
+// The surface as the oracle sees it.
+struct Surface {
+  std::vector<reference::Triangle> triangles;
+  struct Source {
+    const MeshPart* part;
+    size_t first_index;
+  };
+  std::vector<Source> sources;
+};
+
+Surface surface_of(const Scene& scene) {
+  Surface surface;
+  for (const MeshPart& part : scene.parts) {
+    for (size_t i = 0; i + 2 < part.indices.size(); i += 3) {
+      reference::Triangle triangle;
+      for (size_t k = 0; k < 3; ++k) {
+        const glm::dvec3& p = part.positions[part.indices[i + k]];
+        triangle[k] = {p.x, p.y, p.z};
+      }
+      surface.triangles.push_back(triangle);
+      surface.sources.push_back({&part, i});
+    }
+  }
+  return surface;
+}
+
+reference::Edge edge_of(Wrap wrap) {
+  if (wrap == Wrap::kClamp) return reference::Edge::kClamp;
+  return wrap == Wrap::kRepeat ? reference::Edge::kRepeat : reference::Edge::kMirror;
+}
+
+// Base colour, vertex colour and texture at a point of triangle t.
+std::array<double, 4> surface_color(const Scene& scene, const Surface& surface, size_t t,
+                                    const std::array<double, 3>& bary) {
+  const auto& [part, first] = surface.sources[t];
+  std::array<double, 4> color{1, 1, 1, 1}, vertex{};
+  glm::dvec2 uv(0.0);
+  for (size_t k = 0; k < 3; ++k) {
+    const uint32_t index = part->indices[first + k];
+    if (!part->uvs.empty()) uv += bary[k] * glm::dvec2(part->uvs[index]);
+    if (part->colors.empty()) continue;
+    for (int c = 0; c < 4; ++c) {
+      vertex[static_cast<size_t>(c)] += bary[k] * double(part->colors[index][c]);
+    }
+  }
+  if (!part->colors.empty()) color = vertex;
+  if (part->material < 0) return color;
+  const Material& material = scene.materials[static_cast<size_t>(part->material)];
+  for (int c = 0; c < 4; ++c) color[static_cast<size_t>(c)] *= double(material.base_color[c]);
+  if (part->uvs.empty() || material.image < 0) return color;
+  const Image& image = scene.images[static_cast<size_t>(material.image)];
+  const reference::Texture texture{image.width, image.height, image.rgba, edge_of(material.wrap_u),
+                                   edge_of(material.wrap_v)};
+  const auto texel = reference::texture_color(texture, uv.x, uv.y);
+  for (size_t c = 0; c < 4; ++c) color[c] *= texel[c];
+  return color;
+}
+
+// Of a voxel's side: less may be missed by all of the 16 points by which surface is measured.
+constexpr double kAreaMin = 1.0 / 16;
+
+ColorError color_error(const Scene& scene, int size, double samples_per_voxel) {
+  VoxelizeOptions options;
+  options.placement.size = size;
+  options.color = ColorMode::kAverage;
+  Voxelizer voxelizer;
+  VoxelizeStats stats;
+  auto grid = voxelizer.voxelize(scene, options, {}, &stats);
+  EXPECT_TRUE(grid.ok()) << grid.error().message();
+  const GridSpec& spec = grid->spec;
+  const Surface surface = surface_of(scene);
+  const auto expected = reference::average_colors(
+      surface.triangles,
+      {{spec.dims.x, spec.dims.y, spec.dims.z},
+       {spec.origin_world.x, spec.origin_world.y, spec.origin_world.z},
+       {spec.voxel_size.x, spec.voxel_size.y, spec.voxel_size.z}},
+      [&](size_t t, const std::array<double, 3>& bary) {
+        return surface_color(scene, surface, t, bary);
+      },
+      samples_per_voxel);
+  std::vector<double> differences;
+  for (const SparseTile& tile : grid->tiles) {
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
+      const auto it = expected.find(
+          static_cast<size_t>(x + int64_t{spec.dims.x} * (y + int64_t{spec.dims.y} * z)));
+      if (it == expected.end() || it->second.area < kAreaMin) return;
+      for (size_t c = 0; c < 3; ++c) {
+        const double want = 255 * reference::srgb_from_linear(it->second.linear_rgba[c]);
+        differences.push_back(std::abs(want - tile.color[4 * voxel + c]));
+      }
+    });
+  }
+  ColorError error;
+  error.voxels = differences.size() / 3;
+  if (differences.empty()) return error;
+  std::ranges::sort(differences);
+  for (const double difference : differences) error.mean += difference;
+  error.mean /= static_cast<double>(differences.size());
+  error.p95 = differences[differences.size() * 95 / 100];
+  double attribute_ms = 0;
+  for (const auto& [name, ms] : stats.passes) attribute_ms += name == "attributes" ? ms : 0;
+  std::cout << "size " << size << ": mean " << error.mean << ", p95 " << error.p95 << ", voxels "
+            << error.voxels << ", attributes " << attribute_ms << " ms" << std::endl;
+  return error;
+}
+
+struct AtlasShape {
+  int charts_u = 24, charts_v = 12;  // over the ball
+  int quads = 1;                     // along a chart's side
+  int texels = 20, gutter = 4;       // of a chart; black texels between two
+  bool patterned = false;            // stripes over the charts' colours
+};
+
+// A ball whose surface is cut into charts, in random order in the atlas.
+Scene atlas_ball(const AtlasShape& shape) {
+  const int count = shape.charts_u * shape.charts_v, pitch = shape.texels + shape.gutter;
+  Scene scene;
+  Image image{"atlas", shape.charts_u * pitch, shape.charts_v * pitch, {}};
+  image.rgba.assign(4 * static_cast<size_t>(image.width) * static_cast<size_t>(image.height), 0);
+  for (size_t i = 3; i < image.rgba.size(); i += 4) image.rgba[i] = 255;
+  std::mt19937 random(5);
+  std::vector<int> places(static_cast<size_t>(count));
+  for (int i = 0; i < count; ++i) places[static_cast<size_t>(i)] = i;
+  for (size_t i = places.size(); i > 1; --i) std::swap(places[i - 1], places[random() % i]);
+  MeshPart part;
+  part.material = 0;
+  const auto on_ball = [&](double u, double v) {
+    const double a = 2 * std::numbers::pi * u, b = std::numbers::pi * (v - 0.5);
+    return glm::dvec3(std::cos(b) * std::cos(a), std::cos(b) * std::sin(a), std::sin(b));
+  };
+  for (int chart = 0; chart < count; ++chart) {
+    const int place = places[static_cast<size_t>(chart)];
+    const int left = place % shape.charts_u * pitch + shape.gutter / 2;
+    const int top = place / shape.charts_u * pitch + shape.gutter / 2;
+    std::array<uint32_t, 3> color{};
+    for (uint32_t& c : color) c = static_cast<uint32_t>(random() % 256);
+    for (int y = 0; y < shape.texels; ++y) {
+      for (int x = 0; x < shape.texels; ++x) {
+        uint8_t* texel = &image.rgba[4 * (static_cast<size_t>(top + y) * size_t(image.width) +
+                                          static_cast<size_t>(left + x))];
+        const uint32_t shade =
+            shape.patterned ? 4 - static_cast<uint32_t>(x * 3 / shape.texels) : 4;
+        for (size_t c = 0; c < 3; ++c) texel[c] = static_cast<uint8_t>(color[c] * shade / 4);
+      }
+    }
+    // Half a texel inside, as atlases are made: bilinear sampling stays within the chart.
+    const auto first = static_cast<uint32_t>(part.positions.size());
+    const int n = shape.quads;
+    for (int j = 0; j <= n; ++j) {
+      for (int i = 0; i <= n; ++i) {
+        const double s = double(i) / n, t = double(j) / n;
+        part.positions.push_back(on_ball((chart % shape.charts_u + s) / shape.charts_u,
+                                         (chart / shape.charts_u + t) / shape.charts_v));
+        part.uvs.emplace_back((left + 0.5 + s * (shape.texels - 1)) / image.width,
+                              (top + 0.5 + t * (shape.texels - 1)) / image.height);
+      }
+    }
+    for (int j = 0; j < n; ++j) {
+      for (int i = 0; i < n; ++i) {
+        const uint32_t a = first + static_cast<uint32_t>(j * (n + 1) + i);
+        const uint32_t b = a + 1, d = a + static_cast<uint32_t>(n) + 1, c = d + 1;
+        part.indices.insert(part.indices.end(), {a, b, c, a, c, d});
+      }
+    }
+  }
+  scene.materials.emplace_back();
+  scene.materials[0].image = 0;
+  scene.images.push_back(std::move(image));
+  scene.parts.push_back(std::move(part));
+  return scene;
+}
+
+void expect_close(const Scene& scene, std::initializer_list<int> sizes, double samples_per_voxel) {
+  for (const int size : sizes) {
+    const ColorError error = color_error(scene, size, samples_per_voxel);
+    ASSERT_GT(error.voxels, 1000u);
+    EXPECT_LE(error.mean, kMeanMax * allowance(size)) << "size " << size;
+    EXPECT_LE(error.p95, kP95Max * allowance(size)) << "size " << size;
+  }
+}
+
+TEST(AtlasColor, charts_of_a_few_large_triangles_keep_their_colours) {
+  expect_close(atlas_ball({}), {48, 128, 256}, 0);
+}
+
+TEST(AtlasColor, charts_of_many_small_triangles_keep_their_colours) {
+  expect_close(atlas_ball({.quads = 8}), {48, 128}, 0);
+}
+
+TEST(AtlasColor, charts_of_many_texels_keep_their_colours) {
+  expect_close(atlas_ball({.quads = 2, .texels = 120, .gutter = 8, .patterned = true}), {48}, 12);
+  expect_close(atlas_ball({.quads = 2, .texels = 120, .gutter = 8, .patterned = true}), {128}, 0);
+}
+
+TEST(AtlasColor, charts_of_a_texel_or_two_to_a_triangle_keep_their_colours) {
+  const AtlasShape shape{.charts_u = 12, .charts_v = 6, .quads = 4, .texels = 6, .patterned = true};
+  expect_close(atlas_ball(shape), {48, 128}, 0);
+}
+
+// A square of quads^2 quads with a red chart in a green image.
+Scene red_square(int quads) {
+  constexpr int kSide = 512, kFirst = 200, kTexels = 64;
+  Scene scene;
+  Image image{"chart", kSide, kSide, {}};
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      const bool is_inside =
+          x >= kFirst && x < kFirst + kTexels && y >= kFirst && y < kFirst + kTexels;
+      const std::array<uint8_t, 4> red{255, 0, 0, 255}, green{0, 255, 0, 255};
+      const auto& color = is_inside ? red : green;
+      image.rgba.insert(image.rgba.end(), color.begin(), color.end());
+    }
+  }
+  MeshPart part;
+  part.material = 0;
+  for (int j = 0; j <= quads; ++j) {
+    for (int i = 0; i <= quads; ++i) {
+      // Texels between whose centres the surface lies are red.
+      const auto uv = [&](int k) { return (kFirst + 1 + (kTexels - 2.0) * k / quads) / kSide; };
+      part.positions.emplace_back(double(i) / quads, double(j) / quads, 0.3 * i / quads);
+      part.uvs.emplace_back(uv(i), uv(j));
+    }
+  }
+  for (int j = 0; j < quads; ++j) {
+    for (int i = 0; i < quads; ++i) {
+      const auto a = static_cast<uint32_t>(j * (quads + 1) + i);
+      const uint32_t b = a + 1, d = a + static_cast<uint32_t>(quads) + 1, c = d + 1;
+      part.indices.insert(part.indices.end(), {a, b, c, a, c, d});
+    }
+  }
+  scene.materials.emplace_back();
+  scene.materials[0].image = 0;
+  scene.images.push_back(std::move(image));
+  scene.parts.push_back(std::move(part));
+  return scene;
+}
+
+TEST(AtlasColor, nothing_beside_a_chart_shows_in_its_colour) {
+  for (const int quads : {1, 3, 20}) {
+    const Scene scene = red_square(quads);
+    for (const ColorMode mode : {ColorMode::kAverage, ColorMode::kDominant, ColorMode::kNearest}) {
+      for (const int size : {1, 2, 3, 7, 16, 40, 100}) {
+        VoxelizeOptions options;
+        options.placement.size = size;
+        options.color = mode;
+        Voxelizer voxelizer;
+        const auto grid = voxelizer.voxelize(scene, options, {}, nullptr);
+        ASSERT_TRUE(grid.ok()) << grid.error().message();
+        for (const SparseTile& tile : grid->tiles) {
+          ASSERT_FALSE(tile.color.empty());
+          for (size_t i = 0; i < tile.color.size(); i += 4) {
+            ASSERT_EQ(tile.color[i], 255) << quads << " quads, size " << size;
+            ASSERT_EQ(tile.color[i + 1], 0) << quads << " quads, size " << size;
+          }
+        }
+      }
+    }
+  }
+}
+
+// A grid of one octant: threads share its triangles.
+TEST(AtlasColor, colours_do_not_depend_on_the_number_of_threads) {
+  const Scene scene = atlas_ball({.quads = 5});
+  ASSERT_GT(scene.triangle_count(), 10'000u);
+  for (const bool with_normals : {false, true}) {
+    VoxelizeOptions options;
+    options.placement.size = 24;
+    options.channels_given = options.channel_color = true;
+    options.channel_normal = with_normals;
+    const auto one = Voxelizer(nullptr, 1).voxelize(scene, options, {}, nullptr);
+    const auto five = Voxelizer(nullptr, 5).voxelize(scene, options, {}, nullptr);
+    ASSERT_TRUE(one.ok() && five.ok());
+    EXPECT_EQ(one->tiles, five->tiles);
+  }
+}
+
+Result<Scene> real_scene(const std::string& folder, const std::string& mesh) {
+  std::vector<MappedFile> files;
+  std::vector<BundledFile> named;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    if (!entry.is_regular_file()) continue;
+    VOXELD_ASSIGN(MappedFile file, MappedFile::open(entry.path().string()));
+    named.push_back({entry.path().filename().string(), file.bytes()});
+    files.push_back(std::move(file));
+  }
+  const auto bundle = files_bundle(named);
+  return load_scene("bundle!" + mesh, *bundle);
+}
+
+TEST(AtlasColor, real_textured_meshes_have_the_colours_of_their_surface) {
+  const char* data = std::getenv("VOXELD_DATA_DIR");
+  if (data == nullptr) GTEST_SKIP() << "VOXELD_DATA_DIR is not set: no real meshes";
+  for (const auto& [folder, mesh] : {std::pair{"/gltf", "Duck.glb"},
+                                     {"/gltf", "CesiumMan.glb"},
+                                     {"/gltf/Fox", "Fox.gltf"},
+                                     {"/md5/bob", "Bob.md5mesh"},
+                                     {"/obj/spot", "spot_triangulated.obj"},
+                                     {"/obj/spider", "spider.obj"}}) {
+    const auto scene = real_scene(std::string(data) + folder, mesh);
+    ASSERT_TRUE(scene.ok()) << scene.error().message();
+    ASSERT_FALSE(scene->images.empty()) << mesh;
+    std::cout << mesh << "\n";
+    for (const int size : {48, 128, 256}) {
+      const ColorError error = color_error(*scene, size, size > 100 ? 0 : 12);
+      EXPECT_LE(error.mean, kMeanMax * allowance(size)) << mesh << ", size " << size;
+      EXPECT_LE(error.p95, kP95Max * allowance(size)) << mesh << ", size " << size;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace voxeld
