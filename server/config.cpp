@@ -111,6 +111,13 @@ void add_storage(CLI::App& serve, ServeConfig& config) {
            "Assets go so long after they were used last (0: never)", "VOXELD_KEEP_ASSETS_DAYS");
   add_days("--keep-jobs-days", config.keep_jobs_days,
            "Jobs are forgotten so long after they ended (0: never)", "VOXELD_KEEP_JOBS_DAYS");
+  add_days("--keep-orphans-days", config.keep_orphans_days,
+           "Files that the database does not know stay so long in DIR/quarantine (0: for ever)",
+           "VOXELD_KEEP_ORPHANS_DAYS");
+  // No variable: it is for one start.
+  serve.add_flag("--adopt", config.adopts_store,
+                 "Go on with a database that is not the one of the files, or is older: files that "
+                 "it does not know go to DIR/quarantine");
 }
 
 CLI::Option* add_sandbox(CLI::App& command, std::string& mode) {
@@ -262,6 +269,14 @@ CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
                  "Compare every file in the data directory with its name, and the database with "
                  "the files")
       ->excludes(calibrate);
+  CLI::Option* rebuild =
+      doctor
+          ->add_flag("--rebuild", command.rebuild,
+                     "Make assets, grids and sequences known again to a new or older database, as "
+                     "far as their files tell what they are")
+          ->excludes(calibrate);
+  doctor->add_option("--tenant", command.tenant, "Whose they become, where there are API keys")
+      ->needs(rebuild);
   doctor
       ->add_option("--data", command.data_dir,
                    "Directory of calibration.json and of the store; as of serve")

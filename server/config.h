@@ -36,6 +36,8 @@ struct ServeConfig {
   double keep_results_days = 0;
   double keep_assets_days = 0;
   double keep_jobs_days = 0;
+  double keep_orphans_days = 7;
+  bool adopts_store = false;    // --adopt
   double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
   double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
   std::string shader_dir;
@@ -58,9 +60,11 @@ struct WorkerCommand {
 struct DoctorCommand {
   bool json = false;
   bool calibrate = false;
-  bool store = false;                // look at the data directory instead of the devices
-  std::filesystem::path data_dir;    // of calibration.json; default: as of serve
-  std::vector<std::string> devices;  // to calibrate; empty: all that work
+  bool store = false;                 // look at the data directory instead of the devices
+  bool rebuild = false;               // make a database for the blobs of the data directory
+  std::optional<std::string> tenant;  // rebuild: whose what is found becomes
+  std::filesystem::path data_dir;     // of calibration.json; default: as of serve
+  std::vector<std::string> devices;   // to calibrate; empty: all that work
 };
 
 struct KeysCommand {

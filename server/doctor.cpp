@@ -220,6 +220,7 @@ void print_json(const std::vector<DeviceProbe>& probes, const gpu::AutoChoice& c
 }  // namespace
 
 int doctor_main(const std::string& self_executable, const DoctorCommand& command) {
+  if (command.rebuild) return doctor_rebuild_main(command);
   if (command.store) return doctor_store_main(command);
   const std::vector<DeviceProbe> probes = gpu::probe_devices(self_executable);
   const gpu::AutoChoice choice = gpu::choose_device(probes);

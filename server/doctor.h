@@ -17,4 +17,8 @@ int doctor_main(const std::string& self_executable, const DoctorCommand& command
 // Also while a daemon runs on it. Exit status: 0; 1 when something is damaged or missing.
 int doctor_store_main(const DoctorCommand& command);
 
+// `voxeld doctor --rebuild`: makes what the data directory holds known to its database. No daemon
+// may run on it. Exit status: 0; 1 when that failed.
+int doctor_rebuild_main(const DoctorCommand& command);
+
 }  // namespace voxeld

@@ -3,6 +3,7 @@
 
 #include "server/doctor.h"
 #include "server/jobs/store_check.h"
+#include "server/jobs/store_rebuild.h"
 
 namespace voxeld {
 namespace {
@@ -17,7 +18,7 @@ void print_text(const StoreReport& report) {
               static_cast<long long>(report.assets), static_cast<long long>(report.results));
   std::printf("files      %lld, %.1f MB, read in %.1f s\n", static_cast<long long>(report.blobs),
               static_cast<double>(report.bytes) / 1e6, report.hash_seconds);
-  std::printf("orphans    %zu files that nothing names; the daemon removes them\n",
+  std::printf("orphans    %zu files that nothing names; the daemon moves them to quarantine\n",
               report.orphans.size());
   std::printf(
       "leftovers  %zu files of uploads and tasks that were cut off; the daemon removes "
@@ -32,8 +33,9 @@ void print_text(const StoreReport& report) {
   }
   std::printf(
       "\n%zu problems. A damaged or missing asset: upload the same bytes again. A result "
-      "or grid: submit the job again.\nThe database or the keys: stop the daemon and put "
-      "back a copy.\n",
+      "or grid: submit the job again.\nThe database: stop the daemon "
+      "and put back a copy, or move it away and run voxeld doctor --rebuild. The keys: put back a "
+      "copy.\n",
       report.problems.size());
 }
 
@@ -57,20 +59,56 @@ void print_json(const StoreReport& report) {
   std::printf("%s\n", object.dump(2, ' ', false, json::error_handler_t::replace).c_str());
 }
 
-}  // namespace
+void print_text(const RebuildReport& report) {
+  const auto number = [](int64_t count) { return static_cast<long long>(count); };
+  std::printf("store      %s\n", report.data_dir.c_str());
+  std::printf("known      %lld files that the database knew\n", number(report.known));
+  std::printf("recovered  %lld assets, %lld grids, %lld sequences%s%s\n", number(report.assets),
+              number(report.grids), number(report.sequences),
+              report.tenant.empty() ? "" : " for tenant ", report.tenant.c_str());
+  std::printf("left       %lld results in other formats, %lld damaged files\n",
+              number(report.outputs), number(report.damaged));
+  std::printf(
+      "The daemon moves what is left to quarantine when it starts. Jobs, names and tenants "
+      "of files are not recovered.\n");
+}
 
-int doctor_store_main(const DoctorCommand& command) {
-  const auto report = check_store(command.data_dir);
+void print_json(const RebuildReport& report) {
+  const json object = {{"data_dir", report.data_dir.string()},
+                       {"tenant", report.tenant},
+                       {"known", report.known},
+                       {"assets", report.assets},
+                       {"grids", report.grids},
+                       {"sequences", report.sequences},
+                       {"outputs", report.outputs},
+                       {"damaged", report.damaged}};
+  std::printf("%s\n", object.dump(2, ' ', false, json::error_handler_t::replace).c_str());
+}
+
+// Prints it as the command wants, or the error to stderr. False: an error.
+template <typename Report>
+bool print(const Result<Report>& report, const DoctorCommand& command) {
   if (!report) {
     std::fprintf(stderr, "voxeld: %s\n", report.error().message().c_str());
-    return 1;
+    return false;
   }
   if (command.json) {
     print_json(*report);
   } else {
     print_text(*report);
   }
-  return report->problems.empty() ? 0 : 1;
+  return true;
+}
+
+}  // namespace
+
+int doctor_rebuild_main(const DoctorCommand& command) {
+  return print(rebuild_store(command.data_dir, command.tenant), command) ? 0 : 1;
+}
+
+int doctor_store_main(const DoctorCommand& command) {
+  const auto report = check_store(command.data_dir);
+  return print(report, command) && report->problems.empty() ? 0 : 1;
 }
 
 }  // namespace voxeld

@@ -107,8 +107,9 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
     jobs.memory_bytes_max = memory_limit_bytes() / kMemoryShareMax * kMemoryShare;
   }
   jobs.weight_of = [&keys](const std::string& tenant) { return keys.weight_of(tenant); };
-  jobs.storage = {config.store_bytes_max, config.disk_reserve_bytes, config.keep_results_days,
-                  config.keep_assets_days, config.keep_jobs_days};
+  jobs.storage = {config.store_bytes_max,  config.disk_reserve_bytes, config.keep_results_days,
+                  config.keep_assets_days, config.keep_jobs_days,     config.keep_orphans_days};
+  jobs.store_match = config.adopts_store ? StoreMatch::kAdopt : StoreMatch::kRequired;
   jobs.limits.job_seconds_max = config.job_seconds_max;
   jobs.limits.worker_memory_bytes_max = config.worker_memory_bytes_max > 0
                                             ? config.worker_memory_bytes_max

@@ -49,7 +49,8 @@ Result<bool> is_needed(SqlConnection& connection, std::string_view id) {
 
 Result<std::vector<std::string>> remove_blobs(SqlConnection& writer, Database& database,
                                               const BlobStore& blobs,
-                                              const std::vector<std::string>& ids) {
+                                              const std::vector<std::string>& ids,
+                                              std::string_view quarantine_day) {
   VOXELD_ASSIGN(std::vector<std::string> unneeded, free_blobs(writer, ids));
   {
     // A reader sees what is committed.
@@ -58,7 +59,8 @@ Result<std::vector<std::string>> remove_blobs(SqlConnection& writer, Database& d
   }
   std::vector<std::string> gone;
   for (std::string& id : unneeded) {
-    const Status removed = blobs.remove(id);
+    const Status removed =
+        quarantine_day.empty() ? blobs.remove(id) : blobs.quarantine(id, quarantine_day);
     if (!removed && removed.error().code == ErrorCode::kConflict) continue;  // uploaded just now
     if (!removed && removed.error().code != ErrorCode::kNotFound) {
       log::warn("cannot remove a blob", {{"blob", id}, {"error", removed.error().message()}});

@@ -15,13 +15,15 @@ namespace voxeld {
 std::string needed_sql(const std::string& column);
 Result<bool> is_needed(SqlConnection& connection, std::string_view id);
 
-// Removes those of `ids` that nothing needs, and that are not pinned. To be called inside
+// Removes those of `ids` that nothing needs, and that are not pinned; to quarantine, where
+// `quarantine_day` is given. To be called inside
 // database.write(), where nothing can start to need one meanwhile. A file cannot be rolled back, so
 // both count: what is committed, and what the transaction that runs is about to commit. Returns
 // those that are no longer there.
 Result<std::vector<std::string>> remove_blobs(SqlConnection& writer, Database& database,
                                               const BlobStore& blobs,
-                                              const std::vector<std::string>& ids);
+                                              const std::vector<std::string>& ids,
+                                              std::string_view quarantine_day = {});
 
 // A blob that a row names, for reading: `what` ("the result of the job j-…") is there and intact.
 // Errors: gone when it was removed to make room, expired, or is damaged, with the `remedy` ("submit

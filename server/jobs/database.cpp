@@ -18,9 +18,16 @@ Status check_integrity(SqlConnection& connection) {
   VOXELD_ASSIGN(const bool row, check.step());
   const std::string answer = row ? check.text(0) : "no answer";
   if (answer == "ok") return {};
-  return Error{ErrorCode::kInternal,
-               "job database is corrupt; move it away or put back a copy. Integrity check", "ok",
+  return Error{ErrorCode::kInternal, std::string(kCorruptDatabase) + ". Integrity check", "ok",
                answer};
+}
+
+// 0 where the database is not tied to a store.
+Result<int64_t> next_generation(SqlConnection& connection) {
+  VOXELD_ASSIGN(SqlStatement row, connection.query("UPDATE store SET generation = generation + 1"
+                                                   " RETURNING generation"));
+  VOXELD_ASSIGN(const bool tied, row.step());
+  return tied ? row.int64(0) : int64_t{0};
 }
 
 }  // namespace
@@ -77,8 +84,20 @@ Status Database::run_operations(const std::vector<Pending*>& batch) {
   // Left over where there was no memory to undo it.
   if (writer_.in_transaction()) VOXELD_TRY(writer_.run("ROLLBACK"));
   VOXELD_TRY(writer_.run("BEGIN IMMEDIATE"));
+  const int64_t before = writer_.total_changes();
   for (Pending* pending : batch) VOXELD_TRY(run_operation(*pending));
-  return writer_.run("COMMIT");
+  int64_t generation = 0;
+  if (writer_.total_changes() != before) {
+    VOXELD_ASSIGN(generation, next_generation(writer_));
+  }
+  VOXELD_TRY(writer_.run("COMMIT"));
+  if (generation > 0 && generation_told_) generation_told_(generation);
+  return {};
+}
+
+void Database::tell_generation(std::function<void(int64_t)> told) {
+  const MutexLock lock(writer_mutex_);
+  generation_told_ = std::move(told);
 }
 
 void Database::undo(const Error& why) {

@@ -31,6 +31,10 @@ class Database {
   // Blocks until the operation's changes are on disk. Errors: the operation's own, or the commit's.
   Status write(const Operation& operation) EXCLUDES(mutex_, writer_mutex_);
 
+  // `told` hears the store's generation after each commit that changed rows, on the thread that
+  // committed (see store_identity.h).
+  void tell_generation(std::function<void(int64_t)> told) EXCLUDES(writer_mutex_);
+
   // A reader that nobody used for so long is closed at the next chance: what a crowd of clients
   // needed for a moment. Opening one takes longer than most of what they are used for, so those in
   // use stay. Of a closed one SQLite keeps the descriptor of the file for the next, since closing
@@ -83,6 +87,7 @@ class Database {
   // Declared before the readers, so that it is closed after them and checkpoints the WAL.
   Mutex writer_mutex_;
   SqlConnection writer_ GUARDED_BY(writer_mutex_);
+  std::function<void(int64_t)> generation_told_ GUARDED_BY(writer_mutex_);
   // The one that was used last is at the end and is taken first.
   std::vector<IdleReader> idle_readers_ GUARDED_BY(mutex_);
 };

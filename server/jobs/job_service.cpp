@@ -27,6 +27,7 @@
 #include "server/jobs/queue_view.h"
 #include "server/jobs/quota.h"
 #include "server/jobs/retention.h"
+#include "server/jobs/store_identity.h"
 #include "server/jobs/store_sweep.h"
 #include "server/jobs/supervisor.h"
 #include "server/jobs/task_server.h"
@@ -47,11 +48,12 @@ constexpr double kWorkerGraceSeconds = 0.5;
 class Service final : public JobService {
  public:
   Service(const JobServiceConfig& config, UniqueFd lock, BlobStore blobs, PartStore parts,
-          std::unique_ptr<Database> database, std::shared_ptr<prometheus::Registry> registry)
+          StoreDatabase store, std::shared_ptr<prometheus::Registry> registry)
       : config_(config),
         lock_(std::move(lock)),
         blobs_(std::move(blobs)),
-        database_(std::move(database)),
+        mark_(std::move(store.mark)),
+        database_(std::move(store.database)),
         jobs_(*database_, [this](std::string_view id) { return blobs_.is_usable(id); }),
         parts_(std::move(parts)),
         assets_(*database_, blobs_),
@@ -145,6 +147,7 @@ class Service final : public JobService {
   const JobServiceConfig config_;
   const UniqueFd lock_;
   BlobStore blobs_;
+  std::unique_ptr<StoreMarkFile> mark_;
   std::unique_ptr<Database> database_;
   JobStore jobs_;
   PartStore parts_;
@@ -195,6 +198,10 @@ Status Service::start() {
   if (recovered > 0) log::info("jobs of an earlier process recovered", {{"jobs", recovered}});
   if (auto removed = assets_.remove_unneeded(); !removed) {  // the disk may be full just now
     log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
+  }
+  // Before anybody asks for them. What cannot be read stays where it is.
+  if (auto restored = retention_.restore_quarantined(); !restored) {
+    log::warn("cannot look into the quarantine", {{"error", restored.error().message()}});
   }
   parts_.remove_unless([this](std::string_view id) {
     const auto job = jobs_.get(Caller::daemon(), id);
@@ -584,10 +591,10 @@ Result<std::unique_ptr<JobService>> start_job_service(
     VOXELD_ASSIGN(UniqueFd lock, prepare_data_dir(config.data_dir));
     VOXELD_ASSIGN(BlobStore blobs, BlobStore::open(config.data_dir));
     VOXELD_ASSIGN(PartStore parts, PartStore::open(config.data_dir));
-    VOXELD_ASSIGN(auto database, Database::open(config.data_dir / "jobs.sqlite"));
+    VOXELD_ASSIGN(StoreDatabase store, open_store_database(blobs, config.store_match));
     auto service =
         std::make_unique<Service>(config, std::move(lock), std::move(blobs), std::move(parts),
-                                  std::move(database), std::move(metrics));
+                                  std::move(store), std::move(metrics));
     VOXELD_TRY(service->start());
     return std::unique_ptr<JobService>(std::move(service));
   } catch (const std::exception& failure) {  // no memory, no threads

@@ -219,7 +219,12 @@ struct StorageLimits {
   double keep_results_days = 0;                   // since they were used last
   double keep_assets_days = 0;                    // the same
   double keep_jobs_days = 0;                      // rows of jobs, since they ended
+  double keep_orphans_days = 7;  // blobs that no row names, in quarantine (0: without limit)
 };
+
+// Whether the database has to be the one of the blobs (store_identity.h). kAdopt: it goes on with
+// what it knows, and the blobs that it does not know go to quarantine.
+enum class StoreMatch { kRequired, kAdopt };
 
 struct JobServiceConfig {
   std::filesystem::path data_dir;
@@ -237,6 +242,7 @@ struct JobServiceConfig {
   std::function<int64_t(const std::string& tenant)> weight_of;
   TaskLimits limits;
   StorageLimits storage;
+  StoreMatch store_match = StoreMatch::kRequired;
   std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
 };
 

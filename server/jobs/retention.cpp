@@ -162,10 +162,10 @@ Status Retention::flush() {
   });
 }
 
-Result<int64_t> Retention::remove(const Ids& ids) {
+Result<int64_t> Retention::remove(const Ids& ids, std::string_view quarantine_day) {
   int64_t removed = 0;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, blobs_, ids));
+    VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, blobs_, ids, quarantine_day));
     removed = static_cast<int64_t>(gone.size());
     return {};
   });
@@ -261,16 +261,30 @@ Result<int64_t> Retention::trim_jobs(int64_t ended_before_ms) {
 Result<int64_t> Retention::remove_suspects() {
   const std::set<std::string> suspects = blobs_.take_suspects();
   if (suspects.empty()) return int64_t{0};
-  return remove_unnamed({suspects.begin(), suspects.end()});
+  return remove_unnamed({suspects.begin(), suspects.end()}, {});
 }
 
-Result<int64_t> Retention::remove_orphans() {
+Result<int64_t> Retention::quarantine_orphans(std::string_view day) {
   VOXELD_ASSIGN(const Ids stored, blobs_.list());
-  return remove_unnamed(stored);
+  return remove_unnamed(stored, day);
+}
+
+Result<int64_t> Retention::restore_quarantined() {
+  VOXELD_ASSIGN(const auto quarantined, Quarantine(blobs_.root()).list());
+  if (quarantined.empty()) return int64_t{0};
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  int64_t restored = 0;
+  for (const QuarantinedBlob& blob : quarantined) {
+    VOXELD_ASSIGN(const bool needed, is_needed(*reader, blob.id));
+    if (!needed) continue;
+    VOXELD_TRY(blobs_.restore(blob));
+    ++restored;
+  }
+  return restored;
 }
 
 // Most are needed, which is found without the writer.
-Result<int64_t> Retention::remove_unnamed(const Ids& ids) {
+Result<int64_t> Retention::remove_unnamed(const Ids& ids, std::string_view quarantine_day) {
   Ids orphans;
   {
     VOXELD_ASSIGN(Database::Lease reader, database_.read());
@@ -283,8 +297,9 @@ Result<int64_t> Retention::remove_unnamed(const Ids& ids) {
   for (size_t first = 0; first < orphans.size(); first += kBatch) {
     const size_t last = std::min(orphans.size(), first + kBatch);
     const auto begin = orphans.begin() + static_cast<std::ptrdiff_t>(first);
-    VOXELD_ASSIGN(const int64_t gone,
-                  remove(Ids(begin, orphans.begin() + static_cast<std::ptrdiff_t>(last))));
+    VOXELD_ASSIGN(
+        const int64_t gone,
+        remove(Ids(begin, orphans.begin() + static_cast<std::ptrdiff_t>(last)), quarantine_day));
     removed += gone;
   }
   return removed;

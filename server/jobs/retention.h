@@ -3,7 +3,7 @@
 //
 // A result expires as a whole: its blob, its grid, its sequence and the frames of its job. First
 // its rows say so and that is committed, then the files go; what a crash leaves in between is found
-// by remove_orphans().
+// by quarantine_orphans().
 #pragma once
 
 #include <cstdint>
@@ -45,12 +45,18 @@ class Retention {
   // Those of the store's suspects that no row names: of uploads that came to nothing, and what was
   // being uploaded, or worked on, when it was to go.
   Result<int64_t> remove_suspects();
-  // Blobs that no row names, among all of them: what a process that was killed left. Reads much.
-  Result<int64_t> remove_orphans();
+  // Moves blobs that no row names, among all of them, to the quarantine of the day: what a process
+  // that was killed left, and what a restored database does not know. Reads much.
+  Result<int64_t> quarantine_orphans(std::string_view day);
+  // Moves those back that a row names by now: the right database is back, or the same bytes were
+  // uploaded again.
+  Result<int64_t> restore_quarantined();
 
  private:
-  Result<int64_t> remove(const std::vector<std::string>& ids);
-  Result<int64_t> remove_unnamed(const std::vector<std::string>& ids);
+  // `quarantine_day`: as of remove_blobs().
+  Result<int64_t> remove(const std::vector<std::string>& ids, std::string_view quarantine_day = {});
+  Result<int64_t> remove_unnamed(const std::vector<std::string>& ids,
+                                 std::string_view quarantine_day);
   int64_t bytes_of(const std::vector<std::string>& ids);
   Database& database_;
   const BlobStore& blobs_;

@@ -48,7 +48,10 @@ namespace {
 //
 // Step 8: jobs that were parked: how often, how far they had got, and since when they have been in
 // the queue again (jobs.queued_ms; 0: since created_ms).
-constexpr std::array<std::string_view, 8> kSteps = {
+//
+// Step 9: one row says which store the database belongs to, and counts its commits
+// (store_identity.h).
+constexpr std::array<std::string_view, 9> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -354,6 +357,13 @@ ALTER TABLE jobs ADD COLUMN parked BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN tiles_done BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN tiles_total BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN queued_ms BIGINT NOT NULL DEFAULT 0;
+)sql",
+    R"sql(
+CREATE TABLE store (
+  only_one SMALLINT PRIMARY KEY CHECK (only_one = 1),
+  id TEXT NOT NULL,
+  generation BIGINT NOT NULL
+);
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

@@ -25,8 +25,7 @@ Error sql_error(sqlite3* db, std::string_view action) {
               ""};
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
-      return {ErrorCode::kInternal,
-              "job database is corrupt; move it away or put back a copy: " + words, "", ""};
+      return {ErrorCode::kInternal, std::string(kCorruptDatabase) + ": " + words, "", ""};
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       return {ErrorCode::kInternal, "job database is locked by another program: " + words, "", ""};
@@ -140,6 +139,10 @@ Status SqlConnection::run_script(const std::string& sql) {
 
 int64_t SqlConnection::changes() const {
   return sqlite3_changes64(db_.get());
+}
+
+int64_t SqlConnection::total_changes() const {
+  return sqlite3_total_changes64(db_.get());
 }
 
 bool SqlConnection::in_transaction() const {

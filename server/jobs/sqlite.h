@@ -18,6 +18,11 @@ struct sqlite3_stmt;
 
 namespace voxeld {
 
+// What to do about a database that SQLite cannot read.
+inline constexpr std::string_view kCorruptDatabase =
+    "job database is corrupt; put back a copy and start once with --adopt, or move jobs.sqlite and "
+    "jobs.sqlite-wal away and run voxeld doctor --rebuild";
+
 // One execution of a prepared statement of a connection; it is reset when this goes away.
 class SqlStatement {
  public:
@@ -73,6 +78,8 @@ class SqlConnection {
   Status run_script(const std::string& sql);
   // Rows that the last INSERT, UPDATE or DELETE changed.
   int64_t changes() const;
+  // Rows that all statements changed since the connection was opened, also in what was undone.
+  int64_t total_changes() const;
   // False after SQLite has rolled back on its own (disk full, I/O error).
   bool in_transaction() const;
 

@@ -82,11 +82,7 @@ void StoreSweep::sweep() {
     if (Status counted = blobs_.recount(); !counted) {
       log::warn("cannot count the store", {{"error", counted.error().message()}});
     }
-    if (const auto orphans = retention_.remove_orphans(); !orphans) {
-      log::warn("cannot look for blobs that nothing names", {{"error", orphans.error().message()}});
-    } else if (*orphans > 0) {
-      log::info("removed blobs that nothing named", {{"blobs", *orphans}});
-    }
+    sweep_orphans();
   }
   if (seconds_ % kSecondsPerExpiry == 0) expire();
   if (const auto unnamed = retention_.remove_suspects(); !unnamed) {
@@ -95,6 +91,30 @@ void StoreSweep::sweep() {
   }
   make_room();
   metrics_.set_store(blobs_.bytes(), blobs_.damaged_count());
+}
+
+void StoreSweep::sweep_orphans() {
+  const auto restored = retention_.restore_quarantined();
+  if (!restored) {
+    log::warn("cannot look into the quarantine", {{"error", restored.error().message()}});
+  } else if (*restored > 0) {
+    log::info("blobs are back from quarantine", {{"blobs", *restored}});
+  }
+  const auto orphans = retention_.quarantine_orphans(day_text(unix_time_ms()));
+  if (!orphans) {
+    log::warn("cannot look for blobs that nothing names", {{"error", orphans.error().message()}});
+  } else if (*orphans > 0) {
+    log::warn("blobs that nothing names went to quarantine",
+              {{"blobs", *orphans}, {"folder", (blobs_.root() / "quarantine").string()}});
+  }
+  if (limits_.keep_orphans_days == 0) return;
+  const std::string last_day = day_text(days_ago_ms(limits_.keep_orphans_days));
+  const auto removed = Quarantine(blobs_.root()).remove_before(last_day);
+  if (!removed) {
+    log::warn("cannot empty the quarantine", {{"error", removed.error().message()}});
+  } else if (*removed > 0) {
+    log::info("removed blobs from quarantine", {{"blobs", *removed}, {"before", last_day}});
+  }
 }
 
 void StoreSweep::expire() {

@@ -15,7 +15,8 @@
 namespace voxeld {
 
 // Thread-safe. Looks at the store's size and at its suspects every second and at ages every ten;
-// among all blobs it looks for those that no row names when it starts and once a day.
+// among all blobs it looks for those that no row names, which go to quarantine, when it starts and
+// once a day.
 class StoreSweep {
  public:
   StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
@@ -31,6 +32,7 @@ class StoreSweep {
  private:
   void run();
   void sweep();
+  void sweep_orphans();
   void make_room();
   void expire();
   bool pause() EXCLUDES(mutex_);

@@ -229,27 +229,55 @@ fs::path BlobStore::path_of(std::string_view id) const {
   return blob_path(root_, id);
 }
 
-Status BlobStore::remove(std::string_view id) const {
+// Takes a blob's file away by `move`, unless the blob is pinned.
+Status BlobStore::take_out(std::string_view id,
+                           const std::function<Status(const fs::path&)>& move) const {
   if (!is_sha256_id(id)) return not_found(id);
   const fs::path path = blob_path(root_, id);
-  Status removed;
+  Status moved;
   const bool is_free = state_->pins->unless_pinned(id, [&] {
     struct stat info {};
-    const int64_t bytes = ::stat(path.c_str(), &info) == 0 ? info.st_size : 0;
-    if (::unlink(path.c_str()) == 0) {
-      state_->bytes -= bytes;
+    if (::stat(path.c_str(), &info) != 0) {
+      moved = errno == ENOENT ? not_found(id) : errno_error("stat", path);
       return;
     }
-    removed = errno == ENOENT ? not_found(id) : errno_error("remove", path);
+    moved = move(path);
+    if (moved) state_->bytes -= static_cast<int64_t>(info.st_size);
   });
-  if (is_free) return removed;
+  if (is_free) return moved;
   return Error{ErrorCode::kConflict, "blob " + std::string(id) + " is being registered", "", ""};
+}
+
+Status BlobStore::remove(std::string_view id) const {
+  return take_out(id, [](const fs::path& path) {
+    return ::unlink(path.c_str()) == 0 ? Status() : errno_error("remove", path);
+  });
+}
+
+Status BlobStore::quarantine(std::string_view id, std::string_view day) const {
+  return take_out(id, [&](const fs::path& path) { return Quarantine(root_).take(path, day); });
+}
+
+Status BlobStore::restore(const QuarantinedBlob& blob) const {
+  const fs::path target = blob_path(root_, blob.id);
+  struct stat info {};
+  if (::stat(blob.path.c_str(), &info) != 0) return errno_error("stat", blob.path);
+  // link() and not rename(): what was uploaded meanwhile is not replaced.
+  if (::link(blob.path.c_str(), target.c_str()) == 0) {
+    state_->bytes += static_cast<int64_t>(info.st_size);
+    VOXELD_TRY(sync_path(target.parent_path()));
+  } else if (errno != EEXIST) {
+    return errno_error("move back into the store", blob.path);
+  }
+  if (::unlink(blob.path.c_str()) != 0) return errno_error("remove", blob.path);
+  return {};
 }
 
 Result<std::vector<std::string>> BlobStore::list() const {
   std::vector<std::string> ids;
   VOXELD_ASSIGN(const auto folders, directory_names(root_ / kBlobs));
   for (const std::string& folder : folders) {
+    if (folder.size() != kFanOutDigits) continue;  // the store's mark
     VOXELD_ASSIGN(auto names, directory_names(root_ / kBlobs / folder));
     for (std::string& name : names) {
       if (is_sha256_id(name)) ids.push_back(std::move(name));

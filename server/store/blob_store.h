@@ -18,6 +18,7 @@
 #include "server/base/sha256.h"
 #include "server/base/thread_annotations.h"
 #include "server/store/blob_checks.h"
+#include "server/store/quarantine.h"
 
 namespace voxeld {
 
@@ -104,6 +105,10 @@ class BlobStore {
   std::filesystem::path path_of(std::string_view id) const;
   // Errors: not-found; conflict while the blob is pinned.
   Status remove(std::string_view id) const;
+  // Moves it to the quarantine of the day instead. Errors: as remove(); storage-full.
+  Status quarantine(std::string_view id, std::string_view day) const;
+  // Moves a blob back from there; where the store has it by now, the copy in quarantine goes.
+  Status restore(const QuarantinedBlob& blob) const;
   Result<std::vector<std::string>> list() const;
   // Blobs that perhaps nothing needs any more, each once: those whose last pin was dropped since
   // the last call (an upload that came to nothing, one that could not be removed while it was
@@ -122,6 +127,8 @@ class BlobStore {
   int64_t damaged_count() const { return state_->checks.damaged_count(); }
 
  private:
+  Status take_out(std::string_view id,
+                  const std::function<Status(const std::filesystem::path&)>& move) const;
   explicit BlobStore(std::filesystem::path root)
       : root_(std::move(root)), state_(std::make_shared<BlobState>()) {}
   std::filesystem::path root_;

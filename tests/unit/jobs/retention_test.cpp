@@ -241,7 +241,7 @@ TEST_F(RetentionTest, a_key_of_a_job_that_was_forgotten_is_free_again) {
   EXPECT_NE(second->record.status.id, first->record.status.id);
 }
 
-TEST_F(RetentionTest, blobs_that_nothing_names_go_unless_they_are_being_registered) {
+TEST_F(RetentionTest, blobs_that_nothing_names_go_to_quarantine_unless_they_are_being_registered) {
   put_blob("cut off");
   put_asset("mesh");
   auto writer = blobs_.begin(100);
@@ -249,10 +249,24 @@ TEST_F(RetentionTest, blobs_that_nothing_names_go_unless_they_are_being_register
   const std::vector<uint8_t> bytes = {1, 2, 3};
   ASSERT_TRUE(writer->append(bytes));
   const BlobInfo pinned = writer->finish().value();
-  EXPECT_EQ(retention_.remove_orphans().value(), 1);
+  EXPECT_EQ(retention_.quarantine_orphans("2026-11-22").value(), 1);
   EXPECT_FALSE(stored("cut off"));
   EXPECT_TRUE(stored("mesh"));
   EXPECT_TRUE(blobs_.stat(pinned.id));
+}
+
+TEST_F(RetentionTest, a_blob_is_back_from_quarantine_when_a_row_names_it) {
+  put_blob("unknown");
+  const std::string id = put_blob("named later");
+  EXPECT_EQ(retention_.quarantine_orphans("2026-11-22").value(), 2);
+  EXPECT_EQ(retention_.restore_quarantined().value(), 0);
+  ASSERT_TRUE(
+      sql("INSERT INTO assets (tenant, id, filename, content_type, bytes, created_ms)"
+          " VALUES ('', '" +
+          id + "', '', '', 11, 1)"));
+  EXPECT_EQ(retention_.restore_quarantined().value(), 1);
+  EXPECT_TRUE(stored("named later"));
+  EXPECT_FALSE(stored("unknown"));
 }
 
 TEST_F(RetentionTest, an_upload_that_came_to_nothing_goes_at_the_next_look) {

@@ -1,0 +1,57 @@
+// DIR/blobs/mark: which store the blobs belong to, and how far its database has come. The database
+// holds the same id and a generation that is at least as high (server/jobs/store_identity.h), or
+// it is not the one that names these blobs.
+//
+//   voxeld store 1
+//   id 9f86d081884c7d659a2feaa0c55ad015
+//   generation 0000000000000000042
+//
+// The length is fixed: a new generation overwrites the old one in place, without a sync. So the
+// file may fall behind its database when power fails, and is never ahead of it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "proto/result.h"
+#include "server/base/file.h"
+#include "server/base/thread_annotations.h"
+
+namespace voxeld {
+
+struct StoreMark {
+  std::string id;          // 32 lower-case hex digits
+  int64_t generation = 0;  // commits of the database that changed rows
+  bool operator==(const StoreMark&) const = default;
+};
+
+// A new id, generation 0.
+StoreMark new_store_mark();
+std::string store_mark_text(const StoreMark& mark);
+// `file` goes into errors. Errors: internal for any text that store_mark_text() does not give.
+Result<StoreMark> parse_store_mark(std::string_view text, const std::string& file);
+
+// The file of a running daemon. Thread-safe.
+class StoreMarkFile {
+ public:
+  static std::filesystem::path path_in(const std::filesystem::path& data_dir);
+  // Null: there is none. Errors: those of parse_store_mark().
+  static Result<std::unique_ptr<StoreMarkFile>> open(const std::filesystem::path& path);
+  // Puts a file with `mark` in place, synced.
+  static Result<std::unique_ptr<StoreMarkFile>> create(const std::filesystem::path& path,
+                                                       StoreMark mark);
+  // A lower generation changes nothing. What cannot be written is tried again with the next one.
+  void raise_generation(int64_t generation) EXCLUDES(mutex_);
+  StoreMark mark() const EXCLUDES(mutex_);
+
+ private:
+  StoreMarkFile(UniqueFd fd, StoreMark mark) : fd_(std::move(fd)), mark_(std::move(mark)) {}
+  const UniqueFd fd_;
+  mutable Mutex mutex_;
+  StoreMark mark_ GUARDED_BY(mutex_);
+};
+
+}  // namespace voxeld
