@@ -91,8 +91,9 @@ void add_storage(CLI::App& serve, ServeConfig& config) {
       ->envname("VOXELD_STORE_BYTES_MAX")
       ->capture_default_str();
   serve
-      .add_option("--disk-reserve", config.disk_reserve_bytes,
-                  "Uploads are refused when less is free (1G, at most a 20th of the disk)")
+      .add_option(
+          "--disk-reserve", config.disk_reserve_bytes,
+          "Uploads and results are refused when less is free (1G, at most a 20th of the disk)")
       ->transform(CLI::AsSizeValue(false))
       ->check(CLI::NonNegativeNumber)
       ->envname("VOXELD_DISK_RESERVE")
@@ -138,6 +139,13 @@ void add_worker_limits(CLI::App& serve, ServeConfig& config) {
       ->transform(CLI::AsSizeValue(false))
       ->check(CLI::NonNegativeNumber)
       ->envname("VOXELD_WORKER_MEMORY_MAX")
+      ->capture_default_str();
+  serve
+      .add_option("--worker-scratch-max", config.worker_scratch_bytes_max,
+                  "Bytes that one worker process may write for its job (8G); 0: 1/4 of the disk")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::NonNegativeNumber)
+      ->envname("VOXELD_WORKER_SCRATCH_MAX")
       ->capture_default_str();
   serve
       .add_option("--job-seconds-max", config.job_seconds_max,

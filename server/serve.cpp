@@ -114,6 +114,7 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.limits.worker_memory_bytes_max = config.worker_memory_bytes_max > 0
                                             ? config.worker_memory_bytes_max
                                             : memory_limit_bytes() / 4 * 3;
+  jobs.limits.scratch_bytes_max = config.worker_scratch_bytes_max;
   // Before the machine is out of memory, for then the kernel chooses who ends.
   jobs.limits.all_workers_memory_bytes_max = memory_limit_bytes() / 8 * 7;
   return jobs;

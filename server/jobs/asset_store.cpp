@@ -233,7 +233,7 @@ Status AssetStore::mark_deleted(const Caller& caller, std::string_view id) {
       "UPDATE assets SET deleted_ms = $2 WHERE id = $1 AND deleted_ms = 0 AND tenant = $3";
   constexpr std::string_view kAny =
       "UPDATE assets SET deleted_ms = $2 WHERE id = $1 AND deleted_ms = 0 AND $3 = $3";
-  return database_.write([&](SqlConnection& connection) -> Status {
+  return database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(load_asset(connection, caller, id));
     return connection.run(caller.sees_all() ? kAny : kOwn, AssetId::parse(id).blob, unix_time_ms(),
                           caller.tenant());
@@ -248,7 +248,7 @@ Result<int64_t> AssetStore::remove_unneeded() {
     if (ids.empty()) return int64_t{0};
   }
   int64_t removed = 0;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto ids, unneeded(connection));
     VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, blobs_, ids));
     for (const std::string& id : gone) {
@@ -263,7 +263,7 @@ Result<int64_t> AssetStore::remove_unneeded() {
 }
 
 Status AssetStore::remove_unnamed(const std::vector<std::string>& ids) {
-  return database_.write([&](SqlConnection& connection) -> Status {
+  return database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(remove_blobs(connection, database_, blobs_, ids));
     return {};
   });

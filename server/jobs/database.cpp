@@ -62,6 +62,11 @@ Status Database::write(const Operation& operation) {
   return mine.status;
 }
 
+Status Database::write_freeing(const Operation& operation) {
+  if (make_way_) make_way_();
+  return write(operation);
+}
+
 // One operation inside the transaction of its batch. Errors: what undoes the whole batch; the
 // operation's own are in `pending`.
 Status Database::run_operation(Pending& pending) {

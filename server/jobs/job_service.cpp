@@ -43,6 +43,8 @@ constexpr std::chrono::milliseconds kWaitSlice{200};
 constexpr std::chrono::milliseconds kExitReasonWait{1000};
 // For a worker to give up what it does; then it is killed, and loses nothing but its time.
 constexpr double kWorkerGraceSeconds = 0.5;
+// What one worker may write where no limit is given: with some workers, not all of the disk.
+constexpr int64_t kScratchPartOfDisk = 4;
 
 // Everything below runs on HTTP threads and on the task server's connection threads.
 class Service final : public JobService {
@@ -194,6 +196,8 @@ void Service::overlay(JobStatus& status) {
 }
 
 Status Service::start() {
+  blobs_.disk().keep_ballast();
+  database_->set_make_way([this] { blobs_.disk().make_way(); });
   VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
   if (recovered > 0) log::info("jobs of an earlier process recovered", {{"jobs", recovered}});
   if (auto removed = assets_.remove_unneeded(); !removed) {  // the disk may be full just now
@@ -231,6 +235,10 @@ TaskServerConfig Service::server_config() {
   server.socket = config_.data_dir / "run" / "tasks.sock";
   server.scratch_root = config_.data_dir / "run" / "scratch";
   server.limits = config_.limits;
+  if (server.limits.scratch_bytes_max == 0) {
+    const auto disk_bytes = blobs_.disk().total_bytes();
+    server.limits.scratch_bytes_max = disk_bytes ? *disk_bytes / kScratchPartOfDisk : 0;
+  }
   server.limits_of = config_.limits_of;
   server.expected_seconds = [this](const std::string& job) {
     return forecast_.expected_seconds(job);
@@ -389,6 +397,7 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
   if (draining_) {
     return Error{ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""};
   }
+  VOXELD_TRY(blobs_.disk().for_jobs());
   verify_reusable(caller, request);
   VOXELD_ASSIGN(JobStore::Submitted submitted,
                 jobs_.submit(caller, request, options,
@@ -573,6 +582,7 @@ Status Service::ready() {
   if (draining_) return Error{ErrorCode::kShuttingDown, "the daemon is shutting down", "", ""};
   VOXELD_TRY(jobs_.count(JobState::kQueued));
   VOXELD_TRY(blobs_.begin(0));
+  VOXELD_TRY(blobs_.disk().for_data());
   std::string reason;
   for (const WorkerState& state : workers()) {
     if (state.connected) return {};
@@ -589,7 +599,8 @@ Result<std::unique_ptr<JobService>> start_job_service(
     const JobServiceConfig& config, std::shared_ptr<prometheus::Registry> metrics) {
   try {
     VOXELD_ASSIGN(UniqueFd lock, prepare_data_dir(config.data_dir));
-    VOXELD_ASSIGN(BlobStore blobs, BlobStore::open(config.data_dir));
+    VOXELD_ASSIGN(BlobStore blobs,
+                  BlobStore::open(config.data_dir, config.storage.disk_reserve_bytes));
     VOXELD_ASSIGN(PartStore parts, PartStore::open(config.data_dir));
     VOXELD_ASSIGN(StoreDatabase store, open_store_database(blobs, config.store_match));
     auto service =

@@ -137,7 +137,8 @@ class JobService {
   // Durable when it returns. Equal work of the same tenant that is done already (same input,
   // canonical options and algorithm version) comes back at once with `cached` set, unless use_cache
   // is off. Errors: not-found (asset, file of a bundle, grid, sequence), gone, invalid-option,
-  // queue-full, too-many-requests (the tenant's own jobs), idempotency-mismatch, shutting-down.
+  // queue-full, too-many-requests (the tenant's own jobs), idempotency-mismatch, shutting-down,
+  // storage-full where the disk has no room for more rows.
   virtual Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                                    const SubmitOptions& options) = 0;
   // What submit() would answer now, without a job: estimate, place in the queue and expected times;
@@ -186,7 +187,7 @@ class JobService {
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;
   virtual int64_t queued_jobs() = 0;
-  // database answers, blob store writable, a worker connected, not draining; else why not.
+  // database answers, blob store writable, the disk's reserve is free, a worker connected, not draining; else why not.
   virtual Status ready() = 0;
   // New work is refused from now on; running jobs go on.
   virtual void drain() = 0;
@@ -210,12 +211,14 @@ struct TaskLimits {
   // Of all of them together: the one that takes the most beyond what its task was granted ends, and
   // its job is put back. 0: no limit.
   int64_t all_workers_memory_bytes_max = 0;
+  // Of what one worker has written for its task: storage-full. 0: a quarter of the disk.
+  int64_t scratch_bytes_max = 0;
 };
 
 // What the store may hold, and for how long. 0: without limit. What is asked for counts as used.
 struct StorageLimits {
   int64_t store_bytes_max = 0;  // over it, results go that were not used for the longest time
-  int64_t disk_reserve_bytes = int64_t{1} << 30;  // less is free: no uploads; see StoreSweep::room
+  int64_t disk_reserve_bytes = int64_t{1} << 30;  // see DiskRoom
   double keep_results_days = 0;                   // since they were used last
   double keep_assets_days = 0;                    // the same
   double keep_jobs_days = 0;                      // rows of jobs, since they ended

@@ -164,7 +164,7 @@ Status Retention::flush() {
 
 Result<int64_t> Retention::remove(const Ids& ids, std::string_view quarantine_day) {
   int64_t removed = 0;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, blobs_, ids, quarantine_day));
     removed = static_cast<int64_t>(gone.size());
     return {};
@@ -186,7 +186,7 @@ int64_t Retention::bytes_of(const Ids& ids) {
 Result<int64_t> Retention::expire_results(int64_t used_before_ms, int64_t bytes_wanted) {
   Ids ids;
   int64_t expired = 0;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto results, old_results(connection, used_before_ms));
     for (const OldResult& result : results) {
       VOXELD_TRY(expire_result(connection, result, ids));
@@ -212,7 +212,7 @@ Result<int64_t> Retention::expire_frames(int64_t ended_before_ms) {
     if (!some) return int64_t{0};
   }
   Ids ids, jobs;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     {
       VOXELD_ASSIGN(SqlStatement rows, connection.query(kOld, ended_before_ms, kBatch));
       VOXELD_TRY(collect(std::move(rows), jobs));
@@ -227,7 +227,7 @@ Result<int64_t> Retention::expire_frames(int64_t ended_before_ms) {
 
 Result<int64_t> Retention::expire_assets(int64_t used_before_ms) {
   int64_t expired = 0;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(
         connection.run("UPDATE assets SET deleted_ms = $2 WHERE (id, tenant) IN"
                        " (SELECT id, tenant FROM assets WHERE deleted_ms = 0"
@@ -242,7 +242,7 @@ Result<int64_t> Retention::expire_assets(int64_t used_before_ms) {
 
 Result<int64_t> Retention::trim_jobs(int64_t ended_before_ms) {
   Ids ids, jobs;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     {
       VOXELD_ASSIGN(SqlStatement rows,
                     connection.query("SELECT id FROM jobs WHERE ended_ms <> 0 AND ended_ms < $1"

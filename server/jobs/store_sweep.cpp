@@ -90,6 +90,7 @@ void StoreSweep::sweep() {
               {{"step", "suspects"}, {"error", unnamed.error().message()}});
   }
   make_room();
+  blobs_.disk().keep_ballast();
   metrics_.set_store(blobs_.bytes(), blobs_.damaged_count());
 }
 
@@ -173,15 +174,7 @@ Status StoreSweep::room() const {
                  "at most " + std::to_string(limits_.store_bytes_max) + " bytes",
                  std::to_string(blobs_.bytes())};
   }
-  if (limits_.disk_reserve_bytes == 0) return {};
-  VOXELD_ASSIGN(const int64_t free_bytes, blobs_.free_bytes());
-  VOXELD_ASSIGN(const int64_t total_bytes, blobs_.total_bytes());
-  // On a small disk the reserve would be most of it.
-  constexpr int64_t kPartOfDisk = 20;
-  const int64_t reserve = std::min(limits_.disk_reserve_bytes, total_bytes / kPartOfDisk);
-  if (free_bytes >= reserve) return {};
-  return Error{ErrorCode::kStorageFull, "the disk is nearly full; uploads are refused",
-               "at least " + std::to_string(reserve) + " bytes free", std::to_string(free_bytes)};
+  return blobs_.disk().for_data();
 }
 
 }  // namespace voxeld

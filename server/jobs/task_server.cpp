@@ -82,6 +82,8 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
                   config_.limits.all_workers_memory_bytes_max, config_.limits.job_seconds_max,
                   kTurnSilenceSecondsMax},
       watch_calls());
+  scratch_watch_ = std::make_unique<ScratchWatch>(config_.limits.scratch_bytes_max,
+                                                  context_.blobs.disk(), scratch_calls());
 }
 
 TaskServer::~TaskServer() {
@@ -94,6 +96,7 @@ void TaskServer::stop() {
   notify_work();
   if (accept_thread_.joinable()) accept_thread_.join();
   watch_.reset();
+  scratch_watch_.reset();
   join_ended(true);
   ::unlink(config_.socket.c_str());
 }
@@ -349,6 +352,7 @@ Status TaskServer::take_progress(Connection& connection, const json& message) {
 // Stores and lists a frame; nullopt when another worker owns the job by now.
 Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
                                                         const TaskFrame& frame) {
+  VOXELD_TRY(check_scratch(scratch_of(connection), config_.limits.scratch_bytes_max));
   VOXELD_ASSIGN(const fs::path taken, connection.files.take(frame.path));
   VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken));
   // The first frames of a job may come before its first progress.
@@ -399,8 +403,10 @@ Status TaskServer::take_part(Connection& connection, const json& message) {
     return connection.socket.send(dump({{"cancel", false}, {"fenced", true}}));
   }
   const auto taken = connection.files.take(part.path);
-  const Status kept =
-      taken ? context_.parts.add(part.task, part.position, *taken) : Status(taken.error());
+  Status kept = context_.blobs.disk().for_data();
+  if (kept) {
+    kept = taken ? context_.parts.add(part.task, part.position, *taken) : Status(taken.error());
+  }
   connection.since_progress.lap();
   const bool cancel = stop_age_seconds(connection) >= 0;
   json reply = {{"cancel", cancel}, {"fenced", false}};
@@ -418,6 +424,7 @@ TenantLimits TaskServer::limits_of(std::string_view task) {
 // `adopted` keeps them in the store until the database names them.
 Status TaskServer::adopt_outputs(const Connection& connection, const TaskCompletion& completion,
                                  std::map<std::string, BlobInfo>& adopted, FinishedTask& finished) {
+  VOXELD_TRY(check_scratch(scratch_of(connection), config_.limits.scratch_bytes_max));
   JobResult& result = finished.result;
   result.meta_json = completion.meta_json;
   result.warnings = completion.warnings;

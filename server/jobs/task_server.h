@@ -27,6 +27,7 @@
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/job_store.h"
+#include "server/jobs/scratch_watch.h"
 #include "server/jobs/slots.h"
 #include "server/jobs/worker_files.h"
 #include "server/jobs/worker_watch.h"
@@ -140,6 +141,10 @@ class TaskServer {
   std::string lost_reason(Connection& connection, const Error& why, bool counts);
   WorkerWatch::Calls watch_calls();
   std::vector<WatchedWorker> watched() const EXCLUDES(mutex_);
+  // --- task_server_scratch.cpp
+  static WatchedScratch scratch_of(const Connection& connection);
+  std::vector<WatchedScratch> watched_scratch() const EXCLUDES(mutex_);
+  ScratchWatch::Calls scratch_calls();
   int64_t memory_of(const std::string& device) const REQUIRES(mutex_);
   void measured(const WatchedWorker& worker, int64_t memory_bytes) EXCLUDES(mutex_);
   void take_turn(const WatchedWorker& worker);
@@ -171,7 +176,8 @@ class TaskServer {
   int64_t tasks_ended_ GUARDED_BY(mutex_) = 0;
   std::list<std::unique_ptr<Connection>> connections_ GUARDED_BY(mutex_);
   std::vector<WorkerState> failed_devices_ GUARDED_BY(mutex_);
-  std::unique_ptr<WorkerWatch> watch_;  // last: it uses all of the above
+  std::unique_ptr<WorkerWatch> watch_;  // last: both use all of the above
+  std::unique_ptr<ScratchWatch> scratch_watch_;
 };
 
 }  // namespace voxeld

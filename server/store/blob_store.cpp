@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -24,6 +23,8 @@ namespace fs = std::filesystem;
 constexpr std::string_view kBlobs = "blobs";
 constexpr std::string_view kTemporary = "tmp";
 constexpr size_t kPrefixBytes = std::string_view("sha256-").size();
+// Of an upload between two looks at the disk, which cost a microsecond.
+constexpr int64_t kBytesPerLook = int64_t{1} << 20;
 constexpr size_t kFanOutDigits = 2;  // 256 folders keep each below some ten thousand entries
 
 Error not_found(std::string_view id) {
@@ -132,11 +133,20 @@ BlobWriter::BlobWriter(BlobWriter&& other) noexcept
       temporary_(std::exchange(other.temporary_, fs::path())),
       bytes_max_(other.bytes_max_),
       bytes_(other.bytes_),
+      bytes_until_look_(other.bytes_until_look_),
       broken_(other.broken_),
       hash_(std::move(other.hash_)) {}
 
 BlobWriter::~BlobWriter() {
   if (!temporary_.empty()) ::unlink(temporary_.c_str());
+}
+
+// Now and then, for an upload may have no end that is known.
+Status BlobWriter::look_at_disk(int64_t more_bytes) {
+  bytes_until_look_ -= more_bytes;
+  if (bytes_until_look_ > 0) return {};
+  bytes_until_look_ = kBytesPerLook;
+  return state_->disk.for_data();
 }
 
 Status BlobWriter::append(std::span<const uint8_t> bytes) {
@@ -147,6 +157,10 @@ Status BlobWriter::append(std::span<const uint8_t> bytes) {
     return Error{ErrorCode::kPayloadTooLarge, "the upload is too large",
                  "at most " + std::to_string(bytes_max_) + " bytes",
                  "at least " + std::to_string(bytes_ + count)};
+  }
+  if (Status room = look_at_disk(count); !room) {
+    broken_ = true;
+    return room;
   }
   if (Status written = write_all(fd_.get(), bytes); !written) {
     broken_ = true;
@@ -166,7 +180,7 @@ Result<BlobInfo> BlobWriter::finish() {
   return info;
 }
 
-Result<BlobStore> BlobStore::open(const fs::path& root) {
+Result<BlobStore> BlobStore::open(const fs::path& root, int64_t disk_reserve_bytes) {
   std::error_code failed;
   fs::create_directories(root, failed);
   if (failed) return code_error("cannot create the data directory", root, failed);
@@ -177,7 +191,7 @@ Result<BlobStore> BlobStore::open(const fs::path& root) {
   for (const std::string& name : left) {  // what cannot be removed only wastes space
     if (::unlink((root / kTemporary / name).c_str()) != 0) remove_tree(root / kTemporary / name);
   }
-  return BlobStore(root);
+  return BlobStore(root, disk_reserve_bytes);
 }
 
 Result<BlobWriter> BlobStore::begin(int64_t bytes_max) const {
@@ -195,6 +209,7 @@ Result<BlobInfo> BlobStore::adopt(const fs::path& file) const {
   if (!S_ISREG(info.st_mode)) {
     return Error{ErrorCode::kInternal, file.filename().string() + " is not a regular file", "", ""};
   }
+  VOXELD_TRY(state_->disk.for_data());
   VOXELD_ASSIGN(auto hashed, hash_file(fd.get(), file));
   if (::fsync(fd.get()) != 0) return errno_error("sync", file);
   return place(root_, *state_, file, hashed.first, hashed.second);
@@ -285,18 +300,6 @@ Result<std::vector<std::string>> BlobStore::list() const {
   }
   std::sort(ids.begin(), ids.end());
   return ids;
-}
-
-Result<int64_t> BlobStore::free_bytes() const {
-  struct statvfs info {};
-  if (::statvfs(root_.c_str(), &info) != 0) return errno_error("read free space of", root_);
-  return static_cast<int64_t>(info.f_bavail) * static_cast<int64_t>(info.f_frsize);
-}
-
-Result<int64_t> BlobStore::total_bytes() const {
-  struct statvfs info {};
-  if (::statvfs(root_.c_str(), &info) != 0) return errno_error("read size of", root_);
-  return static_cast<int64_t>(info.f_blocks) * static_cast<int64_t>(info.f_frsize);
 }
 
 Status BlobStore::recount() const {

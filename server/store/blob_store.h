@@ -18,6 +18,7 @@
 #include "server/base/sha256.h"
 #include "server/base/thread_annotations.h"
 #include "server/store/blob_checks.h"
+#include "server/store/disk_room.h"
 #include "server/store/quarantine.h"
 
 namespace voxeld {
@@ -43,9 +44,12 @@ class BlobPins {
 
 // What copies of a store share.
 struct BlobState {
+  BlobState(const std::filesystem::path& root, int64_t disk_reserve_bytes)
+      : disk(root, disk_reserve_bytes) {}
   std::shared_ptr<BlobPins> pins = std::make_shared<BlobPins>();
   BlobChecks checks;
   std::atomic<int64_t> bytes{0};  // of all blobs: see BlobStore::recount()
+  DiskRoom disk;
 };
 
 // What finish() and adopt() do not tell: whether the same bytes were there already. Somebody else
@@ -63,7 +67,8 @@ class BlobWriter {
   ~BlobWriter();
   BlobWriter(BlobWriter&&) noexcept;
   BlobWriter& operator=(BlobWriter&&) noexcept = delete;
-  // Errors: payload-too-large over the writer's cap, storage-full, internal.
+  // Errors: payload-too-large over the writer's cap, storage-full (also where it would eat into the
+  // disk's reserve), internal.
   Status append(std::span<const uint8_t> bytes);
   int64_t bytes() const { return bytes_; }
   // Syncs, renames, syncs the directory: the blob survives power loss when this returns. The same
@@ -72,6 +77,7 @@ class BlobWriter {
 
  private:
   friend class BlobStore;
+  Status look_at_disk(int64_t more_bytes);
   BlobWriter(const std::filesystem::path& root, std::shared_ptr<BlobState> state, UniqueFd fd,
              std::filesystem::path temporary, int64_t bytes_max);
   std::filesystem::path root_;
@@ -80,18 +86,21 @@ class BlobWriter {
   std::filesystem::path temporary_;  // empty after finish()
   int64_t bytes_max_;
   int64_t bytes_ = 0;
-  bool broken_ = false;  // an append failed halfway: the file is not what was hashed
+  int64_t bytes_until_look_ = 0;  // at the disk
+  bool broken_ = false;           // an append failed halfway: the file is not what was hashed
   Sha256 hash_;
 };
 
 // Thread-safe. Copies share their state, which is the directory and what is pinned in it.
 class BlobStore {
  public:
-  // Makes the directories and removes what an earlier process left in tmp.
-  static Result<BlobStore> open(const std::filesystem::path& root);
+  // Makes the directories and removes what an earlier process left in tmp. `disk_reserve_bytes`: as
+  // of DiskRoom.
+  static Result<BlobStore> open(const std::filesystem::path& root, int64_t disk_reserve_bytes = 0);
 
   Result<BlobWriter> begin(int64_t bytes_max) const;
-  // Hashes, syncs and moves a finished file (a worker's output) into the store.
+  // Hashes, syncs and moves a finished file (a worker's output) into the store. Errors:
+  // storage-full where less than the disk's reserve is free, which the file is part of.
   Result<BlobInfo> adopt(const std::filesystem::path& file) const;
   // Errors: not-found; also for text that is not an id.
   Result<BlobInfo> stat(std::string_view id) const;
@@ -116,9 +125,7 @@ class BlobStore {
   std::set<std::string> take_suspects() const { return state_->pins->take_suspects(); }
   void suspect(std::string id) const { state_->pins->suspect(std::move(id)); }
   const std::filesystem::path& root() const { return root_; }
-  // Free bytes of the file system, and its size.
-  Result<int64_t> free_bytes() const;
-  Result<int64_t> total_bytes() const;
+  DiskRoom& disk() const { return state_->disk; }
   // Of all blobs, as of the last recount() and what came and went since; 0 before the first.
   int64_t bytes() const { return state_->bytes; }
   // Looks at every file.
@@ -129,8 +136,8 @@ class BlobStore {
  private:
   Status take_out(std::string_view id,
                   const std::function<Status(const std::filesystem::path&)>& move) const;
-  explicit BlobStore(std::filesystem::path root)
-      : root_(std::move(root)), state_(std::make_shared<BlobState>()) {}
+  BlobStore(std::filesystem::path root, int64_t disk_reserve_bytes)
+      : root_(std::move(root)), state_(std::make_shared<BlobState>(root_, disk_reserve_bytes)) {}
   std::filesystem::path root_;
   std::shared_ptr<BlobState> state_;
 };

@@ -224,7 +224,7 @@ TEST_F(BlobStoreTest, threads_that_store_the_same_bytes_do_not_disturb_each_othe
 }
 
 TEST_F(BlobStoreTest, free_space_is_known) {
-  EXPECT_GT(open().free_bytes().value(), 0);
+  EXPECT_GT(open().disk().free_bytes().value(), 0);
 }
 
 }  // namespace

@@ -1,0 +1,58 @@
+// What is left of the disk, and for what.
+//
+//   free bytes            uploads, outputs of jobs   new jobs   deletes, evictions, ends of jobs
+//   reserve or more       yes                        yes        yes
+//   half of it or more    storage-full               yes        yes
+//   less                  storage-full               refused    yes
+//   less than the ballast storage-full               refused    the ballast is freed for them
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "proto/result.h"
+#include "server/base/thread_annotations.h"
+
+namespace voxeld {
+
+// Thread-safe.
+class DiskRoom {
+ public:
+  // A delete writes some ten pages to the database's log, which begins anew after 4 MB.
+  static constexpr int64_t kBallastBytesMax = int64_t{16} << 20;
+  // On a small disk the reserve would be most of it, and so would the ballast.
+  static constexpr int64_t kReservePartOfDisk = 20, kBallastPartOfDisk = 32;
+
+  // `reserve_bytes_max`: of the disk that `data_dir` is on; 0: no reserve.
+  DiskRoom(std::filesystem::path data_dir, int64_t reserve_bytes_max)
+      : data_dir_(std::move(data_dir)), reserve_bytes_max_(reserve_bytes_max) {}
+
+  // Free bytes of the file system, and its size.
+  Result<int64_t> free_bytes() const;
+  Result<int64_t> total_bytes() const;
+
+  // Whether data of clients and workers may be stored. Errors: storage-full.
+  Status for_data() const;
+  // Whether a job may be taken, which costs some rows. Errors: storage-full.
+  Status for_jobs() const EXCLUDES(mutex_);
+  // Whether so little is left that workers have to stop writing.
+  bool is_nearly_full() const;
+
+  // Frees the ballast where little else is free: the caller is about to write what frees more.
+  void make_way() EXCLUDES(mutex_);
+  // Allocates DIR/ballast where it is missing and its place is free. To be called now and then.
+  void keep_ballast() EXCLUDES(mutex_);
+
+ private:
+  Result<int64_t> reserve_bytes() const;
+  Result<int64_t> ballast_bytes() const;
+  Status check(int64_t bytes_min, const char* refused) const;
+  std::filesystem::path ballast_path() const { return data_dir_ / "ballast"; }
+
+  const std::filesystem::path data_dir_;
+  const int64_t reserve_bytes_max_;
+  mutable Mutex mutex_;
+  bool was_freed_ GUARDED_BY(mutex_) = false;  // and could not be allocated again yet
+};
+
+}  // namespace voxeld
