@@ -308,9 +308,7 @@ void Service::job_changed(const JobRecord& record) {
     for (const std::string& input : {status.grid, status.sequence}) {
       if (!input.empty()) blobs_.suspect(input);
     }
-    if (auto removed = assets_.remove_unneeded(); !removed) {
-      log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
-    }
+    sweep_.look_at_deleted();
   } else if (status.state == JobState::kRunning) {
     metrics_.claimed(status);
   } else if (record.was_parked) {
@@ -375,10 +373,8 @@ Result<int64_t> Service::upload_room(const Caller& caller, int64_t asked) {
 
 Status Service::delete_asset(const Caller& caller, std::string_view id) {
   VOXELD_TRY(assets_.mark_deleted(caller, id));
-  // It is deleted; that its bytes go may wait for the next time.
-  if (auto removed = assets_.remove_unneeded(); !removed) {
-    log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
-  }
+  // Not on this thread: whether the bytes go too would be told by the time that it takes.
+  sweep_.look_at_deleted();
   return {};
 }
 

@@ -61,14 +61,31 @@ void StoreSweep::stop() {
   if (thread_.joinable()) thread_.join();
 }
 
+void StoreSweep::look_at_deleted() {
+  const MutexLock lock(mutex_);
+  is_told_ = true;
+  wake_.notify_all();
+}
+
 bool StoreSweep::pause() {
   const auto deadline = std::chrono::steady_clock::now() + kPause;
-  MutexLock lock(mutex_);
-  while (!stopping_) {
-    if (wake_.wait_until(lock, deadline) == std::cv_status::timeout) break;
-  }
   ++seconds_;
-  return !stopping_;
+  while (true) {
+    {
+      MutexLock lock(mutex_);
+      while (!stopping_ && !is_told_) {
+        if (wake_.wait_until(lock, deadline) == std::cv_status::timeout) return true;
+      }
+      if (stopping_) return false;
+      is_told_ = false;
+    }
+    guarded("the removal of deleted files", [this] { remove_deleted(); });
+  }
+}
+
+void StoreSweep::remove_deleted() {
+  (void)until_none("deleted assets", [&] { return assets_.remove_unneeded(); });
+  blobs_.empty_trash();
 }
 
 void StoreSweep::run() {
@@ -90,6 +107,7 @@ void StoreSweep::sweep() {
               {{"step", "suspects"}, {"error", unnamed.error().message()}});
   }
   make_room();
+  remove_deleted();
   blobs_.disk().keep_ballast();
   metrics_.set_store(blobs_.bytes(), blobs_.damaged_count());
 }
@@ -134,7 +152,6 @@ void StoreSweep::expire() {
     const int64_t expired =
         until_none("assets", [&] { return retention_.expire_assets(before_ms); });
     metrics_.evicted("asset-age", expired);
-    if (expired > 0) (void)until_none("assets", [&] { return assets_.remove_unneeded(); });
   }
   if (limits_.keep_jobs_days > 0) {
     const int64_t before_ms = days_ago_ms(limits_.keep_jobs_days);

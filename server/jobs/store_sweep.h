@@ -14,7 +14,8 @@
 
 namespace voxeld {
 
-// Thread-safe. Looks at the store's size and at its suspects every second and at ages every ten;
+// Thread-safe. Looks at the store's size, at deleted assets and at its suspects every second, at
+// deleted assets also when it is told to, and at ages every ten;
 // among all blobs it looks for those that no row names, which go to quarantine, when it starts and
 // once a day.
 class StoreSweep {
@@ -24,6 +25,8 @@ class StoreSweep {
   ~StoreSweep();
   void start();
   void stop() EXCLUDES(mutex_);
+  // Something was deleted: its files go soon, on the sweep's thread.
+  void look_at_deleted() EXCLUDES(mutex_);
 
   // Whether an upload may begin. Errors: storage-full when the disk has less than its reserve left,
   // or when the store is at its limit and nothing in it may be removed.
@@ -35,6 +38,8 @@ class StoreSweep {
   void sweep_orphans();
   void make_room();
   void expire();
+  void remove_deleted();
+  // Returns at the next second. False: stop.
   bool pause() EXCLUDES(mutex_);
 
   const StorageLimits limits_;
@@ -47,6 +52,7 @@ class StoreSweep {
   Mutex mutex_;
   CondVar wake_;
   bool stopping_ GUARDED_BY(mutex_) = false;
+  bool is_told_ GUARDED_BY(mutex_) = false;  // that something was deleted
   std::thread thread_;
 };
 

@@ -22,6 +22,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kBlobs = "blobs";
 constexpr std::string_view kTemporary = "tmp";
+constexpr std::string_view kTrash = "trash";
 constexpr size_t kPrefixBytes = std::string_view("sha256-").size();
 // Of an upload between two looks at the disk, which cost a microsecond.
 constexpr int64_t kBytesPerLook = int64_t{1} << 20;
@@ -52,6 +53,15 @@ Result<std::pair<UniqueFd, fs::path>> make_temporary(const fs::path& root) {
   return std::pair<UniqueFd, fs::path>(std::move(fd), fs::path(name));
 }
 
+// What cannot be removed only wastes space.
+Status empty_folder(const fs::path& folder) {
+  VOXELD_ASSIGN(const auto names, directory_names(folder));
+  for (const std::string& name : names) {
+    if (::unlink((folder / name).c_str()) != 0) remove_tree(folder / name);
+  }
+  return {};
+}
+
 // The 256 folders that blobs lie in, made beforehand: the first blob of one must not take longer.
 Status make_fan_out(const fs::path& blobs) {
   constexpr std::string_view kHex = "0123456789abcdef";
@@ -66,6 +76,10 @@ Status make_fan_out(const fs::path& blobs) {
   return sync_path(blobs);
 }
 
+fs::path trash_path(const fs::path& root, BlobState& state) {
+  return root / kTrash / std::to_string(++state.trashed);
+}
+
 // Moves a synced file to its place, also where the same bytes are already: their file is replaced,
 // and whoever reads it reads on.
 Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& file,
@@ -74,6 +88,8 @@ Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& f
   BlobInfo info{id, bytes, BlobPins::pin(state.pins, id)};
   struct stat replaced {};
   const bool is_new = ::stat(target.c_str(), &replaced) != 0;
+  // Else the rename would free its bytes here. Where the file system has no links it does.
+  [[maybe_unused]] const int linked = ::link(target.c_str(), trash_path(root, state).c_str());
   if (::rename(file.c_str(), target.c_str()) != 0) {
     return errno_error("move into the store", file);
   }
@@ -180,16 +196,19 @@ Result<BlobInfo> BlobWriter::finish() {
   return info;
 }
 
+void BlobStore::empty_trash() const {
+  [[maybe_unused]] const Status emptied = empty_folder(root_ / kTrash);  // or the next time
+}
+
 Result<BlobStore> BlobStore::open(const fs::path& root, int64_t disk_reserve_bytes) {
   std::error_code failed;
   fs::create_directories(root, failed);
   if (failed) return code_error("cannot create the data directory", root, failed);
   VOXELD_TRY(make_directory(root / kBlobs));
   VOXELD_TRY(make_fan_out(root / kBlobs));
-  VOXELD_TRY(make_directory(root / kTemporary));
-  VOXELD_ASSIGN(const auto left, directory_names(root / kTemporary));
-  for (const std::string& name : left) {  // what cannot be removed only wastes space
-    if (::unlink((root / kTemporary / name).c_str()) != 0) remove_tree(root / kTemporary / name);
+  for (const std::string_view folder : {kTemporary, kTrash}) {
+    VOXELD_TRY(make_directory(root / folder));
+    VOXELD_TRY(empty_folder(root / folder));
   }
   return BlobStore(root, disk_reserve_bytes);
 }
@@ -264,8 +283,9 @@ Status BlobStore::take_out(std::string_view id,
 }
 
 Status BlobStore::remove(std::string_view id) const {
-  return take_out(id, [](const fs::path& path) {
-    return ::unlink(path.c_str()) == 0 ? Status() : errno_error("remove", path);
+  return take_out(id, [this](const fs::path& path) {
+    const fs::path trashed = trash_path(root_, *state_);
+    return ::rename(path.c_str(), trashed.c_str()) == 0 ? Status() : errno_error("remove", path);
   });
 }
 

@@ -48,7 +48,8 @@ struct BlobState {
       : disk(root, disk_reserve_bytes) {}
   std::shared_ptr<BlobPins> pins = std::make_shared<BlobPins>();
   BlobChecks checks;
-  std::atomic<int64_t> bytes{0};  // of all blobs: see BlobStore::recount()
+  std::atomic<int64_t> trashed{0};  // names of files in the trash are numbers
+  std::atomic<int64_t> bytes{0};    // of all blobs: see BlobStore::recount()
   DiskRoom disk;
 };
 
@@ -72,7 +73,8 @@ class BlobWriter {
   Status append(std::span<const uint8_t> bytes);
   int64_t bytes() const { return bytes_; }
   // Syncs, renames, syncs the directory: the blob survives power loss when this returns. The same
-  // work is done where the same bytes were there already, so that its time does not tell.
+  // work is done where the same bytes were there already, so that its time does not tell; the file
+  // that is replaced goes to the trash.
   Result<BlobInfo> finish();
 
  private:
@@ -112,8 +114,12 @@ class BlobStore {
   // Where a blob is; for passing to a worker or opening. Check stat() first. Text that is not an id
   // gives the path of nothing, inside the store.
   std::filesystem::path path_of(std::string_view id) const;
-  // Errors: not-found; conflict while the blob is pinned.
+  // Takes it out of the store at once, in the same time whatever its size; empty_trash() frees its
+  // bytes. Errors: not-found; conflict while the blob is pinned.
   Status remove(std::string_view id) const;
+  // Unlinks what was removed or replaced, which takes as long as the files are large: not for a
+  // thread that somebody waits for, who could tell by it that nobody else has the same bytes.
+  void empty_trash() const;
   // Moves it to the quarantine of the day instead. Errors: as remove(); storage-full.
   Status quarantine(std::string_view id, std::string_view day) const;
   // Moves a blob back from there; where the store has it by now, the copy in quarantine goes.
