@@ -119,6 +119,8 @@ void add_storage(CLI::App& serve, ServeConfig& config) {
   serve.add_flag("--adopt", config.adopts_store,
                  "Go on with a database that is not the one of the files, or is older: files that "
                  "it does not know go to DIR/quarantine");
+  serve.add_flag("--forget-keys", config.forgets_keys,
+                 "Start open to everybody though DIR/keys, which was there, is gone");
 }
 
 CLI::Option* add_sandbox(CLI::App& command, std::string& mode) {

@@ -38,6 +38,7 @@ struct ServeConfig {
   double keep_jobs_days = 0;
   double keep_orphans_days = 7;
   bool adopts_store = false;    // --adopt
+  bool forgets_keys = false;    // --forget-keys
   double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
   double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
   std::string shader_dir;

@@ -15,6 +15,7 @@
 #include "server/descriptors.h"
 #include "server/gpu/device.h"
 #include "server/http/server.h"
+#include "server/jobs/data_dir.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/key_ring.h"
 #include "server/jobs/url_secret.h"
@@ -109,6 +110,8 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.weight_of = [&keys](const std::string& tenant) { return keys.weight_of(tenant); };
   jobs.storage = {config.store_bytes_max,  config.disk_reserve_bytes, config.keep_results_days,
                   config.keep_assets_days, config.keep_jobs_days,     config.keep_orphans_days};
+  jobs.has_keys = [&keys] { return keys.needs_keys(); };
+  jobs.forgets_keys = config.forgets_keys;
   jobs.store_match = config.adopts_store ? StoreMatch::kAdopt : StoreMatch::kRequired;
   jobs.limits.job_seconds_max = config.job_seconds_max;
   jobs.limits.worker_memory_bytes_max = config.worker_memory_bytes_max > 0
@@ -138,6 +141,7 @@ bool end_serving(http::Server& server, JobService& jobs, double drain_seconds,
 }
 
 Status serve(const ServeConfig& config, const std::string& self_executable) {
+  VOXELD_TRY(check_data_dir(config.data_dir));  // before anything in it is believed
   VOXELD_ASSIGN(const auto keys, KeyRing::open(config.data_dir));
   const Guard guard = keys->needs_keys() ? Guard::kKeys : Guard::kNoKeys;
   VOXELD_TRY(check_listen_address("--listen", config.listen, config.allow_remote, guard));

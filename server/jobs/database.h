@@ -35,8 +35,8 @@ class Database {
   // committed (see store_identity.h).
   void tell_generation(std::function<void(int64_t)> told) EXCLUDES(writer_mutex_);
 
-  // The same for what deletes or expires: `make_way` is called first (DiskRoom), so that a full disk
-  // does not keep anybody from making room on it.
+  // The same for what deletes or expires: `make_way` is called first (DiskRoom), so that a full
+  // disk does not keep anybody from making room on it.
   Status write_freeing(const Operation& operation) EXCLUDES(mutex_, writer_mutex_);
   // To be set before other threads use the database.
   void set_make_way(std::function<void()> make_way) { make_way_ = std::move(make_way); }

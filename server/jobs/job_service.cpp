@@ -23,6 +23,7 @@
 #include "server/jobs/job_log.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_store.h"
+#include "server/jobs/key_memory.h"
 #include "server/jobs/queue_forecast.h"
 #include "server/jobs/queue_view.h"
 #include "server/jobs/quota.h"
@@ -45,6 +46,8 @@ constexpr std::chrono::milliseconds kExitReasonWait{1000};
 constexpr double kWorkerGraceSeconds = 0.5;
 // What one worker may write where no limit is given: with some workers, not all of the disk.
 constexpr int64_t kScratchPartOfDisk = 4;
+// How often the clock of retention is written down; after a crash so much less has passed.
+constexpr int64_t kClockNoteMs = 60'000;
 
 // Everything below runs on HTTP threads and on the task server's connection threads.
 class Service final : public JobService {
@@ -55,7 +58,9 @@ class Service final : public JobService {
         lock_(std::move(lock)),
         blobs_(std::move(blobs)),
         mark_(std::move(store.mark)),
+        clock_(config.clock, mark_->mark().kept_ms, mark_->mark().wall_ms),
         database_(std::move(store.database)),
+        keys_(*database_),
         jobs_(*database_, [this](std::string_view id) { return blobs_.is_usable(id); }),
         parts_(std::move(parts)),
         assets_(*database_, blobs_),
@@ -70,7 +75,8 @@ class Service final : public JobService {
             [this](JobStatus& status) { board_.overlay(status); }),
         turns_(turns_config()),
         retention_(*database_, blobs_),
-        sweep_(config_.storage, retention_, assets_, blobs_, metrics_) {}
+        sweep_(config_.storage, retention_, assets_, blobs_, metrics_, clock_,
+               [this] { note_each_second(); }) {}
   ~Service() override;
 
   Status start();
@@ -141,6 +147,7 @@ class Service final : public JobService {
   void overlay(JobStatus& status);
   TaskServerConfig server_config();
   void start_supervisor();
+  void note_each_second();
   Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
                                              int64_t after_id);
   Result<StoredBlob> stored(std::string_view id, std::string_view what);
@@ -150,7 +157,10 @@ class Service final : public JobService {
   const UniqueFd lock_;
   BlobStore blobs_;
   std::unique_ptr<StoreMarkFile> mark_;
+  KeptClock clock_;
+  int64_t clock_noted_ms_ = 0;  // of the sweep's thread
   std::unique_ptr<Database> database_;
+  KeyMemory keys_;
   JobStore jobs_;
   PartStore parts_;
   AssetStore assets_;
@@ -196,6 +206,7 @@ void Service::overlay(JobStatus& status) {
 }
 
 Status Service::start() {
+  VOXELD_TRY(keys_.check(config_.has_keys && config_.has_keys(), config_.forgets_keys));
   blobs_.disk().keep_ballast();
   database_->set_make_way([this] { blobs_.disk().make_way(); });
   VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
@@ -282,6 +293,14 @@ void Service::start_supervisor() {
   }
 }
 
+void Service::note_each_second() {
+  if (const int64_t now_ms = clock_.now_ms(); now_ms - clock_noted_ms_ >= kClockNoteMs) {
+    mark_->note_clock(now_ms, clock_.wall_ms());
+    clock_noted_ms_ = now_ms;
+  }
+  if (config_.has_keys && config_.has_keys()) keys_.remember();
+}
+
 Service::~Service() {
   stop();
 }
@@ -290,6 +309,7 @@ void Service::stop() {
   draining_ = true;
   if (deadlines_ != nullptr) deadlines_->stop();
   sweep_.stop();
+  mark_->note_clock(clock_.now_ms(), clock_.wall_ms());
   // First the connections: their tasks go back to the queue, and workers end when theirs closes.
   if (tasks_ != nullptr) tasks_->stop();
   supervising_ = nullptr;

@@ -22,6 +22,7 @@
 #include "proto/sequence.h"
 #include "proto/task_api.h"
 #include "server/jobs/caller.h"
+#include "server/jobs/kept_clock.h"
 #include "server/jobs/tenant_limits.h"
 #include "server/store/blob_store.h"
 
@@ -187,7 +188,8 @@ class JobService {
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;
   virtual int64_t queued_jobs() = 0;
-  // database answers, blob store writable, the disk's reserve is free, a worker connected, not draining; else why not.
+  // database answers, blob store writable, the disk's reserve is free, a worker connected, not
+  // draining; else why not.
   virtual Status ready() = 0;
   // New work is refused from now on; running jobs go on.
   virtual void drain() = 0;
@@ -246,6 +248,11 @@ struct JobServiceConfig {
   TaskLimits limits;
   StorageLimits storage;
   StoreMatch store_match = StoreMatch::kRequired;
+  KeptClock::Sources clock = KeptClock::real();  // of retention
+  // Whether there are API keys now; null: never. A store that once had them does not open without,
+  // unless it is told to forget that.
+  std::function<bool()> has_keys;
+  bool forgets_keys = false;
   std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
 };
 

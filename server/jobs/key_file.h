@@ -33,7 +33,7 @@ Result<KeyList> parse_keys(std::string_view text, const std::string& file);
 std::string keys_text(const KeyList& keys);
 
 // nullopt: there is no such file. Errors: internal, with file and line where it is not what
-// keys_text() writes, and for a file that others than its owner may write.
+// keys_text() writes; those of read_private().
 Result<std::optional<KeyList>> read_keys(const std::filesystem::path& file);
 
 // The key whose limits and weight are the tenant's; null where none is live.

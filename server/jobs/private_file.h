@@ -21,8 +21,8 @@ struct FileMark {
 };
 FileMark mark_of(const std::filesystem::path& file);
 
-// nullopt: there is no such file. Errors: internal, also for one that others than its owner may
-// write or that is no file.
+// nullopt: there is no such file. Errors: internal, also for what is no file; conflict for one that
+// belongs to another user or that others may read or write (check_secret()).
 Result<std::optional<std::string>> read_private(const std::filesystem::path& file);
 // Puts `text` in the file's place, synced. Errors: internal, storage-full.
 Status replace_private(const std::filesystem::path& file, const std::string& text);

@@ -33,17 +33,23 @@ struct OldResult {
 };
 
 // No live job works on any part of them.
-Result<std::vector<OldResult>> old_results(SqlConnection& connection, int64_t used_before_ms) {
+// `column`: used_ms, or aged_ms, which is 0 as long as it is not known.
+Result<std::vector<OldResult>> old_results(SqlConnection& connection, std::string_view column,
+                                           int64_t before_ms, int64_t count_max) {
+  const std::string by(column);
   VOXELD_ASSIGN(
       SqlStatement rows,
-      connection.query("SELECT seq, job_id FROM results r WHERE expired_ms = 0 AND used_ms < $1"
-                       " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.state IN ('queued',"
-                       " 'running') AND ((n.grid <> '' AND n.grid IN (r.grid, r.blob))"
-                       " OR (n.sequence <> '' AND n.sequence = r.sequence)"
-                       " OR (n.grid <> '' AND r.sequence <> '' AND EXISTS (SELECT 1 FROM frames f"
-                       " WHERE f.job_id = r.job_id AND f.grid = n.grid))))"
-                       " ORDER BY used_ms, seq LIMIT $2",
-                       used_before_ms, kBatch));
+      connection.query(
+          "SELECT seq, job_id FROM results r WHERE expired_ms = 0 AND " + by + " <> 0 AND " + by +
+              " < $1"
+              " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.state IN ('queued',"
+              " 'running') AND ((n.grid <> '' AND n.grid IN (r.grid, r.blob))"
+              " OR (n.sequence <> '' AND n.sequence = r.sequence)"
+              " OR (n.grid <> '' AND r.sequence <> '' AND EXISTS (SELECT 1 FROM frames f"
+              " WHERE f.job_id = r.job_id AND f.grid = n.grid))))"
+              " ORDER BY " +
+              by + ", seq LIMIT $2",
+          before_ms, std::min(count_max, kBatch)));
   std::vector<OldResult> results;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
@@ -115,15 +121,29 @@ Status trim_job(SqlConnection& connection, std::string_view id, Ids& ids) {
   return connection.run("DELETE FROM frames WHERE job_id = $1", id);
 }
 
-Status forget_assets(SqlConnection& connection, int64_t deleted_before_ms) {
+Status forget_assets(SqlConnection& connection, int64_t aged_before_ms) {
   constexpr std::string_view kOld =
-      " (SELECT id, tenant FROM assets WHERE bytes < 0 AND deleted_ms < $1"
-      " ORDER BY deleted_ms LIMIT $2)";
+      " (SELECT id, tenant FROM assets WHERE bytes < 0 AND aged_ms <> 0 AND aged_ms < $1"
+      " ORDER BY aged_ms LIMIT $2)";
   VOXELD_TRY(
       connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + std::string(kOld),
-                     deleted_before_ms, kBatch));
+                     aged_before_ms, kBatch));
   return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + std::string(kOld),
-                        deleted_before_ms, kBatch);
+                        aged_before_ms, kBatch);
+}
+
+// Whether the database knows a blob that nothing needs: it was deleted, or it expired.
+Result<bool> has_ended(SqlConnection& connection, std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement answer,
+                connection.query("SELECT EXISTS (SELECT 1 FROM assets WHERE id = $1)"
+                                 " OR EXISTS (SELECT 1 FROM results WHERE blob = $1)"
+                                 " OR EXISTS (SELECT 1 FROM results WHERE grid = $1 AND grid <> '')"
+                                 " OR EXISTS (SELECT 1 FROM results WHERE sequence = $1"
+                                 "            AND sequence <> '')"
+                                 " OR EXISTS (SELECT 1 FROM frames WHERE grid = $1)",
+                                 id));
+  VOXELD_TRY(answer.step());
+  return answer.int64(0) != 0;
 }
 
 }  // namespace
@@ -183,11 +203,58 @@ int64_t Retention::bytes_of(const Ids& ids) {
   return bytes;
 }
 
+Status Retention::note_ages(int64_t kept_now_ms) {
+  constexpr std::string_view kUnknown[] = {"results WHERE aged_ms = 0 AND expired_ms = 0",
+                                           "assets WHERE aged_ms = 0",
+                                           "jobs WHERE aged_ms = 0 AND ended_ms <> 0"};
+  bool some = false;
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    for (const std::string_view rows : kUnknown) {
+      VOXELD_ASSIGN(SqlStatement row,
+                    reader->query("SELECT 1 FROM " + std::string(rows) + " LIMIT 1"));
+      VOXELD_ASSIGN(const bool found, row.step());
+      some |= found;
+    }
+  }
+  if (!some) return {};
+  // Nothing expires by age whose age is not known.
+  return database_.write_freeing([&](SqlConnection& connection) -> Status {
+    for (const std::string_view rows : kUnknown) {
+      const size_t name = rows.find(' ');
+      VOXELD_TRY(connection.run("UPDATE " + std::string(rows.substr(0, name)) +
+                                    " SET aged_ms = $1" + std::string(rows.substr(name)),
+                                kept_now_ms));
+    }
+    return {};
+  });
+}
+
+Result<int64_t> Retention::count(Aged what) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(
+      SqlStatement row,
+      reader->query(what == Aged::kResults  ? "SELECT COUNT(*) FROM results WHERE expired_ms = 0"
+                    : what == Aged::kAssets ? "SELECT COUNT(*) FROM assets WHERE deleted_ms = 0"
+                                            : "SELECT COUNT(*) FROM jobs WHERE ended_ms <> 0"));
+  VOXELD_TRY(row.step());
+  return row.int64(0);
+}
+
 Result<int64_t> Retention::expire_results(int64_t used_before_ms, int64_t bytes_wanted) {
+  return expire_results_by("used_ms", used_before_ms, kBatch, bytes_wanted);
+}
+
+Result<int64_t> Retention::expire_aged_results(int64_t aged_before_ms, int64_t count_max) {
+  return expire_results_by("aged_ms", aged_before_ms, count_max, kAllBytes);
+}
+
+Result<int64_t> Retention::expire_results_by(std::string_view column, int64_t before_ms,
+                                             int64_t count_max, int64_t bytes_wanted) {
   Ids ids;
   int64_t expired = 0;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const auto results, old_results(connection, used_before_ms));
+    VOXELD_ASSIGN(const auto results, old_results(connection, column, before_ms, count_max));
     for (const OldResult& result : results) {
       VOXELD_TRY(expire_result(connection, result, ids));
       ++expired;
@@ -200,21 +267,22 @@ Result<int64_t> Retention::expire_results(int64_t used_before_ms, int64_t bytes_
   return expired;
 }
 
-Result<int64_t> Retention::expire_frames(int64_t ended_before_ms) {
+Result<int64_t> Retention::expire_frames(int64_t aged_before_ms) {
   constexpr std::string_view kOld =
       "SELECT DISTINCT f.job_id FROM frames f JOIN jobs j ON j.id = f.job_id"
-      " WHERE f.expired_ms = 0 AND j.state IN ('failed', 'cancelled') AND j.ended_ms < $1"
+      " WHERE f.expired_ms = 0 AND j.state IN ('failed', 'cancelled') AND j.aged_ms <> 0"
+      " AND j.aged_ms < $1"
       " LIMIT $2";
   {
     VOXELD_ASSIGN(Database::Lease reader, database_.read());
-    VOXELD_ASSIGN(SqlStatement rows, reader->query(kOld, ended_before_ms, kBatch));
+    VOXELD_ASSIGN(SqlStatement rows, reader->query(kOld, aged_before_ms, kBatch));
     VOXELD_ASSIGN(const bool some, rows.step());
     if (!some) return int64_t{0};
   }
   Ids ids, jobs;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     {
-      VOXELD_ASSIGN(SqlStatement rows, connection.query(kOld, ended_before_ms, kBatch));
+      VOXELD_ASSIGN(SqlStatement rows, connection.query(kOld, aged_before_ms, kBatch));
       VOXELD_TRY(collect(std::move(rows), jobs));
     }
     for (const std::string& job : jobs) VOXELD_TRY(expire_frames_of(connection, job, ids));
@@ -225,14 +293,14 @@ Result<int64_t> Retention::expire_frames(int64_t ended_before_ms) {
   return static_cast<int64_t>(jobs.size());
 }
 
-Result<int64_t> Retention::expire_assets(int64_t used_before_ms) {
+Result<int64_t> Retention::expire_assets(int64_t aged_before_ms, int64_t count_max) {
   int64_t expired = 0;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(
         connection.run("UPDATE assets SET deleted_ms = $2 WHERE (id, tenant) IN"
                        " (SELECT id, tenant FROM assets WHERE deleted_ms = 0"
-                       "  AND used_ms < $1 ORDER BY used_ms LIMIT $3)",
-                       used_before_ms, unix_time_ms(), kBatch));
+                       "  AND aged_ms <> 0 AND aged_ms < $1 ORDER BY aged_ms LIMIT $3)",
+                       aged_before_ms, unix_time_ms(), std::min(count_max, kBatch)));
     expired = connection.changes();
     return {};
   });
@@ -240,18 +308,18 @@ Result<int64_t> Retention::expire_assets(int64_t used_before_ms) {
   return expired;
 }
 
-Result<int64_t> Retention::trim_jobs(int64_t ended_before_ms) {
+Result<int64_t> Retention::trim_jobs(int64_t aged_before_ms, int64_t count_max) {
   Ids ids, jobs;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     {
       VOXELD_ASSIGN(SqlStatement rows,
-                    connection.query("SELECT id FROM jobs WHERE ended_ms <> 0 AND ended_ms < $1"
-                                     " ORDER BY ended_ms LIMIT $2",
-                                     ended_before_ms, kBatch));
+                    connection.query("SELECT id FROM jobs WHERE aged_ms <> 0 AND aged_ms < $1"
+                                     " AND ended_ms <> 0 ORDER BY aged_ms LIMIT $2",
+                                     aged_before_ms, std::min(count_max, kBatch)));
       VOXELD_TRY(collect(std::move(rows), jobs));
     }
     for (const std::string& job : jobs) VOXELD_TRY(trim_job(connection, job, ids));
-    return forget_assets(connection, ended_before_ms);
+    return forget_assets(connection, aged_before_ms);
   });
   VOXELD_TRY(committed);
   VOXELD_TRY(remove(ids));
@@ -266,7 +334,16 @@ Result<int64_t> Retention::remove_suspects() {
 
 Result<int64_t> Retention::quarantine_orphans(std::string_view day) {
   VOXELD_ASSIGN(const Ids stored, blobs_.list());
-  return remove_unnamed(stored, day);
+  Ids unknown, ended;
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    for (const std::string& id : stored) {
+      VOXELD_ASSIGN(const bool known, has_ended(*reader, id));
+      (known ? ended : unknown).push_back(id);
+    }
+  }
+  VOXELD_TRY(remove_unnamed(ended, {}));
+  return remove_unnamed(unknown, day);
 }
 
 Result<int64_t> Retention::restore_quarantined() {

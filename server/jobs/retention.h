@@ -31,28 +31,40 @@ class Retention {
   void touch(const std::string& blob) EXCLUDES(mutex_);
   Status flush() EXCLUDES(mutex_);
 
-  // Results that were used last before `used_before_ms`, the oldest first. Those that live jobs
-  // work on stay. Ends early where that frees `bytes_wanted`.
+  // Results that were used last before `used_before_ms` of the wall clock, the oldest first. Those
+  // that live jobs work on stay. Ends early where that frees `bytes_wanted`.
   Result<int64_t> expire_results(int64_t used_before_ms, int64_t bytes_wanted = kAllBytes);
+
+  // Notes the age of what was used, ended or deleted since the last call. All other times of ages
+  // are those of this clock (KeptClock), never the wall clock's.
+  Status note_ages(int64_t kept_now_ms);
+  // How many results or assets there are, or jobs that ended: what an age limit may take a part of.
+  enum class Aged { kResults, kAssets, kJobs };
+  Result<int64_t> count(Aged what);
+  // As expire_results(), by age, at most `count_max`.
+  Result<int64_t> expire_aged_results(int64_t aged_before_ms, int64_t count_max);
   // Frames of jobs that failed or were cancelled before that.
-  Result<int64_t> expire_frames(int64_t ended_before_ms);
+  Result<int64_t> expire_frames(int64_t aged_before_ms);
   // As if their tenants had deleted them.
-  Result<int64_t> expire_assets(int64_t used_before_ms);
+  Result<int64_t> expire_assets(int64_t aged_before_ms, int64_t count_max);
   // Rows of jobs that ended before that, with their events; and what remembers deleted assets.
   // Results that have not expired stay: equal jobs are answered by them.
-  Result<int64_t> trim_jobs(int64_t ended_before_ms);
+  Result<int64_t> trim_jobs(int64_t aged_before_ms, int64_t count_max);
 
   // Those of the store's suspects that no row names: of uploads that came to nothing, and what was
   // being uploaded, or worked on, when it was to go.
   Result<int64_t> remove_suspects();
-  // Moves blobs that no row names, among all of them, to the quarantine of the day: what a process
-  // that was killed left, and what a restored database does not know. Reads much.
+  // Moves blobs that the database does not know, among all of them, to the quarantine of the day:
+  // what a process that was killed left, and what a restored database lacks. Those that it knows as
+  // deleted or expired go. Reads much.
   Result<int64_t> quarantine_orphans(std::string_view day);
   // Moves those back that a row names by now: the right database is back, or the same bytes were
   // uploaded again.
   Result<int64_t> restore_quarantined();
 
  private:
+  Result<int64_t> expire_results_by(std::string_view column, int64_t before_ms, int64_t count_max,
+                                    int64_t bytes_wanted);
   // `quarantine_day`: as of remove_blobs().
   Result<int64_t> remove(const std::vector<std::string>& ids, std::string_view quarantine_day = {});
   Result<int64_t> remove_unnamed(const std::vector<std::string>& ids,

@@ -50,7 +50,9 @@ namespace {
 // the queue again (jobs.queued_ms; 0: since created_ms).
 //
 // Step 9: one row says which store the database belongs to, and counts its commits
-// (store_identity.h).
+// (store_identity.h), and whether it ever had API keys. aged_ms is when a row was used last, or
+// ended, or was deleted, by the clock of retention (kept_clock.h); 0: Retention::note_ages() has
+// not seen it yet.
 constexpr std::array<std::string_view, 9> kSteps = {
     R"sql(
 CREATE TABLE assets (
@@ -362,8 +364,27 @@ ALTER TABLE jobs ADD COLUMN queued_ms BIGINT NOT NULL DEFAULT 0;
 CREATE TABLE store (
   only_one SMALLINT PRIMARY KEY CHECK (only_one = 1),
   id TEXT NOT NULL,
-  generation BIGINT NOT NULL
+  generation BIGINT NOT NULL,
+  had_keys SMALLINT NOT NULL DEFAULT 0
 );
+
+ALTER TABLE results ADD COLUMN aged_ms BIGINT NOT NULL DEFAULT 0;
+CREATE INDEX results_to_age ON results (seq) WHERE aged_ms = 0 AND expired_ms = 0;
+CREATE INDEX results_by_age ON results (aged_ms, seq) WHERE aged_ms <> 0 AND expired_ms = 0;
+CREATE TRIGGER results_use AFTER UPDATE OF used_ms ON results BEGIN
+  UPDATE results SET aged_ms = 0 WHERE seq = NEW.seq;
+END;
+
+ALTER TABLE assets ADD COLUMN aged_ms BIGINT NOT NULL DEFAULT 0;
+CREATE INDEX assets_to_age ON assets (id) WHERE aged_ms = 0;
+CREATE INDEX assets_by_age ON assets (aged_ms) WHERE aged_ms <> 0;
+CREATE TRIGGER assets_use AFTER UPDATE OF used_ms, deleted_ms ON assets BEGIN
+  UPDATE assets SET aged_ms = 0 WHERE id = NEW.id AND tenant = NEW.tenant;
+END;
+
+ALTER TABLE jobs ADD COLUMN aged_ms BIGINT NOT NULL DEFAULT 0;
+CREATE INDEX jobs_to_age ON jobs (seq) WHERE aged_ms = 0 AND ended_ms <> 0;
+CREATE INDEX jobs_by_age ON jobs (aged_ms) WHERE aged_ms <> 0;
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

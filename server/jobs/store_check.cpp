@@ -1,13 +1,13 @@
 #include "server/jobs/store_check.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 
 #include <algorithm>
 #include <system_error>
 #include <utility>
 
 #include "server/base/file.h"
+#include "server/base/file_lock.h"
 #include "server/base/sha256.h"
 #include "server/base/stopwatch.h"
 #include "server/jobs/blob_needs.h"
@@ -20,11 +20,6 @@ namespace voxeld {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool is_locked(const fs::path& file) {
-  const UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
-  return fd.valid() && ::flock(fd.get(), LOCK_SH | LOCK_NB) != 0;
-}
 
 Result<int64_t> number(SqlConnection& connection, std::string_view sql) {
   VOXELD_ASSIGN(SqlStatement row, connection.query(sql));
@@ -72,7 +67,7 @@ class Check {
       return Error{ErrorCode::kNotFound, "there is no store in " + dir.string(),
                    "the directory of voxeld serve --data", ""};
     }
-    report_.daemon_runs = is_locked(dir / "lock");
+    report_.daemon_runs = is_directory_locked(dir);
     if (const auto keys = read_keys(key_file_path(dir)); !keys) {
       problem("keys", "keys", keys.error().message());
     }

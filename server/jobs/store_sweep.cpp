@@ -4,10 +4,10 @@
 #include <chrono>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "server/base/guard.h"
 #include "server/base/log.h"
-#include "server/jobs/job_record.h"
 
 namespace voxeld {
 namespace {
@@ -19,8 +19,8 @@ constexpr int64_t kSecondsPerOrphans = int64_t{24} * 60 * 60;
 constexpr double kFullPart = 0.95;
 constexpr double kMsPerDay = 24.0 * 60 * 60 * 1000;
 
-int64_t days_ago_ms(double days) {
-  return unix_time_ms() - static_cast<int64_t>(days * kMsPerDay);
+int64_t days_ms(double days) {
+  return static_cast<int64_t>(days * kMsPerDay);
 }
 
 // Calls `batch` until it did nothing. Returns how many it did.
@@ -41,8 +41,18 @@ int64_t until_none(const char* what, Batch&& batch) {
 }  // namespace
 
 StoreSweep::StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
-                       const BlobStore& blobs, JobMetrics& metrics)
-    : limits_(limits), retention_(retention), assets_(assets), blobs_(blobs), metrics_(metrics) {}
+                       const BlobStore& blobs, JobMetrics& metrics, KeptClock& clock,
+                       std::function<void()> note)
+    : limits_(limits),
+      retention_(retention),
+      assets_(assets),
+      blobs_(blobs),
+      metrics_(metrics),
+      clock_(clock),
+      note_(std::move(note)),
+      results_budget_(limits.keep_results_days),
+      assets_budget_(limits.keep_assets_days),
+      jobs_budget_(limits.keep_jobs_days) {}
 
 StoreSweep::~StoreSweep() {
   stop();
@@ -95,13 +105,14 @@ void StoreSweep::run() {
 }
 
 void StoreSweep::sweep() {
+  note_();
   if (seconds_ % kSecondsPerOrphans == 0) {
     if (Status counted = blobs_.recount(); !counted) {
       log::warn("cannot count the store", {{"error", counted.error().message()}});
     }
     sweep_orphans();
   }
-  if (seconds_ % kSecondsPerExpiry == 0) expire();
+  if (seconds_ % kSecondsPerExpiry == 0) look_at_ages();
   if (const auto unnamed = retention_.remove_suspects(); !unnamed) {
     log::warn("the store cannot be swept",
               {{"step", "suspects"}, {"error", unnamed.error().message()}});
@@ -119,7 +130,7 @@ void StoreSweep::sweep_orphans() {
   } else if (*restored > 0) {
     log::info("blobs are back from quarantine", {{"blobs", *restored}});
   }
-  const auto orphans = retention_.quarantine_orphans(day_text(unix_time_ms()));
+  const auto orphans = retention_.quarantine_orphans(day_text(clock_.now_ms()));
   if (!orphans) {
     log::warn("cannot look for blobs that nothing names", {{"error", orphans.error().message()}});
   } else if (*orphans > 0) {
@@ -127,7 +138,7 @@ void StoreSweep::sweep_orphans() {
               {{"blobs", *orphans}, {"folder", (blobs_.root() / "quarantine").string()}});
   }
   if (limits_.keep_orphans_days == 0) return;
-  const std::string last_day = day_text(days_ago_ms(limits_.keep_orphans_days));
+  const std::string last_day = day_text(clock_.now_ms() - days_ms(limits_.keep_orphans_days));
   const auto removed = Quarantine(blobs_.root()).remove_before(last_day);
   if (!removed) {
     log::warn("cannot empty the quarantine", {{"error", removed.error().message()}});
@@ -136,26 +147,54 @@ void StoreSweep::sweep_orphans() {
   }
 }
 
-void StoreSweep::expire() {
+void StoreSweep::look_at_ages() {
+  if (const int64_t jump_ms = clock_.take_jump_ms(); jump_ms != 0) {
+    log::warn("the system's clock jumped; ages do not count it", {{"seconds", jump_ms / 1000}});
+  }
   if (Status flushed = retention_.flush(); !flushed) {
     log::warn("cannot note what was used", {{"error", flushed.error().message()}});
   }
+  if (Status noted = retention_.note_ages(clock_.now_ms()); !noted) {
+    log::warn("cannot note ages", {{"error", noted.error().message()}});
+  }
+  using Aged = Retention::Aged;
+  expire(results_budget_, Aged::kResults, limits_.keep_results_days, "age",
+         [this](int64_t before_ms, int64_t count_max) {
+           return retention_.expire_aged_results(before_ms, count_max);
+         });
   if (limits_.keep_results_days > 0) {
-    const int64_t before_ms = days_ago_ms(limits_.keep_results_days);
-    const int64_t results =
-        until_none("results", [&] { return retention_.expire_results(before_ms); }) +
-        until_none("frames", [&] { return retention_.expire_frames(before_ms); });
-    metrics_.evicted("age", results);
+    const int64_t before_ms = clock_.now_ms() - days_ms(limits_.keep_results_days);
+    metrics_.evicted("age",
+                     until_none("frames", [&] { return retention_.expire_frames(before_ms); }));
   }
-  if (limits_.keep_assets_days > 0) {
-    const int64_t before_ms = days_ago_ms(limits_.keep_assets_days);
-    const int64_t expired =
-        until_none("assets", [&] { return retention_.expire_assets(before_ms); });
-    metrics_.evicted("asset-age", expired);
-  }
-  if (limits_.keep_jobs_days > 0) {
-    const int64_t before_ms = days_ago_ms(limits_.keep_jobs_days);
-    (void)until_none("jobs", [&] { return retention_.trim_jobs(before_ms); });
+  expire(assets_budget_, Aged::kAssets, limits_.keep_assets_days, "asset-age",
+         [this](int64_t before_ms, int64_t count_max) {
+           return retention_.expire_assets(before_ms, count_max);
+         });
+  expire(jobs_budget_, Aged::kJobs, limits_.keep_jobs_days, "",
+         [this](int64_t before_ms, int64_t count_max) {
+           return retention_.trim_jobs(before_ms, count_max);
+         });
+}
+
+// `reason` goes into the metrics; empty: it does not.
+void StoreSweep::expire(AgeBudget& budget, Retention::Aged what, double keep_days,
+                        const char* reason,
+                        const std::function<Result<int64_t>(int64_t, int64_t)>& batch) {
+  if (keep_days <= 0) return;
+  const int64_t before_ms = clock_.now_ms() - days_ms(keep_days);
+  const int64_t gone = until_none(reason, [&]() -> Result<int64_t> {
+    VOXELD_ASSIGN(const int64_t left,
+                  budget.left(clock_.now_ms(), [&] { return retention_.count(what); }));
+    if (left <= 0) return int64_t{0};
+    VOXELD_ASSIGN(const int64_t done, batch(before_ms, left));
+    budget.take(done);
+    return done;
+  });
+  if (*reason != '\0') metrics_.evicted(reason, gone);
+  if (gone > 0 && budget.take_exhausted()) {
+    log::warn("more is old than may go within an hour; the rest goes later",
+              {{"what", *reason != '\0' ? reason : "jobs"}, {"gone", gone}});
   }
 }
 

@@ -3,12 +3,15 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <thread>
 
 #include "server/base/thread_annotations.h"
+#include "server/jobs/age_budget.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/job_metrics.h"
 #include "server/jobs/job_service.h"
+#include "server/jobs/kept_clock.h"
 #include "server/jobs/retention.h"
 #include "server/store/blob_store.h"
 
@@ -20,11 +23,15 @@ namespace voxeld {
 // once a day.
 class StoreSweep {
  public:
+  // `note` is called every second, on the sweep's thread.
   StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
-             const BlobStore& blobs, JobMetrics& metrics);
+             const BlobStore& blobs, JobMetrics& metrics, KeptClock& clock,
+             std::function<void()> note);
   ~StoreSweep();
   void start();
   void stop() EXCLUDES(mutex_);
+  // What the thread does every ten seconds: what is old goes, within AgeBudget.
+  void look_at_ages();
   // Something was deleted: its files go soon, on the sweep's thread.
   void look_at_deleted() EXCLUDES(mutex_);
 
@@ -37,7 +44,8 @@ class StoreSweep {
   void sweep();
   void sweep_orphans();
   void make_room();
-  void expire();
+  void expire(AgeBudget& budget, Retention::Aged what, double keep_days, const char* reason,
+              const std::function<Result<int64_t>(int64_t before_ms, int64_t count_max)>& batch);
   void remove_deleted();
   // Returns at the next second. False: stop.
   bool pause() EXCLUDES(mutex_);
@@ -47,6 +55,9 @@ class StoreSweep {
   AssetStore& assets_;
   const BlobStore& blobs_;
   JobMetrics& metrics_;
+  KeptClock& clock_;
+  const std::function<void()> note_;
+  AgeBudget results_budget_, assets_budget_, jobs_budget_;  // of the thread
   int64_t seconds_ = 0;               // of the thread: how often pause() returned
   std::atomic<bool> is_full_{false};  // over the limit, and nothing may go
   Mutex mutex_;

@@ -4,9 +4,11 @@
 #include <sys/random.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <charconv>
+#include <iterator>
 #include <span>
 #include <utility>
 
@@ -16,12 +18,11 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kHead = "voxeld store 1\nid ";
-constexpr std::string_view kGeneration = "\ngeneration ";
+constexpr std::string_view kNumberNames[] = {"\ngeneration ", "\nkept_ms ", "\nwall_ms "};
 constexpr std::string_view kHexDigits = "0123456789abcdef";
 constexpr size_t kIdDigits = 32;
 constexpr size_t kNumberDigits = 19;  // of the largest int64_t
-constexpr size_t kNumberAt = kHead.size() + kIdDigits + kGeneration.size();
-constexpr size_t kMarkBytes = kNumberAt + kNumberDigits + 1;
+constexpr size_t kMarkBytesMax = 256;
 
 std::string padded(int64_t number) {
   std::string digits = std::to_string(number);
@@ -47,20 +48,34 @@ StoreMark new_store_mark() {
 }
 
 std::string store_mark_text(const StoreMark& mark) {
-  return std::string(kHead) + mark.id + std::string(kGeneration) + padded(mark.generation) + "\n";
+  std::string text = std::string(kHead) + mark.id;
+  const int64_t numbers[] = {mark.generation, mark.kept_ms, mark.wall_ms};
+  for (size_t i = 0; i < std::size(kNumberNames); ++i) {
+    text += std::string(kNumberNames[i]) + padded(numbers[i]);
+  }
+  return text + "\n";
 }
 
 Result<StoreMark> parse_store_mark(std::string_view text, const std::string& file) {
   StoreMark mark;
-  if (text.size() == kMarkBytes) {
-    mark.id = text.substr(kHead.size(), kIdDigits);
-    const char* number = text.data() + kNumberAt;
-    std::from_chars(number, number + kNumberDigits, mark.generation);
+  size_t at = std::min(kHead.size(), text.size());
+  mark.id = text.substr(at, kIdDigits);
+  at += mark.id.size();
+  int64_t* const numbers[] = {&mark.generation, &mark.kept_ms, &mark.wall_ms};
+  for (size_t i = 0; i < std::size(kNumberNames); ++i) {
+    at = std::min(at + kNumberNames[i].size(), text.size());
+    const std::string_view digits = text.substr(at, kNumberDigits);
+    std::from_chars(digits.data(), digits.data() + digits.size(), *numbers[i]);
+    at += digits.size();
+    *numbers[i] = std::max<int64_t>(0, *numbers[i]);
   }
-  const bool has_id = mark.id.find_first_not_of(kHexDigits) == std::string::npos;
-  if (has_id && mark.generation >= 0 && store_mark_text(mark) == text) return mark;
+  const bool has_id =
+      mark.id.size() == kIdDigits && mark.id.find_first_not_of(kHexDigits) == std::string::npos;
+  // Whatever it was read from, it is right where the same bytes come out.
+  if (has_id && store_mark_text(mark) == text) return mark;
   return Error{ErrorCode::kInternal, file,
-               "\"voxeld store 1\", an id of 32 hex digits and a generation of 19 digits",
+               "\"voxeld store 1\", an id of 32 hex digits, and generation, kept_ms and wall_ms of "
+               "19 digits",
                std::to_string(text.size()) + " bytes"};
 }
 
@@ -72,7 +87,7 @@ Result<std::unique_ptr<StoreMarkFile>> StoreMarkFile::open(const std::filesystem
   UniqueFd fd(::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW));
   if (!fd.valid() && errno == ENOENT) return std::unique_ptr<StoreMarkFile>();
   if (!fd.valid()) return errno_error("open", path);
-  std::array<char, kMarkBytes + 1> text{};  // one more than there should be
+  std::array<char, kMarkBytesMax> text{};
   const ssize_t count = ::pread(fd.get(), text.data(), text.size(), 0);
   if (count < 0) return errno_error("read", path);
   VOXELD_ASSIGN(StoreMark mark,
@@ -98,6 +113,17 @@ void StoreMarkFile::raise_generation(int64_t generation) {
   const MutexLock lock(mutex_);
   if (generation <= mark_.generation) return;
   mark_.generation = generation;
+  write();
+}
+
+void StoreMarkFile::note_clock(int64_t kept_ms, int64_t wall_ms) {
+  const MutexLock lock(mutex_);
+  mark_.kept_ms = kept_ms;
+  mark_.wall_ms = wall_ms;
+  write();
+}
+
+void StoreMarkFile::write() {
   const std::string text = store_mark_text(mark_);
   [[maybe_unused]] const ssize_t written = ::pwrite(fd_.get(), text.data(), text.size(), 0);
 }

@@ -5,6 +5,8 @@
 //   voxeld store 1
 //   id 9f86d081884c7d659a2feaa0c55ad015
 //   generation 0000000000000000042
+//   kept_ms 0000001763846400000
+//   wall_ms 0000001763846400000
 //
 // The length is fixed: a new generation overwrites the old one in place, without a sync. So the
 // file may fall behind its database when power fails, and is never ahead of it.
@@ -25,6 +27,8 @@ namespace voxeld {
 struct StoreMark {
   std::string id;          // 32 lower-case hex digits
   int64_t generation = 0;  // commits of the database that changed rows
+  // The clock of retention (server/jobs/kept_clock.h), and the wall clock at that moment; 0: new.
+  int64_t kept_ms = 0, wall_ms = 0;
   bool operator==(const StoreMark&) const = default;
 };
 
@@ -45,10 +49,12 @@ class StoreMarkFile {
                                                        StoreMark mark);
   // A lower generation changes nothing. What cannot be written is tried again with the next one.
   void raise_generation(int64_t generation) EXCLUDES(mutex_);
+  void note_clock(int64_t kept_ms, int64_t wall_ms) EXCLUDES(mutex_);
   StoreMark mark() const EXCLUDES(mutex_);
 
  private:
   StoreMarkFile(UniqueFd fd, StoreMark mark) : fd_(std::move(fd)), mark_(std::move(mark)) {}
+  void write() REQUIRES(mutex_);
   const UniqueFd fd_;
   mutable Mutex mutex_;
   StoreMark mark_ GUARDED_BY(mutex_);

@@ -10,8 +10,8 @@ import unittest
 
 from harness import BIN, Daemon, DaemonTest
 
-# A sweep looks at ages every ten seconds.
-SWEEP_SECONDS_MAX = 30
+# A sweep looks at ages every ten seconds: the first one notes them, a later one acts on them.
+SWEEP_SECONDS_MAX = 60
 
 
 class Storage(DaemonTest):
@@ -185,13 +185,111 @@ class FullDisk(Storage):
         if hog:
             os.unlink(self.disk + "/hog")
         for asset in assets[:3]:
-            self.assertIn(daemon.request("DELETE", "/v1/assets/" + asset).status, (204, 507))
+            self.assertEqual(daemon.request("DELETE", "/v1/assets/" + asset).status, 204)
+        self.wait_ready(daemon, 200)  # files are removed after the answer
         self.assertEqual(daemon.post("/v1/assets?filename=a.obj", self.mesh(1)).status, 201)
         self.assertEqual(daemon.get(f"/v1/jobs/{self.voxelize(daemon, 31)}/result").status, 200)
         for asset in assets[3:]:
             self.assertEqual(daemon.get("/v1/assets/" + asset).status, 200)
         code, report = self.doctor(daemon)
         self.assertEqual(code, 0, report)
+
+    def free_bytes(self):
+        disk = os.statvfs(self.disk)
+        return disk.f_bavail * disk.f_frsize
+
+    def take_the_rest(self):
+        with open(self.disk + "/hog", "wb", buffering=0) as file:
+            try:
+                while True:
+                    file.write(bytes(4096))
+            except OSError:
+                pass
+
+    def ready(self, daemon):
+        return daemon.request("GET", "/readyz", port=daemon.admin_port)
+
+    def wait_ready(self, daemon, status):
+        deadline = time.monotonic() + SWEEP_SECONDS_MAX
+        while self.ready(daemon).status != status:
+            self.assertLess(time.monotonic(), deadline, self.ready(daemon).body)
+            time.sleep(0.1)
+
+    def tenants(self, *arguments):
+        data = self.disk + "/data"
+        keys = {name: subprocess.run([BIN / "voxeld", "keys", "add", name, "--data", data], check=True,
+                                     capture_output=True, text=True).stdout.strip()
+                for name in ("greedy", "modest")}
+        daemon = self.start(*arguments, data_dir=data)
+        return daemon, daemon.holding(keys["greedy"]), daemon.holding(keys["modest"])
+
+    def run_job(self, daemon, asset, size, **options):
+        """How it ended; "refused": it was not taken."""
+        response = daemon.post("/v1/jobs", {
+            "kind": "voxelize", "asset": asset,
+            "options": {"size": size, "format": "npy", "cache": "no", **options}})
+        if response.status == 507:
+            return "refused", None
+        return daemon.wait(response.json()["id"])["state"], response.json()["id"]
+
+    def test_outputs_of_one_tenant_leave_the_reserve_and_others_can_delete(self):
+        daemon, greedy, modest = self.tenants()
+        mine = [modest.post("/v1/assets?filename=a.obj", self.mesh(1)).json()["id"] for _ in range(3)]
+        asset = greedy.upload(self.fixtures / "sample.ply")
+        reserve = (64 << 20) // 20
+        for size in range(200, 260):  # 8 to 17 MB each
+            state, job = self.run_job(greedy, asset, size)
+            if state != "done":
+                break
+        self.assertEqual(state, "failed")
+        error = greedy.get(f"/v1/jobs/{job}").json()["error"]
+        self.assertEqual(error["code"], "storage-full", error)
+        self.assertIn("the disk is nearly full; uploads and results are refused", error["detail"])
+        # What failed is removed; small outputs take what is left, but for the reserve.
+        while self.run_job(greedy, asset, 100)[0] == "done":
+            pass
+        while self.run_job(greedy, asset, 40)[0] == "done":
+            pass
+        self.assertGreater(self.free_bytes(), reserve // 2)
+        self.take_the_rest()
+        self.assertLess(self.free_bytes(), 64 << 10)
+        self.wait_ready(daemon, 503)
+        self.assertIn("the disk is nearly full", self.ready(daemon).json()["reason"])
+        self.assert_problem(modest.post("/v1/assets?filename=b.obj", self.mesh(1)), 507, "storage-full")
+        self.assert_problem(modest.post("/v1/jobs", {"kind": "voxelize", "asset": asset}), 507,
+                            "storage-full", "jobs are refused")
+        for one in mine:
+            self.assertEqual(modest.request("DELETE", "/v1/assets/" + one).status, 204)
+            self.assertEqual(modest.get("/v1/assets/" + one).status, 410)
+        os.unlink(self.disk + "/hog")
+        self.wait_ready(daemon, 200)
+        self.assertEqual(modest.post("/v1/assets?filename=b.obj", self.mesh(1)).status, 201)
+
+    def test_on_a_full_disk_results_are_evicted(self):
+        daemon, greedy, _ = self.tenants("--keep-results-days", "0.00002", "--disk-reserve", "0")
+        asset = greedy.upload(self.fixtures / "sample.ply")
+        state, job = self.run_job(greedy, asset, 200)
+        self.assertEqual(state, "done")
+        result_bytes = len(greedy.get(f"/v1/jobs/{job}/result").body)
+        self.take_the_rest()
+        self.wait_evictions(daemon, 1)  # to ask for the result would be a use
+        self.assertEqual(greedy.get(f"/v1/jobs/{job}/result").status, 410)
+        deadline = time.monotonic() + SWEEP_SECONDS_MAX
+        while self.free_bytes() < result_bytes:
+            self.assertLess(time.monotonic(), deadline, self.free_bytes())
+            time.sleep(0.1)
+
+    def test_a_job_that_writes_more_than_one_worker_may_fails_alone(self):
+        daemon = self.start("--worker-scratch-max", "2M", data_dir=self.disk + "/data")
+        asset = daemon.upload(self.fixtures / "sample.ply")
+        state, job = self.run_job(daemon, asset, 250)  # 15 MB
+        self.assertEqual(state, "failed")
+        error = daemon.get(f"/v1/jobs/{job}").json()["error"]
+        self.assertEqual(error["code"], "storage-full", error)
+        self.assertIn("the job writes more than one worker may", error["detail"])
+        self.assertEqual(error["expected"], "at most 2097152 bytes")
+        self.assertEqual(self.run_job(daemon, asset, 40)[0], "done")
+        self.assertEqual(self.ready(daemon).status, 200)
 
     def test_uploads_are_refused_before_the_disk_is_full(self):
         self.check(self.start(data_dir=self.disk + "/data"), hog=False)

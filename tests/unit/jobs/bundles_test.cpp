@@ -80,7 +80,7 @@ TEST_F(BundlesTest, work_on_a_bundle_of_which_a_file_was_deleted_is_refused_unti
   EXPECT_EQ(refused.error().code, ErrorCode::kGone);
   EXPECT_EQ(refused.error().detail,
             "bundle file \"walk.md5anim\": asset " + anim_ + " was deleted");
-  EXPECT_FALSE(blobs().stat(anim_));
+  EXPECT_TRUE(is_removed(anim_));
   put_asset("anim", "walk.md5anim");
   EXPECT_TRUE(service_->submit(Caller::open(), request(bundle), {}));
 }
@@ -98,7 +98,7 @@ TEST_F(BundlesTest, files_of_a_live_job_stay_until_it_has_ended) {
   ASSERT_TRUE(worker.complete(*task, "x"));
   EXPECT_EQ(wait_end(id).state, JobState::kDone);
   for (const std::string& asset : {mesh_, anim_, bundle}) {
-    EXPECT_FALSE(blobs().stat(asset)) << asset;
+    EXPECT_TRUE(is_removed(asset)) << asset;
   }
 }
 

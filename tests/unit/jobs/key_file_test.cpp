@@ -139,7 +139,11 @@ TEST_F(KeyFileTest, every_truncation_but_that_at_a_line_is_refused) {
 TEST_F(KeyFileTest, a_file_that_others_may_write_or_that_is_none_is_refused) {
   write(kHead, 0620);
   EXPECT_EQ(read_keys(file()).error().message(),
-            file().string() + " can be written by others than its owner: expected mode 0600");
+            file().string() +
+                " is open to other users; look what they made of it, then run chmod go-rwx " +
+                file().string() + ": expected no permission for group and others, got mode 0620");
+  write(kHead, 0640);
+  EXPECT_NE(read_keys(file()).error().detail.find("chmod go-rwx"), std::string::npos);
   std::filesystem::remove(file());
   std::filesystem::create_directory(file());
   EXPECT_FALSE(read_keys(file()));

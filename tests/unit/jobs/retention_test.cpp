@@ -60,6 +60,8 @@ class RetentionTest : public ::testing::Test {
     submit(put_asset(mesh), /*use_cache=*/false);
     return run(text);
   }
+  // By the clock of retention, all is from its beginning.
+  void age_all() { ASSERT_TRUE(retention_.note_ages(1)); }
   bool stored(const std::string& text) { return blobs_.stat(sha256_id(text)).ok(); }
   Status sql(const std::string& text) {
     return database_->write([&](SqlConnection& c) { return c.run(text); });
@@ -177,10 +179,12 @@ TEST_F(RetentionTest, what_expired_is_not_counted_as_kept) {
   ASSERT_TRUE(jobs_.complete(task, 1).value());
   EXPECT_EQ(jobs_.usage("").value().bytes, 4 + 5 + 6 + 4);  // the mesh, the frame, the result
   EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
+  age_all();
   retention_.expire_frames(kNow).value();
   EXPECT_EQ(jobs_.usage("").value().bytes, 4);
   // Its rows go later, and are not taken off twice.
-  EXPECT_EQ(retention_.trim_jobs(kNow).value(), 1);
+  age_all();
+  EXPECT_EQ(retention_.trim_jobs(kNow, 100).value(), 1);
   EXPECT_EQ(count("results"), 0);
   EXPECT_EQ(jobs_.usage("").value().bytes, 4);
 }
@@ -195,6 +199,7 @@ TEST_F(RetentionTest, frames_of_failed_jobs_expire) {
   ASSERT_TRUE(frames_.add(frame, {put_blob("frame"), 5}, 2, 0).value());
   EXPECT_EQ(retention_.expire_frames(kNow).value(), 0);  // it runs
   ASSERT_TRUE(jobs_.fail(record.status.id, record.fence, {ErrorCode::kInternal, "no", "", ""}, 1));
+  age_all();
   EXPECT_EQ(retention_.expire_frames(kNow).value(), 1);
   EXPECT_FALSE(stored("frame"));
   EXPECT_EQ(retention_.expire_frames(kNow).value(), 0);
@@ -202,9 +207,10 @@ TEST_F(RetentionTest, frames_of_failed_jobs_expire) {
 
 TEST_F(RetentionTest, assets_expire_unless_a_job_used_them_meanwhile) {
   const std::string old = put_asset("old"), used = put_asset("used");
-  ASSERT_TRUE(sql("UPDATE assets SET used_ms = 1"));
+  age_all();
   submit(used);
-  EXPECT_EQ(retention_.expire_assets(1000).value(), 1);
+  ASSERT_TRUE(retention_.note_ages(2000));
+  EXPECT_EQ(retention_.expire_assets(1000, 100).value(), 1);
   EXPECT_EQ(assets_.get(Caller::open(), old).error().code, ErrorCode::kGone);
   EXPECT_TRUE(assets_.get(Caller::open(), used));
   EXPECT_EQ(assets_.remove_unneeded().value(), 1);
@@ -214,8 +220,9 @@ TEST_F(RetentionTest, assets_expire_unless_a_job_used_them_meanwhile) {
 TEST_F(RetentionTest, jobs_are_forgotten_with_all_rows_but_their_results_serve_equal_ones) {
   const JobStatus job = made("mesh", "result");
   submit(put_asset("waits"));
-  EXPECT_EQ(retention_.trim_jobs(1000).value(), 0);
-  EXPECT_EQ(retention_.trim_jobs(kNow).value(), 1);
+  EXPECT_EQ(retention_.trim_jobs(1000, 100).value(), 0);
+  age_all();
+  EXPECT_EQ(retention_.trim_jobs(kNow, 100).value(), 1);
   EXPECT_EQ(jobs_.get(Caller::open(), job.id).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(count("jobs"), 1);
   EXPECT_EQ(count("job_events"), 1);
@@ -223,7 +230,8 @@ TEST_F(RetentionTest, jobs_are_forgotten_with_all_rows_but_their_results_serve_e
   EXPECT_TRUE(submit(sha256_id("mesh")).cached);
   // The last job that refers to it takes the expired row along.
   EXPECT_EQ(retention_.expire_results(kNow).value(), 1);
-  EXPECT_EQ(retention_.trim_jobs(kNow).value(), 1);
+  age_all();
+  EXPECT_EQ(retention_.trim_jobs(kNow, 100).value(), 1);
   EXPECT_EQ(count("results"), 0);
 }
 
@@ -253,6 +261,14 @@ TEST_F(RetentionTest, blobs_that_nothing_names_go_to_quarantine_unless_they_are_
   EXPECT_FALSE(stored("cut off"));
   EXPECT_TRUE(stored("mesh"));
   EXPECT_TRUE(blobs_.stat(pinned.id));
+}
+
+TEST_F(RetentionTest, what_was_deleted_goes_and_does_not_wait_in_quarantine) {
+  put_asset("mesh");
+  ASSERT_TRUE(assets_.mark_deleted(Caller::open(), sha256_id("mesh")));
+  EXPECT_EQ(retention_.quarantine_orphans("2026-11-22").value(), 0);
+  EXPECT_FALSE(stored("mesh"));
+  EXPECT_TRUE(Quarantine(dir_.path()).list()->empty());
 }
 
 TEST_F(RetentionTest, a_blob_is_back_from_quarantine_when_a_row_names_it) {

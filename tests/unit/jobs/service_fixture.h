@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <thread>
 
 #include "server/jobs/job_service.h"
 #include "tests/unit/base/temporary_dir.h"
@@ -33,6 +34,15 @@ class ServiceTest : public ::testing::Test {
   FakeWorker connect() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }
   // As it is on the disk.
   BlobStore blobs() { return BlobStore::open(dir_.path() / "data").value(); }
+  // Deleted blobs go on a thread of the service.
+  bool is_removed(const std::string& id) {
+    const auto deadline = Clock::now() + std::chrono::seconds(20);
+    while (blobs().stat(id)) {
+      if (Clock::now() > deadline) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return true;
+  }
   BlobInfo put_blob(const std::string& text) {
     auto writer = service_->begin_upload(1 << 20);
     EXPECT_TRUE(writer);

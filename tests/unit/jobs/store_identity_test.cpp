@@ -177,8 +177,8 @@ TEST_F(StoreIdentityTest, blobs_without_their_mark_are_refused) {
   expect_refused(mark_path().string(), "expected the mark of store " + id + ", got no file");
   std::ofstream(mark_path()) << "broken";
   expect_refused(mark_path().string(),
-                 "expected \"voxeld store 1\", an id of 32 hex digits and a generation of 19"
-                 " digits, got 6 bytes");
+                 "expected \"voxeld store 1\", an id of 32 hex digits, and generation, kept_ms"
+                 " and wall_ms of 19 digits, got 6 bytes");
   expect_matches_after_adopting();
 }
 
