@@ -7,6 +7,7 @@
 
 #include "proto/asset_id.h"
 #include "proto/blob_id.h"
+#include "proto/client_texts.h"
 #include "proto/job.h"
 #include "proto/limits.h"
 
@@ -15,8 +16,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr size_t kNameBytesMax = 255;
-
 Error malformed(std::string where, std::string_view expected, std::string_view got) {
   return {ErrorCode::kMalformedBundle, "bundle" + std::move(where), std::string(expected),
           std::string(got.substr(0, 80))};
@@ -24,7 +23,7 @@ Error malformed(std::string where, std::string_view expected, std::string_view g
 
 // As the names of other files refer to it: parts between slashes, none of them empty, "." or "..".
 bool is_plain_path(std::string_view name) {
-  if (name.empty() || name.size() > kNameBytesMax) return false;
+  if (name.empty()) return false;
   const auto is_refused = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == '\\'; };
   if (std::ranges::any_of(name, is_refused)) return false;
   if (name.size() > 1 && name[1] == ':') return false;  // a drive
@@ -68,10 +67,10 @@ Result<BundleFile> parse_file(const Json& entry, const std::string& where) {
   BundleFile file;
   VOXELD_ASSIGN(file.name, text_member(entry, where, "name"));
   VOXELD_ASSIGN(file.asset, text_member(entry, where, "asset"));
+  VOXELD_TRY(check_length(client_texts::kBundleFileName, "bundle" + where + ".name", file.name));
   if (!is_plain_path(file.name)) {
     return malformed(where + ".name",
-                     "a relative path of at most 255 bytes, with / and without \\, empty parts, "
-                     "\".\" and \"..\"",
+                     "a relative path with / and without \\, empty parts, \".\" and \"..\"",
                      "\"" + file.name.substr(0, 60) + "\"");
   }
   const AssetId asset = AssetId::parse(file.asset);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "proto/client_texts.h"
 #include "proto/job_json.h"
 #include "proto/json_fields.h"
 
@@ -162,6 +163,7 @@ Result<JobRequest> parse_job_request(const Json& body) {
   if (body.contains("priority")) fields.read("priority", request.priority.emplace(0));
   if (body.contains("deadline_ms")) fields.read("deadline_ms", request.deadline_ms.emplace(0));
   VOXELD_TRY(fields.finish());
+  VOXELD_TRY(check_texts(request));
   VOXELD_TRY(check_urgency(request));
   const auto known = job_kind_from_name(kind);
   if (!known) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/client_texts.h"
 #include "proto/job.h"
 #include "proto/json_bounds.h"
 #include "proto/limits.h"
@@ -36,8 +37,9 @@ class BoundedSax : public nlohmann::json_sax<Json> {
       return refuse("too many members in one object", bounds_.members_max);
     }
     if (keys_.back().insert(name).second) return true;
-    error_ = Error{ErrorCode::kBadRequest, "JSON: key \"" + name + "\" stands twice in an object",
-                   "distinct keys", "a duplicate"};
+    error_ =
+        Error{ErrorCode::kBadRequest, "JSON: key " + echoed(name) + " stands twice in an object",
+              "distinct keys", "a duplicate"};
     return false;
   }
   bool parse_error(size_t position, const std::string&, const Json::exception&) override {

@@ -4,6 +4,7 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "proto/option_values.h"
 #include "proto/option_words.h"
@@ -19,7 +20,6 @@ constexpr std::array<std::string_view, 6> kAnimationOptions = {"animation", "tim
 constexpr std::array<std::string_view, 5> kPictureOptions = {"picture", "frame", "turntable",
                                                              "rate", "columns"};
 
-constexpr size_t kAnimationNameBytesMax = 255;
 constexpr double kAnimationSecondsMax = 86'400;  // a day: invalid-option
 constexpr double kFpsMin = 0.01, kFpsMax = 1000;
 constexpr int kTurntableMin = 2, kTurntableMax = 360;
@@ -33,7 +33,7 @@ bool is_utf8(std::string_view text) {
 }
 
 Status set_name(AnimationOptions& animation, std::string_view text) {
-  if (text.empty() || text.size() > kAnimationNameBytesMax ||
+  if (text.empty() || text.size() > client_texts::kAnimation.bytes_max ||
       text.find('\0') != std::string_view::npos || !is_utf8(text)) {
     return invalid("animation", "a name or number: 1 to 255 bytes of UTF-8 without NUL", text);
   }

@@ -10,13 +10,13 @@
 #include <string_view>
 #include <vector>
 
+#include "proto/client_texts.h"
 #include "proto/result.h"
 
 namespace voxeld::option_values {
 
 inline Error invalid(std::string_view name, std::string_view expected, std::string_view got) {
-  return {ErrorCode::kInvalidOption, std::string(name), std::string(expected),
-          "\"" + std::string(got.substr(0, 80)) + "\""};
+  return {ErrorCode::kInvalidOption, std::string(name), std::string(expected), echoed(got)};
 }
 
 // Splits at commas; an empty text gives one empty part.

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "proto/option_frames.h"
 #include "proto/option_values.h"
@@ -290,9 +291,7 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
     return set_word(options.use_cache, option.name, text, words::kYesNo);
   }
   if (option.name == "filename") {
-    if (text.size() > 255 || text.find('\0') != std::string_view::npos) {
-      return invalid("filename", "at most 255 bytes without NUL", text);
-    }
+    VOXELD_TRY(check_filename(text));
     options.filename = text;
     return {};
   }
@@ -305,6 +304,14 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
   if (option.for_voxelize) return set_voxelize(options.voxelize, option.name, text);
   if (option.for_output) return set_output(options.output, option.name, text);
   return set_render(options.render, option.name, text);
+}
+
+Status check_option_length(std::string_view name, std::string_view text) {
+  using namespace client_texts;
+  if (name == kTimes.name) return check_length(kTimes, text);
+  if (name == kAnimation.name) return check_length(kAnimation, text);
+  if (name == kFilename.name) return check_length(kFilename, text);
+  return check_length(kOption, name, text);
 }
 
 constexpr double kDefaultBandThickness = 3.0;  // voxels
@@ -358,7 +365,12 @@ Status check_combinations(const RequestOptions& options) {
   return {};
 }
 
-Result<std::string> text_of(const std::string& name, const nlohmann::json& value) {
+// Any text can stand where the name of an option is expected.
+std::string shown_name(std::string_view name) {
+  return std::string(name.substr(0, kEchoBytesMax));
+}
+
+Result<std::string> text_of(std::string_view name, const nlohmann::json& value) {
   if (value.is_string()) return value.get<std::string>();
   if (value.is_boolean()) return std::string(value.get<bool>() ? "yes" : "no");
   if (value.is_number_integer()) return value.dump();
@@ -368,7 +380,7 @@ Result<std::string> text_of(const std::string& name, const nlohmann::json& value
     std::string text;
     for (const auto& element : value) {
       if (element.is_array() || element.is_object()) {
-        return Error{ErrorCode::kInvalidOption, name, expected,
+        return Error{ErrorCode::kInvalidOption, shown_name(name), expected,
                      element.is_array() ? "a list in a list" : "an object in a list"};
       }
       VOXELD_ASSIGN(const std::string part, text_of(name, element));
@@ -377,7 +389,8 @@ Result<std::string> text_of(const std::string& name, const nlohmann::json& value
     }
     return text;
   }
-  return Error{ErrorCode::kInvalidOption, name, expected, std::string(value.type_name())};
+  return Error{ErrorCode::kInvalidOption, shown_name(name), expected,
+               std::string(value.type_name())};
 }
 
 }  // namespace
@@ -391,6 +404,7 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
     if (!seen.insert(name).second) {
       return Error{ErrorCode::kInvalidOption, name, "to be given once", "it twice"};
     }
+    VOXELD_TRY(check_option_length(name, text));
     VOXELD_TRY(set_option(options, *row, text));
   }
   VOXELD_TRY(check_fill(options.voxelize, seen));

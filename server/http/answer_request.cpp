@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "proto/client_texts.h"
 #include "server/base/log.h"
 #include "server/http/body_reader.h"
 #include "server/http/head_parser.h"
@@ -27,7 +28,7 @@ std::string new_request_id() {
 }
 
 bool is_plain_id(std::string_view id) {
-  return !id.empty() && id.size() <= 64 &&
+  return !id.empty() && id.size() <= client_texts::kRequestId.bytes_max &&
          id.find_first_not_of(
              "abcdefghijklmnopqrstuvwxyz"
              "ABCDEFGHIJKLMNOPQRSTUVWXYZ"

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <optional>
 
+#include "proto/client_texts.h"
 #include "server/base/file.h"
 
 namespace voxeld::http {
@@ -43,7 +44,7 @@ Result<std::optional<Range>> parse_range(std::string_view text, int64_t size) {
   const auto first = number(text.substr(0, dash)), last = number(text.substr(dash + 1));
   if (!last && dash + 1 < text.size()) return std::optional<Range>();
   const Error outside{ErrorCode::kRangeNotSatisfiable, "the range lies outside",
-                      "a first byte below " + std::to_string(size), std::string(text)};
+                      "a first byte below " + std::to_string(size), echoed(text)};
   if (!first) {  // the last N bytes
     if (!last || dash != 0) return std::optional<Range>();
     if (*last == 0 || size == 0) return outside;

@@ -4,6 +4,7 @@
 #include <cctype>
 #include <nlohmann/json.hpp>
 
+#include "proto/client_texts.h"
 #include "proto/job.h"
 
 namespace voxeld::http {
@@ -83,7 +84,8 @@ Response Response::text(int status, std::string text) {
 
 Response Response::problem(const Error& error, std::string_view instance,
                            std::string_view trace_id) {
-  nlohmann::json body = problem_json(error, instance);
+  const bool is_short = instance.size() <= client_texts::kInstance.bytes_max;
+  nlohmann::json body = problem_json(error, is_short ? instance : std::string_view());
   if (!trace_id.empty()) body["trace_id"] = trace_id;
   Response response = json(info_of(error.code).http_status,
                            body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));

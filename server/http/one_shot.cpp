@@ -5,6 +5,7 @@
 #include <charconv>
 #include <optional>
 
+#include "proto/client_texts.h"
 #include "server/http/api.h"
 #include "server/http/body_reader.h"
 
@@ -57,6 +58,7 @@ Result<JobRequest> parse_request(const Request& request, JobKind kind) {
   job.filename = job.options.filename;
   VOXELD_TRY(read_integer(request, "priority", job.priority));
   VOXELD_TRY(read_integer(request, "deadline_ms", job.deadline_ms));
+  VOXELD_TRY(check_texts(job));
   VOXELD_TRY(check_urgency(job));
   return job;
 }

@@ -4,8 +4,10 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
+#include "proto/client_texts.h"
 #include "server/http/api.h"
 #include "server/http/body_reader.h"
+#include "server/http/head_parser.h"
 #include "server/jobs/job_record.h"
 
 namespace voxeld::http {
@@ -13,6 +15,8 @@ namespace {
 
 // Of /v1/grids/{id}.
 constexpr std::array<std::string_view, 3> kGridViews = {"grid", "render.png", "render"};
+
+static_assert(client_texts::kLink.bytes_max == kTargetBytesMax);
 
 // The query, parted into what a link is to be and what it asks for.
 struct Wanted {
@@ -50,6 +54,9 @@ Response link_response(const Request& request, const Api& api, const std::string
   const int64_t expires_s = unix_time_ms() / 1000 + wanted.seconds;
   const auto url = api.access.links().make(path, wanted.query, request.key_id, expires_s);
   if (!url) return problem(request, url.error());
+  if (const Status fits = check_length(client_texts::kLink, *url); !fits) {
+    return problem(request, fits.error());
+  }
   return Response::json(201,
                         nlohmann::json{{"url", *url}, {"expires_ms", expires_s * 1000}}.dump());
 }

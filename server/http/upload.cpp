@@ -5,6 +5,7 @@
 
 #include "proto/asset_id.h"
 #include "proto/bundle_manifest.h"
+#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "server/base/stopwatch.h"
 #include "server/http/api.h"
@@ -72,8 +73,9 @@ std::string bundle_filename(std::string name, const std::vector<BundleFile>& fil
     name = first.substr(first.find_last_of('/') + 1);
     name = name.substr(0, name.find_last_of('.'));
   }
-  if (!name.ends_with(kBundleExtension)) name += kBundleExtension;
-  return name;
+  if (name.ends_with(kBundleExtension)) return name;
+  const size_t stem_max = client_texts::kFilename.bytes_max - kBundleExtension.size();
+  return name.substr(0, stem_max) + std::string(kBundleExtension);
 }
 
 // A manifest is small: it is read whole and stored once it is known to be right.
@@ -136,6 +138,8 @@ Result<Upload> receive_upload(Request& request, Api& api) {
   Upload upload;
   upload.content_type = request.head.header("Content-Type");
   upload.filename = requested_filename(request);
+  VOXELD_TRY(check_length(client_texts::kContentType, upload.content_type));
+  VOXELD_TRY(check_filename(upload.filename));
   const std::string type = request.head.media_type();
   if (type == kBundleMediaType) {
     VOXELD_TRY(receive_bundle(request, api, upload));

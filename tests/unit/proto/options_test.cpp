@@ -202,8 +202,7 @@ TEST(Options, a_filename_takes_255_bytes_without_nul) {
   EXPECT_EQ(parsed({{"filename", std::string(255, 'a')}}, OptionScope::kVoxelize).filename.size(),
             255u);
   const Error error = refused({{"filename", std::string(256, 'a')}}, OptionScope::kVoxelize);
-  EXPECT_EQ(error.message(), "filename: expected at most 255 bytes without NUL, got \"" +
-                                 std::string(80, 'a') + "\"");
+  EXPECT_EQ(error.message(), "filename: expected at most 255 bytes, got 256");
   EXPECT_EQ(refused({{"filename", std::string("a\0b", 3)}}, OptionScope::kVoxelize).code,
             ErrorCode::kInvalidOption);
 }
