@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "client/answers.h"
 #include "client/client_impl.h"
@@ -215,6 +216,39 @@ Link Client::share(std::string_view job, std::chrono::seconds lifetime, const Op
   request.url = impl_->url("/v1/jobs/" + percent_encode(job) + "/share" + query);
   const nlohmann::json answer = parse_object(impl_->call(std::move(request)).body);
   return {impl_->url(text_of(answer, "url")), number_of(answer, "expires_ms")};
+}
+
+std::string Client::remove(std::string_view id) {
+  const auto call = [&](const std::string& target) {
+    HttpRequest request;
+    request.method = "DELETE";
+    request.url = impl_->url(target);
+    impl_->call(std::move(request));
+  };
+  if (id.starts_with("j-")) {
+    call("/v1/jobs/" + percent_encode(id) + "/result");
+    return "result";
+  }
+  // Ids are of bytes, and do not say what the bytes are.
+  std::optional<Error> refused;
+  for (const std::string_view kind : {"asset", "grid", "sequence"}) {
+    try {
+      call("/v1/" + std::string(kind) + "s/" + percent_encode(id));
+      return std::string(kind);
+    } catch (const Error& error) {
+      if (error.code() != "not-found" && error.code() != "gone") throw;
+      if (!refused || refused->code() == "not-found") refused = error;
+    }
+  }
+  if (refused->code() != "not-found") throw *refused;
+  throw Error("not-found", refused->http_status(), "no asset, grid or sequence has this id");
+}
+
+std::string Client::list_json(std::string_view what, int limit, std::string_view after) {
+  HttpRequest request;
+  request.url = impl_->url("/v1/" + percent_encode(what) + "?limit=" + std::to_string(limit) +
+                           (after.empty() ? "" : "&after=" + percent_encode(after)));
+  return impl_->call(std::move(request)).body;
 }
 
 std::string Client::whoami_json() {

@@ -22,8 +22,10 @@ namespace client_texts {
 inline constexpr ClientText kFilename{"filename", 255};
 inline constexpr ClientText kBundleFileName{"name", 255, ErrorCode::kMalformedBundle};
 inline constexpr ClientText kAnimation{"animation", 255};
-// Ids have 34 or 71 bytes.
-inline constexpr ClientText kAsset{"asset", 80}, kGrid{"grid", 80}, kSequence{"sequence", 80};
+// Ids have 71 bytes; that of an asset can say how it is read, by a name of 255 bytes of which each
+// takes up to three (asset_id.h).
+inline constexpr ClientText kAsset{"asset", 1024};
+inline constexpr ClientText kGrid{"grid", 80}, kSequence{"sequence", 80};
 // Any other option: 16 numbers of 25 bytes are the longest that has a meaning.
 inline constexpr ClientText kOption{"option", 1024};
 // A number of 24 bytes and a comma for each frame.

@@ -89,6 +89,7 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
                             const std::string& self_executable, const KeyRing& keys) {
   JobServiceConfig jobs;
   jobs.limits_of = [&keys](std::string_view tenant) { return keys.limits_of(tenant); };
+  jobs.is_queue_shared = [&keys] { return keys.has_several_tenants(); };
   jobs.data_dir = config.data_dir;
   jobs.devices = std::move(devices);
   jobs.worker_executable = self_executable;

@@ -213,6 +213,20 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
       ->check(CLI::Range(1, 30 * 24 * 3600));
   add_common_flags(*share, arguments);
 
+  CLI::App* list = app.add_subcommand("ls", "what the daemon keeps for you, newest first");
+  list->add_option("what", arguments.kept, "results (default), grids, sequences or assets")
+      ->check(CLI::IsMember({"results", "grids", "sequences", "assets"}));
+  list->add_option("--limit", arguments.limit, "how many (default 20)")->check(CLI::Range(1, 1000));
+  add_common_flags(*list, arguments);
+
+  CLI::App* remove = app.add_subcommand("rm",
+                                        "delete results (by their job), grids, sequences and "
+                                        "assets");
+  remove->add_option("ids", arguments.ids, "of jobs, grids, sequences and assets")
+      ->required()
+      ->type_name("ID");
+  add_common_flags(*remove, arguments);
+
   CLI::App* whoami =
       app.add_subcommand("whoami", "whose key this is, its limits and what is used of them");
   add_common_flags(*whoami, arguments);
@@ -234,6 +248,8 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
                         : jobs->parsed()    ? kJobs
                         : top->parsed()     ? kTop
                         : share->parsed()   ? kShare
+                        : list->parsed()    ? kList
+                        : remove->parsed()  ? kRemove
                         : whoami->parsed()  ? kWhoami
                         : info->parsed()    ? kInfo
                         : formats->parsed() ? kFormats

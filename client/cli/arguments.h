@@ -19,6 +19,8 @@ struct Arguments {
     kJobs,
     kTop,
     kShare,
+    kList,
+    kRemove,
     kWhoami,
     kInfo,
     kFormats
@@ -38,11 +40,13 @@ struct Arguments {
   std::optional<int> priority;       // of the job
   std::optional<double> deadline_s;  // of the job, from its acceptance on
 
-  std::string job;      // jobs: one of them; share
-  int seconds = 3600;   // share: how long the link lives
-  bool cancel = false;  // jobs: cancel it
-  int limit = 20;       // jobs: how many
-  bool once = false;    // top: one look, without a terminal
+  std::string job;               // jobs: one of them; share
+  std::vector<std::string> ids;  // rm: what is deleted
+  std::string kept = "results";  // ls: which list
+  int seconds = 3600;            // share: how long the link lives
+  bool cancel = false;           // jobs: cancel it
+  int limit = 20;                // jobs, ls: how many
+  bool once = false;             // top: one look, without a terminal
 };
 
 // The arguments, or the status to end with; help, the version and mistakes are printed here.

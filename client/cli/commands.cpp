@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "client/cli/api_key.h"
 #include "client/cli/bundle.h"
@@ -190,6 +191,49 @@ void run_share(const Arguments& arguments) {
   } else {
     std::printf("%s\n", link.url.c_str());
   }
+}
+
+// A line of `voxel ls`: id, bytes, what else names it.
+void print_kept(const Json& kept) {
+  const auto text = [&](const char* name) { return kept.value(name, std::string()); };
+  const std::string id = kept.contains("id") ? text("id") : text("job");
+  const std::string note = kept.contains("filename") ? text("filename") : text("job");
+  std::printf("%-71s %12lld  %s\n", id.c_str(), kept.value("bytes", 0LL), note.c_str());
+}
+
+void run_list(const Arguments& arguments) {
+  Client daemon(settings_of(arguments));
+  const Json page = parsed(daemon.list_json(arguments.kept, arguments.limit));
+  const auto list = page.find(arguments.kept);
+  if (list == page.end() || !list->is_array()) {
+    throw Error("bad-answer", 0, "the answer is no list: is there a voxeld at this URL?");
+  }
+  if (arguments.json) {
+    print_json(page);
+    return;
+  }
+  for (const Json& kept : *list) print_kept(kept);
+}
+
+// Goes on behind an id that cannot be deleted; the first such error is the command's.
+void run_remove(const Arguments& arguments) {
+  Client daemon(settings_of(arguments));
+  Json removed = Json::array();
+  std::optional<Error> first;
+  for (const std::string& id : arguments.ids) {
+    try {
+      const std::string kind = daemon.remove(id);
+      removed.push_back({{"id", id}, {"kind", kind}});
+      if (!arguments.json && !arguments.quiet) std::printf("%s %s\n", kind.c_str(), id.c_str());
+    } catch (const Error& error) {
+      if (arguments.ids.size() > 1) {
+        std::fprintf(stderr, "voxel: %s: %s\n", id.c_str(), error.what());
+      }
+      if (!first) first = error;
+    }
+  }
+  if (arguments.json) print_json({{"deleted", removed}});
+  if (first) throw *first;
 }
 
 // "3 of 10", or "3" where there is no limit.
@@ -383,6 +427,10 @@ void run_command(const Arguments& arguments, const std::stop_token& stop) {
       return run_jobs(arguments, stop);
     case Arguments::Command::kTop:
       return run_top(arguments, stop);
+    case Arguments::Command::kList:
+      return run_list(arguments);
+    case Arguments::Command::kRemove:
+      return run_remove(arguments);
     case Arguments::Command::kShare:
       return run_share(arguments);
     case Arguments::Command::kWhoami:

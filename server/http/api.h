@@ -35,6 +35,7 @@ void add_job_routes(Router& router, Api& api);
 void add_queue_routes(Router& router, Api& api);
 void add_event_routes(Router& router, Api& api);
 void add_result_routes(Router& router, Api& api);
+void add_kept_routes(Router& router, Api& api);
 void add_grid_routes(Router& router, Api& api);
 void add_sequence_routes(Router& router, Api& api);
 void add_me_routes(Router& router, Api& api);

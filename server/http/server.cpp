@@ -27,8 +27,8 @@ bool may_wait(const Head& head) {
   const std::string_view accept = head.header("Accept");
   const bool converts = !head.query.empty() || (!accept.empty() && accept != "*/*");
   return path.ends_with("/events") || has("/render") || path.starts_with("/v1/assets/") ||
-         (converts && (has("/result") || has("/frames/") || path.starts_with("/v1/grids/") ||
-                       path.starts_with("/v1/sequences/")));
+         (converts && (path.ends_with("/result") || has("/frames/") ||
+                       path.starts_with("/v1/grids/") || path.starts_with("/v1/sequences/")));
 }
 
 // What a client asks for that has nothing here yet. Who has a job may look at it, fetch what is
@@ -62,6 +62,7 @@ class HttpServer final : public Server {
     add_queue_routes(router_, api_);
     add_event_routes(router_, api_);
     add_result_routes(router_, api_);
+    add_kept_routes(router_, api_);
     add_grid_routes(router_, api_);
     add_me_routes(router_, api_);
     add_share_routes(router_, api_);

@@ -69,7 +69,8 @@ Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& 
     return Error{ErrorCode::kConflict, "the asset was deleted while it was uploaded; send it again",
                  "", ""};
   }
-  VOXELD_TRY(check_tenant_bytes(connection, caller.tenant(), {{blob.id, blob.bytes}}, bytes_max));
+  VOXELD_TRY(
+      check_tenant_bytes(connection, caller.tenant(), {{blob.id, blob.bytes}}, 0, bytes_max));
   return connection.run(
       "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant, used_ms)"
       " VALUES ($1, $2, $3, $4, $5, $6, $5) ON CONFLICT (id, tenant) DO UPDATE SET"
@@ -252,6 +253,11 @@ Result<int64_t> AssetStore::remove_unneeded() {
     VOXELD_ASSIGN(const auto ids, unneeded(connection));
     VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, blobs_, ids));
     for (const std::string& id : gone) {
+      // What stays of it says that it was deleted, and no more.
+      VOXELD_TRY(
+          connection.run("DELETE FROM bundle_files WHERE bundle = $1 AND tenant IN"
+                         " (SELECT tenant FROM assets WHERE id = $1 AND deleted_ms <> 0)",
+                         id));
       // A negative size says that the bytes are gone, so that this row is not looked at again.
       VOXELD_TRY(connection.run("UPDATE assets SET bytes = -1 WHERE id = $1", id));
       ++removed;

@@ -29,10 +29,19 @@ std::string needed_sql(const std::string& column) {
       " OR EXISTS (SELECT 1 FROM results n WHERE n.sequence = ID AND n.sequence <> ''"
       "            AND n.expired_ms = 0)"
       " OR EXISTS (SELECT 1 FROM frames n WHERE n.grid = ID AND n.expired_ms = 0)"
-      " OR EXISTS (SELECT 1 FROM jobs n WHERE n.state IN ('queued', 'running')"
-      "            AND ID IN (n.asset, n.grid, n.sequence))"
+      // As the partial indexes on live jobs have it, one for each of the three.
+      " OR EXISTS (SELECT 1 FROM jobs n WHERE n.asset = ID AND n.asset <> ''"
+      "            AND n.state IN ('queued', 'running'))"
+      " OR EXISTS (SELECT 1 FROM jobs n WHERE n.grid = ID AND n.grid <> ''"
+      "            AND n.state IN ('queued', 'running'))"
+      " OR EXISTS (SELECT 1 FROM jobs n WHERE n.sequence = ID AND n.sequence <> ''"
+      "            AND n.state IN ('queued', 'running'))"
       " OR EXISTS (SELECT 1 FROM bundle_files b JOIN jobs n ON n.asset = b.bundle"
-      "            WHERE b.asset = ID AND n.state IN ('queued', 'running')))";
+      "            WHERE b.asset = ID AND n.asset <> '' AND n.state IN ('queued', 'running'))"
+      // Frames of a sequence that was deleted while a job works on it.
+      " OR EXISTS (SELECT 1 FROM frames f JOIN results r ON r.job_id = f.job_id"
+      "            JOIN jobs n ON n.sequence = r.sequence WHERE f.grid = ID"
+      "            AND n.sequence <> '' AND n.state IN ('queued', 'running')))";
   for (size_t at = sql.find("ID"); at != std::string::npos; at = sql.find("ID", at)) {
     sql.replace(at, 2, column);
     at += column.size();

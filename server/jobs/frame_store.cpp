@@ -6,8 +6,8 @@
 
 #include "server/base/file.h"
 #include "server/jobs/blob_needs.h"
+#include "server/jobs/kept_results.h"
 #include "server/jobs/quota.h"
-#include "server/jobs/visibility.h"
 
 namespace voxeld {
 namespace {
@@ -23,11 +23,6 @@ double time_of(const std::string& text) {
   double value = 0;
   std::from_chars(text.data(), text.data() + text.size(), value);
   return value;
-}
-
-Error no_sequence(std::string_view id) {
-  return {ErrorCode::kNotFound, "no such sequence", "the id of a sequence",
-          std::string(id.substr(0, 80))};
 }
 
 // Whose job it is, while it runs under this fence.
@@ -68,7 +63,7 @@ Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, const Blo
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto tenant, current_tenant(connection, frame));
     if (!tenant) return {};
-    VOXELD_TRY(check_tenant_bytes(connection, *tenant, {{grid.id, grid.bytes}}, bytes_max));
+    VOXELD_TRY(check_tenant_bytes(connection, *tenant, {{grid.id, grid.bytes}}, 0, bytes_max));
     VOXELD_TRY(insert_frame(connection, frame, grid, *tenant));
     if (frames_total > 0) {
       VOXELD_TRY(connection.run("UPDATE jobs SET frames_total = $2 WHERE id = $1", frame.task,
@@ -97,21 +92,13 @@ Result<std::vector<ListedFrame>> FrameStore::of_job(std::string_view job) {
   }
 }
 
-Result<BlobInfo> FrameStore::stat(const Caller& caller, std::string_view sequence) {
+Result<SequenceManifest> FrameStore::read(const Caller& caller, std::string_view sequence) {
   {
     VOXELD_ASSIGN(Database::Lease reader, database_.read());
-    VOXELD_ASSIGN(
-        const bool known,
-        sees_row(*reader, caller, "SELECT 1 FROM results WHERE sequence = $1 AND sequence <> ''",
-                 sequence));
-    if (!known) return no_sequence(sequence);
+    VOXELD_TRY(check_kept_sequence(*reader, caller, sequence));
   }
-  return named_blob(blobs_, sequence, "the sequence " + std::string(sequence),
-                    "submit the job that made it again");
-}
-
-Result<SequenceManifest> FrameStore::read(const Caller& caller, std::string_view sequence) {
-  VOXELD_TRY(stat(caller, sequence));
+  VOXELD_TRY(named_blob(blobs_, sequence, "the sequence " + std::string(sequence),
+                        "submit the job that made it again"));
   return read_blob(sequence);
 }
 

@@ -1,13 +1,56 @@
 #include "server/jobs/job_changes.h"
 
+#include <array>
 #include <nlohmann/json.hpp>
 
 namespace voxeld {
 
+namespace {
+
+// Members of a status that do not change as the job goes on: they are in the job's row and its
+// result's, and can take 100 KB each.
+constexpr std::array<const char*, 2> kOfRows = {"options", "result"};
+
+std::string dump(const nlohmann::json& value) {
+  return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+}  // namespace
+
+Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string_view id,
+                                          int64_t after_id) {
+  std::vector<JobEvent> events;
+  {
+    VOXELD_ASSIGN(SqlStatement rows, connection.query("SELECT id, type, data_json FROM job_events"
+                                                      " WHERE job_id = $1 AND id > $2 ORDER BY id",
+                                                      id, after_id));
+    while (true) {
+      VOXELD_ASSIGN(const bool row, rows.step());
+      if (!row) break;
+      events.push_back({rows.int64(0), rows.text(1), rows.text(2)});
+    }
+  }
+  if (events.empty()) return events;
+  VOXELD_ASSIGN(const JobRecord record, load_job(connection, Caller::daemon(), id));
+  const nlohmann::json now = job_status_json(record.status);
+  for (JobEvent& event : events) {
+    nlohmann::json status = nlohmann::json::parse(event.data_json, nullptr, false);
+    if (!status.is_object()) continue;
+    const bool is_done = status["state"] == job_state_name(JobState::kDone);
+    for (const char* name : kOfRows) {
+      const bool is_part = now.contains(name) && (is_done || name != std::string_view("result"));
+      if (is_part) status[name] = now[name];
+    }
+    event.data_json = dump(status);
+  }
+  return events;
+}
+
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
   VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
-  const std::string data =
-      job_status_json(record.status).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  nlohmann::json status = job_status_json(record.status);
+  for (const char* name : kOfRows) status.erase(name);
+  const std::string data = dump(status);
   VOXELD_TRY(
       connection.run("INSERT INTO job_events (job_id, id, type, data_json, created_ms) VALUES ($1, "
                      "$2, $3, $4, $5)",

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
+#include <vector>
 
 #include "server/jobs/job_record.h"
 #include "server/jobs/job_store.h"
@@ -13,8 +14,12 @@ namespace voxeld {
 
 inline constexpr int64_t kIdempotencyKeptMs = int64_t{24} * 60 * 60 * 1000;
 
-// Reads the job back after a change and writes the event of it.
+// Reads the job back after a change and writes the event of it: its status but for what is in other
+// rows.
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id);
+// The job's events after `after_id`, oldest first, each with a whole status.
+Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string_view id,
+                                          int64_t after_id);
 // The job, when it is running with this fence.
 Result<std::optional<JobRecord>> fenced_job(SqlConnection& connection, std::string_view id,
                                             int64_t fence);

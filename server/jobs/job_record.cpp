@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "server/jobs/quota.h"
 #include "server/jobs/scheduler.h"
 
 namespace voxeld {
@@ -147,13 +148,34 @@ JobRecord read_record(const SqlStatement& statement) {
   return record;
 }
 
+Result<int64_t> number(SqlConnection& connection, std::string_view sql, int64_t parameter) {
+  VOXELD_ASSIGN(SqlStatement row, connection.query(sql, parameter));
+  VOXELD_ASSIGN(const bool found, row.step());
+  return found ? row.int64(0) : int64_t{0};
+}
+
+// Counts from the end of the queue that is nearer, by order of arrival: a job that arrived just now
+// costs nothing, and the one in the middle of the queue half of it.
 Status fill_queue_position(SqlConnection& connection, JobRecord& record) {
   if (record.status.state != JobState::kQueued) return {};
-  VOXELD_ASSIGN(SqlStatement count,
-                connection.query("SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND seq <= $1",
-                                 record.seq));
-  VOXELD_TRY(count.step());
-  record.status.queue_position = count.int64(0);
+  constexpr std::string_view kFirst =
+      "SELECT seq FROM jobs WHERE state = 'queued' AND $1 = $1 ORDER BY seq LIMIT 1";
+  constexpr std::string_view kLast =
+      "SELECT seq FROM jobs WHERE state = 'queued' AND $1 = $1 ORDER BY seq DESC LIMIT 1";
+  VOXELD_ASSIGN(const int64_t first, number(connection, kFirst, 0));
+  VOXELD_ASSIGN(const int64_t last, number(connection, kLast, 0));
+  int64_t& position = record.status.queue_position;
+  if (record.seq - first <= last - record.seq) {
+    constexpr std::string_view kUpTo =
+        "SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND seq <= $1";
+    VOXELD_ASSIGN(position, number(connection, kUpTo, record.seq));
+    return {};
+  }
+  constexpr std::string_view kBehind =
+      "SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND seq > $1";
+  VOXELD_ASSIGN(const LiveJobs live, live_jobs(connection));
+  VOXELD_ASSIGN(const int64_t behind, number(connection, kBehind, record.seq));
+  position = live.queued - behind;
   return {};
 }
 

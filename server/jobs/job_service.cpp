@@ -27,6 +27,7 @@
 #include "server/jobs/queue_forecast.h"
 #include "server/jobs/queue_view.h"
 #include "server/jobs/quota.h"
+#include "server/jobs/result_store.h"
 #include "server/jobs/retention.h"
 #include "server/jobs/store_identity.h"
 #include "server/jobs/store_sweep.h"
@@ -65,6 +66,7 @@ class Service final : public JobService {
         parts_(std::move(parts)),
         assets_(*database_, blobs_),
         frames_(*database_, blobs_),
+        results_(*database_),
         metrics_(std::move(registry)),
         costs_(config.data_dir / "costs"),
         forecast_(
@@ -122,6 +124,19 @@ class Service final : public JobService {
   Result<StoredBlob> result_of(const JobStatus& status) override;
 
   Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) override;
+  Result<std::vector<KeptResult>> list_kept(const Caller& caller, KeptKind kind, int limit,
+                                            int64_t before_seq) override {
+    return results_.list(caller, kind, limit, before_seq);
+  }
+  Status delete_result(const Caller& caller, std::string_view job) override {
+    return let_go(results_.delete_of_job(caller, job));
+  }
+  Status delete_grid(const Caller& caller, std::string_view id) override {
+    return let_go(results_.delete_grid(caller, id));
+  }
+  Status delete_sequence(const Caller& caller, std::string_view id) override {
+    return let_go(results_.delete_sequence(caller, id));
+  }
   Result<JobFrames> frames(const Caller& caller, std::string_view job) override;
   Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
     return frames_.read(caller, id);
@@ -151,7 +166,10 @@ class Service final : public JobService {
   Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
                                              int64_t after_id);
   Result<StoredBlob> stored(std::string_view id, std::string_view what);
+  // The sweep looks at these blobs, and removes those that nothing needs.
+  Status let_go(const Result<ResultStore::Ids>& ids);
   void verify_reusable(const Caller& caller, const JobRequest& request);
+  QueueLimits queue_limits(const Caller& caller);
 
   const JobServiceConfig config_;
   const UniqueFd lock_;
@@ -165,6 +183,7 @@ class Service final : public JobService {
   PartStore parts_;
   AssetStore assets_;
   FrameStore frames_;
+  ResultStore results_;
   JobBoard board_;
   JobMetrics metrics_;
   JobCosts costs_;
@@ -328,6 +347,10 @@ void Service::job_changed(const JobRecord& record) {
     for (const std::string& input : {status.grid, status.sequence}) {
       if (!input.empty()) blobs_.suspect(input);
     }
+    if (!status.sequence.empty()) {
+      const Status left = let_go(results_.leftover_frames(status.sequence));
+      if (!left) log::warn("frames may stay behind", {{"error", left.error().message()}});
+    }
     sweep_.look_at_deleted();
   } else if (status.state == JobState::kRunning) {
     metrics_.claimed(status);
@@ -340,9 +363,14 @@ void Service::job_changed(const JobRecord& record) {
 }
 
 void Service::update_gauges() {
-  const auto queued = jobs_.count(JobState::kQueued);
-  const auto running = jobs_.count(JobState::kRunning);
-  if (queued && running) metrics_.set_jobs(*queued, *running);
+  const auto live = jobs_.live();
+  if (live) metrics_.set_jobs(live->queued, live->running);
+}
+
+Status Service::let_go(const Result<ResultStore::Ids>& ids) {
+  if (!ids) return ids.error();
+  for (const std::string& id : *ids) blobs_.suspect(id);
+  return {};
 }
 
 int64_t Service::input_bytes(const std::string& tenant, const std::string& asset,
@@ -385,10 +413,11 @@ Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request
 Result<int64_t> Service::upload_room(const Caller& caller, int64_t asked) {
   const int64_t bytes_max = limits(caller).bytes;
   if (bytes_max <= 0) return std::numeric_limits<int64_t>::max();
-  VOXELD_ASSIGN(const TenantUsage used, usage(caller));
-  const int64_t room = std::max<int64_t>(0, bytes_max - used.bytes);
-  if (asked > room) return bytes_error(asked, used.bytes, bytes_max);
-  return room;
+  VOXELD_ASSIGN(const JobStore::UploadRoom room, jobs_.upload_room(caller.tenant(), asked));
+  const int64_t left = std::max<int64_t>(0, bytes_max - room.used);
+  if (asked == 0) return std::max(left, room.longest_blob);
+  if (asked > left && !room.can_be_there) return bytes_error(asked, room.used, bytes_max);
+  return std::max(left, asked);
 }
 
 Status Service::delete_asset(const Caller& caller, std::string_view id) {
@@ -408,6 +437,12 @@ void Service::verify_reusable(const Caller& caller, const JobRequest& request) {
   }
 }
 
+QueueLimits Service::queue_limits(const Caller& caller) {
+  const TenantLimits own = limits(caller);
+  const bool is_shared = config_.is_queue_shared && config_.is_queue_shared();
+  return {config_.queued_jobs_max, own.queued_jobs, is_shared, own.bytes};
+}
+
 Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& request,
                                   const SubmitOptions& options) {
   if (draining_) {
@@ -416,8 +451,7 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
   VOXELD_TRY(blobs_.disk().for_jobs());
   verify_reusable(caller, request);
   VOXELD_ASSIGN(JobStore::Submitted submitted,
-                jobs_.submit(caller, request, options,
-                             {config_.queued_jobs_max, limits(caller).queued_jobs}));
+                jobs_.submit(caller, request, options, queue_limits(caller)));
   JobRecord& record = submitted.record;
   if (submitted.existed) {
     overlay(record.status);
@@ -536,17 +570,16 @@ Result<StoredBlob> Service::stored(std::string_view id, std::string_view what) {
 }
 
 Result<StoredBlob> Service::result_of(const JobStatus& status) {
-  if (status.result) return stored(status.result->blob, "the result of the job " + status.id);
+  if (status.result) {
+    VOXELD_TRY(jobs_.check_result(status.id));
+    return stored(status.result->blob, "the result of the job " + status.id);
+  }
   return Error{ErrorCode::kConflict, "the job " + status.id + " has no result", "done",
                std::string(job_state_name(status.state))};
 }
 
 Result<StoredBlob> Service::get_grid(const Caller& caller, std::string_view id) {
-  VOXELD_ASSIGN(const bool known, jobs_.is_grid(caller, id));
-  if (!known) {
-    return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
-                 std::string(id.substr(0, 80))};
-  }
+  VOXELD_TRY(jobs_.check_grid(caller, id));
   return stored(id, "the grid " + std::string(id));
 }
 
@@ -590,13 +623,13 @@ std::vector<WorkerState> Service::workers() {
 }
 
 int64_t Service::queued_jobs() {
-  const auto count = jobs_.count(JobState::kQueued);
-  return count ? *count : 0;
+  const auto live = jobs_.live();
+  return live ? live->queued : 0;
 }
 
 Status Service::ready() {
   if (draining_) return Error{ErrorCode::kShuttingDown, "the daemon is shutting down", "", ""};
-  VOXELD_TRY(jobs_.count(JobState::kQueued));
+  VOXELD_TRY(jobs_.live());
   VOXELD_TRY(blobs_.begin(0));
   VOXELD_TRY(blobs_.disk().for_data());
   std::string reason;

@@ -50,6 +50,19 @@ struct StoredBlob {
   std::filesystem::path path;
 };
 
+// What is listed of the results that a tenant has.
+enum class KeptKind { kResult, kGrid, kSequence };
+struct KeptResult {
+  int64_t seq = 0;   // order of arrival: what a list goes on behind
+  std::string job;   // that made it
+  std::string blob;  // of the result
+  std::string grid, sequence;
+  int64_t bytes = 0;  // of the result, the grid or the sequence's container, as the kind says
+  std::string media_type, filename;
+  int64_t created_ms = 0;
+  int64_t frames = 0;  // of the sequence
+};
+
 struct SubmitOptions {
   std::string idempotency_key;  // empty: none
   bool transient = false;       // a one-shot request's job: cancelled when its client leaves
@@ -119,7 +132,9 @@ class JobService {
   // Where an upload is written to: at most `bytes_max` bytes. Errors: storage-full.
   virtual Result<BlobWriter> begin_upload(int64_t bytes_max) = 0;
   // How many bytes an upload of the caller may have beside what its tenant keeps; `asked` of them,
-  // or 0 where that is not known. Errors: quota-exceeded, payload-too-large.
+  // or 0 where that is not known. What the tenant has already costs nothing, so an upload that can
+  // be one of its blobs, by its length, is let in; put_asset() knows by its hash. Errors:
+  // quota-exceeded, payload-too-large.
   virtual Result<int64_t> upload_room(const Caller& caller, int64_t asked) = 0;
   // Registers what a writer of begin_upload() finished. Errors: as upload_room().
   virtual Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
@@ -196,6 +211,17 @@ class JobService {
   // Puts running jobs back into the queue and ends workers and threads, as the destructor does;
   // calls that still run on other threads may go on.
   virtual void stop() = 0;
+
+  // --- what jobs left, of the caller's tenant; an admin's calls are on what every tenant has
+  // Newest first; those below `before_seq`, or all where that is 0.
+  virtual Result<std::vector<KeptResult>> list_kept(const Caller& caller, KeptKind kind, int limit,
+                                                    int64_t before_seq) = 0;
+  // A result goes as a whole: its bytes, grid, sequence and frames, for all equal jobs that it
+  // answered. It counts no more at once; live jobs that work on it go on. Errors: not-found, gone;
+  // conflict where the job has not ended, or the grid is a frame of others.
+  virtual Status delete_result(const Caller& caller, std::string_view job) = 0;
+  virtual Status delete_grid(const Caller& caller, std::string_view id) = 0;
+  virtual Status delete_sequence(const Caller& caller, std::string_view id) = 0;
 };
 
 // When a worker that runs a task is taken for lost, and killed if it is ours. Seconds.
@@ -254,6 +280,9 @@ struct JobServiceConfig {
   std::function<bool()> has_keys;
   bool forgets_keys = false;
   std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
+  // Whether several tenants share the queue, so that none may take all of it (jobs/quota.h); null:
+  // no. Thread-safe.
+  std::function<bool()> is_queue_shared;
 };
 
 // Opens the store (recovering what an earlier process left: running jobs are queued again), starts

@@ -6,15 +6,16 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/asset_id.h"
+#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "server/base/check.h"
 #include "server/base/stopwatch.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/job_changes.h"
+#include "server/jobs/kept_results.h"
 #include "server/jobs/quota.h"
 #include "server/jobs/request_hash.h"
 #include "server/jobs/scheduler.h"
-#include "server/jobs/visibility.h"
 
 namespace voxeld {
 namespace {
@@ -44,15 +45,6 @@ Result<std::string> check_asset(SqlConnection& connection, const Caller& caller,
   return std::move(asset.tenant);
 }
 
-Result<bool> grid_exists(SqlConnection& connection, const Caller& caller, std::string_view id) {
-  if (id.empty()) return false;
-  VOXELD_ASSIGN(
-      const bool is_result,
-      sees_row(connection, caller, "SELECT 1 FROM results WHERE grid = $1 AND grid <> ''", id));
-  if (is_result) return true;
-  return sees_row(connection, caller, "SELECT 1 FROM frames WHERE grid = $1", id);
-}
-
 using IsStored = std::function<bool(std::string_view)>;
 
 // Of what a row names.
@@ -65,20 +57,14 @@ Error not_stored(std::string_view what, std::string_view id) {
 
 Status check_grid(SqlConnection& connection, const Caller& caller, std::string_view id,
                   const IsStored& is_stored) {
-  VOXELD_ASSIGN(const bool known, grid_exists(connection, caller, id));
-  if (known) return is_stored(id) ? Status() : not_stored("grid", id);
-  return Error{ErrorCode::kNotFound, "no such grid", "the id of a grid",
-               std::string(id.substr(0, 80))};
+  VOXELD_TRY(check_kept_grid(connection, caller, id));
+  return is_stored(id) ? Status() : not_stored("grid", id);
 }
 
 Status check_sequence(SqlConnection& connection, const Caller& caller, std::string_view id,
                       const IsStored& is_stored) {
-  VOXELD_ASSIGN(const bool known,
-                sees_row(connection, caller,
-                         "SELECT 1 FROM results WHERE sequence = $1 AND sequence <> ''", id));
-  if (known) return is_stored(id) ? Status() : not_stored("sequence", id);
-  return Error{ErrorCode::kNotFound, "no such sequence", "the id of a sequence",
-               std::string(id.substr(0, 80))};
+  VOXELD_TRY(check_kept_sequence(connection, caller, id));
+  return is_stored(id) ? Status() : not_stored("sequence", id);
 }
 
 // The input is there. Returns whose asset it is; empty where it is none.
@@ -92,15 +78,6 @@ Result<std::string> check_input(SqlConnection& connection, const Caller& caller,
   }
   if (request.asset.empty()) return std::string();
   return check_asset(connection, caller, request);
-}
-
-Status check_queue(SqlConnection& connection, int64_t queued_jobs_max) {
-  VOXELD_ASSIGN(SqlStatement count,
-                connection.query("SELECT COUNT(*) FROM jobs WHERE state = 'queued'"));
-  VOXELD_TRY(count.step());
-  if (count.int64(0) < queued_jobs_max) return {};
-  return Error{ErrorCode::kQueueFull, "too many jobs are waiting; try again later",
-               "fewer than " + std::to_string(queued_jobs_max), std::to_string(count.int64(0))};
 }
 
 // The job that used this key within a day, or an empty id; also where that job's row went since.
@@ -185,6 +162,7 @@ struct NewJob {
   const JobRequest& request;
   const SubmitOptions& options;
   std::string_view id, hash, tenant, asset_tenant;
+  std::string_view options_json;  // canonical
 };
 
 Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) {
@@ -198,8 +176,7 @@ Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) 
       "$17,"
       " $18)",
       job.id, job_kind_name(request.kind), request.asset, request.grid, request.filename,
-      canonical_json(request.options, option_scope(request)), job.hash,
-      flag(request.options.use_cache), flag(job.options.transient),
+      job.options_json, job.hash, flag(request.options.use_cache), flag(job.options.transient),
       static_cast<int64_t>(job.options.upload_ms * 1000.0), now_ms, request.sequence, job.tenant,
       job.asset_tenant,
       int64_t{request.priority.value_or(job.options.transient ? limits::kOneShotPriority : 0)},
@@ -279,10 +256,13 @@ Status end_with_result(SqlConnection& connection, const JobRecord& running,
 
 Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest request,
                                              const SubmitOptions& options,
-                                             const QueueLimits& queued_max) {
+                                             const QueueLimits& limits) {
   VOXELD_TRY(check_frame_options(request));
+  VOXELD_TRY(check_texts(request));
   VOXELD_TRY(check_urgency(request));
+  VOXELD_TRY(check_length(client_texts::kIdempotencyKey, options.idempotency_key));
   const std::string id = new_job_id();
+  const std::string options_json = canonical_json(request.options, option_scope(request));
   const std::string& tenant = caller.tenant();
   std::optional<Submitted> submitted;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
@@ -308,10 +288,12 @@ Result<JobStore::Submitted> JobStore::submit(const Caller& caller, JobRequest re
       VOXELD_ASSIGN(cached, cached_result(connection, tenant, hash, is_stored_));
     }
     if (cached == 0) {
-      VOXELD_TRY(check_tenant_queue(connection, tenant, queued_max.of_tenant));
-      VOXELD_TRY(check_queue(connection, queued_max.in_all));
+      VOXELD_TRY(check_queue(connection, tenant, limits));
     }
-    VOXELD_TRY(insert_job(connection, {request, options, id, hash, tenant, asset_tenant}, now));
+    VOXELD_TRY(
+        check_tenant_bytes(connection, tenant, {}, row_bytes({options_json}), limits.bytes_max));
+    VOXELD_TRY(insert_job(connection,
+                          {request, options, id, hash, tenant, asset_tenant, options_json}, now));
     if (cached != 0) VOXELD_TRY(end_with_cached(connection, id, cached, now));
     if (!options.idempotency_key.empty()) {
       VOXELD_TRY(remember_key(connection, tenant, options.idempotency_key, key_hash, id, now));
@@ -384,11 +366,12 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task, co
     VOXELD_ASSIGN(const auto running, fenced_job(connection, task.task, task.fence));
     if (!running) return {};
     const JobResult& result = task.result;
+    const std::string warnings = warnings_text(result.warnings);
     const Status kept = check_tenant_bytes(connection, running->tenant,
                                            {{result.blob, result.bytes},
                                             {result.grid, task.grid_bytes},
                                             {result.sequence, task.sequence_bytes}},
-                                           task.bytes_max);
+                                           row_bytes({result.meta_json, warnings}), task.bytes_max);
     if (kept) {
       VOXELD_TRY(end_with_result(connection, *running, task, live));
     } else {
@@ -457,9 +440,14 @@ Result<JobStore::Expired> JobStore::expire(int64_t now_ms) {
   return expired;
 }
 
-Result<bool> JobStore::is_grid(const Caller& caller, std::string_view id) {
+Status JobStore::check_grid(const Caller& caller, std::string_view id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return grid_exists(*reader, caller, id);
+  return check_kept_grid(*reader, caller, id);
+}
+
+Status JobStore::check_result(std::string_view job) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return check_kept_result(*reader, job);
 }
 
 Status JobStore::measure_holdings(const std::function<int64_t(std::string_view id)>& bytes_of) {

@@ -24,6 +24,7 @@
 #include "server/jobs/database.h"
 #include "server/jobs/job_record.h"
 #include "server/jobs/job_service.h"
+#include "server/jobs/quota.h"
 #include "server/jobs/scheduler.h"
 #include "server/jobs/tenant_limits.h"
 
@@ -63,13 +64,9 @@ class JobStore {
   // Inserts a job: queued, or done at once when an equal one of the same tenant has a result and
   // use_cache is on. An empty filename becomes the asset's. Errors: not-found (asset, file of a
   // bundle, grid, sequence), gone, invalid-option, queue-full, too-many-requests (of the tenant's
-  // own jobs wait `queued_max.of_tenant`; 0: any), idempotency-mismatch.
-  struct QueueLimits {
-    int64_t in_all = 0;
-    int64_t of_tenant = 0;
-  };
+  // own jobs wait too many, see quota.h), quota-exceeded (long options), idempotency-mismatch.
   Result<Submitted> submit(const Caller& caller, JobRequest request, const SubmitOptions& options,
-                           const QueueLimits& queued_max);
+                           const QueueLimits& limits);
 
   // Whether submit() would answer from a result that is there. Fills in what submit() fills in.
   // Errors: those of the input.
@@ -115,17 +112,26 @@ class JobStore {
   // jobs it touched.
   Result<int64_t> recover();
 
-  // True when a finished voxelization of the caller left this container, or one of its frames is in
-  // it.
-  Result<bool> is_grid(const Caller& caller, std::string_view id);
-  Result<int64_t> count(JobState state);
+  // That a finished voxelization of the caller left this container, or a frame, and that it was not
+  // deleted since. Errors: not-found, gone.
+  Status check_grid(const Caller& caller, std::string_view id);
+  // That the result of this job, which is done, was not deleted since. Errors: gone.
+  Status check_result(std::string_view job);
+  // How many jobs wait and run: all of them, or those that the caller sees.
+  Result<LiveJobs> live();
+  Result<LiveJobs> live(const Caller& caller);
   // The first queued job of each tenant.
   Result<std::vector<QueueHead>> queue_heads();
-  // Of those that the caller sees.
-  Result<int64_t> count(const Caller& caller, JobState state);
   // Running ones, and the first `limit` that arrived of those that wait.
   Result<std::vector<JobRecord>> live(const Caller& caller, int limit);
   Result<TenantUsage> usage(std::string_view tenant);
+  // What an upload of `asked` bytes has to fit beside.
+  struct UploadRoom {
+    int64_t used = 0;           // by the tenant
+    bool can_be_there = false;  // the tenant has a blob of `asked` bytes
+    int64_t longest_blob = 0;
+  };
+  Result<UploadRoom> upload_room(std::string_view tenant, int64_t asked);
   // Gives sizes to the blobs whose rows are older than their columns; `bytes_of` says 0 where there
   // is no such blob.
   Status measure_holdings(const std::function<int64_t(std::string_view id)>& bytes_of);

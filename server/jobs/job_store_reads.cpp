@@ -1,6 +1,7 @@
 // What of jobs is read without changing anything.
 #include <utility>
 
+#include "server/jobs/job_changes.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/quota.h"
 #include "server/jobs/visibility.h"
@@ -32,33 +33,18 @@ Result<std::vector<JobEvent>> JobStore::events(const Caller& caller, std::string
     return Error{ErrorCode::kNotFound, "no such job", "the id of a job",
                  std::string(id.substr(0, 80))};
   }
-  VOXELD_ASSIGN(SqlStatement rows, reader->query("SELECT id, type, data_json FROM job_events"
-                                                 " WHERE job_id = $1 AND id > $2 ORDER BY id",
-                                                 id, after_id));
-  std::vector<JobEvent> events;
-  while (true) {
-    VOXELD_ASSIGN(const bool row, rows.step());
-    if (!row) return events;
-    events.push_back({rows.int64(0), rows.text(1), rows.text(2)});
-  }
+  return load_events(*reader, id, after_id);
 }
 
-Result<int64_t> JobStore::count(JobState state) {
+Result<LiveJobs> JobStore::live() {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(SqlStatement statement,
-                reader->query("SELECT COUNT(*) FROM jobs WHERE state = $1", job_state_name(state)));
-  VOXELD_TRY(statement.step());
-  return statement.int64(0);
+  return live_jobs(*reader);
 }
 
-Result<int64_t> JobStore::count(const Caller& caller, JobState state) {
-  if (caller.sees_all()) return count(state);
+Result<LiveJobs> JobStore::live(const Caller& caller) {
+  if (caller.sees_all()) return live();
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(SqlStatement statement,
-                reader->query("SELECT COUNT(*) FROM jobs WHERE state = $1 AND tenant = $2",
-                              job_state_name(state), caller.tenant()));
-  VOXELD_TRY(statement.step());
-  return statement.int64(0);
+  return live_jobs(*reader, caller.tenant());
 }
 
 Result<std::vector<JobRecord>> JobStore::live(const Caller& caller, int limit) {
@@ -74,6 +60,16 @@ Result<std::vector<JobRecord>> JobStore::live(const Caller& caller, int limit) {
 Result<TenantUsage> JobStore::usage(std::string_view tenant) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
   return tenant_usage(*reader, tenant);
+}
+
+Result<JobStore::UploadRoom> JobStore::upload_room(std::string_view tenant, int64_t asked) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  UploadRoom room;
+  VOXELD_ASSIGN(const TenantUsage usage, tenant_usage(*reader, tenant));
+  room.used = usage.bytes;
+  VOXELD_ASSIGN(room.can_be_there, has_blob_of(*reader, tenant, asked));
+  VOXELD_ASSIGN(room.longest_blob, longest_blob(*reader, tenant));
+  return room;
 }
 
 }  // namespace voxeld

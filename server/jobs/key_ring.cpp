@@ -68,6 +68,16 @@ TenantLimits KeyRing::limits_of(std::string_view tenant) const {
   return key == nullptr ? TenantLimits{} : key->limits;
 }
 
+bool KeyRing::has_several_tenants() const {
+  const std::shared_ptr<const Keys> keys = current();
+  const int64_t now_ms = unix_time_ms();
+  int tenants = 0;
+  for (const auto& [tenant, own] : keys->by_tenant) {
+    if (newest_live_key(own, tenant, now_ms) != nullptr && ++tenants > 1) return true;
+  }
+  return false;
+}
+
 Status KeyRing::status() const {
   current();
   const MutexLock lock(mutex_);

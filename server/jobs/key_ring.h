@@ -40,6 +40,8 @@ class KeyRing {
   int64_t weight_of(std::string_view tenant) const;
 
   bool needs_keys() const { return !current()->is_open; }
+  // More than one tenant has a live key.
+  bool has_several_tenants() const;
   // The holder of the key of that id, as if it had been presented; for links that were signed in
   // its name. nullopt where is_live() is false.
   std::optional<Holder> holder_of(std::string_view key_id) const;

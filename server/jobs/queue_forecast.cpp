@@ -107,6 +107,7 @@ double QueueForecast::expected_seconds(std::string_view id) {
 void QueueForecast::refresh() {
   const auto now = Clock::now();
   if (refreshed_ != Clock::time_point() && now - refreshed_ < kKept) return;
+  if (live_.size() > kFewJobs && now < rests_until_) return;
   refreshed_ = now;
   const auto jobs = queue();
   std::vector<ForecastJob> played;
@@ -119,6 +120,8 @@ void QueueForecast::refresh() {
     expected_[jobs[i].first] = {now_ms + std::llround(times[i].start * 1000),
                                 now_ms + std::llround(times[i].end * 1000)};
   }
+  const auto done = Clock::now();
+  rests_until_ = done + kRestFactor * (done - now);
 }
 
 void QueueForecast::fill(JobStatus& status) {

@@ -42,8 +42,13 @@ class QueueForecast {
 
  private:
   using Clock = std::chrono::steady_clock;
-  // Forecasts are made at most so often; a queue of thousands takes a millisecond.
+  // Forecasts are made at most so often while nothing changes.
   static constexpr std::chrono::milliseconds kKept{250};
+  // A forecast takes time with each live job. Up to so many, each change is followed by a new one;
+  // above, forecasts take no more than a part of all time, and until the next one is made, a new
+  // job has no expected times.
+  static constexpr size_t kFewJobs = 256;
+  static constexpr int kRestFactor = 20;
 
   struct Live {
     std::string tenant;
@@ -69,6 +74,7 @@ class QueueForecast {
   std::map<std::string, Live, std::less<>> live_ GUARDED_BY(mutex_);
   std::map<std::string, Expected, std::less<>> expected_ GUARDED_BY(mutex_);
   Clock::time_point refreshed_ GUARDED_BY(mutex_){};
+  Clock::time_point rests_until_ GUARDED_BY(mutex_){};
 };
 
 }  // namespace voxeld

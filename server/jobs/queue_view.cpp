@@ -9,13 +9,13 @@ Result<QueueView> queue_view(JobStore& jobs, const std::vector<WorkerState>& wor
                              const Caller& caller, int limit,
                              const std::function<void(JobStatus&)>& overlay) {
   QueueView view;
-  VOXELD_ASSIGN(view.queued, jobs.count(JobState::kQueued));
-  VOXELD_ASSIGN(view.running, jobs.count(JobState::kRunning));
-  VOXELD_ASSIGN(const int64_t queued, jobs.count(caller, JobState::kQueued));
-  VOXELD_ASSIGN(const int64_t running, jobs.count(caller, JobState::kRunning));
-  // Between two counts a job may have started.
-  view.others_queued = std::max<int64_t>(0, view.queued - queued);
-  view.others_running = std::max<int64_t>(0, view.running - running);
+  VOXELD_ASSIGN(const LiveJobs all, jobs.live());
+  VOXELD_ASSIGN(const LiveJobs own, jobs.live(caller));
+  view.queued = all.queued;
+  view.running = all.running;
+  // Between the two a job may have started.
+  view.others_queued = std::max<int64_t>(0, all.queued - own.queued);
+  view.others_running = std::max<int64_t>(0, all.running - own.running);
   VOXELD_ASSIGN(std::vector<JobRecord> records, jobs.live(caller, limit));
   for (JobRecord& record : records) {
     overlay(record.status);

@@ -17,6 +17,7 @@ constexpr int64_t kBatch = 64;
 constexpr size_t kTouchedMax = 50'000;
 
 using Ids = std::vector<std::string>;
+using OldResult = ExpiringResult;
 
 // The texts of the first column of all rows, without empty ones.
 Status collect(SqlStatement rows, Ids& ids) {
@@ -26,11 +27,6 @@ Status collect(SqlStatement rows, Ids& ids) {
     if (std::string id = rows.text(0); !id.empty()) ids.push_back(std::move(id));
   }
 }
-
-struct OldResult {
-  int64_t seq = 0;
-  std::string job;
-};
 
 // No live job works on any part of them.
 // `column`: used_ms, or aged_ms, which is 0 as long as it is not known.
@@ -68,8 +64,9 @@ Status blobs_of_result(SqlConnection& connection, const OldResult& result, Ids& 
   return {};
 }
 
-// Lists the frames of a job for removal. Their rows stay until the job's goes.
-Status expire_frames_of(SqlConnection& connection, std::string_view job, Ids& ids) {
+}  // namespace
+
+Status expire_frames_of(SqlConnection& connection, std::string_view job, Expiry why, Ids& ids) {
   if (job.empty()) return {};
   {
     VOXELD_ASSIGN(SqlStatement rows, connection.query("SELECT DISTINCT grid FROM frames"
@@ -77,25 +74,37 @@ Status expire_frames_of(SqlConnection& connection, std::string_view job, Ids& id
                                                       job));
     VOXELD_TRY(collect(std::move(rows), ids));
   }
-  return connection.run("UPDATE frames SET expired_ms = $2 WHERE job_id = $1 AND expired_ms = 0",
-                        job, unix_time_ms());
+  return connection.run(
+      "UPDATE frames SET expired_ms = $2, is_deleted = $3 WHERE job_id = $1 AND expired_ms = 0",
+      job, unix_time_ms(), int64_t{why == Expiry::kDeleted});
 }
 
-// A result that no job refers to leaves no row behind: nobody could ask for it.
-Status expire_result(SqlConnection& connection, const OldResult& result, Ids& ids) {
+// A result that no job refers to leaves no row behind: nobody could ask for it. But rows of frames
+// stay while a live job works on their sequence: they keep the frames' blobs for it.
+Status expire_result(SqlConnection& connection, const ExpiringResult& result, Expiry why,
+                     Ids& ids) {
   VOXELD_TRY(blobs_of_result(connection, result, ids));
-  VOXELD_TRY(expire_frames_of(connection, result.job, ids));
-  VOXELD_TRY(connection.run("UPDATE results SET expired_ms = $2 WHERE seq = $1", result.seq,
-                            unix_time_ms()));
+  VOXELD_TRY(expire_frames_of(connection, result.job, why, ids));
   VOXELD_TRY(
-      connection.run("DELETE FROM frames WHERE job_id = $1 AND NOT EXISTS"
-                     " (SELECT 1 FROM jobs WHERE id = $1)",
-                     result.job));
+      connection.run("UPDATE results SET expired_ms = $2, is_deleted = $3, meta_json = '{}',"
+                     " warnings_json = '[]' WHERE seq = $1",
+                     result.seq, unix_time_ms(), int64_t{why == Expiry::kDeleted}));
+  constexpr std::string_view kIsWorkedOn =
+      "EXISTS (SELECT 1 FROM results w JOIN jobs n ON n.sequence = w.sequence WHERE w.seq = $1"
+      " AND n.state IN ('queued', 'running') AND n.sequence <> '')";
+  VOXELD_TRY(
+      connection.run("DELETE FROM frames WHERE job_id = $2 AND NOT EXISTS"
+                     " (SELECT 1 FROM jobs WHERE id = $2) AND NOT " +
+                         std::string(kIsWorkedOn),
+                     result.seq, result.job));
   return connection.run(
       "DELETE FROM results WHERE seq = $1 AND NOT EXISTS"
-      " (SELECT 1 FROM jobs WHERE result_seq = $1)",
+      " (SELECT 1 FROM jobs WHERE result_seq = $1) AND NOT " +
+          std::string(kIsWorkedOn),
       result.seq);
 }
+
+namespace {
 
 Status trim_job(SqlConnection& connection, std::string_view id, Ids& ids) {
   VOXELD_TRY(connection.run("DELETE FROM job_events WHERE job_id = $1", id));
@@ -117,7 +126,7 @@ Status trim_job(SqlConnection& connection, std::string_view id, Ids& ids) {
                                                     id));
   VOXELD_ASSIGN(const bool is_kept, kept.step());
   if (is_kept) return {};
-  VOXELD_TRY(expire_frames_of(connection, id, ids));
+  VOXELD_TRY(expire_frames_of(connection, id, Expiry::kAged, ids));
   return connection.run("DELETE FROM frames WHERE job_id = $1", id);
 }
 
@@ -256,7 +265,7 @@ Result<int64_t> Retention::expire_results_by(std::string_view column, int64_t be
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto results, old_results(connection, column, before_ms, count_max));
     for (const OldResult& result : results) {
-      VOXELD_TRY(expire_result(connection, result, ids));
+      VOXELD_TRY(expire_result(connection, result, Expiry::kAged, ids));
       ++expired;
       if (bytes_wanted != kAllBytes && bytes_of(ids) >= bytes_wanted) break;
     }
@@ -285,7 +294,9 @@ Result<int64_t> Retention::expire_frames(int64_t aged_before_ms) {
       VOXELD_ASSIGN(SqlStatement rows, connection.query(kOld, aged_before_ms, kBatch));
       VOXELD_TRY(collect(std::move(rows), jobs));
     }
-    for (const std::string& job : jobs) VOXELD_TRY(expire_frames_of(connection, job, ids));
+    for (const std::string& job : jobs) {
+      VOXELD_TRY(expire_frames_of(connection, job, Expiry::kAged, ids));
+    }
     return {};
   });
   VOXELD_TRY(committed);

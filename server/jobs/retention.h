@@ -20,6 +20,20 @@
 
 namespace voxeld {
 
+struct ExpiringResult {
+  int64_t seq = 0;  // of its row
+  std::string job;  // that made it
+};
+// Why something is not kept any more, which its `gone` tells.
+enum class Expiry { kAged, kDeleted };
+// Inside the caller's transaction: the result, with its grid, its sequence and their frames, is not
+// kept from now on. Adds the blobs that may go to `ids`.
+Status expire_result(SqlConnection& connection, const ExpiringResult& result, Expiry why,
+                     std::vector<std::string>& ids);
+// The same of the frames of a job. Their rows stay until the job's goes.
+Status expire_frames_of(SqlConnection& connection, std::string_view job, Expiry why,
+                        std::vector<std::string>& ids);
+
 // Thread-safe. Every call that changes rows does a batch, so that it holds the writer for some
 // milliseconds, and returns how many it did; 0: there are no more.
 class Retention {

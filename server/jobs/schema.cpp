@@ -53,7 +53,19 @@ namespace {
 // (store_identity.h), and whether it ever had API keys. aged_ms is when a row was used last, or
 // ended, or was deleted, by the clock of retention (kept_clock.h); 0: Retention::note_ages() has
 // not seen it yet.
-constexpr std::array<std::string_view, 9> kSteps = {
+//
+// Step 10: rows whose texts are long count towards tenant_usage with what they have above 4096 bytes
+// (kRowBytesFree in quota.h): options of jobs, meta and warnings of results. `row_changes` is no
+// table: what is inserted is a number of bytes more or less.
+//
+// Step 11: `live_jobs` has the numbers of queued and running jobs of each tenant, and of all under
+// '*', which is no tenant's name. Triggers on jobs.state keep them in the transaction of the
+// change. `live_changes` is no table: what is inserted is a step up or down.
+//
+// Step 12: results and frames that their tenant deleted are expired ones with is_deleted = 1.
+// holdings_by_size finds the blobs that an upload of a known length can be; live jobs are found by
+// what they work on.
+constexpr std::array<std::string_view, 12> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -385,6 +397,93 @@ END;
 ALTER TABLE jobs ADD COLUMN aged_ms BIGINT NOT NULL DEFAULT 0;
 CREATE INDEX jobs_to_age ON jobs (seq) WHERE aged_ms = 0 AND ended_ms <> 0;
 CREATE INDEX jobs_by_age ON jobs (aged_ms) WHERE aged_ms <> 0;
+)sql",
+    R"sql(
+CREATE VIEW row_changes AS SELECT tenant, bytes FROM tenant_usage;
+CREATE TRIGGER row_changes_insert INSTEAD OF INSERT ON row_changes WHEN NEW.bytes <> 0 BEGIN
+  INSERT INTO tenant_usage (tenant, bytes) VALUES (NEW.tenant, NEW.bytes)
+    ON CONFLICT (tenant) DO UPDATE SET bytes = bytes + excluded.bytes;
+END;
+CREATE TRIGGER jobs_row_insert AFTER INSERT ON jobs BEGIN
+  INSERT INTO row_changes
+    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.options_json AS BLOB)) - 4096, 0));
+END;
+CREATE TRIGGER jobs_row_change AFTER UPDATE OF options_json ON jobs BEGIN
+  INSERT INTO row_changes
+    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.options_json AS BLOB)) - 4096, 0)
+                      - MAX(LENGTH(CAST(OLD.options_json AS BLOB)) - 4096, 0));
+END;
+CREATE TRIGGER jobs_row_delete AFTER DELETE ON jobs BEGIN
+  INSERT INTO row_changes
+    VALUES (OLD.tenant, -MAX(LENGTH(CAST(OLD.options_json AS BLOB)) - 4096, 0));
+END;
+CREATE TRIGGER results_row_insert AFTER INSERT ON results BEGIN
+  INSERT INTO row_changes
+    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.meta_json AS BLOB))
+                          + LENGTH(CAST(NEW.warnings_json AS BLOB)) - 4096, 0));
+END;
+CREATE TRIGGER results_row_change AFTER UPDATE OF meta_json, warnings_json ON results BEGIN
+  INSERT INTO row_changes
+    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.meta_json AS BLOB))
+                          + LENGTH(CAST(NEW.warnings_json AS BLOB)) - 4096, 0)
+                      - MAX(LENGTH(CAST(OLD.meta_json AS BLOB))
+                          + LENGTH(CAST(OLD.warnings_json AS BLOB)) - 4096, 0));
+END;
+CREATE TRIGGER results_row_delete AFTER DELETE ON results BEGIN
+  INSERT INTO row_changes
+    VALUES (OLD.tenant, -MAX(LENGTH(CAST(OLD.meta_json AS BLOB))
+                           + LENGTH(CAST(OLD.warnings_json AS BLOB)) - 4096, 0));
+END;
+INSERT INTO row_changes
+  SELECT tenant, SUM(MAX(LENGTH(CAST(options_json AS BLOB)) - 4096, 0)) FROM jobs GROUP BY tenant;
+INSERT INTO row_changes
+  SELECT tenant, SUM(MAX(LENGTH(CAST(meta_json AS BLOB))
+                       + LENGTH(CAST(warnings_json AS BLOB)) - 4096, 0))
+  FROM results GROUP BY tenant;
+)sql",
+    R"sql(
+DROP INDEX jobs_queued_by_tenant;
+DROP INDEX jobs_running_by_tenant;
+CREATE TABLE live_jobs (
+  tenant TEXT PRIMARY KEY,
+  queued BIGINT NOT NULL,
+  running BIGINT NOT NULL
+);
+CREATE VIEW live_changes AS SELECT tenant, queued, running FROM live_jobs;
+CREATE TRIGGER live_changes_insert INSTEAD OF INSERT ON live_changes
+WHEN NEW.queued <> 0 OR NEW.running <> 0 BEGIN
+  INSERT INTO live_jobs VALUES (NEW.tenant, NEW.queued, NEW.running)
+    ON CONFLICT (tenant) DO UPDATE SET
+    queued = queued + excluded.queued, running = running + excluded.running;
+  INSERT INTO live_jobs VALUES ('*', NEW.queued, NEW.running)
+    ON CONFLICT (tenant) DO UPDATE SET
+    queued = queued + excluded.queued, running = running + excluded.running;
+END;
+CREATE TRIGGER jobs_live_insert AFTER INSERT ON jobs BEGIN
+  INSERT INTO live_changes VALUES (NEW.tenant, NEW.state = 'queued', NEW.state = 'running');
+END;
+CREATE TRIGGER jobs_live_change AFTER UPDATE OF state ON jobs BEGIN
+  INSERT INTO live_changes
+    VALUES (NEW.tenant, (NEW.state = 'queued') - (OLD.state = 'queued'),
+            (NEW.state = 'running') - (OLD.state = 'running'));
+END;
+CREATE TRIGGER jobs_live_delete AFTER DELETE ON jobs BEGIN
+  INSERT INTO live_changes VALUES (OLD.tenant, -(OLD.state = 'queued'), -(OLD.state = 'running'));
+END;
+INSERT INTO live_changes
+  SELECT tenant, SUM(state = 'queued'), SUM(state = 'running') FROM jobs
+  WHERE state IN ('queued', 'running') GROUP BY tenant;
+)sql",
+    R"sql(
+ALTER TABLE results ADD COLUMN is_deleted SMALLINT NOT NULL DEFAULT 0;
+ALTER TABLE frames ADD COLUMN is_deleted SMALLINT NOT NULL DEFAULT 0;
+CREATE INDEX results_by_tenant ON results (tenant, seq) WHERE expired_ms = 0;
+CREATE INDEX holdings_by_size ON holdings (tenant, bytes);
+CREATE INDEX jobs_live_by_asset ON jobs (asset)
+  WHERE state IN ('queued', 'running') AND asset <> '';
+CREATE INDEX jobs_live_by_grid ON jobs (grid) WHERE state IN ('queued', 'running') AND grid <> '';
+CREATE INDEX jobs_live_by_sequence ON jobs (sequence)
+  WHERE state IN ('queued', 'running') AND sequence <> '';
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

@@ -197,8 +197,7 @@ Result<Task> TaskServer::make_task(const WorkerFiles& files, const JobRecord& re
   task.request_id = record.request_id;
   task.trace_id = record.trace_id;
   if (task.input_is_sequence) {
-    VOXELD_ASSIGN(const SequenceManifest manifest,
-                  context_.frames.read(Caller::daemon(), status.sequence));
+    VOXELD_ASSIGN(const SequenceManifest manifest, context_.frames.read_blob(status.sequence));
     for (const SequenceFrame& frame : manifest.frames) {
       VOXELD_ASSIGN(task.frame_paths.emplace_back(), hand_over(files, frame.grid, "grid"));
     }

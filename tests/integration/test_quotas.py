@@ -80,6 +80,95 @@ class Quotas(unittest.TestCase):
         self.assertEqual(lab.request("DELETE", f"/v1/assets/{asset}").status, 204)
         self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], status["result"]["bytes"])
 
+    def test_a_full_tenant_frees_what_it_has_with_the_command_line_client(self):
+        key, lab = self.tenant("full", "--bytes", "1M")
+        mesh = (self.fixtures / "sample.ply").read_bytes()
+        asset = lab.upload(self.fixtures / "sample.ply")
+        moving = lab.upload(self.fixtures / "worm.md5.zip")
+        still = lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": 16}))
+        picture = lab.wait(lab.submit(kind="render", grid=still["result"]["grid"],
+                                      options={"width": 16, "height": 16}))
+        frames = lab.wait(lab.submit(kind="voxelize", asset=moving,
+                                     options={"size": 16, "animation": "walk", "frames": "0..2"}))
+        self.assertEqual([job["state"] for job in (still, picture, frames)], ["done"] * 3)
+        keys(self.data_dir, "set", key_id(key), "--bytes", "1")
+        self.problem(lab.post("/v1/assets?filename=b.ply", mesh + b"\n"), 413, "payload-too-large")
+        # The same bytes cost nothing, though nothing is left.
+        for headers in ({}, {"Content-Encoding": "gzip"}):
+            body = gzip.compress(mesh) if headers else mesh
+            answer = lab.post("/v1/assets?filename=sample.ply", body, headers=headers)
+            self.assertEqual(answer.status, 200, answer.body)
+
+        def voxel(*arguments, status=0):
+            done = subprocess.run([BIN / "voxel", *arguments, "--url", self.daemon.url, "--key", key],
+                                  text=True, capture_output=True)
+            self.assertEqual(done.returncode, status, done)
+            return done.stdout if status == 0 else done.stderr
+        listed = {}
+        for kind in ("results", "grids", "sequences", "assets"):
+            listed[kind] = json.loads(voxel("ls", kind, "--json"))[kind]
+            for item in listed[kind]:
+                self.assertIn(item["job"] if kind == "results" else item["id"], voxel("ls", kind))
+        self.assertEqual([len(listed[kind]) for kind in ("results", "grids", "sequences", "assets")],
+                         [3, 1, 1, 2])
+        self.assertEqual({item["job"] for item in listed["results"]},
+                         {job["id"] for job in (still, picture, frames)})
+        used = lab.get("/v1/me").json()["usage"]["bytes"]
+        for kind, thing in (("result", picture["id"]), ("grid", still["result"]["grid"]),
+                            ("sequence", frames["result"]["sequence"])):
+            self.assertEqual(voxel("rm", thing), f"{kind} {thing}\n")
+            left = lab.get("/v1/me").json()["usage"]["bytes"]
+            self.assertLess(left, used)
+            used = left
+        self.assertIn("was deleted", voxel("rm", picture["id"], status=2))
+        self.assertEqual(json.loads(voxel("rm", asset, moving, "--json"))["deleted"],
+                         [{"id": asset, "kind": "asset"}, {"id": moving, "kind": "asset"}])
+        self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], 0)
+        for path in (f"/v1/jobs/{still['id']}/result", f"/v1/grids/{still['result']['grid']}",
+                     f"/v1/sequences/{frames['result']['sequence']}",
+                     f"/v1/jobs/{frames['id']}/frames/0"):
+            self.problem(lab.get(path), 410, "gone", "was deleted")
+        deadline = time.monotonic() + 30  # files go with the next sweep
+        gone = [still["result"]["grid"], picture["result"]["blob"], frames["result"]["sequence"], asset]
+        while any(list(pathlib.Path(self.data_dir).rglob(one)) for one in gone):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.1)
+
+    def test_pages_of_lists(self):
+        _, lab = self.tenant("pages")
+        asset = lab.upload(self.fixtures / "sample.ply")
+        jobs = [lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": size}))["id"]
+                for size in (8, 9, 10)]
+        seen, path = [], "/v1/results?limit=2"
+        while path:
+            page = lab.get(path).json()
+            seen += [item["job"] for item in page["results"]]
+            path = page["next"] and f"/v1/results?limit=2&after={page['next']}"
+        self.assertEqual(seen, jobs[::-1])
+        self.problem(lab.get("/v1/grids?limit=1001"), 400, "invalid-option", "from 1 to 1000")
+        self.problem(lab.get("/v1/grids?after=x"), 400, "invalid-option", "of the page before")
+        self.problem(lab.get("/v1/grids?page=2"), 400, "unknown-option", "limit, after")
+
+    def test_one_of_several_tenants_leaves_places_in_the_queue(self):
+        with tempfile.TemporaryDirectory() as directory:
+            data_dir = directory + "/data"
+            made = [add_key(data_dir, name) for name in ("greedy", "modest")]
+            daemon = Daemon(device="cpu", data_dir=data_dir,
+                            arguments=["--queued-jobs-max", "20", "--workers-per-device", "1"])
+            try:
+                greedy, modest = (daemon.holding(key) for key in made)
+                asset = greedy.upload(self.fixtures / "sample.glb")
+                options = {"size": 4096, "cache": "no", "fill": "solid"}
+                answers = [greedy.post("/v1/jobs", {"kind": "voxelize", "asset": asset,
+                                                    "options": options}) for _ in range(14)]
+                self.problem(answers[-1], 429, "too-many-requests", "share of the queue", "places")
+                mine = modest.upload(self.fixtures / "sample.glb")
+                answer = modest.post("/v1/jobs", {"kind": "voxelize", "asset": mine,
+                                                  "options": options})
+                self.assertEqual(answer.status, 202, answer.body)
+            finally:
+                daemon.kill_gateway()
+
     def test_cells(self):
         _, lab = self.tenant("coarse", "--cells", "1000")
         asset = lab.upload(self.fixtures / "sample.ply")

@@ -119,7 +119,8 @@ class Tenants(unittest.TestCase):
         on = self.attacks()
         public = {("get", "/"), ("get", "/openapi.json")}
         # What they say is of the caller alone.
-        lists = {("get", "/v1/assets"), ("get", "/v1/jobs"), ("get", "/v1/queue"), ("get", "/v1/me")}
+        lists = {("get", "/v1/assets"), ("get", "/v1/jobs"), ("get", "/v1/queue"), ("get", "/v1/me"),
+                 ("get", "/v1/results"), ("get", "/v1/grids"), ("get", "/v1/sequences")}
         for template, operations in self.daemon.openapi.spec["paths"].items():
             for method in set(operations) - {"parameters"}:
                 # A new route: say here how one tenant could reach another's things by it.
@@ -131,6 +132,8 @@ class Tenants(unittest.TestCase):
         # Nothing was lost by the attempts to cancel and to delete.
         self.assertEqual(self.lab.get(f"/v1/assets/{self.things['asset']}").status, 200)
         self.assertEqual(self.lab.get(f"/v1/jobs/{self.things['job']}").json()["state"], "done")
+        for path in ("jobs/{job}/result", "grids/{grid}", "grids/{frame}", "sequences/{sequence}"):
+            self.assertEqual(self.lab.get("/v1/" + path.format(**self.things)).status, 200, path)
 
     def attack(self, method, path, body, kind):
         thing = self.things[kind]
@@ -163,6 +166,17 @@ class Tenants(unittest.TestCase):
                 self.assertFalse(ours & theirs)
             self.assertNotIn(self.things["asset" if name == "assets" else "job"], theirs)
             self.assertLessEqual(ours, {item["id"] for item in self.boss.get(path).json()[name]})
+
+    def test_lists_of_results_show_what_is_ones_own_also_behind_anothers_page(self):
+        for kind, thing in (("results", "job"), ("grids", "grid"), ("sequences", "sequence")):
+            name = "job" if kind == "results" else "id"
+            ours = self.lab.get(f"/v1/{kind}?limit=1000").json()[kind]
+            self.assertIn(self.things[thing], [item[name] for item in ours])
+            theirs = self.studio.get(f"/v1/{kind}").json()[kind]
+            self.assertNotIn(self.things[thing], [item[name] for item in theirs])
+            last = self.lab.get(f"/v1/{kind}?limit=1").json()["next"] or "9999"
+            behind = self.studio.get(f"/v1/{kind}?after={last}").json()[kind]
+            self.assertFalse({item["job"] for item in behind} & {item["job"] for item in ours})
 
     def test_the_queue_shows_ones_own_jobs_and_how_many_others_have(self):
         asset = self.lab.upload(self.fixtures / "sample.ply")

@@ -312,6 +312,13 @@ class VOXELD_CLIENT_API Client {
   // when the bytes do not have the hash that the daemon names; the sink has all of them.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
+  // Deletes what the id names, so that it counts no more: of a job its result, else the asset, grid
+  // or sequence of that id. Says which: "result", "asset", "grid" or "sequence". Throws "not-found";
+  // "gone" where it was deleted already; "conflict" for a job that has not ended, and for a frame.
+  std::string remove(std::string_view id);
+  // A page of what is kept, as the JSON object of GET /v1/assets, /v1/results, /v1/grids or
+  // /v1/sequences. what: "assets", …; after: "next" of the page before.
+  std::string list_json(std::string_view what, int limit = 100, std::string_view after = {});
   // A link to a job's result. options: of the result ("format", …). Throws Error "invalid-option"
   // for more than 30 days.
   Link share(std::string_view job, std::chrono::seconds lifetime, const Options& options = {});

@@ -72,7 +72,7 @@ TEST_F(LimitsTest, a_chunked_upload_is_refused_when_it_gets_too_long) {
   EXPECT_EQ(request("POST", "/v1/assets", lab, "1234567").status, 201);
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n" +
-                          lab + "\r\n3\r\nabc\r\n1\r\nd\r\n"));
+                          lab + "\r\n3\r\nabc\r\n5\r\ndefgh\r\n"));
   const auto answer = client.receive();
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->status, 507);

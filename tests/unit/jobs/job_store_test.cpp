@@ -274,7 +274,7 @@ TEST_F(JobStoreTest, unknown_jobs_assets_and_grids_are_not_found) {
 TEST_F(JobStoreTest, a_finished_grid_can_be_rendered) {
   submit(request(put_asset("mesh")));
   ASSERT_TRUE(store_->complete(finished(claim()), 0).value());
-  EXPECT_TRUE(store_->is_grid(Caller::open(), sha256_id("result")).value());
+  EXPECT_TRUE(store_->check_grid(Caller::open(), sha256_id("result")));
   JobRequest render;
   render.kind = JobKind::kRender;
   render.grid = sha256_id("result");
@@ -469,8 +469,8 @@ TEST_F(JobStoreTest, frames_of_an_earlier_claim_are_void) {
   EXPECT_EQ(now->at(0).frame.voxel_count, 7u);
   EXPECT_EQ(get(id).frames_done, 1);
   EXPECT_EQ(get(id).frames_total, 9);
-  ASSERT_TRUE(store_->is_grid(Caller::open(), "sha256-3").value());
-  EXPECT_FALSE(store_->is_grid(Caller::open(), "sha256-1").value());
+  ASSERT_TRUE(store_->check_grid(Caller::open(), "sha256-3"));
+  EXPECT_FALSE(store_->check_grid(Caller::open(), "sha256-1"));
 }
 
 }  // namespace

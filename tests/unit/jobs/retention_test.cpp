@@ -106,7 +106,7 @@ TEST_F(RetentionTest, results_expire_by_their_last_use_and_are_gone_then) {
   EXPECT_TRUE(stored("used"));
   EXPECT_TRUE(stored("mesh"));  // assets are not results
   // Known, though its bytes are gone.
-  EXPECT_TRUE(jobs_.is_grid(Caller::open(), old.result->grid).value());
+  EXPECT_EQ(jobs_.check_grid(Caller::open(), old.result->grid).error().code, ErrorCode::kGone);
   JobRequest request;
   request.kind = JobKind::kExport;
   request.grid = old.result->grid;

@@ -27,6 +27,8 @@ class ServiceTest : public ::testing::Test {
     config.data_dir = dir_.path() / "data";
     config.start_workers = false;
     config.limits_of = [this](std::string_view) { return limits_; };
+    config.queued_jobs_max = queued_jobs_max_;
+    config.is_queue_shared = [this] { return is_queue_shared_; };
     auto service = start_job_service(config, nullptr);
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
@@ -71,6 +73,8 @@ class ServiceTest : public ::testing::Test {
 
   TemporaryDir dir_;
   TenantLimits limits_;  // of every tenant
+  int queued_jobs_max_ = limits::kQueuedJobsMax;
+  bool is_queue_shared_ = false;
   std::unique_ptr<JobService> service_;
 };
 

@@ -1,0 +1,99 @@
+"""Texts that are too long, by the limits that openapi.yaml tells: each is refused, stored nowhere and
+echoed nowhere."""
+import json
+import pathlib
+import sqlite3
+import unittest
+import urllib.parse
+
+from harness import DaemonTest
+
+# No refusal is longer.
+ANSWER_BYTES_MAX = 2048
+
+
+class ClientTexts(DaemonTest):
+    device = "cpu"
+
+    def database_bytes(self):
+        """Of the pages in use; the log is not counted, which is written over again and again."""
+        path = pathlib.Path(self.daemon.data_dir) / "jobs.sqlite"
+        with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as reader:
+            pages, free, page_bytes = (reader.execute(f"PRAGMA {name}").fetchone()[0]
+                                       for name in ("page_count", "freelist_count", "page_size"))
+        return (pages - free) * page_bytes
+
+    def refused(self, response, limit, sent):
+        self.assertIn(response.status, (400, 413), response.body[:300])
+        self.assertLessEqual(len(response.body) + len(str(response.headers)), ANSWER_BYTES_MAX)
+        problem = response.json()
+        self.assertEqual((problem["expected"], problem["got"]), (f"at most {limit} bytes", str(sent)))
+
+    def test_every_parameter_of_the_specification(self):
+        """A text of one byte more than its maxLength, where a request can hold it."""
+        spec, tried = self.daemon.openapi, 0
+        for path, operations in spec.spec["paths"].items():
+            for method, operation in operations.items():
+                if method == "parameters":
+                    continue
+                for parameter in map(spec.resolve, operation.get("parameters", [])):
+                    schema = spec.resolve(parameter["schema"])
+                    if parameter["in"] == "query" and schema.get("type") == "string":
+                        # Numbers are a pattern of their own.
+                        self.assertTrue("maxLength" in schema or "pattern" in schema,
+                                        f"{method} {path}: {parameter['name']} has no limit")
+                    limit = schema.get("maxLength", 1 << 30)
+                    if method != "post" or "{" in path or limit > 4000:
+                        continue
+                    with self.subTest(f"{method} {path} {parameter['name']}"):
+                        text = "A" * (limit + 1)
+                        if parameter["in"] == "header":
+                            answer = self.daemon.post(path, {"kind": "inspect", "asset": "sha256-0"},
+                                                      headers={parameter["name"]: text})
+                        else:
+                            query = urllib.parse.urlencode({parameter["name"]: text})
+                            answer = self.daemon.post(f"{path}?{query}", b"mesh")
+                        self.refused(answer, limit, limit + 1)
+                        tried += 1
+        self.assertGreater(tried, 20)
+
+    def test_every_member_of_a_job(self):
+        asset = self.daemon.upload(self.fixtures / "sample.ply")
+        before = self.database_bytes()
+        members = self.daemon.openapi.spec["components"]["schemas"]["JobRequest"]["properties"]
+        for name, schema in members.items():
+            if schema.get("type") != "string":
+                continue
+            for length in (schema["maxLength"] + 1, 900_000):
+                with self.subTest(f"{name} of {length}"):
+                    job = {"kind": "voxelize", "asset": asset, name: "A" * length}
+                    self.refused(self.daemon.post("/v1/jobs", job), schema["maxLength"], length)
+        for text in ("A" * 900_000, ["A" * 900] * 1000):
+            job = {"kind": "voxelize", "asset": asset, "options": {"bounds": text}}
+            self.refused(self.daemon.post("/v1/jobs", job), 1024,
+                         len(text) if isinstance(text, str) else 900_999)
+        self.assertLess(self.database_bytes() - before, 100_000)
+
+    def test_rows_of_jobs_are_small_whatever_they_say(self):
+        asset = self.daemon.upload(self.fixtures / "worm.md5.zip")
+        before = self.database_bytes()
+        for i in range(10):
+            times = [(k + i) / 3e6 for k in range(4096)]
+            answer = self.daemon.post("/v1/jobs", {
+                "kind": "voxelize", "asset": asset, "filename": "n" * 251 + ".zip",
+                "options": {"size": 8, "animation": "walk", "times": times}})
+            self.assertEqual(answer.status, 202, answer.body[:300])
+            job = answer.json()["id"]
+            self.daemon.request("DELETE", f"/v1/jobs/{job}")
+            self.assertEqual(self.daemon.wait(job)["options"]["times"].count(","), 4095)
+            # Its times are in its row alone, and its events have them all the same.
+            events = self.daemon.get(f"/v1/jobs/{job}/events").body.decode()
+            states = [json.loads(line[6:]) for line in events.splitlines() if line.startswith("data: ")]
+            self.assertTrue(states)
+            self.assertTrue(all(state["options"]["times"].count(",") == 4095 for state in states))
+        # Each has a row of some 90 KB.
+        self.assertLess((self.database_bytes() - before) / 10, 120_000)
+
+
+if __name__ == "__main__":
+    unittest.main()
