@@ -1,219 +1,23 @@
 #include "server/jobs/job_service.h"
 
 #include <algorithm>
-#include <atomic>
+#include <chrono>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <system_error>
-#include <thread>
 #include <utility>
 
-#include "server/base/file.h"
-#include "server/base/guard.h"
 #include "server/base/log.h"
-#include "server/base/process_cpu.h"
-#include "server/jobs/asset_store.h"
 #include "server/jobs/blob_needs.h"
-#include "server/jobs/data_dir.h"
-#include "server/jobs/database.h"
-#include "server/jobs/deadline_watch.h"
-#include "server/jobs/device_turns.h"
-#include "server/jobs/frame_store.h"
-#include "server/jobs/job_board.h"
 #include "server/jobs/job_log.h"
-#include "server/jobs/job_metrics.h"
-#include "server/jobs/job_store.h"
-#include "server/jobs/key_memory.h"
-#include "server/jobs/queue_forecast.h"
-#include "server/jobs/queue_view.h"
-#include "server/jobs/quota.h"
-#include "server/jobs/result_store.h"
-#include "server/jobs/retention.h"
-#include "server/jobs/store_identity.h"
-#include "server/jobs/store_sweep.h"
-#include "server/jobs/supervisor.h"
-#include "server/jobs/task_server.h"
+#include "server/jobs/service.h"
 
 namespace voxeld {
 namespace {
 
-namespace fs = std::filesystem;
-
 // Waits are cut into pieces of this length, to notice drain() and clients that left.
 constexpr std::chrono::milliseconds kWaitSlice{200};
-// How long the end of a worker's connection waits for the end of its process, to name the signal.
-constexpr std::chrono::milliseconds kExitReasonWait{1000};
-// For a worker to give up what it does; then it is killed, and loses nothing but its time.
-constexpr double kWorkerGraceSeconds = 0.5;
-// What one worker may write where no limit is given: with some workers, not all of the disk.
-constexpr int64_t kScratchPartOfDisk = 4;
-// How often the clock of retention is written down; after a crash so much less has passed.
-constexpr int64_t kClockNoteMs = 60'000;
 
-// Everything below runs on HTTP threads and on the task server's connection threads.
-class Service final : public JobService {
- public:
-  Service(const JobServiceConfig& config, UniqueFd lock, BlobStore blobs, PartStore parts,
-          StoreDatabase store, std::shared_ptr<prometheus::Registry> registry)
-      : config_(config),
-        lock_(std::move(lock)),
-        blobs_(std::move(blobs)),
-        mark_(std::move(store.mark)),
-        clock_(config.clock, mark_->mark().kept_ms, mark_->mark().wall_ms),
-        database_(std::move(store.database)),
-        keys_(*database_),
-        jobs_(*database_, [this](std::string_view id) { return blobs_.is_usable(id); }),
-        parts_(std::move(parts)),
-        assets_(*database_, blobs_),
-        frames_(*database_, blobs_),
-        results_(*database_),
-        metrics_(std::move(registry)),
-        costs_(config.data_dir / "costs"),
-        forecast_(
-            costs_, static_cast<int>(config.devices.size()),
-            [this](const std::string& tenant) {
-              return config_.weight_of ? static_cast<double>(config_.weight_of(tenant)) : 1.0;
-            },
-            [this](JobStatus& status) { board_.overlay(status); }),
-        turns_(turns_config()),
-        retention_(*database_, blobs_),
-        sweep_(config_.storage, retention_, assets_, blobs_, metrics_, clock_,
-               [this] { note_each_second(); }) {}
-  ~Service() override;
-
-  Status start();
-
-  Result<BlobWriter> begin_upload(int64_t bytes_max) override {
-    VOXELD_TRY(sweep_.room());
-    return blobs_.begin(bytes_max);
-  }
-  Result<int64_t> upload_room(const Caller& caller, int64_t asked) override;
-  TenantLimits limits(const Caller& caller) override {
-    return config_.limits_of ? config_.limits_of(caller.tenant()) : TenantLimits{};
-  }
-  Result<TenantUsage> usage(const Caller& caller) override { return jobs_.usage(caller.tenant()); }
-  Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
-                          std::string content_type) override {
-    return assets_.put(caller, blob, filename, content_type, limits(caller).bytes);
-  }
-  Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
-                           const std::vector<BundleFile>& files) override {
-    return assets_.put_bundle(caller, blob, filename, files, limits(caller).bytes);
-  }
-  Result<Asset> get_asset(const Caller& caller, std::string_view id) override {
-    return assets_.get(caller, id);
-  }
-  Result<std::vector<Asset>> list_assets(const Caller& caller, int limit) override {
-    return assets_.list(caller, limit);
-  }
-  Status delete_asset(const Caller& caller, std::string_view id) override;
-
-  Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
-                           const SubmitOptions& options) override;
-  Result<JobStatus> price(const Caller& caller, const JobRequest& request) override;
-  Result<JobStatus> get(const Caller& caller, std::string_view id) override;
-  Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
-                                      std::optional<JobState> state) override;
-  Result<JobStatus> wait_change(const Caller& caller, std::string_view id, int64_t after_version,
-                                Clock::time_point deadline) override;
-  Result<JobStatus> wait_end(const Caller& caller, std::string_view id, Clock::time_point deadline,
-                             const std::function<bool()>& abandoned) override;
-  Result<std::vector<JobEvent>> wait_events(const Caller& caller, std::string_view id,
-                                            int64_t after_id, Clock::time_point deadline) override;
-  Result<JobStatus> cancel(const Caller& caller, std::string_view id) override;
-  Result<StoredBlob> result_of(const JobStatus& status) override;
-
-  Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) override;
-  Result<std::vector<KeptResult>> list_kept(const Caller& caller, KeptKind kind, int limit,
-                                            int64_t before_seq) override {
-    return results_.list(caller, kind, limit, before_seq);
-  }
-  Status delete_result(const Caller& caller, std::string_view job) override {
-    return let_go(results_.delete_of_job(caller, job));
-  }
-  Status delete_grid(const Caller& caller, std::string_view id) override {
-    return let_go(results_.delete_grid(caller, id));
-  }
-  Status delete_sequence(const Caller& caller, std::string_view id) override {
-    return let_go(results_.delete_sequence(caller, id));
-  }
-  Result<JobFrames> frames(const Caller& caller, std::string_view job) override;
-  Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
-    return frames_.read(caller, id);
-  }
-  Result<QueueView> queue(const Caller& caller, int limit) override {
-    return queue_view(jobs_, workers(), caller, limit,
-                      [this](JobStatus& status) { overlay(status); });
-  }
-  std::vector<WorkerState> workers() override;
-  int64_t queued_jobs() override;
-  Status ready() override;
-  void drain() override { draining_ = true; }
-  void stop() override;
-
- private:
-  void job_changed(const JobRecord& record);
-  void update_gauges();
-  // Of the asset with its files, or the grid; 0 where it cannot be told.
-  int64_t input_bytes(const std::string& tenant, const std::string& asset, const std::string& grid);
-  void forecast_waiting();
-  TurnsConfig turns_config();
-  // Adds what the database does not know to a status.
-  void overlay(JobStatus& status);
-  TaskServerConfig server_config();
-  void start_supervisor();
-  void note_each_second();
-  Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
-                                             int64_t after_id);
-  Result<StoredBlob> stored(std::string_view id, std::string_view what);
-  // The sweep looks at these blobs, and removes those that nothing needs.
-  Status let_go(const Result<ResultStore::Ids>& ids);
-  void verify_reusable(const Caller& caller, const JobRequest& request);
-  QueueLimits queue_limits(const Caller& caller);
-
-  const JobServiceConfig config_;
-  const UniqueFd lock_;
-  BlobStore blobs_;
-  std::unique_ptr<StoreMarkFile> mark_;
-  KeptClock clock_;
-  int64_t clock_noted_ms_ = 0;  // of the sweep's thread
-  std::unique_ptr<Database> database_;
-  KeyMemory keys_;
-  JobStore jobs_;
-  PartStore parts_;
-  AssetStore assets_;
-  FrameStore frames_;
-  ResultStore results_;
-  JobBoard board_;
-  JobMetrics metrics_;
-  JobCosts costs_;
-  QueueForecast forecast_;
-  DeviceTurns turns_;
-  Retention retention_;
-  StoreSweep sweep_;
-  std::atomic<bool> draining_{false};
-  // Read by connection threads, which run before the supervisor is there.
-  std::atomic<Supervisor*> supervising_{nullptr};
-  std::unique_ptr<TaskServer> tasks_;
-  std::unique_ptr<Supervisor> supervisor_;
-  std::unique_ptr<DeadlineWatch> deadlines_;  // last: its thread uses the others
-};
-
-TurnsConfig Service::turns_config() {
-  TurnsConfig config;
-  config.is_fair = config_.is_fair;
-  config.host_bytes_max = config_.memory_bytes_max;
-  config.weight_of = config_.weight_of;
-  config.charged = [this](const TurnTask& task, double seconds) {
-    metrics_.had_turn(task.device, task.tenant, seconds);
-  };
-  config.cpu_seconds = process_cpu_seconds;
-  config.cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  config.charged_cpu = [this](const TurnTask& task, double seconds) {
-    metrics_.used_cpu(task.tenant, seconds);
-  };
-  return config;
-}
+}  // namespace
 
 void Service::overlay(JobStatus& status) {
   board_.overlay(status);
@@ -222,117 +26,6 @@ void Service::overlay(JobStatus& status) {
   if (status.state != JobState::kRunning) return;
   status.waiting_for = turns_.waiting_for(status.id);
   status.device_ms += static_cast<double>(turns_.device_us(status.id)) / 1000.0;
-}
-
-Status Service::start() {
-  VOXELD_TRY(keys_.check(config_.has_keys && config_.has_keys(), config_.forgets_keys));
-  blobs_.disk().keep_ballast();
-  database_->set_make_way([this] { blobs_.disk().make_way(); });
-  VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
-  if (recovered > 0) log::info("jobs of an earlier process recovered", {{"jobs", recovered}});
-  if (auto removed = assets_.remove_unneeded(); !removed) {  // the disk may be full just now
-    log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
-  }
-  // Before anybody asks for them. What cannot be read stays where it is.
-  if (auto restored = retention_.restore_quarantined(); !restored) {
-    log::warn("cannot look into the quarantine", {{"error", restored.error().message()}});
-  }
-  parts_.remove_unless([this](std::string_view id) {
-    const auto job = jobs_.get(Caller::daemon(), id);
-    return job && !job->status.ended();
-  });
-  VOXELD_TRY(jobs_.measure_holdings([this](std::string_view id) {
-    const auto blob = blobs_.stat(id);
-    return blob ? blob->bytes : int64_t{0};
-  }));
-  update_gauges();
-  forecast_waiting();
-
-  VOXELD_ASSIGN(
-      tasks_, TaskServer::start(server_config(),
-                                {jobs_, assets_, frames_, blobs_, parts_, board_, metrics_, turns_,
-                                 [this](const JobRecord& record) { job_changed(record); }}));
-  deadlines_ = std::make_unique<DeadlineWatch>(
-      jobs_, [this](const JobRecord& record) { job_changed(record); });
-  sweep_.start();
-  if (config_.start_workers) start_supervisor();
-  return {};
-}
-
-TaskServerConfig Service::server_config() {
-  TaskServerConfig server;
-  server.is_fair = config_.is_fair;
-  server.socket = config_.data_dir / "run" / "tasks.sock";
-  server.scratch_root = config_.data_dir / "run" / "scratch";
-  server.limits = config_.limits;
-  if (server.limits.scratch_bytes_max == 0) {
-    const auto disk_bytes = blobs_.disk().total_bytes();
-    server.limits.scratch_bytes_max = disk_bytes ? *disk_bytes / kScratchPartOfDisk : 0;
-  }
-  server.limits_of = config_.limits_of;
-  server.expected_seconds = [this](const std::string& job) {
-    return forecast_.expected_seconds(job);
-  };
-  server.exit_reason = [this](int64_t pid) -> std::string {
-    Supervisor* supervisor = supervising_;
-    if (supervisor == nullptr) return "";
-    const auto reason = supervisor->exit_reason(pid, kExitReasonWait);
-    if (!reason) return "";
-    const bool lost = reason->signal == 0 && reason->status == Supervisor::kExitContextLost;
-    return lost ? "the GL context was lost" : reason->text();
-  };
-  server.kill_worker = [this](int64_t pid) {
-    if (Supervisor* supervisor = supervising_) supervisor->kill_worker(pid);
-  };
-  server.slot_of = [this](int64_t pid) {
-    Supervisor* supervisor = supervising_;
-    return supervisor == nullptr ? 0 : supervisor->slot_of(pid).value_or(0);
-  };
-  server.on_connected = [this](const std::string& device) {
-    if (Supervisor* supervisor = supervising_) supervisor->start_others(device);
-  };
-  return server;
-}
-
-void Service::start_supervisor() {
-  SupervisorConfig config;
-  config.executable = config_.worker_executable;
-  config.gateway = "unix:" + (config_.data_dir / "run" / "tasks.sock").string();
-  config.devices = config_.devices;
-  config.workers_per_device = config_.is_fair ? config_.workers_per_device : 1;
-  config.arguments = config_.worker_arguments;
-  config.on_exit = [this](const std::string& device, const ExitReason&) {
-    metrics_.worker_restarted(device);
-  };
-  supervisor_ = std::make_unique<Supervisor>(std::move(config));
-  supervising_ = supervisor_.get();
-  // Workers that were connected before that line.
-  for (const WorkerState& state : tasks_->workers()) {
-    if (state.connected) supervisor_->start_others(state.device);
-  }
-}
-
-void Service::note_each_second() {
-  if (const int64_t now_ms = clock_.now_ms(); now_ms - clock_noted_ms_ >= kClockNoteMs) {
-    mark_->note_clock(now_ms, clock_.wall_ms());
-    clock_noted_ms_ = now_ms;
-  }
-  if (config_.has_keys && config_.has_keys()) keys_.remember();
-}
-
-Service::~Service() {
-  stop();
-}
-
-void Service::stop() {
-  draining_ = true;
-  if (deadlines_ != nullptr) deadlines_->stop();
-  sweep_.stop();
-  mark_->note_clock(clock_.now_ms(), clock_.wall_ms());
-  // First the connections: their tasks go back to the queue, and workers end when theirs closes.
-  if (tasks_ != nullptr) tasks_->stop();
-  supervising_ = nullptr;
-  if (supervisor_ != nullptr) supervisor_->stop(kWorkerGraceSeconds);
 }
 
 void Service::job_changed(const JobRecord& record) {
@@ -385,16 +78,6 @@ int64_t Service::input_bytes(const std::string& tenant, const std::string& asset
     for (const BundleFile& file : *files) bytes += bytes_of(file.asset);
   }
   return bytes;
-}
-
-// At start: the jobs that an earlier process left.
-void Service::forecast_waiting() {
-  const auto records = jobs_.list(Caller::daemon(), config_.queued_jobs_max, JobState::kQueued);
-  if (!records) return;
-  for (const JobRecord& record : *records) {
-    const JobStatus& status = record.status;
-    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
-  }
 }
 
 Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request) {
@@ -640,26 +323,6 @@ Status Service::ready() {
   return Error{ErrorCode::kDeviceUnavailable,
                reason.empty() ? "no worker is connected" : "no worker is connected: " + reason, "",
                ""};
-}
-
-}  // namespace
-
-Result<std::unique_ptr<JobService>> start_job_service(
-    const JobServiceConfig& config, std::shared_ptr<prometheus::Registry> metrics) {
-  try {
-    VOXELD_ASSIGN(UniqueFd lock, prepare_data_dir(config.data_dir));
-    VOXELD_ASSIGN(BlobStore blobs,
-                  BlobStore::open(config.data_dir, config.storage.disk_reserve_bytes));
-    VOXELD_ASSIGN(PartStore parts, PartStore::open(config.data_dir));
-    VOXELD_ASSIGN(StoreDatabase store, open_store_database(blobs, config.store_match));
-    auto service =
-        std::make_unique<Service>(config, std::move(lock), std::move(blobs), std::move(parts),
-                                  std::move(store), std::move(metrics));
-    VOXELD_TRY(service->start());
-    return std::unique_ptr<JobService>(std::move(service));
-  } catch (const std::exception& failure) {  // no memory, no threads
-    return exception_error(failure);
-  }
 }
 
 }  // namespace voxeld

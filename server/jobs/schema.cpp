@@ -54,9 +54,9 @@ namespace {
 // ended, or was deleted, by the clock of retention (kept_clock.h); 0: Retention::note_ages() has
 // not seen it yet.
 //
-// Step 10: rows whose texts are long count towards tenant_usage with what they have above 4096 bytes
-// (kRowBytesFree in quota.h): options of jobs, meta and warnings of results. `row_changes` is no
-// table: what is inserted is a number of bytes more or less.
+// Step 10: rows whose texts are long count towards tenant_usage with what they have above 4096
+// bytes (kRowBytesFree in quota.h): options of jobs, meta and warnings of results. `row_changes` is
+// no table: what is inserted is a number of bytes more or less.
 //
 // Step 11: `live_jobs` has the numbers of queued and running jobs of each tenant, and of all under
 // '*', which is no tenant's name. Triggers on jobs.state keep them in the transaction of the

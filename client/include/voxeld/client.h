@@ -313,8 +313,9 @@ class VOXELD_CLIENT_API Client {
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
   // Deletes what the id names, so that it counts no more: of a job its result, else the asset, grid
-  // or sequence of that id. Says which: "result", "asset", "grid" or "sequence". Throws "not-found";
-  // "gone" where it was deleted already; "conflict" for a job that has not ended, and for a frame.
+  // or sequence of that id. Says which: "result", "asset", "grid" or "sequence". Throws
+  // "not-found"; "gone" where it was deleted already; "conflict" for a job that has not ended, and
+  // for a frame.
   std::string remove(std::string_view id);
   // A page of what is kept, as the JSON object of GET /v1/assets, /v1/results, /v1/grids or
   // /v1/sequences. what: "assets", …; after: "next" of the page before.

@@ -166,8 +166,8 @@ TEST(PixelBudget, pixels_beyond_the_first_image_are_paid_for_by_bytes) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kPayloadTooLarge);
   EXPECT_EQ(refused.error().message(),
-            "c.png is left out: the textures of one scene have at most 268435456 pixels, and beyond "
-            "the first 67108864 at most 256 for each byte of their files");
+            "c.png is left out: the textures of one scene have at most 268435456 pixels, and "
+            "beyond the first 67108864 at most 256 for each byte of their files");
   EXPECT_TRUE(budget.is_spent());
 }
 
