@@ -37,7 +37,7 @@ class Submitter:
         while (number := self.take()) <= until:
             body = json.dumps({"kind": "voxelize", "asset": self.asset, "priority": -1,
                                "options": {"voxel_size": 1 + number * 1e-6, "cache": "no"}})
-            connection.request("POST", "/v1/jobs", body)
+            connection.request("POST", "/v1/jobs", body, {"Content-Type": "application/json"})
             answer = connection.getresponse()
             text = answer.read()
             assert answer.status == 202, (answer.status, text)

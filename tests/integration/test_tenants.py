@@ -141,6 +141,8 @@ class Tenants(unittest.TestCase):
         headers = {}
         if path == "/v1/assets":
             headers["Content-Type"] = "application/vnd.voxeld.bundle+json"
+        elif body is not None:
+            headers["Content-Type"] = "application/json"
         answers = []
         for one in (thing, nothing):
             text = None if body is None else body.replace("{}", one)
@@ -292,7 +294,7 @@ class Tenants(unittest.TestCase):
         for who in (self.lab, self.studio):
             asset = who.upload(self.fixtures / "sample.stl")
             response = who.request("POST", "/v1/jobs", body=json.dumps({**job, "asset": asset}),
-                                   headers={"Idempotency-Key": "once"})
+                                   headers={"Idempotency-Key": "once", "Content-Type": "application/json"})
             self.assertIn(response.status, (200, 202), response.body)
             made.append(response.json()["id"])
         self.assertEqual(len(set(made)), 2)

@@ -140,7 +140,11 @@ TEST(ContentCodingName, one_coding_or_none) {
   }
 }
 
-class CodedBodies : public ServerTest {};
+class CodedBodies : public ServerTest {
+ protected:
+  static constexpr const char* kGzippedJson =
+      "Content-Encoding: gzip\r\nContent-Type: application/json\r\n";
+};
 
 TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
   const std::string plain = json(request("POST", "/v1/assets", "", "a mesh")).value("id", "");
@@ -151,7 +155,7 @@ TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
     EXPECT_EQ(json(answer).value("id", ""), plain);
   }
   const std::string job = R"({"kind":"voxelize","asset":")" + plain + R"("})";
-  EXPECT_EQ(request("POST", "/v1/jobs", "Content-Encoding: gzip\r\n", gzip(job)).status, 202);
+  EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, gzip(job)).status, 202);
 }
 
 TEST_F(CodedBodies, what_is_wrong_with_one_is_told) {
@@ -161,7 +165,7 @@ TEST_F(CodedBodies, what_is_wrong_with_one_is_told) {
   EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip, zstd\r\n", "x").status, 415);
   EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip\r\n", "x").status, 400);
   const std::string bomb = gzip(std::string(size_t{2} << 20, ' '));
-  EXPECT_EQ(request("POST", "/v1/jobs", "Content-Encoding: gzip\r\n", bomb).status, 413);
+  EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, bomb).status, 413);
 }
 
 }  // namespace

@@ -25,8 +25,8 @@ TEST_F(ResultsTest, a_result_comes_with_what_made_it) {
   const HttpAnswer answer = get(result_);
   EXPECT_EQ(answer.status, 200);
   EXPECT_EQ(answer.body, kResult);
-  EXPECT_EQ(answer.header("content-type"), "application/octet-stream");
-  EXPECT_EQ(answer.header("content-disposition"), "inline; filename=\"result.bin\"");
+  EXPECT_EQ(answer.header("content-type"), "application/x-npy");
+  EXPECT_EQ(answer.header("content-disposition"), "inline; filename=\"result.npy\"");
   EXPECT_EQ("/v1/jobs/" + answer.header("x-voxeld-job"), job_);
   EXPECT_EQ("\"" + answer.header("x-voxeld-grid") + "\"", answer.header("etag"));
   EXPECT_EQ(answer.header("x-voxeld-meta"), R"({"voxel_count":7})");
@@ -49,7 +49,7 @@ TEST_F(ResultsTest, ranges_are_parts_of_the_result) {
   EXPECT_EQ(part.body, "abc");
   EXPECT_EQ(part.header("content-range"), "bytes 10-12/20");
   EXPECT_EQ(part.header("content-length"), "3");
-  EXPECT_EQ(part.header("content-type"), "application/octet-stream");
+  EXPECT_EQ(part.header("content-type"), "application/x-npy");
   EXPECT_EQ(get(result_, "Range: bytes=-3\r\n").body, "hij");
   EXPECT_EQ(get(result_, "Range: bytes=18-99\r\n").body, "ij");
 }

@@ -392,7 +392,7 @@ TEST_F(JobStoreTest, jobs_are_listed_newest_first_and_by_state) {
   const auto running = store_->list(Caller::open(), 10, JobState::kRunning).value();
   ASSERT_EQ(running.size(), 1u);
   EXPECT_EQ(running[0].status.id, first);
-  EXPECT_EQ(store_->count(JobState::kQueued).value(), 1);
+  EXPECT_EQ(store_->live().value().queued, 1);
 }
 
 TEST_F(JobStoreTest, an_inspection_becomes_the_assets_description) {

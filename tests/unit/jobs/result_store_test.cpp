@@ -2,6 +2,7 @@
 #include "server/jobs/result_store.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
 #include <vector>

@@ -168,7 +168,7 @@ TEST(TaskApi, progress_comes_back) {
   Json other = to_json_message(progress());
   other["preparation_ms"] = -1;
   EXPECT_EQ(parse_task_progress(other).error().message(),
-            "progress.preparation_ms: expected 0 or more, got -1");
+            "progress.preparation_ms: expected 0 to 10000000000, got -1");
 }
 
 TEST(TaskApi, a_parked_task_comes_back_and_has_done_no_more_than_all) {
