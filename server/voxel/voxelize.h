@@ -41,7 +41,7 @@ class Voxelizer {
   ~Voxelizer();
 
   // Errors: grid-too-large with estimate and limit, empty-mesh when no triangle touches the grid's
-  // box is NOT an error (an empty grid), cancelled, device-unavailable for a pipeline that needs a
+  // box is NOT an error (an empty grid), cancelled, unsupported-feature for a pipeline that needs a
   // GL context where there is none, internal with the driver's words.
   Result<Grid> voxelize(const Scene& scene, const VoxelizeOptions& options,
                         const TileProgress& progress, VoxelizeStats* stats);

@@ -101,7 +101,7 @@ class Render(DaemonTest):
         self.assertTrue((by_cpu == self.picture("")).all())  # auto, on software drivers
         if self.daemon.device == "cpu":
             refused = self.daemon.post("/v1/render?renderer=gl&filename=sample.glb", self.fixture("sample.glb"))
-            self.assertEqual(refused.status, 503, refused.body)
+            self.assertEqual(refused.status, 422, refused.body)
             self.assertIn("renderer gl needs a GL context", refused.body.decode())
         else:
             by_gl = self.picture("renderer=gl").astype(int)
