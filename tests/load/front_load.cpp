@@ -42,7 +42,7 @@ using voxeld::UniqueFd;
 
 constexpr int kAnswerMs = 120'000;
 constexpr std::string_view kSlowHead =
-    "GET /livez HTTP/1.1\r\nHost: h\r\nX-Slow: "
+    "GET /livez HTTP/1.1\r\nHost: localhost\r\nX-Slow: "
     "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa";
 
 [[noreturn]] void fail(const std::string& what) {
@@ -67,7 +67,7 @@ UniqueFd connect_to(int port) {
 }
 
 std::string request_for(const std::string& path, std::span<char* const> headers) {
-  std::string text = "GET " + path + " HTTP/1.1\r\nHost: h\r\n";
+  std::string text = "GET " + path + " HTTP/1.1\r\nHost: localhost\r\n";
   for (const char* header : headers) text += std::string(header) + "\r\n";
   return text + "\r\n";
 }

@@ -160,8 +160,9 @@ TEST_F(DatabaseTest, a_file_that_is_no_database_is_refused) {
   ASSERT_FALSE(database);
   EXPECT_EQ(database.error().code, ErrorCode::kInternal);
   EXPECT_EQ(database.error().detail,
-            "job database is corrupt; move it away or put back a copy: run: file is not a "
-            "database");
+            "job database is corrupt; put back a copy and start once with --adopt, or move "
+            "jobs.sqlite and jobs.sqlite-wal away and run voxeld doctor --rebuild: run: file is "
+            "not a database");
 }
 
 TEST_F(DatabaseTest, a_file_that_cannot_be_written_is_refused_with_its_name) {

@@ -154,7 +154,7 @@ TEST_F(FramesTest, a_frame_outside_the_scratch_directory_fails_the_job) {
   FakeWorker worker = connect();
   const Task task = claim(worker, moving());
   const auto reply = worker.call(
-      to_json_message(TaskFrame{task.id, task.fence, 0, 0, "/etc/hostname", 1, "sha256-x"}));
+      to_json_message(TaskFrame{task.id, task.fence, 0, 0, "/etc/hostname", 1, sha256_id("x")}));
   ASSERT_TRUE(reply);
   EXPECT_EQ((*reply)["fenced"], true);
   const JobStatus status = wait_end(id_);

@@ -29,6 +29,7 @@ class ServiceTest : public ::testing::Test {
     config.limits_of = [this](std::string_view) { return limits_; };
     config.queued_jobs_max = queued_jobs_max_;
     config.is_queue_shared = [this] { return is_queue_shared_; };
+    config.store_match = store_match_;
     auto service = start_job_service(config, nullptr);
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
@@ -75,6 +76,7 @@ class ServiceTest : public ::testing::Test {
   TenantLimits limits_;  // of every tenant
   int queued_jobs_max_ = limits::kQueuedJobsMax;
   bool is_queue_shared_ = false;
+  StoreMatch store_match_ = StoreMatch::kRequired;
   std::unique_ptr<JobService> service_;
 };
 
