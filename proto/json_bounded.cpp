@@ -14,16 +14,21 @@ namespace {
 
 using Json = nlohmann::json;
 
+// A value takes up to a hundred bytes in memory, however short it is in the text: as many are taken
+// as the largest text would have if each had so many bytes. More: bad-request.
+constexpr int64_t kBytesPerValue = 32;
+
 // Checks only; the value is built by a second pass over the same text.
 class BoundedSax : public nlohmann::json_sax<Json> {
  public:
-  bool null() override { return true; }
-  bool boolean(bool) override { return true; }
-  bool number_integer(number_integer_t) override { return true; }
-  bool number_unsigned(number_unsigned_t) override { return true; }
-  bool number_float(number_float_t, const string_t&) override { return true; }
-  bool string(string_t&) override { return true; }
-  bool binary(binary_t&) override { return true; }
+  explicit BoundedSax(int64_t values_max) : values_max_(values_max) {}
+  bool null() override { return count(); }
+  bool boolean(bool) override { return count(); }
+  bool number_integer(number_integer_t) override { return count(); }
+  bool number_unsigned(number_unsigned_t) override { return count(); }
+  bool number_float(number_float_t, const string_t&) override { return count(); }
+  bool string(string_t&) override { return count(); }
+  bool binary(binary_t&) override { return count(); }
   bool start_object(size_t) override { return enter(); }
   bool start_array(size_t) override { return enter(); }
   bool end_object() override { return leave(); }
@@ -42,7 +47,14 @@ class BoundedSax : public nlohmann::json_sax<Json> {
   const Error& error() const { return error_; }
 
  private:
+  bool count() {
+    if (++values_ <= values_max_) return true;
+    error_ = Error{ErrorCode::kBadRequest, "JSON: too many values",
+                   "at most " + std::to_string(values_max_), "more"};
+    return false;
+  }
   bool enter() {
+    if (!count()) return false;
     keys_.emplace_back();
     if (keys_.size() <= static_cast<size_t>(limits::kJsonDepthMax)) return true;
     error_ = Error{ErrorCode::kBadRequest, "JSON: depth of nesting is over the limit",
@@ -54,6 +66,8 @@ class BoundedSax : public nlohmann::json_sax<Json> {
     return true;
   }
 
+  const int64_t values_max_;
+  int64_t values_ = 0;
   std::vector<std::set<std::string>> keys_;
   Error error_;
 };
@@ -65,7 +79,7 @@ Result<Json> parse_json_bounded(std::string_view text, int64_t bytes_max) {
     return Error{ErrorCode::kPayloadTooLarge, "JSON body is too large",
                  "at most " + std::to_string(bytes_max) + " bytes", std::to_string(text.size())};
   }
-  BoundedSax sax;
+  BoundedSax sax(bytes_max / kBytesPerValue);
   if (!Json::sax_parse(text.begin(), text.end(), &sax)) return sax.error();
   return Json::parse(text.begin(), text.end(), nullptr, /*allow_exceptions=*/false);
 }

@@ -1,17 +1,16 @@
 #include "server/jobs/job_changes.h"
 
-#include <nlohmann/json.hpp>
+#include "proto/job_text.h"
 
 namespace voxeld {
 
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
   VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
-  const std::string data =
-      job_status_json(record.status).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   VOXELD_TRY(
       connection.run("INSERT INTO job_events (job_id, id, type, data_json, created_ms) VALUES ($1, "
                      "$2, $3, $4, $5)",
-                     id, record.status.version, "state", data, unix_time_ms()));
+                     id, record.status.version, "state", job_row_text(record.status),
+                     unix_time_ms()));
   return record;
 }
 

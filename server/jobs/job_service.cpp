@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <atomic>
 #include <limits>
-#include <nlohmann/json.hpp>
+#include <semaphore>
 #include <system_error>
 #include <utility>
 
+#include "proto/job_text.h"
 #include "server/base/file.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
@@ -39,6 +40,8 @@ constexpr std::chrono::milliseconds kWaitSlice{200};
 // How long the end of a worker's connection waits for the end of its process, to name the signal.
 constexpr std::chrono::milliseconds kExitReasonWait{1000};
 constexpr double kWorkerGraceSeconds = 5.0;
+// Rows with all their texts that are read at a time, each of which may take megabytes.
+constexpr int kWholeReadsMax = 4;
 
 // Everything below runs on HTTP threads and on the task server's connection threads.
 class Service final : public JobService {
@@ -88,8 +91,9 @@ class Service final : public JobService {
   Result<Asset> get_asset(const Caller& caller, std::string_view id) override {
     return assets_.get(caller, id);
   }
-  Result<std::vector<Asset>> list_assets(const Caller& caller, int limit) override {
-    return assets_.list(caller, limit);
+  Status list_assets(const Caller& caller, const AssetCursor& after,
+                     const std::function<bool(const Asset&)>& take) override {
+    return assets_.list(caller, after, take);
   }
   Status delete_asset(const Caller& caller, std::string_view id) override;
 
@@ -97,8 +101,9 @@ class Service final : public JobService {
                            const SubmitOptions& options) override;
   Result<JobStatus> price(const Caller& caller, const JobRequest& request) override;
   Result<JobStatus> get(const Caller& caller, std::string_view id) override;
-  Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
-                                      std::optional<JobState> state) override;
+  Result<JobStatus> get_whole(const Caller& caller, std::string_view id) override;
+  Status list(const Caller& caller, const JobQuery& query,
+              const std::function<bool(const JobStatus&)>& take) override;
   Result<JobStatus> wait_change(const Caller& caller, std::string_view id, int64_t after_version,
                                 Clock::time_point deadline) override;
   Result<JobStatus> wait_end(const Caller& caller, std::string_view id, Clock::time_point deadline,
@@ -109,7 +114,8 @@ class Service final : public JobService {
   Result<StoredBlob> result_of(const JobStatus& status) override;
 
   Result<StoredBlob> get_grid(const Caller& caller, std::string_view id) override;
-  Result<JobFrames> frames(const Caller& caller, std::string_view job) override;
+  Result<JobFrames> frames(const Caller& caller, std::string_view job,
+                           const FrameRange& range) override;
   Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
     return frames_.read(caller, id);
   }
@@ -153,6 +159,7 @@ class Service final : public JobService {
   DeviceTurns turns_;
   Retention retention_;
   StoreSweep sweep_;
+  std::counting_semaphore<kWholeReadsMax> whole_reads_{kWholeReadsMax};
   std::atomic<bool> draining_{false};
   // Read by connection threads, which run before the supervisor is there.
   std::atomic<Supervisor*> supervising_{nullptr};
@@ -315,12 +322,14 @@ int64_t Service::input_bytes(const std::string& tenant, const std::string& asset
 
 // At start: the jobs that an earlier process left.
 void Service::forecast_waiting() {
-  const auto records = jobs_.list(Caller::daemon(), config_.queued_jobs_max, JobState::kQueued);
-  if (!records) return;
-  for (const JobRecord& record : *records) {
+  JobQuery query;
+  query.state = JobState::kQueued;
+  Status listed = jobs_.list(Caller::daemon(), query, [&](JobRecord&& record) -> Result<bool> {
     const JobStatus& status = record.status;
     forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
-  }
+    return true;
+  });
+  if (!listed) log::warn("cannot forecast waiting jobs", {{"error", listed.error().message()}});
 }
 
 Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request) {
@@ -398,21 +407,29 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
 }
 
 Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {
-  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id, JobTexts::kBrief));
   overlay(record.status);
-  return record.status;
+  return std::move(record.status);
 }
 
-Result<std::vector<JobStatus>> Service::list(const Caller& caller, int limit,
-                                             std::optional<JobState> state) {
-  VOXELD_ASSIGN(const std::vector<JobRecord> records, jobs_.list(caller, limit, state));
-  std::vector<JobStatus> statuses;
-  statuses.reserve(records.size());
-  for (const JobRecord& record : records) {
-    statuses.push_back(record.status);
-    overlay(statuses.back());
-  }
-  return statuses;
+Result<JobStatus> Service::get_whole(const Caller& caller, std::string_view id) {
+  whole_reads_.acquire();
+  const auto release = [](std::counting_semaphore<kWholeReadsMax>* reads) { reads->release(); };
+  const std::unique_ptr<std::counting_semaphore<kWholeReadsMax>, decltype(release)> held(
+      &whole_reads_, release);
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
+  overlay(record.status);
+  return std::move(record.status);
+}
+
+Status Service::list(const Caller& caller, const JobQuery& query,
+                     const std::function<bool(const JobStatus&)>& take) {
+  JobQuery brief = query;
+  brief.texts = JobTexts::kBrief;
+  return jobs_.list(caller, brief, [&](JobRecord&& record) -> Result<bool> {
+    overlay(record.status);
+    return take(record.status);
+  });
 }
 
 Result<JobStatus> Service::wait_change(const Caller& caller, std::string_view id,
@@ -433,13 +450,13 @@ Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
                                     const std::function<bool()>& abandoned) {
   JobBoard::Watch watch(board_, std::string(id));
   while (true) {
-    VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
+    VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id, JobTexts::kBrief));
     overlay(record.status);
     const auto now = Clock::now();
-    if (record.status.ended() || now >= deadline) return record.status;
+    if (record.status.ended() || now >= deadline) return std::move(record.status);
     if (abandoned && abandoned()) {
       if (record.transient) return cancel(caller, id);
-      return record.status;
+      return std::move(record.status);
     }
     watch.wait(record.status.version, std::min(deadline, now + kWaitSlice));
   }
@@ -448,14 +465,13 @@ Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
 Result<std::vector<JobEvent>> Service::events_after(const Caller& caller, std::string_view id,
                                                     int64_t after_id) {
   // The status first: a state change that comes after it is then in the list, and the older
-  // progress is left out.
+  // progress is left out. After a full batch there may be more changes.
   VOXELD_ASSIGN(const JobStatus status, get(caller, id));
   VOXELD_ASSIGN(std::vector<JobEvent> events, jobs_.events(caller, id, after_id));
   const int64_t last = events.empty() ? after_id : events.back().id;
-  if (status.state == JobState::kRunning && status.version > last) {
-    events.push_back(
-        {status.version, "progress",
-         job_status_json(status).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)});
+  const bool is_all = static_cast<int64_t>(events.size()) < JobStore::kEventsReadMax;
+  if (is_all && status.state == JobState::kRunning && status.version > last) {
+    events.push_back({status.version, "progress", job_row_text(status)});
   }
   return events;
 }
@@ -472,8 +488,8 @@ Result<std::vector<JobEvent>> Service::wait_events(const Caller& caller, std::st
 }
 
 Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
-  VOXELD_ASSIGN(JobRecord before, jobs_.get(caller, id));
-  if (before.status.ended()) return before.status;
+  VOXELD_ASSIGN(JobRecord before, jobs_.get(caller, id, JobTexts::kBrief));
+  if (before.status.ended()) return std::move(before.status);
   VOXELD_ASSIGN(JobRecord record, jobs_.cancel(caller, id));
   if (record.status.ended()) {
     job_changed(record);
@@ -505,16 +521,22 @@ Result<StoredBlob> Service::get_grid(const Caller& caller, std::string_view id) 
   return stored(id, "the grid " + std::string(id));
 }
 
-Result<JobFrames> Service::frames(const Caller& caller, std::string_view job) {
+Result<JobFrames> Service::frames(const Caller& caller, std::string_view job,
+                                  const FrameRange& range) {
   VOXELD_ASSIGN(const JobStatus status, get(caller, job));
-  JobFrames frames{
-      status.id, status.result ? status.result->sequence : "", status.frames_total, {}};
-  VOXELD_ASSIGN(frames.frames, frames_.of_job(job));
-  if (!frames.frames.empty() || frames.sequence.empty()) return frames;
+  JobFrames frames{status.id,
+                   status.result ? status.result->sequence : "",
+                   status.frames_done,
+                   status.frames_total,
+                   {}};
+  VOXELD_ASSIGN(frames.frames, frames_.of_job(job, range));
+  const bool is_asked = range.count > 0 && frames.frames.empty();
+  if (!is_asked || frames.sequence.empty()) return frames;
   // Answered from another job's result.
   VOXELD_ASSIGN(SequenceManifest manifest, frames_.read(caller, frames.sequence));
-  for (SequenceFrame& frame : manifest.frames) {
-    frames.frames.push_back({static_cast<int64_t>(frames.frames.size()), std::move(frame)});
+  const auto count = static_cast<int64_t>(manifest.frames.size());
+  for (int64_t i = range.first; i < std::min(count, range.first + range.count); ++i) {
+    frames.frames.push_back({i, std::move(manifest.frames[static_cast<size_t>(i)])});
   }
   return frames;
 }

@@ -78,10 +78,14 @@ class JobStore {
   // Errors as of submit().
   Result<std::vector<std::string>> reusable(const Caller& caller, JobRequest request);
 
-  Result<JobRecord> get(const Caller& caller, std::string_view id);
-  Result<std::vector<JobRecord>> list(const Caller& caller, int limit,
-                                      std::optional<JobState> state);
-  // State changes after `after_id`, oldest first. Errors: not-found.
+  Result<JobRecord> get(const Caller& caller, std::string_view id,
+                        JobTexts texts = JobTexts::kWhole);
+  // Calls `take` with one job after the other until it gives false; it must be quick, since no
+  // change is checkpointed meanwhile. Errors: those of `take`; invalid-option for `query.after`.
+  Status list(const Caller& caller, const JobQuery& query,
+              const std::function<Result<bool>(JobRecord&&)>& take);
+  // State changes after `after_id`, oldest first, at most kEventsReadMax. Errors: not-found.
+  static constexpr int64_t kEventsReadMax = 16;
   Result<std::vector<JobEvent>> events(const Caller& caller, std::string_view id, int64_t after_id);
 
   // The next job for a worker, or nullopt when none waits. A job whose result an equal one has
@@ -123,7 +127,7 @@ class JobStore {
   Result<std::vector<QueueHead>> queue_heads();
   // Of those that the caller sees.
   Result<int64_t> count(const Caller& caller, JobState state);
-  // Running ones, and the first `limit` that arrived of those that wait.
+  // Of running ones and of those that wait, the first `limit` that arrived, in brief.
   Result<std::vector<JobRecord>> live(const Caller& caller, int limit);
   Result<TenantUsage> usage(std::string_view tenant);
   // Gives sizes to the blobs whose rows are older than their columns; `bytes_of` says 0 where there

@@ -7,15 +7,15 @@
 
 namespace voxeld {
 
-Result<JobRecord> JobStore::get(const Caller& caller, std::string_view id) {
+Result<JobRecord> JobStore::get(const Caller& caller, std::string_view id, JobTexts texts) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_job(*reader, caller, id);
+  return load_job(*reader, caller, id, texts);
 }
 
-Result<std::vector<JobRecord>> JobStore::list(const Caller& caller, int limit,
-                                              std::optional<JobState> state) {
+Status JobStore::list(const Caller& caller, const JobQuery& query,
+                      const std::function<Result<bool>(JobRecord&&)>& take) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_jobs(*reader, caller, limit, state);
+  return each_job(*reader, caller, query, take);
 }
 
 Result<std::vector<QueueHead>> JobStore::queue_heads() {
@@ -33,8 +33,9 @@ Result<std::vector<JobEvent>> JobStore::events(const Caller& caller, std::string
                  std::string(id.substr(0, 80))};
   }
   VOXELD_ASSIGN(SqlStatement rows, reader->query("SELECT id, type, data_json FROM job_events"
-                                                 " WHERE job_id = $1 AND id > $2 ORDER BY id",
-                                                 id, after_id));
+                                                 " WHERE job_id = $1 AND id > $2 ORDER BY id"
+                                                 " LIMIT $3",
+                                                 id, after_id, kEventsReadMax));
   std::vector<JobEvent> events;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
@@ -63,11 +64,15 @@ Result<int64_t> JobStore::count(const Caller& caller, JobState state) {
 
 Result<std::vector<JobRecord>> JobStore::live(const Caller& caller, int limit) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(std::vector<JobRecord> records,
-                load_jobs(*reader, caller, limit, JobState::kRunning, JobOrder::kOldestFirst));
-  VOXELD_ASSIGN(std::vector<JobRecord> waiting,
-                load_jobs(*reader, caller, limit, JobState::kQueued, JobOrder::kOldestFirst));
-  for (JobRecord& record : waiting) records.push_back(std::move(record));
+  std::vector<JobRecord> records;
+  for (const JobState state : {JobState::kRunning, JobState::kQueued}) {
+    const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief, ""};
+    int left = limit;
+    VOXELD_TRY(each_job(*reader, caller, query, [&](JobRecord&& record) -> Result<bool> {
+      records.push_back(std::move(record));
+      return --left > 0;
+    }));
+  }
   return records;
 }
 
