@@ -113,7 +113,7 @@ bool has_flat_extent(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3&
 
 uint32_t one_cell_weight(const std::array<glm::ivec3, 3>& q) {
   const glm::ivec3 cell = q[0] >> limits::kSubVoxelBits;
-  if (q[1] >> limits::kSubVoxelBits != cell || q[2] >> limits::kSubVoxelBits != cell) return 0;
+  if ((q[1] >> limits::kSubVoxelBits) != cell || (q[2] >> limits::kSubVoxelBits) != cell) return 0;
   const glm::dvec3 normal = glm::cross(glm::dvec3(q[1] - q[0]), glm::dvec3(q[2] - q[0]));
   const double area = std::sqrt(glm::dot(normal, normal)) / 2.0;  // a face has 2^16
   return std::max(1u, static_cast<uint32_t>(std::floor(area / 16.0 + 0.5)));

@@ -118,7 +118,8 @@ std::array<uint16_t, 4> mean_color(std::array<FlatCorner, 3> corners, const Mate
     // Centroids of the upright and of the inverted parts of row i.
     for (int j = 0; j < 2 * (n - i) - 1; ++j) {
       const double shift = j % 2 == 0 ? 1.0 / 3.0 : 2.0 / 3.0;
-      const double u = (i + shift) / n, v = (j / 2 + shift) / n, w = 1.0 - u - v;
+      const int pair = j / 2;
+      const double u = (i + shift) / n, v = (pair + shift) / n, w = 1.0 - u - v;
       sum += (w * a.color + u * b.color + v * c.color) *
              bilinear(*texture, x.at(w, u, v), y.at(w, u, v));
     }
