@@ -16,7 +16,7 @@
 
 namespace voxeld {
 
-// What of a file's name decides how its bytes are read: the extension, and the member of a bundle.
+// The part of a name that decides how bytes are read: the extension, and a bundle's member.
 // "bunny.PLY" -> ".ply"; "bundle.zip!models/a.obj" -> ".zip!models/a.obj"; "bunny" -> "".
 std::string reading_of(std::string_view filename);
 

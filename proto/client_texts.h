@@ -40,7 +40,7 @@ inline constexpr ClientText kLink{"link", 8192};
 inline constexpr ClientText kInstance{"instance", 255, ErrorCode::kBadRequest};
 }  // namespace client_texts
 
-// What an error repeats of a text that was got: so many bytes of it.
+// Bytes of a client's text that an error repeats, at most.
 inline constexpr size_t kEchoBytesMax = 80;
 
 // "filename: expected at most 255 bytes, got 300".

@@ -22,7 +22,7 @@ using Ordered = nlohmann::ordered_json;
 
 // 4096 frames are 1.1 MB; the rest is for meta.
 constexpr int64_t kManifestBytesMax = int64_t{8} << 20;
-// Of one object. Objects that keep the order of their members look through all of them for each.
+// Members of one object. An object that keeps their order looks through all of them for each.
 constexpr int64_t kMembersMax = 256;
 
 Error bad(std::string where, std::string_view expected, std::string_view got) {

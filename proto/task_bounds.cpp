@@ -44,7 +44,7 @@ Status check_length(std::string_view what, std::string_view text, size_t bytes_m
                        std::to_string(text.size()));
 }
 
-// Of what ends up in headers, labels and lines of the log.
+// Checks a text that ends up in headers, labels and lines of the log.
 Status check_name(std::string_view what, std::string_view text,
                   size_t bytes_max = limits::kTaskNameBytesMax) {
   VOXELD_TRY(check_length(what, text, bytes_max));

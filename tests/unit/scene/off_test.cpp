@@ -146,7 +146,8 @@ TEST(Off, further_columns_that_are_no_colours_are_left_out_with_a_warning) {
       {"COFF", " 1 1 1 1 7"}};
   for (const auto& [keyword, columns] : cases) {
     const auto scene = load_text(
-        "a.off", height_field(keyword, 5, true, [&](uint32_t) { return std::string(columns); }));
+        "a.off",
+        height_field(keyword, 5, true, [text = std::string(columns)](uint32_t) { return text; }));
     ASSERT_TRUE(scene) << keyword << columns << ": " << scene.error().message();
     EXPECT_EQ(scene->parts[0].positions, plain->parts[0].positions) << columns;
     EXPECT_EQ(scene->parts[0].indices, plain->parts[0].indices) << columns;
