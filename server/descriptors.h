@@ -7,7 +7,7 @@
 
 namespace voxeld {
 
-// What each part may have open at once, at most.
+// Descriptors that each part may have open at once.
 inline constexpr int kDescriptorsOfProcess = 64;  // log, locks, listeners, writer, sweeps, admin
 inline constexpr int kDescriptorsOfWorker = 12;  // its two sockets, a reader, outputs it hands over
 inline constexpr int kDescriptorsOfThread = 6;   // two readers of the database, two files
@@ -15,7 +15,7 @@ inline constexpr int kDescriptorsOfConnection = 2;  // the socket, and the file 
 // A daemon that could have fewer does not start.
 inline constexpr int kConnectionsMin = 8;
 inline constexpr int kRequestThreadsMin = 4;
-// Of the admin port; more are closed at once. A sixteenth of the limit where that is less.
+// Connections of the admin port; more are closed. A sixteenth of the limit where that is less.
 inline constexpr int kAdminConnectionsMax = 64;
 
 struct DescriptorPlan {

@@ -27,7 +27,7 @@ inline void cancel_point() {
     throw Cancelled();
 }
 
-// Of the calling thread alone: threads that it starts have no cancel points. Scopes nest.
+// Covers the calling thread alone: threads that it starts have no cancel points. Scopes nest.
 class CancelScope {
  public:
   explicit CancelScope(const std::atomic<bool>& flag)

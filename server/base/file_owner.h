@@ -1,4 +1,4 @@
-// Who may change a file or a directory that the daemon trusts.
+// Checks who may change a file or directory that the daemon trusts.
 #pragma once
 
 #include <filesystem>
