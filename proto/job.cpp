@@ -16,23 +16,6 @@ constexpr std::array<std::string_view, 4> kKinds = {"voxelize", "render", "expor
 constexpr std::array<std::string_view, 5> kStates = {"queued", "running", "done", "failed",
                                                      "cancelled"};
 
-// The object that a text holds, or {} where it holds none: meta and options are written by voxeld.
-Json object_of(const std::string& text) {
-  Json value = Json::parse(text, nullptr, false);
-  return value.is_object() ? value : Json::object();
-}
-
-Json result_json(const JobResult& result) {
-  return {{"blob", result.blob},
-          {"bytes", result.bytes},
-          {"media_type", result.media_type},
-          {"filename", result.filename},
-          {"grid", result.grid},
-          {"sequence", result.sequence},
-          {"meta", object_of(result.meta_json)},
-          {"warnings", warnings_json(result.warnings)}};
-}
-
 Result<JobResult> parse_result(const Json& body) {
   JobResult result;
   JsonFields fields(body, "result");
@@ -219,43 +202,6 @@ Json job_estimate_json(const JobEstimate& estimate) {
           {"seconds_high", estimate.seconds_high}, {"device_seconds", estimate.device_seconds},
           {"result_bytes", estimate.result_bytes}, {"host_bytes", estimate.host_bytes},
           {"learned_from", estimate.learned_from}};
-}
-
-Json job_status_json(const JobStatus& status) {
-  Json out = {{"id", status.id},
-              {"kind", job_kind_name(status.kind)},
-              {"state", job_state_name(status.state)},
-              {"asset", status.asset},
-              {"grid", status.grid},
-              {"sequence", status.sequence},
-              {"filename", status.filename},
-              {"options", object_of(status.options_json)},
-              {"version", status.version},
-              {"attempt", status.attempt},
-              {"parked", status.parked},
-              {"tiles_done", status.tiles_done},
-              {"tiles_total", status.tiles_total},
-              {"frames_done", status.frames_done},
-              {"frames_total", status.frames_total},
-              {"stage", status.stage},
-              {"queue_position", status.queue_position},
-              {"created_ms", status.created_ms},
-              {"started_ms", status.started_ms},
-              {"ended_ms", status.ended_ms},
-              {"priority", status.priority},
-              {"deadline_at_ms", status.deadline_at_ms},
-              {"device_ms", status.device_ms},
-              {"waiting_for", status.waiting_for},
-              {"cached", status.cached}};
-  Json timings = Json::object();
-  for (const auto& [stage, ms] : status.timings) timings[stage] = ms;
-  out["timings"] = timings;
-  if (status.result) out["result"] = result_json(*status.result);
-  if (status.error) out["error"] = error_json(*status.error);
-  if (status.estimate) out["estimate"] = job_estimate_json(*status.estimate);
-  if (status.expected_start_ms > 0) out["expected_start_ms"] = status.expected_start_ms;
-  if (status.expected_end_ms > 0) out["expected_end_ms"] = status.expected_end_ms;
-  return out;
 }
 
 Result<JobStatus> parse_job_status(const Json& body) {

@@ -127,7 +127,6 @@ Status check_urgency(const JobRequest& request);
 // Part of parse_job_request(). Errors: invalid-option.
 Status check_frame_options(const JobRequest& request);
 nlohmann::json job_estimate_json(const JobEstimate& estimate);
-nlohmann::json job_status_json(const JobStatus& status);
 Result<JobStatus> parse_job_status(const nlohmann::json& body);
 
 // application/problem+json, RFC 9457: type, title, status, code, detail, expected, got, instance.

@@ -137,8 +137,11 @@ Response answer_request(Client& client, const Handler& handler, const FrontConfi
   record.status = response.status;
   response.headers["X-Request-Id"] = record.request_id;
   response.headers["X-Content-Type-Options"] = "nosniff";
-  client.keep =
-      client.keep && !response.close && !std::holds_alternative<StreamBody>(response.body);
+  const bool is_http_1_0 = client.head && *client.head && client.head->value().minor == 0;
+  // The connection's end is that of a body whose length nobody knows.
+  const bool ends_by_close = std::holds_alternative<StreamBody>(response.body) ||
+                             (is_http_1_0 && std::holds_alternative<PieceBody>(response.body));
+  client.keep = client.keep && !response.close && !ends_by_close;
   return response;
 }
 

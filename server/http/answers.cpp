@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "proto/job_text.h"
 #include "server/http/api.h"
 #include "server/http/exchange.h"
 
@@ -12,50 +14,69 @@ namespace {
 using Json = nlohmann::json;
 
 constexpr size_t kMetaHeaderBytesMax = 4096;
+// What an answer with a job's long texts is taken to need: the row, and the text that is sent.
+constexpr int64_t kWholeStatusBytesMax = int64_t{4} << 20;
 
 std::string text_member(const Json& object, const char* name) {
   const auto it = object.find(name);
   return it != object.end() && it->is_string() ? it->get<std::string>() : std::string();
 }
 
-// The part of meta that fits a header: where the grid lies, and what is known of its inside.
+// What of meta goes into headers: where the grid lies, and what is known of its inside.
+constexpr std::array<std::string_view, 18> kBriefMembers = {
+    "dims",       "origin", "voxel_size", "voxel_count", "triangles",       "units",
+    "frames",     "fps",    "animation",  "mesh",        "solid",           "level",
+    "level_rule", "region", "of",         "drawn",       "host_bytes_peak", "host_bytes_estimate"};
+constexpr std::array<std::string_view, 3> kOwnHeaders = {"content_hash", "pipeline", "device"};
+
+// The members of meta that go into headers; meta itself may have megabytes of others.
+Json header_members(const std::string& meta_json) {
+  const auto is_kept = [](const std::string& name) {
+    return std::ranges::find(kBriefMembers, name) != kBriefMembers.end() ||
+           std::ranges::find(kOwnHeaders, name) != kOwnHeaders.end();
+  };
+  const Json::parser_callback_t keep = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    const bool is_member = depth == 1 && event == Json::parse_event_t::key;
+    return !is_member || is_kept(parsed.get_ref<const std::string&>());
+  };
+  return Json::parse(meta_json, keep, /*allow_exceptions=*/false);
+}
+
 std::string meta_header(const Json& meta) {
-  Json brief = Json::object();
-  for (const char* name : {"dims", "origin", "voxel_size", "voxel_count", "triangles", "units",
-                           "frames", "fps", "animation", "mesh", "solid", "level", "level_rule",
-                           "region", "of", "drawn", "host_bytes_peak", "host_bytes_estimate"}) {
-    if (meta.contains(name)) brief[name] = meta[name];
-  }
+  Json brief = meta;
+  for (const std::string_view name : kOwnHeaders) brief.erase(std::string(name));
   std::string text = brief.dump(-1, ' ', true);
   return text.size() <= kMetaHeaderBytesMax ? text : "{}";
 }
 
-// What of meta goes into headers.
 struct MetaHeaders {
   std::string content_hash, pipeline, device, brief;
 };
 
 // This thread's last one is remembered: who fetches a result in ranges asks for it again and again,
 // and to parse it takes longer than to look the job up. By job, so that nobody learns from the time
-// of an answer what others have.
-const MetaHeaders& meta_headers(const std::string& job, const std::string& meta_json) {
-  thread_local std::string last_job, last_meta;
+// of an answer what others have; its meta does not change once it has ended.
+Result<const MetaHeaders*> meta_headers(const Request& request, Api& api, const JobStatus& status) {
+  thread_local std::string last_job;
   thread_local MetaHeaders headers;
-  if (last_job == job && last_meta == meta_json) return headers;
+  if (last_job == status.id) return &headers;
   last_job.clear();  // should the rest throw
   headers = {};
-  if (const Json meta = Json::parse(meta_json, nullptr, false); meta.is_object()) {
+  std::string meta_json = status.result->meta_json;
+  if (meta_json.empty()) {
+    VOXELD_ASSIGN(JobStatus whole, api.jobs.get_whole(request.caller, status.id));
+    if (whole.result) meta_json = std::move(whole.result->meta_json);
+  }
+  if (const Json meta = header_members(meta_json); meta.is_object()) {
     headers = {text_member(meta, "content_hash"), text_member(meta, "pipeline"),
                text_member(meta, "device"), meta_header(meta)};
   }
-  last_meta = meta_json;
-  last_job = job;
-  return headers;
+  last_job = status.id;
+  return &headers;
 }
 
-void add_result_headers(Response& response, const JobStatus& status) {
+void add_result_headers(Response& response, const JobStatus& status, const MetaHeaders& meta) {
   const JobResult& result = *status.result;
-  const MetaHeaders& meta = meta_headers(status.id, result.meta_json);
   auto& headers = response.headers;
   headers["X-Voxeld-Job"] = status.id;
   if (!result.grid.empty()) headers["X-Voxeld-Grid"] = result.grid;
@@ -109,12 +130,25 @@ int preferred_wait_seconds(const Request& request) {
   return std::clamp(seconds, 0, limits::kPreferWaitSecondsMax);
 }
 
-Response status_response(int http_status, const JobStatus& status) {
-  Response response = Response::json(
-      http_status, job_status_json(status).dump(-1, ' ', false, Json::error_handler_t::replace));
+Response status_response(const Request& request, Api& api, int http_status,
+                         const JobStatus& status) {
+  Response response = Response::json(http_status, "");
   response.headers["ETag"] = "\"" + std::to_string(status.version) + "\"";
-  response.headers["Server-Timing"] = server_timing(status);
-  if (response.headers["Server-Timing"].empty()) response.headers.erase("Server-Timing");
+  if (std::string timing = server_timing(status); !timing.empty()) {
+    response.headers["Server-Timing"] = std::move(timing);
+  }
+  std::string text = job_status_text(status);
+  if (!is_brief(status) && text.size() <= static_cast<size_t>(kTextBytesMax)) {
+    response.body = std::move(text);
+    return response;
+  }
+  response.body = PieceBody{
+      [&api, caller = request.caller, id = status.id, cached = status.cached]() -> Result<Piece> {
+        VOXELD_ASSIGN(JobStatus whole, api.jobs.get_whole(caller, id));
+        whole.cached = cached;
+        return Piece{job_status_text(whole), true};
+      },
+      kWholeStatusBytesMax};
   return response;
 }
 
@@ -174,7 +208,9 @@ Response job_result_response(const Request& request, Api& api, const JobStatus& 
   const FileBody file{blob->path, 0, blob->bytes};
   auto response = file_response(request.head, file, "\"" + blob->id + "\"");
   if (!response) return problem(request, response.error());
-  add_result_headers(*response, status);
+  const auto meta = meta_headers(request, api, status);
+  if (!meta) return problem(request, meta.error());
+  add_result_headers(*response, status, **meta);
   if (response->status == 200 || response->status == 206) {
     response->headers["Content-Type"] = status.result->media_type;
     if (!status.result->filename.empty()) {

@@ -83,8 +83,9 @@ Response run_transient(Request& request, Api& api, const JobRequest& job);
 std::string server_timing(const JobStatus& status);
 // Seconds of "Prefer: wait=N", clamped to kPreferWaitSecondsMax; 0 where it is absent.
 int preferred_wait_seconds(const Request& request);
-// Writes a status as JSON with its ETag.
-Response status_response(int http_status, const JobStatus& status);
+// Writes a status as JSON with its ETag; one with long texts is read again while it is sent.
+Response status_response(const Request& request, Api& api, int http_status,
+                         const JobStatus& status);
 // The format that `format=` or Accept asks for; nullopt: any. Errors: invalid-option,
 // not-acceptable with the list of formats. Grids and sequences have types of their own.
 using MediaTypeOf = std::string_view (*)(Format);

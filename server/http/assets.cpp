@@ -1,12 +1,18 @@
 // /v1/assets: uploads by content, and what is in them.
 #include <nlohmann/json.hpp>
 
+#include "proto/json_writer.h"
 #include "server/http/api.h"
+#include "server/http/list_body.h"
 
 namespace voxeld::http {
 namespace {
 
 using Json = nlohmann::json;
+
+constexpr ListLimits kListLimits{100, 1000};
+// What an answer with a description is taken to need: the row, and the text that is sent.
+constexpr int64_t kDescriptionBytesMax = int64_t{1} << 20;
 
 Json asset_json(const Asset& asset) {
   return {{"id", asset.id},
@@ -37,42 +43,94 @@ Response post_asset(Request& request, Api& api) {
   return response;
 }
 
-Response list_assets(Request& request, Api& api) {
-  auto assets = api.jobs.list_assets(request.caller, 1000);
-  if (!assets) return problem(request, assets.error());
-  Json list = Json::array();
-  for (const Asset& asset : *assets) list.push_back(asset_json(asset));
-  return Response::json(200, text_of({{"assets", list}}));
+// "created_ms.id.tenant"
+std::string cursor_of(const Asset& asset) {
+  return std::to_string(asset.created_ms) + "." + asset.id + "." + asset.tenant;
 }
 
-// Members of the description beside those of the asset; an inspect job makes it on first use.
-Response get_asset(Request& request, Api& api) {
-  auto asset = api.jobs.get_asset(request.caller, request.path_parameters[0]);
-  if (!asset) return problem(request, asset.error());
-  if (asset->description_json.empty()) {
-    JobRequest job;
-    job.kind = JobKind::kInspect;
-    job.asset = asset->id;
-    job.filename = asset->filename;
-    auto submitted = api.jobs.submit(request.caller, job, {});
-    if (!submitted) return problem(request, submitted.error());
-    auto status = api.jobs.wait_end(
-        request.caller, submitted->id,
-        JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax), request.client_gone);
-    if (!status) return problem(request, status.error());
-    if (status->state != JobState::kDone || !status->result) {
-      return job_result_response(request, api, *status);
-    }
-    asset->description_json = status->result->meta_json;
+Result<AssetCursor> asset_cursor(const std::string& after) {
+  AssetCursor cursor;
+  if (after.empty()) return cursor;
+  const size_t first = after.find('.'), second = after.find('.', first + 1);
+  if (second == std::string::npos) return bad_cursor(after);
+  VOXELD_ASSIGN(cursor.created_ms, cursor_number(after.substr(0, first)));
+  cursor.id = after.substr(first + 1, second - first - 1);
+  cursor.tenant = after.substr(second + 1);
+  return cursor;
+}
+
+Response list_assets(Request& request, Api& api) {
+  auto page = requested_page(request, kListLimits);
+  if (!page) return problem(request, page.error());
+  return list_response(
+      "", "assets", *std::move(page),
+      [&api, caller = request.caller](const std::string& after, ListRows& rows) -> Status {
+        VOXELD_ASSIGN(const AssetCursor cursor, asset_cursor(after));
+        return api.jobs.list_assets(caller, cursor, [&](const Asset& asset) {
+          return rows.add(text_of(asset_json(asset)), cursor_of(asset));
+        });
+      });
+}
+
+// The members of the description, and those of the asset, which come last: what a worker says under
+// their names does not count.
+std::string described_text(const Asset& asset) {
+  const std::string& description = asset.description_json;
+  std::string text = "{";
+  if (description.starts_with('{') && Json::accept(description)) {
+    text = description.substr(0, description.rfind('}'));
   }
-  Json out = asset_json(*asset);
-  const Json description = Json::parse(asset->description_json, nullptr, false);
-  if (description.is_object()) {
-    for (const auto& [name, value] : description.items()) out.emplace(name, value);
+  JsonWriter(text)
+      .member("id", asset.id)
+      .member("filename", asset.filename)
+      .member("content_type", asset.content_type)
+      .member("bytes", asset.bytes)
+      .member("created_ms", asset.created_ms)
+      .end_object();
+  return text;
+}
+
+// The asset with its description, or that of the inspect job `job`.
+Result<Piece> description_piece(Api& api, const Caller& caller, const std::string& id,
+                                const std::string& job) {
+  VOXELD_ASSIGN(Asset asset, api.jobs.get_asset(caller, id));
+  if (asset.description_json.empty() && !job.empty()) {
+    VOXELD_ASSIGN(JobStatus inspected, api.jobs.get_whole(caller, job));
+    if (inspected.result) asset.description_json = std::move(inspected.result->meta_json);
   }
-  Response response = Response::json(200, text_of(out));
-  response.headers["ETag"] = "\"" + asset->id + "\"";
+  return Piece{described_text(asset), true};
+}
+
+// A description is read while it is sent, within the budget of answers.
+Response described_response(const Request& request, Api& api, const std::string& id,
+                            const std::string& job = "") {
+  Response response = Response::json(200, "");
+  response.headers["ETag"] = "\"" + id + "\"";
+  response.body = PieceBody{
+      [&api, caller = request.caller, id, job] { return description_piece(api, caller, id, job); },
+      kDescriptionBytesMax};
   return response;
+}
+
+// An inspect job makes the description on first use.
+Response get_asset(Request& request, Api& api) {
+  const auto asset = api.jobs.get_asset(request.caller, request.path_parameters[0]);
+  if (!asset) return problem(request, asset.error());
+  if (!asset->description_json.empty()) return described_response(request, api, asset->id);
+  JobRequest job;
+  job.kind = JobKind::kInspect;
+  job.asset = asset->id;
+  job.filename = asset->filename;
+  const auto submitted = api.jobs.submit(request.caller, job, {});
+  if (!submitted) return problem(request, submitted.error());
+  const auto status = api.jobs.wait_end(
+      request.caller, submitted->id,
+      JobService::Clock::now() + std::chrono::seconds(kOneShotSecondsMax), request.client_gone);
+  if (!status) return problem(request, status.error());
+  if (status->state != JobState::kDone || !status->result) {
+    return job_result_response(request, api, *status);
+  }
+  return described_response(request, api, asset->id, submitted->id);
 }
 
 Response delete_asset(Request& request, Api& api) {

@@ -53,7 +53,7 @@ void ClientTable::set_state(Client& client, Client::State state) {
   client.state = state;
   client.since = Clock::now();
   const bool has_begun = state == Client::State::kQueued || state == Client::State::kRunning ||
-                         state == Client::State::kSending;
+                         state == Client::State::kSending || state == Client::State::kHeld;
   count_in_flight(client, has_begun && !client.is_refused);
 }
 

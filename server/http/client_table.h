@@ -19,7 +19,8 @@ namespace voxeld::http {
 
 struct Client {
   // idle ─> head ─> body ─> queued ─> running ─> idle | queued | sending | lingering | gone
-  //                                      └──────────────────────── sending
+  //                                     │ └──────────────────────── sending
+  //                                    held
   enum class State {
     kIdle,       // for the first byte of a request
     kHead,       // for the rest of its head
@@ -27,9 +28,10 @@ struct Client {
     kQueued,     // for a thread: of those that may be slow, or for its turn, where it pipelines
     kRunning,    // a thread has it
     kSending,    // for its client to take more of an answer
+    kHeld,       // for the budget of answers to have room for its next piece
     kLingering,  // for its client to close, after an answer that ends the connection
   };
-  static constexpr size_t kStates = 7;
+  static constexpr size_t kStates = 8;
 
   explicit Client(UniqueFd fd, std::string address)
       : connection(std::move(fd), std::move(address)) {}
@@ -47,10 +49,12 @@ struct Client {
   Clock::time_point started;         // its head was whole
   std::string what;                  // method and path; the table's owner guards it
   std::unique_ptr<Output> output;    // its answer
+  Clock::duration held{};            // for which that waited for the budget
   ExchangeRecord record;
   bool keep = false;
   bool is_slow = false;     // it takes one of the threads that may be slow
   bool is_refused = false;  // new work while the front drains
+  bool is_granted = false;  // the budget has given it a piece since it had to wait for that
   int64_t lingered_bytes = 0;
 
  private:

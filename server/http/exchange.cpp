@@ -7,10 +7,14 @@
 #include <array>
 #include <charconv>
 #include <cstdio>
+#include <exception>
 #include <optional>
+#include <utility>
 
 #include "proto/client_texts.h"
 #include "server/base/file.h"
+#include "server/base/guard.h"
+#include "server/base/log.h"
 
 namespace voxeld::http {
 namespace {
@@ -167,10 +171,22 @@ Result<Response> file_response(const Head& head, const FileBody& file, std::stri
   return response;
 }
 
-Output::Output(const Head& head, const Response& response, bool keep) {
-  const auto* text = std::get_if<std::string>(&response.body);
-  const auto* file = std::get_if<FileBody>(&response.body);
-  const bool bodiless = response.status == 204 || response.status == 304;
+Output::Output(Context context, Response response, AnswerBudget& budget, std::string tenant,
+               void* owner)
+    : context_(std::move(context)),
+      status_(response.status),
+      share_(budget, std::move(tenant), owner) {
+  if (auto* pieces = std::get_if<PieceBody>(&response.body)) {
+    pieces_ = std::move(*pieces);
+    has_pieces_ = true;
+    response_ = std::move(response);
+  } else {
+    write_whole(response);
+  }
+}
+
+// `bytes` of the body; nullopt: not known, or there is none.
+void Output::write_head(const Response& response, std::optional<int64_t> bytes) {
   text_.reserve(kUsualBytes);
   text_ += "HTTP/1.1 " + std::to_string(response.status) + " ";
   text_ += reason_phrase(response.status);
@@ -182,16 +198,74 @@ Output::Output(const Head& head, const Response& response, bool keep) {
     text_ += header_safe(value);
     text_ += "\r\n";
   }
-  const bool is_stream = text == nullptr && file == nullptr;
-  if (!is_stream && !bodiless) {
-    const int64_t bytes = file != nullptr ? file->bytes : static_cast<int64_t>(text->size());
-    text_ += "Content-Length: " + std::to_string(bytes) + "\r\n";
-  }
-  text_ += keep ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";
+  if (bytes) text_ += "Content-Length: " + std::to_string(*bytes) + "\r\n";
+  if (is_chunked_) text_ += "Transfer-Encoding: chunked\r\n";
+  text_ += context_.keep ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";
   head_bytes_ = static_cast<int64_t>(text_.size());
-  if (head.method == "HEAD" || bodiless) return;
+}
+
+void Output::write_whole(const Response& response) {
+  const auto* text = std::get_if<std::string>(&response.body);
+  const auto* file = std::get_if<FileBody>(&response.body);
+  const bool bodiless = response.status == 204 || response.status == 304;
+  std::optional<int64_t> bytes;
+  if (!bodiless && file != nullptr) bytes = file->bytes;
+  if (!bodiless && text != nullptr) bytes = static_cast<int64_t>(text->size());
+  write_head(response, bytes);
+  if (context_.method == "HEAD" || bodiless) return;
   if (text != nullptr) text_ += *text;  // one segment for small answers
   if (file != nullptr && file->bytes > 0) add_file(*file);
+}
+
+Result<Piece> Output::make_piece() {
+  try {
+    return pieces_.next();
+  } catch (const std::exception& failure) {  // no memory
+    return exception_error(failure);
+  }
+}
+
+Output::State Output::next_piece() {
+  text_ = std::string();
+  text_at_ = 0;
+  if (!share_.reserve(pieces_.piece_bytes_max)) return State::kHeld;
+  Result<Piece> piece = make_piece();
+  const bool is_first = head_bytes_ == 0;
+  if (!piece) {
+    has_pieces_ = false;
+    log::error("a piece of an answer failed",
+               {{"id", context_.request_id}, {"error", piece.error().message()}});
+    if (!is_first) return State::kBroken;
+    Response problem = Response::problem(piece.error(), context_.path, context_.trace_id);
+    response_.headers.erase("ETag");
+    problem.headers.merge(response_.headers);
+    status_ = problem.status;
+    write_whole(problem);
+    return State::kDone;
+  }
+  std::string& body = piece->text;
+  if (is_first) {
+    is_chunked_ = !piece->is_last && context_.minor >= 1;
+    const bool is_whole = piece->is_last;
+    write_head(response_,
+               is_whole ? std::optional(static_cast<int64_t>(body.size())) : std::nullopt);
+    response_ = {};
+  }
+  const bool is_head = context_.method == "HEAD";
+  if (!is_head && is_chunked_ && !body.empty()) {
+    std::array<char, 24> size{};
+    std::snprintf(size.data(), size.size(), "%zx\r\n", body.size());
+    text_ += size.data();
+  }
+  if (!is_head) text_ += body;
+  if (!is_head && is_chunked_ && !body.empty()) text_ += "\r\n";
+  if (!is_head && is_chunked_ && piece->is_last) text_ += "0\r\n\r\n";
+  if (is_head || piece->is_last) {
+    has_pieces_ = false;
+    pieces_ = {};  // with what it holds
+  }
+  share_.set(static_cast<int64_t>(text_.size()));
+  return State::kDone;
 }
 
 void Output::add_file(const FileBody& body) {
@@ -213,6 +287,10 @@ Output::State Output::advance(Connection& connection) {
     if (text_at_ < text_.size()) {
       sent = connection.send_some(std::string_view(text_).substr(text_at_));
       text_at_ += static_cast<size_t>(sent);
+    } else if (has_pieces_) {
+      const State state = next_piece();
+      if (state != State::kDone) return state;
+      continue;
     } else if (file_left_ > 0) {
       sent = connection.send_file_some(file_.get(), file_at_, file_left_);
       file_at_ += sent;
@@ -221,9 +299,17 @@ Output::State Output::advance(Connection& connection) {
       return State::kDone;
     }
     sent_ += sent;
-    if (sent == 0 && !connection.broken()) return State::kBlocked;
+    if (sent == 0 && !connection.broken()) return blocked();
   }
   return State::kBroken;
+}
+
+// What the socket did not take counts, of whatever kind the answer is.
+Output::State Output::blocked() {
+  if (text_at_ == text_.size()) text_ = std::string();
+  if (text_.empty()) text_at_ = 0;
+  share_.set(static_cast<int64_t>(text_.size()));
+  return State::kBlocked;
 }
 
 }  // namespace voxeld::http

@@ -1,13 +1,15 @@
-// Writing answers: heads, files, ranges, event streams.
+// Writing answers: heads, texts, pieces, files, ranges, event streams.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 #include <ctime>
+#include <optional>
 #include <string>
 #include <string_view>
 
 #include "server/base/file.h"
+#include "server/http/answer_budget.h"
 #include "server/http/connection.h"
 #include "server/http/message.h"
 
@@ -29,20 +31,47 @@ class EventSink {
 // thread.
 class Output {
  public:
-  // `keep` says whether the connection will serve another request. A HEAD request gets the same
-  // head without a body; of a stream this is the head alone.
-  Output(const Head& head, const Response& response, bool keep);
+  // What an answer needs to know of its request.
+  struct Context {
+    std::string method = "GET", path;  // of the request
+    int minor = 1;                     // HTTP/1.minor
+    std::string request_id, trace_id;
+    // Whether the connection will serve another request.
+    bool keep = false;
+  };
+  // A HEAD request gets the same head without a body; of a stream this is the head alone. `tenant`
+  // is whose budget the bytes are of; `owner` is what AnswerBudget::grant() hands back.
+  Output(Context context, Response response, AnswerBudget& budget, std::string tenant, void* owner);
 
-  enum class State { kDone, kBlocked, kBroken };
+  enum class State {
+    kDone,
+    kBlocked,  // until the socket takes more
+    kHeld,     // until AnswerBudget::grant() gives it the bytes of the next piece
+    kBroken,
+  };
   // Sends what the socket takes without waiting.
   State advance(Connection& connection);
+  // Of the answer: that of the first piece's error, where it failed.
+  int status() const { return status_; }
   // Of head and body.
   int64_t sent() const { return sent_; }
   int64_t body_sent() const { return std::max<int64_t>(0, sent_ - head_bytes_); }
 
  private:
+  void write_head(const Response& response, std::optional<int64_t> bytes);
+  void write_whole(const Response& response);
   void add_file(const FileBody& body);
+  // Replaces the text, which is sent, by the next piece.
+  State next_piece();
+  Result<Piece> make_piece();
+  State blocked();
 
+  const Context context_;
+  Response response_;  // of pieces, until the head is written
+  int status_ = 0;
+  PieceBody pieces_;
+  bool has_pieces_ = false, is_chunked_ = false;
+  AnswerShare share_;
   std::string text_;
   size_t text_at_ = 0;
   UniqueFd file_;

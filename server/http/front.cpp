@@ -56,6 +56,7 @@ class EpollFront final : public Front {
         slow_max_(std::max(1, config.threads - std::max(1, config.threads / 4))),
         handler_(std::move(handler)),
         observer_(std::move(observer)),
+        budget_(config.answers),
         epoll_(::epoll_create1(EPOLL_CLOEXEC)),
         end_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
     control(EPOLL_CTL_ADD, end_.get(), EPOLLIN);
@@ -68,7 +69,9 @@ class EpollFront final : public Front {
   }
 
   int port() const override { return port_; }
-  FrontState state() const override { return {connections_.load(), running_.load()}; }
+  FrontState state() const override {
+    return {connections_.load(), running_.load(), budget_.bytes()};
+  }
 
   std::vector<RunningRequest> stop(double seconds) override {
     if (stopping_.exchange(true)) return {};
@@ -181,9 +184,17 @@ class EpollFront final : public Front {
     if (client.state != state || state == State::kIdle || state == State::kSending) {
       table_.set_state(client, state);
     }
+    if (state == State::kHeld && !client.is_granted) return;  // grant_pieces() goes on with it
+    arm(client);
+  }
+
+  void arm(Client& client) REQUIRES(mutex_) {
     client.is_taken = false;
+    client.is_granted = false;
+    const State state = client.state;
     uint32_t events = EPOLLIN;
-    if (state == State::kSending) events = EPOLLOUT;
+    // What a held one waited for is there.
+    if (state == State::kSending || state == State::kHeld) events = EPOLLOUT;
     // What it waits for is there: this puts it behind all others that have something to say.
     if (state == State::kQueued) events = EPOLLIN | EPOLLOUT;
     control(EPOLL_CTL_MOD, client.connection.fd(), events | EPOLLONESHOT);
@@ -195,7 +206,21 @@ class EpollFront final : public Front {
       const MutexLock lock(mutex_);
       removed = table_.remove(client);
     }
+    removed.reset();  // with the bytes of its answer
     --connections_;
+    grant_pieces();
+  }
+
+  // Bytes have left: answers that waited for room go on.
+  void grant_pieces() EXCLUDES(mutex_) {
+    if (!budget_.has_waiting()) return;
+    for (void* const owner : budget_.grant()) {
+      Client& client = *static_cast<Client*>(owner);
+      const MutexLock lock(mutex_);
+      client.is_granted = true;
+      // Else its thread is still about to put it there.
+      if (client.state == State::kHeld) arm(client);
+    }
   }
 
   // --- the keeper's thread
@@ -206,6 +231,7 @@ class EpollFront final : public Front {
       const int count = ::poll(entries.data(), entries.size(), kPollMs);
       if (count > 0 && entries[0].revents != 0) accept_some();
       drop_late();
+      grant_pieces();
     }
   }
 
@@ -314,7 +340,7 @@ class EpollFront final : public Front {
 
   // True: it is to be run by this thread.
   bool hear(Client& client) {
-    if (client.state == State::kSending) return begin_again(client);
+    if (client.state == State::kSending || client.state == State::kHeld) return begin_again(client);
     if (client.state == State::kQueued) return go_on(client);  // its buffer has it already
     if (client.state == State::kLingering) {
       drop_input(client);
@@ -390,6 +416,7 @@ class EpollFront final : public Front {
     const MutexLock lock(mutex_);
     if (ended_) return false;
     client.is_slow = false;
+    if (client.state == State::kHeld) client.held += Clock::now() - client.since;
     table_.set_state(client, State::kRunning);
     return true;
   }
@@ -419,28 +446,44 @@ class EpollFront final : public Front {
   void answer(Client& client) {
     Response response = answer_request(client, handler_, config_);
     client.keep = client.keep && !stopping_;
-    static const Head kNoHead;
-    const bool has_head = client.head && *client.head;
-    client.output =
-        std::make_unique<Output>(has_head ? client.head->value() : kNoHead, response, client.keep);
-    if (const auto* stream = std::get_if<StreamBody>(&response.body)) {
-      const bool wants_body = !has_head || client.head->value().method != "HEAD";
-      if (client.output->advance(client.connection) == Output::State::kDone && wants_body) {
-        EventSink sink(client.connection);
-        (*stream)(sink);
-      }
+    StreamBody stream;
+    if (auto* body = std::get_if<StreamBody>(&response.body)) stream = std::move(*body);
+    Output::Context context;
+    if (client.head && *client.head) {
+      const Head& head = client.head->value();
+      context.method = head.method;
+      context.path = head.path;
+      context.minor = head.minor;
+    }
+    context.request_id = client.record.request_id;
+    context.trace_id = client.record.trace_id;
+    context.keep = client.keep;
+    const bool wants_body = context.method != "HEAD";
+    client.output = std::make_unique<Output>(std::move(context), std::move(response), budget_,
+                                             client.record.tenant, &client);
+    if (stream == nullptr) return;
+    if (client.output->advance(client.connection) == Output::State::kDone && wants_body) {
+      EventSink sink(client.connection);
+      stream(sink);
     }
   }
 
   void finish(Client& client, Output::State sent) {
     if (sent == Output::State::kBlocked && !is_too_slow(client)) {
-      return wait_for(client, State::kSending);
+      wait_for(client, State::kSending);
+      return grant_pieces();
+    }
+    if (sent == Output::State::kHeld) {
+      wait_for(client, State::kHeld);
+      return grant_pieces();
     }
     observe(client);
     if (sent != Output::State::kDone || client.connection.broken()) return close(client);
     client.output.reset();
+    grant_pieces();
     client.head.reset();
     client.head_scanned = 0;
+    client.held = {};
     client.record = {};
     if (!client.keep) {
       // Closing with unread bytes would reset the connection and take the answer with it: say that
@@ -458,7 +501,8 @@ class EpollFront final : public Front {
   // An average below the least rate, so that nobody holds a place for ever by reading now and then.
   bool is_too_slow(const Client& client) const {
     const SendLimits& limits = config_.send;
-    const double seconds = std::chrono::duration<double>(Clock::now() - client.started).count();
+    const auto taking = Clock::now() - client.started - client.held;
+    const double seconds = std::chrono::duration<double>(taking).count();
     return seconds > limits.grace_seconds &&
            static_cast<double>(client.output->sent()) <
                (seconds - limits.grace_seconds) * static_cast<double>(limits.rate_min);
@@ -468,6 +512,7 @@ class EpollFront final : public Front {
     static const Head kNoHead;
     ExchangeRecord& record = client.record;
     if (record.head == nullptr) record.head = &kNoHead;
+    record.status = client.output->status();
     record.bytes_out = client.output->body_sent();
     record.ms = std::chrono::duration<double, std::milli>(Clock::now() - client.started).count();
     observer_(record);
@@ -479,6 +524,7 @@ class EpollFront final : public Front {
   const int slow_max_;
   const Handler handler_;
   const Observer observer_;
+  AnswerBudget budget_;   // before the clients, whose answers hold bytes of it
   const UniqueFd epoll_;  // of clients
   const UniqueFd end_;    // readable when the front has ended
   std::atomic<bool> stopping_{false};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "proto/result.h"
+#include "server/http/answer_budget.h"
 #include "server/http/connection.h"
 #include "server/http/message.h"
 
@@ -50,12 +51,14 @@ struct FrontConfig {
   // Requests that are refused with shutting-down while the front drains. Null: none.
   std::function<bool(const Head&)> is_new_work = nullptr;
   SendLimits send = {};
+  AnswerLimits answers = {};
 };
 
 // What the front tells of itself, for metrics.
 struct FrontState {
   int64_t connections = 0;
   int64_t requests_running = 0;
+  int64_t answer_bytes = 0;  // made and not yet taken
 };
 
 // A handler that goes on though its client was cut off.

@@ -1,16 +1,18 @@
 // /v1/grids/{id}: the native container, its tiles, exports and previews.
 #include <charconv>
-#include <nlohmann/json.hpp>
+#include <utility>
 
-#include "proto/grid_format.h"
+#include "proto/grid_directory.h"
+#include "proto/json_writer.h"
 #include "server/base/file.h"
 #include "server/http/api.h"
 #include "server/http/exchange.h"
+#include "server/http/list_body.h"
 
 namespace voxeld::http {
 namespace {
 
-using Json = nlohmann::json;
+constexpr ListLimits kTileLimits{4096, 65'536};
 
 Result<JobRequest> request_on_grid(const Request& request, const std::string& grid, JobKind kind) {
   JobRequest job;
@@ -62,59 +64,101 @@ Result<StoredBlob> wanted_grid(Request& request, Api& api) {
   return api.jobs.get_result(request.caller, submitted.id);
 }
 
-// Calls `use(reader)` on the mapped container.
+// Calls `use(directory)` on the mapped container, which is not mapped longer: what is touched of a
+// mapping counts as the process's memory.
 template <typename Use>
-Response with_grid(Request& request, Api& api, Use&& use) {
-  auto blob = wanted_grid(request, api);
-  if (!blob) return problem(request, blob.error());
-  const auto file = MappedFile::open(blob->path);
-  if (!file) return problem(request, file.error());
-  const auto reader = GridReader::open(file->bytes());
-  if (!reader) return problem(request, reader.error());
-  return use(*blob, *reader);
+auto with_directory(const StoredBlob& blob, Use&& use)
+    -> decltype(use(std::declval<const GridDirectory&>())) {
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(blob.path));
+  VOXELD_ASSIGN(const GridDirectory directory, GridDirectory::open(file.bytes()));
+  return use(directory);
+}
+
+std::string tile_json(size_t index, const GridTileEntry& tile) {
+  std::string text;
+  JsonWriter(text)
+      .begin_object()
+      .member("index", index)
+      .member("coord", tile.coord)
+      .member("offset", tile.offset)
+      .member("bytes", tile.bytes)
+      .member("voxel_count", tile.voxel_count)
+      .end_object();
+  return text;
+}
+
+Status add_tiles(const GridDirectory& directory, int64_t after, ListRows& rows) {
+  for (auto i = static_cast<size_t>(after + 1); i < directory.tile_count(); ++i) {
+    VOXELD_ASSIGN(const GridTileEntry tile, directory.tile(i));
+    if (!rows.add(tile_json(i, tile), std::to_string(i))) break;
+  }
+  return {};
+}
+
+// What the list of tiles says of the grid as a whole, as members of an object.
+Result<std::string> grid_members(const StoredBlob& blob) {
+  return with_directory(blob, [&](const GridDirectory& directory) -> Result<std::string> {
+    const GridHeader& header = directory.header();
+    std::string text;
+    JsonWriter(text)
+        .member("grid", blob.id)
+        .member("dims", header.dims)
+        .member("origin", header.origin)
+        .member("voxel_size", header.voxel_size)
+        .member("voxel_count", directory.voxel_count())
+        .member("tile_count", directory.tile_count())
+        .member("tile_side", limits::kTileSide);
+    return text;
+  });
 }
 
 Response get_tiles(Request& request, Api& api) {
-  return with_grid(request, api, [](const StoredBlob& blob, const GridReader& reader) {
-    Json tiles = Json::array();
-    for (size_t i = 0; i < reader.tile_count(); ++i) {
-      const auto [offset, bytes] = reader.tile_byte_range(i);
-      tiles.push_back({{"index", i},
-                       {"coord", reader.tile_coord(i)},
-                       {"offset", offset},
-                       {"bytes", bytes},
-                       {"voxel_count", reader.tile_voxel_count(i)}});
+  auto page = requested_page(request, kTileLimits, {"level", "level_rule", "region"});
+  if (!page) return problem(request, page.error());
+  std::erase_if(request.head.query, [](const auto& option) {
+    return option.first == "limit" || option.first == "after";
+  });
+  const auto blob = wanted_grid(request, api);
+  if (!blob) return problem(request, blob.error());
+  auto members = grid_members(*blob);
+  if (!members) return problem(request, members.error());
+  return list_response(*std::move(members), "tiles", *std::move(page),
+                       [blob = *blob](const std::string& after, ListRows& rows) -> Status {
+                         VOXELD_ASSIGN(const int64_t last, cursor_number(after));
+                         return with_directory(blob, [&](const GridDirectory& directory) {
+                           return add_tiles(directory, last, rows);
+                         });
+                       });
+}
+
+// The entry of the tile whose number the path has. Errors: not-found.
+Result<GridTileEntry> wanted_tile(const StoredBlob& blob, const std::string& number) {
+  return with_directory(blob, [&](const GridDirectory& directory) -> Result<GridTileEntry> {
+    size_t index = 0;
+    const char* const text_end = number.data() + number.size();
+    const auto [end, error] = std::from_chars(number.data(), text_end, index);
+    if (error == std::errc() && end == text_end && index < directory.tile_count()) {
+      return directory.tile(index);
     }
-    const GridHeader& header = reader.header();
-    return Response::json(200, Json{{"grid", blob.id},
-                                    {"dims", header.dims},
-                                    {"origin", header.origin},
-                                    {"voxel_size", header.voxel_size},
-                                    {"voxel_count", reader.voxel_count()},
-                                    {"tile_side", limits::kTileSide},
-                                    {"tiles", tiles}}
-                                   .dump());
+    return Error{ErrorCode::kNotFound, "there is no such tile",
+                 "0 to " + std::to_string(directory.tile_count()) + ", exclusive",
+                 "\"" + number.substr(0, 40) + "\""};
   });
 }
 
 Response get_tile(Request& request, Api& api) {
-  const std::string& text = request.path_parameters[1];
-  return with_grid(request, api, [&](const StoredBlob& blob, const GridReader& reader) {
-    size_t index = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), index);
-    if (error != std::errc() || end != text.data() + text.size() || index >= reader.tile_count()) {
-      return problem(request, {ErrorCode::kNotFound, "there is no such tile",
-                               "0 to " + std::to_string(reader.tile_count()) + ", exclusive",
-                               "\"" + text.substr(0, 40) + "\""});
-    }
-    const auto [offset, bytes] = reader.tile_byte_range(index);
-    auto response = file_response(
-        request.head, {blob.path, static_cast<int64_t>(offset), static_cast<int64_t>(bytes)},
-        "\"" + blob.id + "/" + std::to_string(index) + "\"");
-    if (!response) return problem(request, response.error());
-    if (response->status < 300) response->headers["Content-Type"] = "application/octet-stream";
-    return std::move(response).value();
-  });
+  const std::string& number = request.path_parameters[1];
+  const auto blob = wanted_grid(request, api);
+  if (!blob) return problem(request, blob.error());
+  const auto tile = wanted_tile(*blob, number);
+  if (!tile) return problem(request, tile.error());
+  auto response = file_response(
+      request.head,
+      {blob->path, static_cast<int64_t>(tile->offset), static_cast<int64_t>(tile->bytes)},
+      "\"" + blob->id + "/" + number + "\"");
+  if (!response) return problem(request, response.error());
+  if (response->status < 300) response->headers["Content-Type"] = "application/octet-stream";
+  return std::move(response).value();
 }
 
 }  // namespace

@@ -16,7 +16,12 @@ constexpr std::string_view kIndex =
 void add_index_routes(Router& router, Api&) {
   router.add("GET", "/", [](Request&) { return Response::text(200, std::string(kIndex)); });
   router.add("GET", "/openapi.json", [](Request&) {
-    Response response = Response::json(200, std::string(openapi_json()));
+    Response response = Response::json(200, "");
+    response.body = PieceBody{[left = openapi_json()]() mutable {
+      Piece piece{std::string(left.substr(0, kPieceBytesMax)), left.size() <= kPieceBytesMax};
+      left.remove_prefix(piece.text.size());
+      return piece;
+    }};
     response.headers["Cache-Control"] = "public, max-age=3600";
     return response;
   });

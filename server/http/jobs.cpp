@@ -1,18 +1,19 @@
 // /v1/jobs: submit, list, look at (long poll), cancel.
 #include <algorithm>
-#include <charconv>
 #include <chrono>
 #include <nlohmann/json.hpp>
 
+#include "proto/job_text.h"
 #include "server/http/api.h"
 #include "server/http/body_reader.h"
+#include "server/http/list_body.h"
 
 namespace voxeld::http {
 namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kListDefault = 100, kListMax = 1000;
+constexpr ListLimits kListLimits{100, 1000};
 // How long a waiting poll may overlook that its client left.
 constexpr auto kPollStep = std::chrono::milliseconds(200);
 
@@ -68,43 +69,34 @@ Response post_job(Request& request, Api& api) {
     if (auto refused = key_ended(request, api)) return *std::move(refused);
     status->cached = cached;
   }
-  Response response = status_response(status->ended() ? 200 : 202, *status);
+  Response response = status_response(request, api, status->ended() ? 200 : 202, *status);
   response.headers["Location"] = "/v1/jobs/" + status->id;
   if (wait > 0) response.headers["Preference-Applied"] = "wait=" + std::to_string(wait);
   if (!status->ended()) response.headers["Retry-After"] = "1";
   return response;
 }
 
+// Jobs in brief: long texts of a job are left to GET /v1/jobs/{id}.
 Response list_jobs(Request& request, Api& api) {
-  int limit = kListDefault;
-  std::optional<JobState> state;
-  for (const auto& [name, value] : request.head.query) {
-    if (name == "limit") {
-      const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), limit);
-      if (error != std::errc() || end != value.data() + value.size() || limit < 1 ||
-          limit > kListMax) {
-        return problem(request, {ErrorCode::kInvalidOption, "limit",
-                                 "an integer from 1 to " + std::to_string(kListMax),
-                                 "\"" + value.substr(0, 40) + "\""});
-      }
-    } else if (name == "state") {
-      state = job_state_from_name(value);
-      if (!state) {
-        return problem(request, {ErrorCode::kInvalidOption, "state",
-                                 "queued | running | done | failed | cancelled",
-                                 "\"" + value.substr(0, 40) + "\""});
-      }
-    } else {
-      return problem(request, {ErrorCode::kUnknownOption, "no such option", "limit, state",
-                               "\"" + name.substr(0, 40) + "\""});
+  auto page = requested_page(request, kListLimits, {"state"});
+  if (!page) return problem(request, page.error());
+  JobQuery query;
+  if (const auto name = request.query("state")) {
+    query.state = job_state_from_name(*name);
+    if (!query.state) {
+      return problem(request, {ErrorCode::kInvalidOption, "state",
+                               "queued | running | done | failed | cancelled",
+                               "\"" + name->substr(0, 40) + "\""});
     }
   }
-  auto jobs = api.jobs.list(request.caller, limit, state);
-  if (!jobs) return problem(request, jobs.error());
-  Json list = Json::array();
-  for (const JobStatus& status : *jobs) list.push_back(job_status_json(status));
-  return Response::json(200,
-                        Json{{"jobs", list}}.dump(-1, ' ', false, Json::error_handler_t::replace));
+  return list_response(
+      "", "jobs", *std::move(page),
+      [&api, caller = request.caller, query](const std::string& after, ListRows& rows) mutable {
+        query.after = after;
+        return api.jobs.list(caller, query, [&](const JobStatus& status) {
+          return rows.add(job_row_text(status), status.id);
+        });
+      });
 }
 
 Response get_job(Request& request, Api& api) {
@@ -128,7 +120,7 @@ Response get_job(Request& request, Api& api) {
     if (!status) return problem(request, status.error());
   }
   if (auto refused = key_ended(request, api)) return *std::move(refused);
-  Response response = status_response(200, *status);
+  Response response = status_response(request, api, 200, *status);
   if (!known.empty() && known == tag(*status)) {
     response.status = 304;
     response.body = std::string();
@@ -139,7 +131,7 @@ Response get_job(Request& request, Api& api) {
 Response cancel_job(Request& request, Api& api) {
   auto status = api.jobs.cancel(request.caller, request.path_parameters[0]);
   if (!status) return problem(request, status.error());
-  return status_response(status->ended() ? 200 : 202, *status);
+  return status_response(request, api, status->ended() ? 200 : 202, *status);
 }
 
 }  // namespace

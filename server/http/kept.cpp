@@ -1,84 +1,68 @@
 // What jobs left and its tenant keeps: lists of /v1/results, /v1/grids and /v1/sequences, and
 // deletion.
-#include <charconv>
-#include <limits>
-#include <nlohmann/json.hpp>
+#include <algorithm>
 
-#include "proto/client_texts.h"
+#include "proto/json_writer.h"
 #include "server/http/api.h"
+#include "server/http/list_body.h"
 
 namespace voxeld::http {
 namespace {
 
-using Json = nlohmann::json;
+constexpr ListLimits kListLimits{100, 1000};
 
-constexpr int64_t kListDefault = 100, kListMax = 1000;
-
-struct Page {
-  int64_t limit = kListDefault;
-  int64_t before_seq = 0;  // 0: from the newest on
-};
-
-Status read_number(const std::pair<std::string, std::string>& parameter, int64_t max,
-                   std::string_view expected, int64_t& out) {
-  const std::string& text = parameter.second;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out);
-  if (error == std::errc() && end == text.data() + text.size() && out >= 1 && out <= max) return {};
-  return Error{ErrorCode::kInvalidOption, parameter.first, std::string(expected), echoed(text)};
-}
-
-Result<Page> requested_page(const Request& request) {
-  Page page;
-  for (const auto& parameter : request.head.query) {
-    if (parameter.first == "limit") {
-      VOXELD_TRY(read_number(parameter, kListMax,
-                             "an integer from 1 to " + std::to_string(kListMax), page.limit));
-    } else if (parameter.first == "after") {
-      VOXELD_TRY(read_number(parameter, std::numeric_limits<int64_t>::max(),
-                             "\"next\" of the page before", page.before_seq));
-    } else {
-      return Error{ErrorCode::kUnknownOption, "no such option", "limit, after",
-                   echoed(parameter.first)};
-    }
-  }
-  return page;
-}
-
-Json kept_json(const KeptResult& kept, KeptKind kind) {
-  Json out = {{"job", kept.job}, {"bytes", kept.bytes}, {"created_ms", kept.created_ms}};
+std::string kept_text(const KeptResult& kept, KeptKind kind) {
+  std::string text;
+  JsonWriter json(text);
+  json.begin_object()
+      .member("job", kept.job)
+      .member("bytes", kept.bytes)
+      .member("created_ms", kept.created_ms);
   switch (kind) {
     case KeptKind::kResult:
-      out.update({{"blob", kept.blob},
-                  {"media_type", kept.media_type},
-                  {"filename", kept.filename},
-                  {"grid", kept.grid},
-                  {"sequence", kept.sequence}});
+      json.member("blob", kept.blob)
+          .member("media_type", kept.media_type)
+          .member("filename", kept.filename)
+          .member("grid", kept.grid)
+          .member("sequence", kept.sequence);
       break;
     case KeptKind::kGrid:
-      out["id"] = kept.grid;
+      json.member("id", kept.grid);
       break;
     case KeptKind::kSequence:
-      out["id"] = kept.sequence;
-      out["frames"] = kept.frames;
+      json.member("id", kept.sequence).member("frames", kept.frames);
       break;
   }
-  return out;
+  json.end_object();
+  return text;
+}
+
+// The rows below the number of a result, read from the database in batches of about a piece.
+Status add_kept(Api& api, const Caller& caller, KeptKind kind, const std::string& after,
+                ListRows& rows) {
+  constexpr int kBatch = 128;
+  VOXELD_ASSIGN(int64_t before_seq, cursor_number(after));
+  if (before_seq == 0) return bad_cursor(after);
+  before_seq = std::max<int64_t>(before_seq, 0);  // 0: from the newest on
+  while (true) {
+    VOXELD_ASSIGN(const std::vector<KeptResult> batch,
+                  api.jobs.list_kept(caller, kind, kBatch, before_seq));
+    for (const KeptResult& kept : batch) {
+      if (!rows.add(kept_text(kept, kind), std::to_string(kept.seq))) return {};
+      before_seq = kept.seq;
+    }
+    if (std::ssize(batch) < kBatch) return {};
+  }
 }
 
 Response list_kept(Request& request, Api& api, KeptKind kind, const char* name) {
-  const auto page = requested_page(request);
+  auto page = requested_page(request, kListLimits);
   if (!page) return problem(request, page.error());
-  // One more than are shown tells whether there is a next page.
-  auto kept =
-      api.jobs.list_kept(request.caller, kind, static_cast<int>(page->limit) + 1, page->before_seq);
-  if (!kept) return problem(request, kept.error());
-  const bool has_more = static_cast<int64_t>(kept->size()) > page->limit;
-  if (has_more) kept->pop_back();
-  Json list = Json::array();
-  for (const KeptResult& one : *kept) list.push_back(kept_json(one, kind));
-  Json out = {{name, std::move(list)}, {"next", nullptr}};
-  if (has_more) out["next"] = std::to_string(kept->back().seq);
-  return Response::json(200, out.dump(-1, ' ', false, Json::error_handler_t::replace));
+  return list_response(
+      "", name, *std::move(page),
+      [&api, caller = request.caller, kind](const std::string& after, ListRows& rows) {
+        return add_kept(api, caller, kind, after, rows);
+      });
 }
 
 Response deleted(const Request& request, const Status& status) {

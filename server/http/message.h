@@ -79,11 +79,28 @@ struct Request {
   std::optional<std::string> query(std::string_view name) const;
 };
 
+// Bytes of a body in memory that are made at once. A client that does not read costs one piece.
+inline constexpr int64_t kPieceBytesMax = int64_t{64} << 10;
+// A text body up to here is sent as it is; a larger one is made in pieces, within AnswerBudget.
+inline constexpr int64_t kTextBytesMax = int64_t{16} << 10;
+
 // The bytes of an answer: in memory, or (a part of) a file.
 struct FileBody {
   std::filesystem::path path;
   int64_t offset = 0;
   int64_t bytes = 0;
+};
+// A body that is made while it is sent: the next piece when the socket has taken those before it.
+// An answer of one piece has a Content-Length, of several Transfer-Encoding: chunked. Where the
+// first piece fails, its error is the answer; a later failure cuts the connection.
+struct Piece {
+  std::string text;
+  bool is_last = false;
+};
+struct PieceBody {
+  std::function<Result<Piece>()> next;
+  // What a piece takes while it is made and until the socket has it.
+  int64_t piece_bytes_max = kPieceBytesMax;
 };
 // Writes a stream of unknown length (server-sent events); the connection closes at its end.
 using StreamBody = std::function<void(EventSink&)>;
@@ -91,7 +108,7 @@ using StreamBody = std::function<void(EventSink&)>;
 struct Response {
   int status = 200;
   Headers headers;
-  std::variant<std::string, FileBody, StreamBody> body;
+  std::variant<std::string, FileBody, PieceBody, StreamBody> body;
   bool close = false;  // end the connection after it
 
   static Response json(int status, std::string text);

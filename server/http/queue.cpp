@@ -1,15 +1,17 @@
 // GET /v1/queue: who works and who waits, as far as it is the caller's business.
 #include <charconv>
-#include <nlohmann/json.hpp>
 
+#include "proto/job_text.h"
+#include "proto/json_writer.h"
 #include "server/http/api.h"
 
 namespace voxeld::http {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr int kListDefault = 100, kListMax = 200;  // of jobs that wait
+// What an answer with as many running ones as waiting ones is taken to need: their rows, and the
+// text that is sent.
+constexpr int64_t kQueueBytesMax = int64_t{2} << 20;
 
 Result<int> requested_limit(const Request& request) {
   int limit = kListDefault;
@@ -29,35 +31,51 @@ Result<int> requested_limit(const Request& request) {
   return limit;
 }
 
-Json queue_json(const QueueView& view) {
-  Json devices = Json::array(), jobs = Json::array();
+void write_devices(JsonWriter& json, const QueueView& view) {
+  json.key("devices").begin_array();
   for (const QueueView::Device& device : view.devices) {
-    devices.push_back({{"device", device.device},
-                       {"renderer", device.renderer},
-                       {"workers", device.workers},
-                       {"workers_busy", device.workers_busy},
-                       {"jobs", device.jobs}});
+    json.begin_object()
+        .member("device", device.device)
+        .member("renderer", device.renderer)
+        .member("workers", device.workers)
+        .member("workers_busy", device.workers_busy)
+        .key("jobs")
+        .begin_array();
+    for (const std::string& job : device.jobs) json.value(job);
+    json.end_array().end_object();
   }
-  for (const QueueView::Job& job : view.jobs) {
-    Json status = job_status_json(job.status);
-    status["tenant"] = job.tenant;
-    status["device"] = job.device;
-    jobs.push_back(std::move(status));
-  }
-  return {{"queued", view.queued},
-          {"running", view.running},
-          {"others", {{"queued", view.others_queued}, {"running", view.others_running}}},
-          {"devices", std::move(devices)},
-          {"jobs", std::move(jobs)}};
+  json.end_array();
 }
 
+std::string queue_text(const QueueView& view) {
+  std::string text;
+  JsonWriter json(text);
+  json.begin_object().member("queued", view.queued).member("running", view.running);
+  json.key("others").begin_object().member("queued", view.others_queued);
+  json.member("running", view.others_running).end_object();
+  write_devices(json, view);
+  json.key("jobs").begin_array();
+  for (const QueueView::Job& job : view.jobs) {
+    std::string row = job_row_text(job.status);
+    row.pop_back();
+    JsonWriter(row).member("tenant", job.tenant).member("device", job.device).end_object();
+    json.raw(row);
+  }
+  json.end_array().end_object();
+  return text;
+}
+
+// Made while it is sent, so that a client that does not read counts in the budget of answers.
 Response get_queue(Request& request, Api& api) {
   const auto limit = requested_limit(request);
   if (!limit) return problem(request, limit.error());
-  const auto view = api.jobs.queue(request.caller, *limit);
-  if (!view) return problem(request, view.error());
-  return Response::json(200,
-                        queue_json(*view).dump(-1, ' ', false, Json::error_handler_t::replace));
+  Response response = Response::json(200, "");
+  response.body = PieceBody{[&api, caller = request.caller, limit = *limit]() -> Result<Piece> {
+                              VOXELD_ASSIGN(const QueueView view, api.jobs.queue(caller, limit));
+                              return Piece{queue_text(view), true};
+                            },
+                            kQueueBytesMax};
+  return response;
 }
 
 }  // namespace

@@ -1,31 +1,38 @@
 // /v1/jobs/{id}/frames, while the job runs too, and /v1/sequences/{id}: what several frames are
 // together, in any format and as pictures.
 #include <charconv>
-#include <nlohmann/json.hpp>
 
+#include "proto/json_writer.h"
 #include "proto/range_text.h"
 #include "proto/sequence_format.h"
 #include "server/http/api.h"
+#include "server/http/list_body.h"
 
 namespace voxeld::http {
 namespace {
 
-using Json = nlohmann::json;
+// All frames that there can be: a sequence is one page, but for who asks for less.
+constexpr ListLimits kFrameLimits{limits::kFramesMax, limits::kFramesMax};
 
-Json frame_json(int64_t index, const SequenceFrame& frame) {
-  return {{"index", index},
-          {"time_s", frame.time_s},
-          {"grid", frame.grid},
-          {"voxel_count", frame.voxel_count},
-          {"content_hash", frame.content_hash}};
+std::string frame_json(int64_t index, const SequenceFrame& frame) {
+  std::string text;
+  JsonWriter(text)
+      .begin_object()
+      .member("index", index)
+      .member("time_s", frame.time_s)
+      .member("grid", frame.grid)
+      .member("voxel_count", frame.voxel_count)
+      .member("content_hash", frame.content_hash)
+      .end_object();
+  return text;
 }
 
-Json channel_names(const ChannelSet& channels) {
-  Json names = Json::array();
+void write_channels(JsonWriter& json, const ChannelSet& channels) {
+  json.key("channels").begin_array();
   for (const ChannelInfo& info : kChannels) {
-    if (channels.has(info.channel)) names.push_back(info.name);
+    if (channels.has(info.channel)) json.value(info.name);
   }
-  return names;
+  json.end_array();
 }
 
 // The number of a frame that a path names; nullopt for any other text.
@@ -39,7 +46,7 @@ std::optional<int64_t> frame_number(const std::string& text) {
 // "3 of 140 frames are done"; where the number of all is not known yet, "3 frames are done".
 Error no_frame(const JobFrames& frames, const std::string& got) {
   const std::string total = std::to_string(frames.frames_total);
-  const std::string done = std::to_string(frames.frames.size());
+  const std::string done = std::to_string(frames.frames_done);
   return {ErrorCode::kNotFound,
           frames.frames_total > 0 ? done + " of " + total + " frames are done"
                                   : done + " frames are done",
@@ -48,9 +55,10 @@ Error no_frame(const JobFrames& frames, const std::string& got) {
 
 // The grid of the frame that the path names.
 Result<std::string> frame_of_job(const Request& request, Api& api) {
-  VOXELD_ASSIGN(const JobFrames frames,
-                api.jobs.frames(request.caller, request.path_parameters[0]));
   const auto index = frame_number(request.path_parameters[1]);
+  const FrameRange range{index.value_or(0), index ? 1 : 0};
+  VOXELD_ASSIGN(const JobFrames frames,
+                api.jobs.frames(request.caller, request.path_parameters[0], range));
   for (const ListedFrame& listed : frames.frames) {
     if (index == listed.index) return listed.frame.grid;
   }
@@ -78,39 +86,80 @@ Response with_frame(Request& request, Api& api, FindGrid find, Answer answer) {
   return answer(request, api, *grid);
 }
 
-Response list_frames_of_job(Request& request, Api& api) {
-  const auto frames = api.jobs.frames(request.caller, request.path_parameters[0]);
-  if (!frames) return problem(request, frames.error());
-  Json list = Json::array();
-  for (const ListedFrame& listed : frames->frames) {
-    list.push_back(frame_json(listed.index, listed.frame));
+// The rows after `after`, read from the database in batches of about a piece.
+Status add_frames_of_job(Api& api, const Caller& caller, const std::string& job,
+                         const std::string& after, ListRows& rows) {
+  constexpr int64_t kBatch = 256;
+  VOXELD_ASSIGN(const int64_t last, cursor_number(after));
+  FrameRange range{last + 1, kBatch};
+  while (true) {
+    VOXELD_ASSIGN(const JobFrames frames, api.jobs.frames(caller, job, range));
+    for (const ListedFrame& listed : frames.frames) {
+      if (!rows.add(frame_json(listed.index, listed.frame), std::to_string(listed.index))) {
+        return {};
+      }
+      range.first = listed.index + 1;
+    }
+    if (static_cast<int64_t>(frames.frames.size()) < kBatch) return {};
   }
-  return Response::json(
-      200, Json{{"job", frames->job},
-                {"sequence", frames->sequence.empty() ? Json() : Json(frames->sequence)},
-                {"frames_total", frames->frames_total},
-                {"frames", std::move(list)}}
-               .dump());
+}
+
+Response list_frames_of_job(Request& request, Api& api) {
+  auto page = requested_page(request, kFrameLimits);
+  if (!page) return problem(request, page.error());
+  const std::string& id = request.path_parameters[0];
+  const auto frames = api.jobs.frames(request.caller, id, {0, 0});
+  if (!frames) return problem(request, frames.error());
+  std::string head;
+  JsonWriter json(head);
+  json.member("job", frames->job).key("sequence");
+  if (frames->sequence.empty()) {
+    json.raw("null");
+  } else {
+    json.value(frames->sequence);
+  }
+  json.member("frames_total", frames->frames_total);
+  return list_response(
+      std::move(head), "frames", *std::move(page),
+      [&api, caller = request.caller, id](const std::string& after, ListRows& rows) {
+        return add_frames_of_job(api, caller, id, after, rows);
+      });
+}
+
+// The manifest is read again for each piece: to keep it takes more memory than the answer does.
+Status add_frames_of_sequence(Api& api, const Caller& caller, const std::string& id,
+                              const std::string& after, ListRows& rows) {
+  VOXELD_ASSIGN(const int64_t last, cursor_number(after));
+  VOXELD_ASSIGN(const SequenceManifest manifest, api.jobs.get_sequence(caller, id));
+  for (auto i = static_cast<size_t>(last + 1); i < manifest.frames.size(); ++i) {
+    const std::string row = frame_json(static_cast<int64_t>(i), manifest.frames[i]);
+    if (!rows.add(row, std::to_string(i))) break;
+  }
+  return {};
 }
 
 Response list_frames_of_sequence(Request& request, Api& api) {
+  auto page = requested_page(request, kFrameLimits);
+  if (!page) return problem(request, page.error());
   const std::string& id = request.path_parameters[0];
   const auto manifest = api.jobs.get_sequence(request.caller, id);
   if (!manifest) return problem(request, manifest.error());
-  Json list = Json::array();
-  for (const SequenceFrame& frame : manifest->frames) {
-    list.push_back(frame_json(static_cast<int64_t>(list.size()), frame));
-  }
-  return Response::json(200, Json{{"job", Json()},
-                                  {"sequence", id},
-                                  {"frames_total", list.size()},
-                                  {"frames", list},
-                                  {"fps", manifest->fps},
-                                  {"dims", manifest->dims},
-                                  {"origin", manifest->origin},
-                                  {"voxel_size", manifest->voxel_size},
-                                  {"channels", channel_names(manifest->channels)}}
-                                 .dump());
+  std::string head;
+  JsonWriter json(head);
+  json.key("job")
+      .raw("null")
+      .member("sequence", id)
+      .member("frames_total", manifest->frames.size())
+      .member("fps", manifest->fps)
+      .member("dims", manifest->dims)
+      .member("origin", manifest->origin)
+      .member("voxel_size", manifest->voxel_size);
+  write_channels(json, manifest->channels);
+  return list_response(
+      std::move(head), "frames", *std::move(page),
+      [&api, caller = request.caller, id](const std::string& after, ListRows& rows) {
+        return add_frames_of_sequence(api, caller, id, after, rows);
+      });
 }
 
 Response run_on_sequence(Request& request, Api& api, JobKind kind) {

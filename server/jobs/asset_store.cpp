@@ -214,18 +214,22 @@ Result<Asset> AssetStore::get(const Caller& caller, std::string_view id) {
   return load_asset(*reader, caller, id);
 }
 
-Result<std::vector<Asset>> AssetStore::list(const Caller& caller, int limit) {
-  static const std::string end = " AND deleted_ms = 0 ORDER BY created_ms DESC, id LIMIT $2";
-  static const std::string own = std::string(kSelect) + " WHERE tenant = $1" + end;
-  static const std::string any = std::string(kSelect) + " WHERE $1 = $1" + end;
+Status AssetStore::list(const Caller& caller, const AssetCursor& after,
+                        const std::function<bool(const Asset&)>& take) {
+  static const std::string select =
+      "SELECT id, tenant, filename, content_type, bytes, created_ms, '' FROM assets";
+  static const std::string end =
+      " AND deleted_ms = 0 AND created_ms <= $2"
+      " AND (created_ms < $2 OR id > $3 OR (id = $3 AND tenant > $4))"
+      " ORDER BY created_ms DESC, id, tenant";
+  static const std::string own = select + " WHERE tenant = $1" + end;
+  static const std::string any = select + " WHERE $1 = $1" + end;
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(SqlStatement rows,
-                reader->query(caller.sees_all() ? any : own, caller.tenant(), int64_t{limit}));
-  std::vector<Asset> assets;
+  VOXELD_ASSIGN(SqlStatement rows, reader->query(caller.sees_all() ? any : own, caller.tenant(),
+                                                 after.created_ms, after.id, after.tenant));
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
-    if (!row) return assets;
-    assets.push_back(read_asset(rows));
+    if (!row || !take(read_asset(rows))) return {};
   }
 }
 

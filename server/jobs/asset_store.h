@@ -35,8 +35,10 @@ class AssetStore {
   Result<std::vector<BundleFile>> bundle_files(std::string_view tenant, std::string_view id);
   // Errors: not-found, gone.
   Result<Asset> get(const Caller& caller, std::string_view id);
-  // Newest first. Those of several tenants with the same bytes are several.
-  Result<std::vector<Asset>> list(const Caller& caller, int limit);
+  // Calls `take` with one asset after the other, newest first, without its description, until it
+  // gives false. Those of several tenants with the same bytes are several.
+  Status list(const Caller& caller, const AssetCursor& after,
+              const std::function<bool(const Asset&)>& take);
   // For a caller who sees all: of every tenant that has it. Errors: not-found, gone.
   Status mark_deleted(const Caller& caller, std::string_view id);
   // Removes blobs of assets that every tenant who had them has deleted, and that no live job,

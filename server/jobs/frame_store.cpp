@@ -2,6 +2,8 @@
 
 #include <array>
 #include <charconv>
+#include <memory>
+#include <semaphore>
 #include <utility>
 
 #include "server/base/file.h"
@@ -11,6 +13,8 @@
 
 namespace voxeld {
 namespace {
+
+constexpr int kManifestsMax = 4;  // that are parsed at a time
 
 // The shortest text that reads back as the same number.
 std::string time_text(double time_s) {
@@ -76,12 +80,12 @@ Result<std::optional<int64_t>> FrameStore::add(const TaskFrame& frame, const Blo
   return listed;
 }
 
-Result<std::vector<ListedFrame>> FrameStore::of_job(std::string_view job) {
+Result<std::vector<ListedFrame>> FrameStore::of_job(std::string_view job, const FrameRange& range) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
   VOXELD_ASSIGN(SqlStatement rows,
                 reader->query("SELECT frame, time_s, grid, voxel_count, content_hash FROM frames"
-                              " WHERE job_id = $1 ORDER BY frame",
-                              job));
+                              " WHERE job_id = $1 AND frame >= $2 ORDER BY frame LIMIT $3",
+                              job, range.first, range.count));
   std::vector<ListedFrame> frames;
   while (true) {
     VOXELD_ASSIGN(const bool row, rows.step());
@@ -103,6 +107,12 @@ Result<SequenceManifest> FrameStore::read(const Caller& caller, std::string_view
 }
 
 Result<SequenceManifest> FrameStore::read_blob(std::string_view id) {
+  // A manifest of 4096 frames takes 8 MB while it is parsed: a few callers at a time.
+  static std::counting_semaphore<kManifestsMax> places(kManifestsMax);
+  places.acquire();
+  const auto leave = [](std::counting_semaphore<kManifestsMax>* taken) { taken->release(); };
+  const std::unique_ptr<std::counting_semaphore<kManifestsMax>, decltype(leave)> place(&places,
+                                                                                       leave);
   VOXELD_ASSIGN(const MappedFile file, MappedFile::open(blobs_.path_of(id)));
   const auto bytes = file.bytes();
   return parse_sequence({reinterpret_cast<const char*>(bytes.data()), bytes.size()});

@@ -29,7 +29,7 @@ class FrameStore {
   Result<std::optional<int64_t>> add(const TaskFrame& frame, const BlobInfo& grid,
                                      int64_t frames_total, int64_t bytes_max);
   // By ascending index; those of earlier attempts count. Whoever asks may see the job.
-  Result<std::vector<ListedFrame>> of_job(std::string_view job);
+  Result<std::vector<ListedFrame>> of_job(std::string_view job, const FrameRange& range = {});
 
   // Of a sequence that a finished job of the caller left. Errors: not-found, gone.
   Result<SequenceManifest> read(const Caller& caller, std::string_view sequence);

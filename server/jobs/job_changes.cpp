@@ -3,13 +3,15 @@
 #include <array>
 #include <nlohmann/json.hpp>
 
+#include "proto/job_text.h"
+
 namespace voxeld {
 
 namespace {
 
 // Members of a status that do not change as the job goes on: they are in the job's row and its
-// result's, and can take 100 KB each.
-constexpr std::array<const char*, 2> kOfRows = {"options", "result"};
+// result's already, and are put into its events when these are read.
+constexpr std::array<const char*, 3> kOfRows = {"options", "result", "left_out"};
 
 std::string dump(const nlohmann::json& value) {
   return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
@@ -18,12 +20,13 @@ std::string dump(const nlohmann::json& value) {
 }  // namespace
 
 Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string_view id,
-                                          int64_t after_id) {
+                                          int64_t after_id, int64_t count) {
   std::vector<JobEvent> events;
   {
     VOXELD_ASSIGN(SqlStatement rows, connection.query("SELECT id, type, data_json FROM job_events"
-                                                      " WHERE job_id = $1 AND id > $2 ORDER BY id",
-                                                      id, after_id));
+                                                      " WHERE job_id = $1 AND id > $2 ORDER BY id"
+                                                      " LIMIT $3",
+                                                      id, after_id, count));
     while (true) {
       VOXELD_ASSIGN(const bool row, rows.step());
       if (!row) break;
@@ -31,15 +34,16 @@ Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string
     }
   }
   if (events.empty()) return events;
-  VOXELD_ASSIGN(const JobRecord record, load_job(connection, Caller::daemon(), id));
-  const nlohmann::json now = job_status_json(record.status);
+  VOXELD_ASSIGN(const JobRecord record,
+                load_job(connection, Caller::daemon(), id, JobTexts::kBrief));
+  const nlohmann::json now = nlohmann::json::parse(job_row_text(record.status));
   for (JobEvent& event : events) {
     nlohmann::json status = nlohmann::json::parse(event.data_json, nullptr, false);
     if (!status.is_object()) continue;
     const bool is_done = status["state"] == job_state_name(JobState::kDone);
     for (const char* name : kOfRows) {
-      const bool is_part = now.contains(name) && (is_done || name != std::string_view("result"));
-      if (is_part) status[name] = now[name];
+      const bool is_there = is_done || name != std::string_view("result");
+      if (is_there && now.contains(name)) status[name] = now[name];
     }
     event.data_json = dump(status);
   }
@@ -48,7 +52,7 @@ Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string
 
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
   VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
-  nlohmann::json status = job_status_json(record.status);
+  nlohmann::json status = nlohmann::json::parse(job_row_text(record.status));
   for (const char* name : kOfRows) status.erase(name);
   const std::string data = dump(status);
   VOXELD_TRY(

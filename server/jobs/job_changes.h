@@ -17,9 +17,10 @@ inline constexpr int64_t kIdempotencyKeptMs = int64_t{24} * 60 * 60 * 1000;
 // Reads the job back after a change and writes the event of it: its status but for what is in other
 // rows.
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id);
-// The job's events after `after_id`, oldest first, each with a whole status.
+// At most `count` of the job's events after `after_id`, oldest first, each with its status as a
+// row of a list (job_text.h).
 Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string_view id,
-                                          int64_t after_id);
+                                          int64_t after_id, int64_t count);
 // The job, when it is running with this fence.
 Result<std::optional<JobRecord>> fenced_job(SqlConnection& connection, std::string_view id,
                                             int64_t fence);

@@ -1,9 +1,11 @@
 #include "server/jobs/job_record.h"
 
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "proto/job_text.h"
 #include "server/jobs/quota.h"
 #include "server/jobs/scheduler.h"
 
@@ -12,21 +14,44 @@ namespace {
 
 using nlohmann::json;
 
+// A column, of which a brief reading takes no long text.
+std::string whole_column(std::string_view name, JobTexts texts) {
+  if (texts == JobTexts::kWhole) return std::string(name);
+  // By characters, as PostgreSQL counts too. is_brief() tells what is empty for that.
+  return "CASE WHEN LENGTH(" + std::string(name) +
+         ") <= " + std::to_string(limits::kRowTextBytesMax) + " THEN " + std::string(name) +
+         " ELSE '' END";
+}
+// The same of a text that means something when it is cut.
+std::string cut_column(std::string_view name, JobTexts texts) {
+  if (texts == JobTexts::kWhole) return std::string(name);
+  return "SUBSTR(" + std::string(name) + ", 1, " + std::to_string(limits::kRowTextBytesMax) + ")";
+}
+
 // In the order in which read_record takes them.
-constexpr std::string_view kSelect =
-    "SELECT j.tenant, j.asset_tenant, j.seq, j.id, j.kind, j.state, j.asset, j.grid, j.filename, "
-    "j.options_json,"
-    " j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
-    " j.attempt, j.fence, j.worker, j.lost_workers, j.upload_us, j.created_ms, j.started_ms,"
-    " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.parked, j.queued_ms, j.tiles_done,"
-    " j.tiles_total,"
-    " j.sequence, j.frames_total,"
-    " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id),"
-    " j.timings_json, j.error_code, j.error_detail, j.error_expected, j.error_got,"
-    " j.request_id, j.trace_id, j.result_seq, r.blob, r.bytes, r.media_type, r.filename, r.grid, "
-    "r.meta_json,"
-    " r.warnings_json, r.sequence, r.frames FROM jobs j LEFT JOIN results r ON r.seq = "
-    "j.result_seq";
+std::string select_text(JobTexts texts) {
+  const auto whole = [&](std::string_view name) { return whole_column(name, texts); };
+  const auto cut = [&](std::string_view name) { return cut_column(name, texts); };
+  return "SELECT j.tenant, j.asset_tenant, j.seq, j.id, j.kind, j.state, j.asset, j.grid, " +
+         cut("j.filename") + ", " + whole("j.options_json") +
+         ", j.request_hash, j.use_cache, j.transient, j.cached, j.cancel_requested, j.version,"
+         " j.attempt, j.fence, j.worker, " +
+         cut("j.lost_workers") +
+         ", j.upload_us, j.created_ms, j.started_ms,"
+         " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.parked, j.queued_ms,"
+         " j.tiles_done, j.tiles_total, j.sequence, j.frames_total,"
+         " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id), " +
+         whole("j.timings_json") + ", j.error_code, " + cut("j.error_detail") + ", " +
+         cut("j.error_expected") + ", " + cut("j.error_got") +
+         ", j.request_id, j.trace_id, j.result_seq, r.blob, r.bytes, r.media_type, " +
+         cut("r.filename") + ", r.grid, " + whole("r.meta_json") + ", " + whole("r.warnings_json") +
+         ", r.sequence, r.frames FROM jobs j LEFT JOIN results r ON r.seq = j.result_seq";
+}
+const std::string& select_of(JobTexts texts) {
+  static const std::string whole = select_text(JobTexts::kWhole);
+  static const std::string brief = select_text(JobTexts::kBrief);
+  return texts == JobTexts::kWhole ? whole : brief;
+}
 
 // Reads columns from left to right.
 class ColumnReader {
@@ -55,6 +80,7 @@ StageTimes parse_timings(const std::string& text) {
 
 std::vector<Warning> parse_warnings(const std::string& text) {
   std::vector<Warning> warnings;
+  if (text.empty()) return {warnings_left_out()};
   const json list = json::parse(text, nullptr, false);
   if (!list.is_array()) return warnings;
   for (const json& item : list) {
@@ -156,27 +182,72 @@ Result<int64_t> number(SqlConnection& connection, std::string_view sql, int64_t 
 
 // Counts from the end of the queue that is nearer, by order of arrival: a job that arrived just now
 // costs nothing, and the one in the middle of the queue half of it.
-Status fill_queue_position(SqlConnection& connection, JobRecord& record) {
-  if (record.status.state != JobState::kQueued) return {};
+Result<int64_t> place_in_queue(SqlConnection& connection, int64_t seq) {
   constexpr std::string_view kFirst =
       "SELECT seq FROM jobs WHERE state = 'queued' AND $1 = $1 ORDER BY seq LIMIT 1";
   constexpr std::string_view kLast =
       "SELECT seq FROM jobs WHERE state = 'queued' AND $1 = $1 ORDER BY seq DESC LIMIT 1";
   VOXELD_ASSIGN(const int64_t first, number(connection, kFirst, 0));
   VOXELD_ASSIGN(const int64_t last, number(connection, kLast, 0));
-  int64_t& position = record.status.queue_position;
-  if (record.seq - first <= last - record.seq) {
+  if (seq - first <= last - seq) {
     constexpr std::string_view kUpTo =
         "SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND seq <= $1";
-    VOXELD_ASSIGN(position, number(connection, kUpTo, record.seq));
-    return {};
+    return number(connection, kUpTo, seq);
   }
   constexpr std::string_view kBehind =
       "SELECT COUNT(*) FROM jobs WHERE state = 'queued' AND seq > $1";
   VOXELD_ASSIGN(const LiveJobs live, live_jobs(connection));
-  VOXELD_ASSIGN(const int64_t behind, number(connection, kBehind, record.seq));
-  position = live.queued - behind;
-  return {};
+  VOXELD_ASSIGN(const int64_t behind, number(connection, kBehind, seq));
+  return live.queued - behind;
+}
+
+// Counts places in the queue: of many jobs in the order of arrival, each from the one before it.
+class QueuePlaces {
+ public:
+  explicit QueuePlaces(SqlConnection& connection) : connection_(connection) {}
+
+  Status fill(JobRecord& record) {
+    if (record.status.state != JobState::kQueued) return {};
+    if (seq_ == 0) {
+      VOXELD_ASSIGN(place_, place_in_queue(connection_, record.seq));
+    } else {
+      const bool is_before = record.seq < seq_;
+      VOXELD_ASSIGN(const int64_t between,
+                    is_before ? count(record.seq, seq_) : count(seq_, record.seq));
+      place_ += is_before ? -between : between;
+    }
+    seq_ = record.seq;
+    record.status.queue_position = place_;
+    return {};
+  }
+
+ private:
+  // Waiting jobs after the first one, up to the last one.
+  Result<int64_t> count(int64_t after, int64_t last) {
+    VOXELD_ASSIGN(SqlStatement count,
+                  connection_.query("SELECT COUNT(*) FROM jobs WHERE state = 'queued'"
+                                    " AND seq > $1 AND seq <= $2",
+                                    after, last));
+    VOXELD_TRY(count.step());
+    return count.int64(0);
+  }
+
+  SqlConnection& connection_;
+  int64_t seq_ = 0, place_ = 0;  // of the job before; seq 0: there was none
+};
+
+// Where a job stands in the order of arrival.
+Result<int64_t> seq_of(SqlConnection& connection, const Caller& caller, const std::string& id) {
+  VOXELD_ASSIGN(
+      SqlStatement found,
+      connection.query(caller.sees_all() ? "SELECT seq FROM jobs WHERE id = $1 AND $2 = $2"
+                                         : "SELECT seq FROM jobs WHERE id = $1"
+                                           " AND tenant = $2",
+                       id, caller.tenant()));
+  VOXELD_ASSIGN(const bool is_known, found.step());
+  if (is_known) return found.int64(0);
+  return Error{ErrorCode::kInvalidOption, "after", "the id of a job that is there",
+               "\"" + id.substr(0, 40) + "\""};
 }
 
 }  // namespace
@@ -191,13 +262,14 @@ int64_t unix_time_ms() {
   return std::chrono::duration_cast<milliseconds>(since).count();
 }
 
-Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std::string_view id) {
-  static const std::string any = std::string(kSelect) + " WHERE j.id = $1 AND $2 = $2";
-  static const std::string own = std::string(kSelect) + " WHERE j.id = $1 AND j.tenant = $2";
+Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std::string_view id,
+                           JobTexts texts) {
   JobRecord record;
   {
-    VOXELD_ASSIGN(SqlStatement statement,
-                  connection.query(caller.sees_all() ? any : own, id, caller.tenant()));
+    const std::string sql =
+        select_of(texts) +
+        (caller.sees_all() ? " WHERE j.id = $1 AND $2 = $2" : " WHERE j.id = $1 AND j.tenant = $2");
+    VOXELD_ASSIGN(SqlStatement statement, connection.query(sql, id, caller.tenant()));
     VOXELD_ASSIGN(const bool found, statement.step());
     if (!found) {
       return Error{ErrorCode::kNotFound, "no such job", "the id of a job",
@@ -205,30 +277,33 @@ Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std:
     }
     record = read_record(statement);
   }
-  VOXELD_TRY(fill_queue_position(connection, record));
+  VOXELD_TRY(QueuePlaces(connection).fill(record));
   return record;
 }
 
-Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, const Caller& caller, int limit,
-                                         std::optional<JobState> state, JobOrder order) {
-  std::string sql(kSelect);
-  sql += caller.sees_all() ? " WHERE $2 = $2" : " WHERE j.tenant = $2";
-  sql += state ? " AND j.state = $3" : " AND $3 = $3";
-  sql += order == JobOrder::kNewestFirst ? " ORDER BY j.seq DESC LIMIT $1"
-                                         : " ORDER BY j.seq LIMIT $1";
-  std::vector<JobRecord> records;
-  {
-    VOXELD_ASSIGN(SqlStatement statement,
-                  connection.query(sql, int64_t{limit}, caller.tenant(),
-                                   state ? job_state_name(*state) : std::string_view()));
-    while (true) {
-      VOXELD_ASSIGN(const bool row, statement.step());
-      if (!row) break;
-      records.push_back(read_record(statement));
-    }
+Status each_job(SqlConnection& connection, const Caller& caller, const JobQuery& query,
+                const std::function<Result<bool>(JobRecord&&)>& take) {
+  const bool is_newest_first = query.order == JobOrder::kNewestFirst;
+  int64_t after = is_newest_first ? std::numeric_limits<int64_t>::max() : 0;
+  if (!query.after.empty()) {
+    VOXELD_ASSIGN(after, seq_of(connection, caller, query.after));
   }
-  for (JobRecord& record : records) VOXELD_TRY(fill_queue_position(connection, record));
-  return records;
+  std::string sql = select_of(query.texts);
+  sql += caller.sees_all() ? " WHERE $2 = $2" : " WHERE j.tenant = $2";
+  sql += query.state ? " AND j.state = $3" : " AND $3 = $3";
+  sql += is_newest_first ? " AND j.seq < $1 ORDER BY j.seq DESC" : " AND j.seq > $1 ORDER BY j.seq";
+  VOXELD_ASSIGN(SqlStatement statement,
+                connection.query(sql, after, caller.tenant(),
+                                 query.state ? job_state_name(*query.state) : std::string_view()));
+  QueuePlaces places(connection);
+  while (true) {
+    VOXELD_ASSIGN(const bool row, statement.step());
+    if (!row) return {};
+    JobRecord record = read_record(statement);
+    VOXELD_TRY(places.fill(record));
+    VOXELD_ASSIGN(const bool goes_on, take(std::move(record)));
+    if (!goes_on) return {};
+  }
 }
 
 std::string timings_text(const StageTimes& timings) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "proto/job.h"
 #include "proto/result.h"
 #include "server/jobs/caller.h"
+#include "server/jobs/job_query.h"
 #include "server/jobs/sqlite.h"
 
 namespace voxeld {
@@ -38,11 +40,12 @@ Error deadline_error();
 // Milliseconds since 1970.
 int64_t unix_time_ms();
 // Fills in queue_position too. Errors: not-found, also for what the caller may not see.
-Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std::string_view id);
-enum class JobOrder { kNewestFirst, kOldestFirst };
-Result<std::vector<JobRecord>> load_jobs(SqlConnection& connection, const Caller& caller, int limit,
-                                         std::optional<JobState> state,
-                                         JobOrder order = JobOrder::kNewestFirst);
+Result<JobRecord> load_job(SqlConnection& connection, const Caller& caller, std::string_view id,
+                           JobTexts texts = JobTexts::kWhole);
+// Calls `take` with one job after the other, queue_position filled in, until it gives false or an
+// error. Errors: those of `take`; invalid-option for `query.after`.
+Status each_job(SqlConnection& connection, const Caller& caller, const JobQuery& query,
+                const std::function<Result<bool>(JobRecord&&)>& take);
 
 // Columns that hold lists.
 std::string timings_text(const StageTimes& timings);

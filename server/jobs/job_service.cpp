@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <chrono>
 #include <limits>
-#include <nlohmann/json.hpp>
+#include <memory>
 #include <utility>
 
+#include "proto/job_text.h"
 #include "server/base/log.h"
 #include "server/jobs/blob_needs.h"
 #include "server/jobs/job_log.h"
@@ -160,21 +161,28 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
 }
 
 Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {
-  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id, JobTexts::kBrief));
   overlay(record.status);
-  return record.status;
+  return std::move(record.status);
 }
 
-Result<std::vector<JobStatus>> Service::list(const Caller& caller, int limit,
-                                             std::optional<JobState> state) {
-  VOXELD_ASSIGN(const std::vector<JobRecord> records, jobs_.list(caller, limit, state));
-  std::vector<JobStatus> statuses;
-  statuses.reserve(records.size());
-  for (const JobRecord& record : records) {
-    statuses.push_back(record.status);
-    overlay(statuses.back());
-  }
-  return statuses;
+Result<JobStatus> Service::get_whole(const Caller& caller, std::string_view id) {
+  whole_reads_.acquire();
+  const auto release = [](WholeReads* reads) { reads->release(); };
+  const std::unique_ptr<WholeReads, decltype(release)> held(&whole_reads_, release);
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
+  overlay(record.status);
+  return std::move(record.status);
+}
+
+Status Service::list(const Caller& caller, const JobQuery& query,
+                     const std::function<bool(const JobStatus&)>& take) {
+  JobQuery brief = query;
+  brief.texts = JobTexts::kBrief;
+  return jobs_.list(caller, brief, [&](JobRecord&& record) -> Result<bool> {
+    overlay(record.status);
+    return take(record.status);
+  });
 }
 
 Result<JobStatus> Service::wait_change(const Caller& caller, std::string_view id,
@@ -195,13 +203,13 @@ Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
                                     const std::function<bool()>& abandoned) {
   JobBoard::Watch watch(board_, std::string(id));
   while (true) {
-    VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
+    VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id, JobTexts::kBrief));
     overlay(record.status);
     const auto now = Clock::now();
-    if (record.status.ended() || now >= deadline) return record.status;
+    if (record.status.ended() || now >= deadline) return std::move(record.status);
     if (abandoned && abandoned()) {
       if (record.transient) return cancel(caller, id);
-      return record.status;
+      return std::move(record.status);
     }
     watch.wait(record.status.version, std::min(deadline, now + kWaitSlice));
   }
@@ -210,14 +218,13 @@ Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
 Result<std::vector<JobEvent>> Service::events_after(const Caller& caller, std::string_view id,
                                                     int64_t after_id) {
   // The status first: a state change that comes after it is then in the list, and the older
-  // progress is left out.
+  // progress is left out. After a full batch there may be more changes.
   VOXELD_ASSIGN(const JobStatus status, get(caller, id));
   VOXELD_ASSIGN(std::vector<JobEvent> events, jobs_.events(caller, id, after_id));
   const int64_t last = events.empty() ? after_id : events.back().id;
-  if (status.state == JobState::kRunning && status.version > last) {
-    events.push_back(
-        {status.version, "progress",
-         job_status_json(status).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)});
+  const bool is_all = std::ssize(events) < JobStore::kEventsReadMax;
+  if (is_all && status.state == JobState::kRunning && status.version > last) {
+    events.push_back({status.version, "progress", job_row_text(status)});
   }
   return events;
 }
@@ -234,8 +241,8 @@ Result<std::vector<JobEvent>> Service::wait_events(const Caller& caller, std::st
 }
 
 Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
-  VOXELD_ASSIGN(JobRecord before, jobs_.get(caller, id));
-  if (before.status.ended()) return before.status;
+  VOXELD_ASSIGN(JobRecord before, jobs_.get(caller, id, JobTexts::kBrief));
+  if (before.status.ended()) return std::move(before.status);
   VOXELD_ASSIGN(JobRecord record, jobs_.cancel(caller, id));
   if (record.status.ended()) {
     job_changed(record);
@@ -266,16 +273,22 @@ Result<StoredBlob> Service::get_grid(const Caller& caller, std::string_view id) 
   return stored(id, "the grid " + std::string(id));
 }
 
-Result<JobFrames> Service::frames(const Caller& caller, std::string_view job) {
+Result<JobFrames> Service::frames(const Caller& caller, std::string_view job,
+                                  const FrameRange& range) {
   VOXELD_ASSIGN(const JobStatus status, get(caller, job));
-  JobFrames frames{
-      status.id, status.result ? status.result->sequence : "", status.frames_total, {}};
-  VOXELD_ASSIGN(frames.frames, frames_.of_job(job));
-  if (!frames.frames.empty() || frames.sequence.empty()) return frames;
+  JobFrames frames{status.id,
+                   status.result ? status.result->sequence : "",
+                   status.frames_done,
+                   status.frames_total,
+                   {}};
+  VOXELD_ASSIGN(frames.frames, frames_.of_job(job, range));
+  const bool is_asked = range.count > 0 && frames.frames.empty();
+  if (!is_asked || frames.sequence.empty()) return frames;
   // Answered from another job's result.
   VOXELD_ASSIGN(SequenceManifest manifest, frames_.read(caller, frames.sequence));
-  for (SequenceFrame& frame : manifest.frames) {
-    frames.frames.push_back({static_cast<int64_t>(frames.frames.size()), std::move(frame)});
+  const auto count = std::ssize(manifest.frames);
+  for (int64_t i = range.first; i < std::min(count, range.first + range.count); ++i) {
+    frames.frames.push_back({i, std::move(manifest.frames[static_cast<size_t>(i)])});
   }
   return frames;
 }

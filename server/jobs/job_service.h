@@ -21,7 +21,9 @@
 #include "proto/result.h"
 #include "proto/sequence.h"
 #include "proto/task_api.h"
+#include "server/jobs/asset_cursor.h"
 #include "server/jobs/caller.h"
+#include "server/jobs/job_query.h"
 #include "server/jobs/kept_clock.h"
 #include "server/jobs/tenant_limits.h"
 #include "server/store/blob_store.h"
@@ -74,7 +76,7 @@ struct SubmitOptions {
 struct JobEvent {
   int64_t id = 0;         // the job's version: monotonic per job
   std::string type;       // "state", "progress"
-  std::string data_json;  // JobStatus as JSON
+  std::string data_json;  // JobStatus as a row: proto/job_text.h
 };
 
 struct ListedFrame {
@@ -82,12 +84,19 @@ struct ListedFrame {
   SequenceFrame frame;
 };
 
+// Those of a job's frames with an index from `first` on, at most `count` of them.
+struct FrameRange {
+  int64_t first = 0;
+  int64_t count = limits::kFramesMax;
+};
+
 // What a job of several frames has so far.
 struct JobFrames {
   std::string job;
   std::string sequence;             // once it is done, when it made one
+  int64_t frames_done = 0;          // of all, not of the range
   int64_t frames_total = 0;         // 0: not known, or no sequence
-  std::vector<ListedFrame> frames;  // by ascending index
+  std::vector<ListedFrame> frames;  // of the range, by ascending index
 };
 
 struct WorkerState {
@@ -144,7 +153,10 @@ class JobService {
   virtual Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
                                    const std::vector<BundleFile>& files) = 0;
   virtual Result<Asset> get_asset(const Caller& caller, std::string_view id) = 0;
-  virtual Result<std::vector<Asset>> list_assets(const Caller& caller, int limit) = 0;
+  // Calls `take` with one asset after the other, newest first, until it gives false. Those of
+  // several tenants with the same bytes are several; descriptions are left out.
+  virtual Status list_assets(const Caller& caller, const AssetCursor& after,
+                             const std::function<bool(const Asset&)>& take) = 0;
   // Results and grids stay; live jobs that need the asset, or a bundle with it, keep its blob until
   // they end, as do other tenants who have the same bytes. An admin deletes it of every tenant.
   virtual Status delete_asset(const Caller& caller, std::string_view id) = 0;
@@ -160,9 +172,14 @@ class JobService {
   // What submit() would answer now, without a job: estimate, place in the queue and expected times;
   // `cached` where a result is there already. Errors: those of the input.
   virtual Result<JobStatus> price(const Caller& caller, const JobRequest& request) = 0;
+  // In brief, as are those of the waits: is_brief().
   virtual Result<JobStatus> get(const Caller& caller, std::string_view id) = 0;
-  virtual Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
-                                              std::optional<JobState> state) = 0;
+  // With all its texts, which may be megabytes: a few callers at a time, others wait.
+  virtual Result<JobStatus> get_whole(const Caller& caller, std::string_view id) = 0;
+  // Calls `take` with one job after the other, in brief, until it gives false; it must be quick.
+  // Errors: invalid-option for `query.after`.
+  virtual Status list(const Caller& caller, const JobQuery& query,
+                      const std::function<bool(const JobStatus&)>& take) = 0;
   // Blocks until the job's version exceeds `after_version` or the deadline; then as get().
   virtual Result<JobStatus> wait_change(const Caller& caller, std::string_view id,
                                         int64_t after_version, Clock::time_point deadline) = 0;
@@ -170,7 +187,7 @@ class JobService {
   virtual Result<JobStatus> wait_end(const Caller& caller, std::string_view id,
                                      Clock::time_point deadline,
                                      const std::function<bool()>& abandoned) = 0;
-  // Events after `after_id`, oldest first; blocks until there is one or the deadline.
+  // The next events after `after_id`, oldest first; blocks until there is one or the deadline.
   virtual Result<std::vector<JobEvent>> wait_events(const Caller& caller, std::string_view id,
                                                     int64_t after_id,
                                                     Clock::time_point deadline) = 0;
@@ -190,7 +207,8 @@ class JobService {
 
   // --- frames
   // While the job runs, too; those of a job that failed or was cancelled stay. Errors: not-found.
-  virtual Result<JobFrames> frames(const Caller& caller, std::string_view job) = 0;
+  virtual Result<JobFrames> frames(const Caller& caller, std::string_view job,
+                                   const FrameRange& range) = 0;
   // Errors: not-found.
   virtual Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) = 0;
 

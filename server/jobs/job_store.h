@@ -75,10 +75,14 @@ class JobStore {
   // Errors as of submit().
   Result<std::vector<std::string>> reusable(const Caller& caller, JobRequest request);
 
-  Result<JobRecord> get(const Caller& caller, std::string_view id);
-  Result<std::vector<JobRecord>> list(const Caller& caller, int limit,
-                                      std::optional<JobState> state);
-  // State changes after `after_id`, oldest first. Errors: not-found.
+  Result<JobRecord> get(const Caller& caller, std::string_view id,
+                        JobTexts texts = JobTexts::kWhole);
+  // Calls `take` with one job after the other until it gives false; it must be quick, since no
+  // change is checkpointed meanwhile. Errors: those of `take`; invalid-option for `query.after`.
+  Status list(const Caller& caller, const JobQuery& query,
+              const std::function<Result<bool>(JobRecord&&)>& take);
+  // State changes after `after_id`, oldest first, at most kEventsReadMax. Errors: not-found.
+  static constexpr int64_t kEventsReadMax = 16;
   Result<std::vector<JobEvent>> events(const Caller& caller, std::string_view id, int64_t after_id);
 
   // The next job for a worker, or nullopt when none waits. A job whose result an equal one has
@@ -122,7 +126,7 @@ class JobStore {
   Result<LiveJobs> live(const Caller& caller);
   // The first queued job of each tenant.
   Result<std::vector<QueueHead>> queue_heads();
-  // Running ones, and the first `limit` that arrived of those that wait.
+  // The first `limit` that arrived of running jobs and of waiting ones, in brief.
   Result<std::vector<JobRecord>> live(const Caller& caller, int limit);
   Result<TenantUsage> usage(std::string_view tenant);
   // What an upload of `asked` bytes has to fit beside.

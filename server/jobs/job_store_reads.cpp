@@ -8,15 +8,15 @@
 
 namespace voxeld {
 
-Result<JobRecord> JobStore::get(const Caller& caller, std::string_view id) {
+Result<JobRecord> JobStore::get(const Caller& caller, std::string_view id, JobTexts texts) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_job(*reader, caller, id);
+  return load_job(*reader, caller, id, texts);
 }
 
-Result<std::vector<JobRecord>> JobStore::list(const Caller& caller, int limit,
-                                              std::optional<JobState> state) {
+Status JobStore::list(const Caller& caller, const JobQuery& query,
+                      const std::function<Result<bool>(JobRecord&&)>& take) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  return load_jobs(*reader, caller, limit, state);
+  return each_job(*reader, caller, query, take);
 }
 
 Result<std::vector<QueueHead>> JobStore::queue_heads() {
@@ -33,7 +33,7 @@ Result<std::vector<JobEvent>> JobStore::events(const Caller& caller, std::string
     return Error{ErrorCode::kNotFound, "no such job", "the id of a job",
                  std::string(id.substr(0, 80))};
   }
-  return load_events(*reader, id, after_id);
+  return load_events(*reader, id, after_id, kEventsReadMax);
 }
 
 Result<LiveJobs> JobStore::live() {
@@ -49,11 +49,15 @@ Result<LiveJobs> JobStore::live(const Caller& caller) {
 
 Result<std::vector<JobRecord>> JobStore::live(const Caller& caller, int limit) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  VOXELD_ASSIGN(std::vector<JobRecord> records,
-                load_jobs(*reader, caller, limit, JobState::kRunning, JobOrder::kOldestFirst));
-  VOXELD_ASSIGN(std::vector<JobRecord> waiting,
-                load_jobs(*reader, caller, limit, JobState::kQueued, JobOrder::kOldestFirst));
-  for (JobRecord& record : waiting) records.push_back(std::move(record));
+  std::vector<JobRecord> records;
+  for (const JobState state : {JobState::kRunning, JobState::kQueued}) {
+    const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief, ""};
+    int left = limit;
+    VOXELD_TRY(each_job(*reader, caller, query, [&](JobRecord&& record) -> Result<bool> {
+      records.push_back(std::move(record));
+      return --left > 0;
+    }));
+  }
   return records;
 }
 

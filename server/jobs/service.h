@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <memory>
+#include <semaphore>
 #include <string>
 #include <utility>
 #include <vector>
@@ -84,8 +85,9 @@ class Service final : public JobService {
   Result<Asset> get_asset(const Caller& caller, std::string_view id) override {
     return assets_.get(caller, id);
   }
-  Result<std::vector<Asset>> list_assets(const Caller& caller, int limit) override {
-    return assets_.list(caller, limit);
+  Status list_assets(const Caller& caller, const AssetCursor& after,
+                     const std::function<bool(const Asset&)>& take) override {
+    return assets_.list(caller, after, take);
   }
   Status delete_asset(const Caller& caller, std::string_view id) override;
 
@@ -93,8 +95,9 @@ class Service final : public JobService {
                            const SubmitOptions& options) override;
   Result<JobStatus> price(const Caller& caller, const JobRequest& request) override;
   Result<JobStatus> get(const Caller& caller, std::string_view id) override;
-  Result<std::vector<JobStatus>> list(const Caller& caller, int limit,
-                                      std::optional<JobState> state) override;
+  Result<JobStatus> get_whole(const Caller& caller, std::string_view id) override;
+  Status list(const Caller& caller, const JobQuery& query,
+              const std::function<bool(const JobStatus&)>& take) override;
   Result<JobStatus> wait_change(const Caller& caller, std::string_view id, int64_t after_version,
                                 Clock::time_point deadline) override;
   Result<JobStatus> wait_end(const Caller& caller, std::string_view id, Clock::time_point deadline,
@@ -118,7 +121,8 @@ class Service final : public JobService {
   Status delete_sequence(const Caller& caller, std::string_view id) override {
     return let_go(results_.delete_sequence(caller, id));
   }
-  Result<JobFrames> frames(const Caller& caller, std::string_view job) override;
+  Result<JobFrames> frames(const Caller& caller, std::string_view job,
+                           const FrameRange& range) override;
   Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
     return frames_.read(caller, id);
   }
@@ -133,6 +137,9 @@ class Service final : public JobService {
   void stop() override;
 
  private:
+  // Rows with all their texts that are read at a time, each of which may take megabytes.
+  using WholeReads = std::counting_semaphore<4>;
+
   void job_changed(const JobRecord& record);
   void update_gauges();
   // Of the asset with its files, or the grid; 0 where it cannot be told.
@@ -172,6 +179,7 @@ class Service final : public JobService {
   DeviceTurns turns_;
   Retention retention_;
   StoreSweep sweep_;
+  WholeReads whole_reads_{WholeReads::max()};
   std::atomic<bool> draining_{false};
   // Read by connection threads, which run before the supervisor is there.
   std::atomic<Supervisor*> supervising_{nullptr};

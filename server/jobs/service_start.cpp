@@ -154,12 +154,15 @@ void Service::stop() {
 
 // At start: the jobs that an earlier process left.
 void Service::forecast_waiting() {
-  const auto records = jobs_.list(Caller::daemon(), config_.queued_jobs_max, JobState::kQueued);
-  if (!records) return;
-  for (const JobRecord& record : *records) {
-    const JobStatus& status = record.status;
-    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
-  }
+  JobQuery query;
+  query.state = JobState::kQueued;
+  const Status listed =
+      jobs_.list(Caller::daemon(), query, [&](JobRecord&& record) -> Result<bool> {
+        const JobStatus& status = record.status;
+        forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
+        return true;
+      });
+  if (!listed) log::warn("cannot forecast waiting jobs", {{"error", listed.error().message()}});
 }
 
 Result<std::unique_ptr<JobService>> start_job_service(

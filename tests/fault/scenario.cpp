@@ -19,6 +19,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "server/base/log.h"
 #include "server/base/memory_reserve.h"
@@ -136,9 +137,21 @@ class Life {
     });
     deleted_.insert(b);
     assets_.erase(b);
-    attempt("list", [&] { return service_->list(Caller::open(), 100, std::nullopt); });
-    attempt("list assets", [&] { return service_->list_assets(Caller::open(), 100); });
+    attempt("list", [&] { return all_jobs(); });
+    attempt("list assets", [&]() -> Result<bool> {
+      VOXELD_TRY(service_->list_assets(Caller::open(), {}, [](const Asset&) { return true; }));
+      return true;
+    });
     stop();
+  }
+
+  Result<std::vector<JobStatus>> all_jobs() {
+    std::vector<JobStatus> all;
+    VOXELD_TRY(service_->list(Caller::open(), {}, [&](const JobStatus& job) {
+      all.push_back(job);
+      return true;
+    }));
+    return all;
   }
 
   // Without faults from here on.
@@ -162,7 +175,7 @@ class Life {
       require(submit(key.second, key.first) == id, "a key was forgotten");
     }
     // All the rows there are: nobody else submitted anything.
-    const auto all = service_->list(Caller::open(), 100, std::nullopt);
+    const auto all = all_jobs();
     require(all && all->size() <= jobs_.size() + 1, "there are jobs that nobody submitted");
     for (const JobStatus& status : *all) end_of(status.id, std::nullopt);
     wait_for_sweep();

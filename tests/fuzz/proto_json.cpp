@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "proto/job.h"
+#include "proto/job_text.h"
 #include "server/base/check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
@@ -24,7 +25,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     VOXELD_CHECK(voxeld::parse_options(options, scope).ok(), "the canonical form is taken");
   }
   if (const auto status = voxeld::parse_job_status(copy)) {
-    const auto back = voxeld::parse_job_status(voxeld::job_status_json(*status));
+    const auto back =
+        voxeld::parse_job_status(nlohmann::json::parse(voxeld::job_status_text(*status)));
     VOXELD_CHECK(back && back->state == status->state, "a status is written as it was read");
   }
   (void)voxeld::parse_problem(copy);

@@ -143,10 +143,10 @@ class Quotas(unittest.TestCase):
         while path:
             page = lab.get(path).json()
             seen += [item["job"] for item in page["results"]]
-            path = page["next"] and f"/v1/results?limit=2&after={page['next']}"
+            path = page.get("next") and f"/v1/results?limit=2&after={page['next']}"
         self.assertEqual(seen, jobs[::-1])
         self.problem(lab.get("/v1/grids?limit=1001"), 400, "invalid-option", "from 1 to 1000")
-        self.problem(lab.get("/v1/grids?after=x"), 400, "invalid-option", "of the page before")
+        self.problem(lab.get("/v1/grids?after=x"), 400, "invalid-option", "earlier page of this list")
         self.problem(lab.get("/v1/grids?page=2"), 400, "unknown-option", "limit, after")
 
     def test_one_of_several_tenants_leaves_places_in_the_queue(self):

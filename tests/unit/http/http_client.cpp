@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <chrono>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
@@ -104,6 +105,10 @@ std::optional<HttpAnswer> HttpClient::receive_head() {
 std::optional<HttpAnswer> HttpClient::receive(bool has_body) {
   auto answer = receive_head();
   if (!answer || !has_body) return answer;
+  if (answer->header("transfer-encoding") == "chunked") {
+    if (!receive_chunks(answer->body)) return std::nullopt;
+    return answer;
+  }
   const auto bytes = std::strtoull(answer->header("content-length").c_str(), nullptr, 10);
   while (buffer_.size() < bytes) {
     if (!fill()) return std::nullopt;
@@ -111,6 +116,26 @@ std::optional<HttpAnswer> HttpClient::receive(bool has_body) {
   answer->body = buffer_.substr(0, bytes);
   buffer_.erase(0, bytes);
   return answer;
+}
+
+// Up to the last chunk; what sizes and ends do not fit is none.
+bool HttpClient::receive_chunks(std::string& body) {
+  while (true) {
+    size_t line = 0;
+    while ((line = buffer_.find("\r\n")) == std::string::npos) {
+      if (!fill()) return false;
+    }
+    size_t bytes = 0;
+    const auto [stopped, error] = std::from_chars(buffer_.data(), buffer_.data() + line, bytes, 16);
+    if (error != std::errc() || stopped != buffer_.data() + line) return false;
+    while (buffer_.size() < line + bytes + 4) {
+      if (!fill()) return false;
+    }
+    if (buffer_.compare(line + 2 + bytes, 2, "\r\n") != 0) return false;
+    body.append(buffer_, line + 2, bytes);
+    buffer_.erase(0, line + bytes + 4);
+    if (bytes == 0) return true;
+  }
 }
 
 std::string HttpClient::receive_some() {

@@ -36,8 +36,8 @@ class HttpClient {
   bool send(std::string_view text);
   // "GET target" with a Host, and `lines` (each with its CRLF).
   bool send_get(std::string_view target, std::string_view lines = "");
-  // One whole answer (interim 1xx answers are skipped); nullopt when the connection ends before.
-  // `has_body` is false for answers to HEAD.
+  // One whole answer, put together where it comes in chunks; interim 1xx answers are skipped.
+  // nullopt when the connection ends before. `has_body` is false for answers to HEAD.
   std::optional<HttpAnswer> receive(bool has_body = true);
   // The head of an answer that goes on; the rest by receive_some().
   std::optional<HttpAnswer> receive_head();
@@ -52,6 +52,7 @@ class HttpClient {
 
  private:
   bool fill();
+  bool receive_chunks(std::string& body);
 
   UniqueFd fd_;
   std::string buffer_;

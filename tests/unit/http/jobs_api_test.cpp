@@ -1,12 +1,14 @@
 // Jobs over HTTP: long polls, event streams, and what is refused at the limits.
 #include <gtest/gtest.h>
 
+#include <set>
 #include <string>
 #include <vector>
 
 #include "server/base/memory_reserve.h"
 #include "server/http/api.h"
 #include "tests/unit/http/server_fixture.h"
+#include "tests/unit/jobs/lists.h"
 
 namespace voxeld::http {
 namespace {
@@ -151,8 +153,7 @@ TEST_F(JobsApi, a_one_shot_job_is_cancelled_when_its_client_leaves) {
   ASSERT_TRUE(comes_true([&] { return jobs_->queued_jobs() == 1; }));
   client.close();
   EXPECT_TRUE(comes_true([&] {
-    const auto jobs = jobs_->list(Caller::open(), 1, JobState::kCancelled);
-    return jobs.ok() && jobs->size() == 1;
+    return testing::jobs_of(*jobs_, Caller::open(), 1, JobState::kCancelled).size() == 1;
   }));
 }
 
@@ -264,6 +265,64 @@ TEST_F(Events, streams_over_the_limit_are_too_many_requests_and_room_is_used_aga
     const auto head = client.receive_head();
     return head && head->status == 200;
   }));
+}
+
+TEST_F(JobsApi, a_list_is_read_page_by_page) {
+  std::vector<std::string> ids;
+  for (int i = 0; i < 5; ++i) ids.insert(ids.begin(), submit());
+  std::vector<std::string> seen;
+  std::string after;
+  int pages = 0;
+  do {
+    const auto page = json(get("/v1/jobs?state=queued&limit=2&after=" + after));
+    for (const auto& job : page["jobs"]) {
+      seen.push_back(job.value("id", ""));
+      EXPECT_EQ(job["queue_position"], 6 - static_cast<int>(seen.size()));
+    }
+    after = page.value("next", "");
+    ++pages;
+  } while (!after.empty());
+  EXPECT_EQ(seen, ids);
+  EXPECT_EQ(pages, 3);
+  const HttpAnswer refused = get("/v1/jobs?after=j-0");
+  EXPECT_EQ(refused.status, 400);
+  EXPECT_EQ(refused.code(), "invalid-option");
+  EXPECT_EQ(json(refused)["expected"], "the id of a job that is there");
+  EXPECT_EQ(json(get("/v1/jobs?other=1"))["expected"], "limit, after, state");
+}
+
+TEST_F(JobsApi, assets_are_read_page_by_page_and_of_one_time_by_id) {
+  std::set<std::string> ids;
+  for (int i = 0; i < 5; ++i) ids.insert(post_asset("mesh " + std::to_string(i)));
+  std::vector<std::string> seen;
+  std::string after;
+  do {
+    const auto page = json(get("/v1/assets?limit=2&after=" + after));
+    for (const auto& asset : page["assets"]) seen.push_back(asset.value("id", ""));
+    after = page.value("next", "");
+  } while (!after.empty());
+  EXPECT_EQ(seen.size(), 5u);
+  EXPECT_EQ(std::set(seen.begin(), seen.end()), ids);
+  for (const char* cursor : {"x", "1", "1.2", "-1.a.b"}) {
+    EXPECT_EQ(get("/v1/assets?after=" + std::string(cursor)).code(), "invalid-option") << cursor;
+  }
+}
+
+TEST_F(JobsApi, long_texts_of_a_job_are_left_to_its_own_page) {
+  std::string times = "0";
+  for (int i = 1; i < 4096; ++i) times += "," + std::to_string(i) + ".5";
+  const HttpAnswer sent = request("POST", "/v1/jobs", "",
+                                  R"({"kind":"voxelize","asset":")" + post_asset() +
+                                      R"(","options":{"animation":0,"times":[)" + times + "]}}");
+  ASSERT_EQ(sent.status, 202) << sent.body;
+  const auto row = json(get("/v1/jobs"))["jobs"][0];
+  EXPECT_EQ(row["left_out"], std::vector<std::string>{"options"});
+  EXPECT_FALSE(row.contains("options"));
+  EXPECT_LT(row.dump().size(), 2000u);
+  const HttpAnswer whole = get(sent.header("location"));
+  EXPECT_EQ(json(whole)["options"]["times"], times);
+  EXPECT_EQ(whole.header("etag"), sent.header("etag"));
+  EXPECT_EQ(json(sent)["options"]["times"], times);
 }
 
 }  // namespace

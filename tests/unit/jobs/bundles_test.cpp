@@ -5,6 +5,7 @@
 #include <string>
 
 #include "server/base/sha256.h"
+#include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -104,7 +105,7 @@ TEST_F(BundlesTest, files_of_a_live_job_stay_until_it_has_ended) {
 
 TEST_F(BundlesTest, the_same_manifest_is_one_asset) {
   EXPECT_EQ(put_bundle(), put_bundle());
-  EXPECT_EQ(service_->list_assets(Caller::open(), 100).value().size(), 3u);
+  EXPECT_EQ(testing::assets_of(*service_, Caller::open()).size(), 3u);
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ class FramesTest : public testing::ServiceTest {
   }
   std::vector<std::string> grids(const std::string& job) {
     std::vector<std::string> ids;
-    const auto frames = service_->frames(Caller::open(), job);
+    const auto frames = service_->frames(Caller::open(), job, {});
     EXPECT_TRUE(frames) << frames.error().message();
     for (const ListedFrame& listed : frames->frames) ids.push_back(listed.frame.grid);
     return ids;
@@ -57,7 +57,7 @@ TEST_F(FramesTest, a_frame_is_listed_and_can_be_fetched_while_its_job_runs) {
   EXPECT_TRUE(std::filesystem::exists(reply.path));
   EXPECT_FALSE(std::filesystem::exists(worker.scratch() / "frame.voxg"));
   worker.frame(task, 1, "second");
-  const auto frames = service_->frames(Caller::open(), id_);
+  const auto frames = service_->frames(Caller::open(), id_, {});
   ASSERT_TRUE(frames) << frames.error().message();
   EXPECT_EQ(frames->job, id_);
   EXPECT_EQ(frames->sequence, "");
@@ -103,7 +103,7 @@ TEST_F(FramesTest, a_cancel_reaches_the_worker_with_its_next_frame_and_keeps_wha
   EXPECT_TRUE(service_->get_grid(Caller::open(), sha256_id("second")));
   EXPECT_EQ(service_->get(Caller::open(), id_).value().frames_done, 2);
   // Told by the frames alone: no progress came before the cancel.
-  EXPECT_EQ(service_->frames(Caller::open(), id_).value().frames_total, 9);
+  EXPECT_EQ(service_->frames(Caller::open(), id_, {}).value().frames_total, 9);
 }
 
 TEST_F(FramesTest, a_failure_keeps_what_is_done) {
@@ -176,7 +176,8 @@ TEST_F(FramesTest, a_finished_job_is_a_sequence) {
   ASSERT_TRUE(manifest) << manifest.error().message();
   ASSERT_EQ(manifest->frames.size(), 3u);
   EXPECT_EQ(manifest->frames[0].grid, manifest->frames[2].grid);
-  EXPECT_EQ(service_->frames(Caller::open(), status.id).value().sequence, status.result->sequence);
+  EXPECT_EQ(service_->frames(Caller::open(), status.id, {}).value().sequence,
+            status.result->sequence);
   EXPECT_EQ(service_->get_sequence(Caller::open(), "sha256-1").error().message(),
             "no such sequence: expected the id of a sequence, got sha256-1");
   // A blob that is no sequence is none.

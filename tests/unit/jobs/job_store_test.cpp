@@ -12,6 +12,7 @@
 #include "server/jobs/frame_store.h"
 #include "server/store/blob_store.h"
 #include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/jobs/lists.h"
 
 namespace voxeld {
 namespace {
@@ -385,11 +386,11 @@ TEST_F(JobStoreTest, jobs_are_listed_newest_first_and_by_state) {
   const std::string first = submit(request(asset)).status.id;
   const std::string second = submit(request(asset)).status.id;
   claim();
-  const auto all = store_->list(Caller::open(), 10, std::nullopt).value();
+  const auto all = testing::jobs_of(*store_, Caller::open(), 10);
   ASSERT_EQ(all.size(), 2u);
   EXPECT_EQ(all[0].status.id, second);
-  EXPECT_EQ(store_->list(Caller::open(), 1, std::nullopt).value().size(), 1u);
-  const auto running = store_->list(Caller::open(), 10, JobState::kRunning).value();
+  EXPECT_EQ(testing::jobs_of(*store_, Caller::open(), 1).size(), 1u);
+  const auto running = testing::jobs_of(*store_, Caller::open(), 10, JobState::kRunning);
   ASSERT_EQ(running.size(), 1u);
   EXPECT_EQ(running[0].status.id, first);
   EXPECT_EQ(store_->live().value().queued, 1);
@@ -411,7 +412,10 @@ TEST_F(JobStoreTest, a_deleted_asset_is_gone_and_comes_back_with_an_upload) {
   EXPECT_EQ(assets_->mark_deleted(Caller::open(), id).error().code, ErrorCode::kGone);
   EXPECT_EQ(store_->submit(Caller::open(), request(id), {}, {kQueueMax, 0}).error().code,
             ErrorCode::kGone);
-  EXPECT_TRUE(assets_->list(Caller::open(), 10).value().empty());
+  EXPECT_TRUE(assets_->list(Caller::open(), {}, [](const Asset&) {
+    ADD_FAILURE() << "there is one left";
+    return true;
+  }));
   EXPECT_EQ(assets_->remove_unneeded().value(), 1);
   EXPECT_FALSE(blobs_->stat(id));
   put_asset("mesh");

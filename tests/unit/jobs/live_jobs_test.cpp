@@ -9,6 +9,7 @@
 #include "server/jobs/job_store.h"
 #include "server/jobs/retention.h"
 #include "server/jobs/schema.h"
+#include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -67,7 +68,8 @@ TEST_F(QueueShare, places_that_become_free_are_shared_anew) {
     ASSERT_TRUE(service_->cancel(Caller::tenant("other", false), id));
   }
   EXPECT_FALSE(submit_for("greedy")) << "it has as many as are free";
-  const auto own = service_->list(Caller::tenant("greedy", false), 1, JobState::kQueued).value();
+  const auto own =
+      testing::jobs_of(*service_, Caller::tenant("greedy", false), 1, JobState::kQueued);
   ASSERT_TRUE(service_->cancel(Caller::tenant("greedy", false), own[0].id));
   EXPECT_TRUE(submit_for("greedy"));
 }

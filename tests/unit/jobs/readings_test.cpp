@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -94,7 +95,7 @@ TEST_F(ReadingsTest, results_are_not_shared_by_ways_to_read) {
 
 TEST_F(ReadingsTest, the_bytes_are_one_asset_that_is_deleted_as_a_whole) {
   const std::string off = put_asset("bytes", "a.off"), obj = put_asset("bytes", "a.obj");
-  EXPECT_EQ(service_->list_assets(Caller::open(), 10).value().size(), 1u);
+  EXPECT_EQ(testing::assets_of(*service_, Caller::open()).size(), 1u);
   ASSERT_TRUE(service_->delete_asset(Caller::open(), obj));
   EXPECT_EQ(service_->get_asset(Caller::open(), off).error().code, ErrorCode::kGone);
   EXPECT_EQ(service_->get_asset(Caller::open(), obj).error().code, ErrorCode::kGone);

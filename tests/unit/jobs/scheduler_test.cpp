@@ -10,6 +10,7 @@
 
 #include "server/jobs/job_record.h"
 #include "server/jobs/slots.h"
+#include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -99,7 +100,7 @@ TEST_F(SchedulerTest, a_tenant_with_many_jobs_leaves_the_last_worker_to_others) 
     claims.emplace_back([&, i] { tasks[i] = workers[i]->claim(); });
   }
   const auto running = [&] {
-    return service_->list(Caller::daemon(), 100, JobState::kRunning).value().size();
+    return testing::jobs_of(*service_, Caller::daemon(), 100, JobState::kRunning).size();
   };
   while (running() < 2) std::this_thread::sleep_for(milliseconds(1));
   std::this_thread::sleep_for(milliseconds(50));

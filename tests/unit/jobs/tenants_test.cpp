@@ -6,6 +6,7 @@
 #include <string>
 
 #include "server/base/sha256.h"
+#include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -82,8 +83,8 @@ TEST_F(TenantsTest, an_asset_of_another_is_as_one_that_never_was) {
   expect_same([&](const std::string& asset) {
     return service_->put_bundle(studio_, manifest, "b", {{"a.ply", asset}});
   });
-  EXPECT_TRUE(service_->list_assets(studio_, 100).value().empty());
-  EXPECT_EQ(service_->list_assets(lab_, 100).value().size(), 1u);
+  EXPECT_TRUE(testing::assets_of(*service_, studio_).empty());
+  EXPECT_EQ(testing::assets_of(*service_, lab_).size(), 1u);
   ASSERT_TRUE(service_->delete_asset(lab_, id));
   EXPECT_EQ(service_->get_asset(lab_, id).error().code, ErrorCode::kGone);
   expect_same([&](const std::string& asset) { return service_->get_asset(studio_, asset); });
@@ -101,9 +102,9 @@ TEST_F(TenantsTest, jobs_results_grids_and_events_of_another_are_not_found) {
   EXPECT_EQ(service_->wait_change(studio_, id, 0, soon).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(service_->wait_events(studio_, id, 0, soon).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(service_->cancel(studio_, id).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(service_->frames(studio_, id).error().code, ErrorCode::kNotFound);
-  EXPECT_TRUE(service_->list(studio_, 100, std::nullopt).value().empty());
-  EXPECT_TRUE(service_->list(studio_, 100, JobState::kDone).value().empty());
+  EXPECT_EQ(service_->frames(studio_, id, {}).error().code, ErrorCode::kNotFound);
+  EXPECT_TRUE(testing::jobs_of(*service_, studio_, 100).empty());
+  EXPECT_TRUE(testing::jobs_of(*service_, studio_, 100, JobState::kDone).empty());
   const std::string grid = job.result->grid;
   EXPECT_EQ(message(service_->get_grid(studio_, grid).error()),
             "no such grid: expected the id of a grid, got " + grid);
@@ -113,7 +114,7 @@ TEST_F(TenantsTest, jobs_results_grids_and_events_of_another_are_not_found) {
   EXPECT_EQ(service_->submit(studio_, render, {}).error().code, ErrorCode::kNotFound);
   EXPECT_TRUE(service_->get_grid(lab_, grid));
   EXPECT_TRUE(service_->get_result(lab_, id));
-  EXPECT_EQ(service_->list(lab_, 100, JobState::kDone).value().size(), 1u);
+  EXPECT_EQ(testing::jobs_of(*service_, lab_, 100, JobState::kDone).size(), 1u);
 }
 
 TEST_F(TenantsTest, frames_and_sequences_of_another_are_not_found) {
@@ -129,7 +130,7 @@ TEST_F(TenantsTest, frames_and_sequences_of_another_are_not_found) {
   render.kind = JobKind::kRender;
   render.sequence = sequence;
   EXPECT_EQ(service_->submit(studio_, render, {}).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(service_->frames(boss_, job.id).value().frames.size(), 2u);
+  EXPECT_EQ(service_->frames(boss_, job.id, {}).value().frames.size(), 2u);
 }
 
 TEST_F(TenantsTest, the_same_bytes_are_a_first_upload_for_each_and_one_blob) {
@@ -213,10 +214,10 @@ TEST_F(TenantsTest, idempotency_keys_of_two_tenants_do_not_meet) {
 TEST_F(TenantsTest, an_admin_sees_works_on_and_cancels_what_is_of_others) {
   const std::string asset = put(lab_, "mesh", "lab.ply").id;
   put(studio_, "mesh", "studio.ply");
-  EXPECT_EQ(service_->list_assets(boss_, 100).value().size(), 2u);
+  EXPECT_EQ(testing::assets_of(*service_, boss_).size(), 2u);
   EXPECT_FALSE(service_->get_asset(boss_, asset).value().filename.empty());
   const std::string id = submit_for(lab_, request(asset)).id;
-  EXPECT_EQ(service_->list(boss_, 100, JobState::kQueued).value().size(), 1u);
+  EXPECT_EQ(testing::jobs_of(*service_, boss_, 100, JobState::kQueued).size(), 1u);
   EXPECT_EQ(service_->cancel(boss_, id).value().state, JobState::kCancelled);
   EXPECT_EQ(service_->get(lab_, id).value().state, JobState::kCancelled);
   const JobStatus own = finish(boss_, request(asset), "grid");
@@ -254,7 +255,7 @@ TEST_F(TenantsTest, what_the_open_daemon_made_is_the_admins_once_there_are_keys)
 TEST_F(TenantsTest, nobody_sees_nothing) {
   const std::string asset = put(Caller::open(), "mesh").id;
   EXPECT_FALSE(service_->get_asset(Caller::nobody(), asset));
-  EXPECT_TRUE(service_->list_assets(Caller::nobody(), 100).value().empty());
+  EXPECT_TRUE(testing::assets_of(*service_, Caller::nobody()).empty());
 }
 
 TEST_F(TenantsTest, an_upload_that_meets_the_deletion_of_the_same_bytes_by_another_goes_through) {

@@ -2,10 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "proto/job_json.h"
+#include "proto/job_text.h"
+#include "proto/json_writer.h"
 
 namespace voxeld {
 namespace {
@@ -187,9 +193,9 @@ TEST(JobRequest, the_filename_may_stand_in_the_options) {
 
 TEST(JobStatus, of_a_finished_job_comes_back) {
   const JobStatus status = finished();
-  const auto back = parse_job_status(job_status_json(status));
+  const auto back = parse_job_status(Json::parse(job_status_text(status)));
   ASSERT_TRUE(back) << back.error().message();
-  EXPECT_EQ(job_status_json(*back), job_status_json(status));
+  EXPECT_EQ(job_status_text(*back), job_status_text(status));
   EXPECT_EQ(back->kind, status.kind);
   EXPECT_EQ(back->state, status.state);
   EXPECT_EQ(back->version, 9);
@@ -216,7 +222,7 @@ TEST(JobStatus, of_a_failed_job_carries_its_error_and_no_result) {
   JobStatus status;
   status.state = JobState::kFailed;
   status.error = Error{ErrorCode::kMalformedMesh, "a.obj line 3: index", "1 to 8", "9"};
-  const Json json = job_status_json(status);
+  const Json json = Json::parse(job_status_text(status));
   EXPECT_FALSE(json.contains("result"));
   EXPECT_EQ(json["error"]["code"], "malformed-mesh");
   const auto back = parse_job_status(json);
@@ -239,7 +245,7 @@ TEST(JobStatus, only_the_three_last_states_are_ended) {
 }
 
 TEST(JobStatus, members_of_other_types_and_unknown_states_are_refused) {
-  const Json good = job_status_json(finished());
+  const Json good = Json::parse(job_status_text(finished()));
   for (const auto& [name, value] : good.items()) {
     // timings and options are shown, never acted on; an error is never refused.
     if (name == "timings" || name == "options") continue;
@@ -260,8 +266,46 @@ TEST(JobStatus, meta_that_is_no_object_is_written_as_an_empty_one) {
   JobStatus status = finished();
   for (const char* meta : {"", "[1]", "{", "5"}) {
     status.result->meta_json = meta;
-    EXPECT_EQ(job_status_json(status)["result"]["meta"].dump(), "{}") << meta;
+    EXPECT_EQ(Json::parse(job_status_text(status))["result"]["meta"].dump(), "{}") << meta;
   }
+}
+
+TEST(JobStatus, a_row_of_a_job_with_long_texts_is_bounded_and_names_what_it_leaves_out) {
+  JobStatus status = finished();
+  const std::string megabyte(1 << 20, 'x');
+  status.options_json = R"({"times":[)" + std::string(200'000, '1') + "]}";
+  status.result->meta_json = R"({"labels":")" + megabyte + "\"}";
+  for (int i = 0; i < 1000; ++i) status.result->warnings.push_back({"missing-texture", "x.png"});
+  status.filename = megabyte;
+  status.error = Error{ErrorCode::kInternal, megabyte, megabyte, megabyte};
+  const std::string text = job_row_text(status);
+  EXPECT_LT(text.size(), 8 * limits::kRowTextBytesMax);
+  const Json row = Json::parse(text);
+  EXPECT_EQ(row["left_out"], (std::vector<std::string>{"options", "meta"}));
+  EXPECT_FALSE(row.contains("options"));
+  EXPECT_FALSE(row["result"].contains("meta"));
+  EXPECT_EQ(row["result"]["warnings"][0]["code"], "left-out");
+  EXPECT_EQ(row["id"], status.id);
+  EXPECT_EQ(Json::parse(job_status_text(status))["result"]["meta"]["labels"], megabyte);
+  EXPECT_FALSE(Json::parse(job_row_text(finished())).contains("left_out"));
+}
+
+TEST(JsonWriter, numbers_and_texts_read_back_as_what_they_were) {
+  std::string text;
+  JsonWriter(text)
+      .begin_object()
+      .member("text", "a\"b\\c\n\xff")
+      .member("large", std::numeric_limits<uint64_t>::max())
+      .member("small", std::numeric_limits<int64_t>::min())
+      .member("fraction", 0.1)
+      .member("whole", 2.0)
+      .member("none", std::nan(""))
+      .member("yes", true)
+      .member("list", std::array{1, 2, 3})
+      .end_object();
+  EXPECT_EQ(text, R"({"text":"a\"b\\c\n�","large":18446744073709551615,)"
+                  R"("small":-9223372036854775808,"fraction":0.1,"whole":2.0,"none":null,)"
+                  R"("yes":true,"list":[1,2,3]})");
 }
 
 TEST(Problem, has_the_members_of_rfc_9457_for_every_code) {

@@ -1,0 +1,43 @@
+// Lists of the job service and its stores as vectors.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <type_traits>
+#include <vector>
+
+#include "server/jobs/asset_store.h"
+#include "server/jobs/job_service.h"
+#include "server/jobs/job_store.h"
+
+namespace voxeld::testing {
+
+// At most `limit` jobs, newest first. Lister: JobService, JobStore.
+template <typename Lister>
+auto jobs_of(Lister& lister, const Caller& caller, int limit,
+             std::optional<JobState> state = std::nullopt) {
+  using Row = std::conditional_t<std::is_base_of_v<JobService, Lister>, JobStatus, JobRecord>;
+  std::vector<Row> jobs;
+  JobQuery query;
+  query.state = state;
+  const Status listed = lister.list(caller, query, [&](const Row& job) {
+    jobs.push_back(job);
+    return static_cast<int>(jobs.size()) < limit;
+  });
+  EXPECT_TRUE(listed) << listed.error().message();
+  return jobs;
+}
+
+// Lister: JobService.
+inline std::vector<Asset> assets_of(JobService& lister, const Caller& caller) {
+  std::vector<Asset> assets;
+  const Status listed = lister.list_assets(caller, {}, [&](const Asset& asset) {
+    assets.push_back(asset);
+    return true;
+  });
+  EXPECT_TRUE(listed) << listed.error().message();
+  return assets;
+}
+
+}  // namespace voxeld::testing
