@@ -112,8 +112,8 @@ class AnswerMemory(DaemonTest):
 
     def test_5_a_body_of_very_many_values_is_refused(self):
         body = '{"kind":"voxelize","asset":"a","options":' + "[" + ",".join("[]" for _ in range(300_000)) + "]}"
-        self.assert_problem(self.daemon.request("POST", "/v1/jobs", body=body), 400, "bad-request",
-                            "too many values", "at most 32768")
+        response = self.daemon.post("/v1/jobs", body, headers={"Content-Type": "application/json"})
+        self.assert_problem(response, 400, "bad-request", "too many values", "at most 32768")
 
     def test_6_without_memory_requests_fail_and_the_daemon_goes_on(self):
         pid = self.daemon.process.pid
