@@ -26,6 +26,8 @@ inline constexpr ClientText kAnimation{"animation", 255};
 // takes up to three (asset_id.h).
 inline constexpr ClientText kAsset{"asset", 1024};
 inline constexpr ClientText kGrid{"grid", 80}, kSequence{"sequence", 80};
+// `after` of a list: that of assets has an id of one, a tenant's name and a number.
+inline constexpr ClientText kCursor{"after", 1200};
 // Any other option: 16 numbers of 25 bytes are the longest that has a meaning.
 inline constexpr ClientText kOption{"option", 1024};
 // A number of 24 bytes and a comma for each frame.

@@ -5,6 +5,7 @@
 #include <memory>
 #include <utility>
 
+#include "proto/client_texts.h"
 #include "proto/json_writer.h"
 
 namespace voxeld::http {
@@ -71,6 +72,7 @@ Result<ListPage> requested_page(const Request& request, ListLimits limits,
   ListPage page{limits.by_default, ""};
   for (const auto& [name, value] : request.head.query) {
     if (name == "after") {
+      VOXELD_TRY(check_length(client_texts::kCursor, value));
       page.after = value;
     } else if (name == "limit") {
       const char* const end = value.data() + value.size();

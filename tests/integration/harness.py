@@ -144,9 +144,9 @@ class Daemon:
             time.sleep(0.05)
         raise AssertionError(f"not ready: {response.body!r}\n{self.log_tail()}")
 
-    def log_tail(self):
+    def log_tail(self, size=4000):
         with open(self.log.name, "rb") as file:
-            return file.read()[-4000:].decode(errors="replace")
+            return file.read()[-size:].decode(errors="replace")
 
     def holding(self, key):
         """The same daemon as the holder of another key sees it."""

@@ -18,6 +18,7 @@ HOSTILE = "mallory"
 HOSTILE_LIMITS = ["--bytes", "200M", "--queued-jobs", "500"]
 HOLD_SECONDS = 3  # that an attacker keeps what it has opened
 HELD_CONNECTIONS = 50
+UNREAD_ANSWERS = 200
 REFUSED = {400, 404, 408, 409, 410, 411, 413, 415, 422, 429, 503, 504, 507}
 
 
@@ -114,7 +115,7 @@ class Siege(TenantsDaemon):
         if self.grid:
             paths.append(f"/v1/grids/{self.grid}/tiles")
         self.hold("take_no_answers", [self.head_of("GET", paths[i % len(paths)])
-                                      for i in range(HELD_CONNECTIONS)])
+                                      for i in range(UNREAD_ANSWERS)])
 
     def send_half_bodies(self):
         self.hold("send_half_bodies",
