@@ -135,6 +135,14 @@ CLI::Option* add_sandbox(CLI::App& command, std::string& mode) {
 void add_worker_limits(CLI::App& serve, ServeConfig& config) {
   add_sandbox(serve, config.sandbox)->envname("VOXELD_SANDBOX");
   serve
+      .add_option("--worker-isolation", config.worker_isolation,
+                  "tenant: a worker process that has read a file of one tenant gets no task of "
+                  "another; task: each gets one task; none; auto: tenant where several tenants "
+                  "have keys, else none")
+      ->check(CLI::IsMember({"auto", "tenant", "task", "none"}))
+      ->envname("VOXELD_WORKER_ISOLATION")
+      ->capture_default_str();
+  serve
       .add_option("--worker-memory-max", config.worker_memory_bytes_max,
                   "Memory that one worker process may take (8G); 0: 3/4 of the machine's, or of "
                   "the control group's")

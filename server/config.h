@@ -42,7 +42,9 @@ struct ServeConfig {
   double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
   double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
   std::string shader_dir;
-  std::string sandbox = "auto";          // of workers: auto, require or off
+  std::string sandbox = "auto";  // of workers: auto, require or off
+  // auto (tenant where several tenants have keys, else none), tenant, task or none
+  std::string worker_isolation = "auto";
   int64_t worker_memory_bytes_max = 0;   // 0: three quarters of what there is
   int64_t worker_scratch_bytes_max = 0;  // 0: a quarter of the disk
   double job_seconds_max = 86'400;

@@ -85,6 +85,13 @@ Result<int> wait_for_worker(JobService& jobs, ShutdownWatch& watch_of_end) {
 // The rest is for the gateway, the system and its caches.
 constexpr int64_t kMemoryShareMax = 4, kMemoryShare = 3;
 
+// Worker processes, with those in reserve.
+int processes_of_device(const ServeConfig& config) {
+  const auto fixed = worker_isolation_of(config.worker_isolation);
+  return config.workers_per_device +
+         reserve_of(fixed.value_or(WorkerIsolation::kTenant), config.workers_per_device);
+}
+
 JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> devices,
                             const std::string& self_executable, const KeyRing& keys) {
   JobServiceConfig jobs;
@@ -114,6 +121,10 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   jobs.has_keys = [&keys] { return keys.needs_keys(); };
   jobs.forgets_keys = config.forgets_keys;
   jobs.store_match = config.adopts_store ? StoreMatch::kAdopt : StoreMatch::kRequired;
+  jobs.isolation = [&keys, fixed = worker_isolation_of(config.worker_isolation)] {
+    if (fixed) return *fixed;
+    return keys.has_several_tenants() ? WorkerIsolation::kTenant : WorkerIsolation::kNone;
+  };
   jobs.limits.job_seconds_max = config.job_seconds_max;
   jobs.limits.worker_memory_bytes_max = config.worker_memory_bytes_max > 0
                                             ? config.worker_memory_bytes_max
@@ -156,7 +167,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
       const DescriptorPlan descriptors,
       share_out_descriptors({0, config.connections_max, config.connections_per_address,
                              kAdminConnectionsMax, config.request_threads},
-                            static_cast<int>(devices.size()) * config.workers_per_device));
+                            static_cast<int>(devices.size()) * processes_of_device(config)));
   auto metrics = std::make_shared<prometheus::Registry>();
   VOXELD_ASSIGN(const auto jobs,
                 start_job_service(job_config(config, devices, self_executable, *keys), metrics));

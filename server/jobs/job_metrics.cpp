@@ -75,6 +75,15 @@ struct JobMetrics::Impl {
                      .Name("voxeld_worker_restarts_total")
                      .Help("Worker processes that ended and were started again, by device.")
                      .Register(*registry)),
+        replacements(BuildCounter()
+                         .Name("voxeld_worker_replacements_total")
+                         .Help("Workers that gave way to fresh ones for other tenants, by device.")
+                         .Register(*registry)),
+        fresh_wait_seconds(
+            BuildCounter()
+                .Name("voxeld_fresh_worker_wait_seconds_total")
+                .Help("Seconds in which the next job waited for a fresh worker, by device.")
+                .Register(*registry)),
         worker_up(BuildGauge()
                       .Name("voxeld_worker_up")
                       .Help("Worker processes that are connected, by device.")
@@ -138,6 +147,7 @@ struct JobMetrics::Impl {
   Family<Histogram>& stage_seconds;
   Counter& frames_done;
   Family<Counter>& restarts;
+  Family<Counter>&replacements, &fresh_wait_seconds;
   Family<Gauge>& worker_up;
   Family<Counter>& device_seconds;
   Family<Counter>& cpu_seconds;
@@ -232,6 +242,14 @@ void JobMetrics::set_jobs(int64_t queued, int64_t running) {
 
 void JobMetrics::worker_restarted(const std::string& device) {
   if (impl_) impl_->restarts.Add({{"device", device}}).Increment();
+}
+
+void JobMetrics::worker_replaced(const std::string& device) {
+  if (impl_) impl_->replacements.Add({{"device", device}}).Increment();
+}
+
+void JobMetrics::waited_for_fresh_worker(const std::string& device, double seconds) {
+  if (impl_) impl_->fresh_wait_seconds.Add({{"device", device}}).Increment(seconds);
 }
 
 void JobMetrics::add_worker_up(const std::string& device, int workers) {

@@ -38,6 +38,10 @@ class JobMetrics {
   void frame_done();
   void set_jobs(int64_t queued, int64_t running);
   void worker_restarted(const std::string& device);
+  // A worker that had had other tenants' tasks gave way to a fresh one (worker_isolation.h).
+  void worker_replaced(const std::string& device);
+  // A job was next, and no fresh worker was there for so long.
+  void waited_for_fresh_worker(const std::string& device, double seconds);
   // Counts the device's workers that are connected.
   void add_worker_up(const std::string& device, int workers);
   // Bytes of all blobs; how many were ever found damaged.

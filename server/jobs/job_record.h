@@ -20,7 +20,7 @@ namespace voxeld {
 struct JobRecord {
   JobStatus status;
   std::string tenant;        // whose job it is
-  std::string asset_tenant;  // whose asset it works on: the same, but for an admin's job
+  std::string asset_tenant;  // whose input it works on: the same, but for an admin's job
   int64_t seq = 0;           // order of arrival
   int64_t fence = 0;
   std::string request_hash;  // see request_hash.h

@@ -26,6 +26,7 @@
 #include "server/jobs/job_query.h"
 #include "server/jobs/kept_clock.h"
 #include "server/jobs/tenant_limits.h"
+#include "server/jobs/worker_isolation.h"
 #include "server/store/blob_store.h"
 
 namespace prometheus {
@@ -289,6 +290,9 @@ struct JobServiceConfig {
   int64_t memory_bytes_max = 0;
   // A tenant's share beside the others'; null: all have the same. Thread-safe.
   std::function<int64_t(const std::string& tenant)> weight_of;
+  // Which tasks a worker process may run after others, asked anew before each claim; null: all.
+  // Thread-safe.
+  std::function<WorkerIsolation()> isolation;
   TaskLimits limits;
   StorageLimits storage;
   StoreMatch store_match = StoreMatch::kRequired;

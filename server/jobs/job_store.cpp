@@ -67,7 +67,8 @@ Status check_sequence(SqlConnection& connection, const Caller& caller, std::stri
   return is_stored(id) ? Status() : not_stored("sequence", id);
 }
 
-// The input is there. Returns whose asset it is; empty where it is none.
+// The input is there. Returns whose it is. A grid or a sequence may have several owners: nobody's
+// where the caller is none of them, but an admin.
 Result<std::string> check_input(SqlConnection& connection, const Caller& caller,
                                 JobRequest& request, const IsStored& is_stored) {
   if (!request.grid.empty()) {
@@ -76,8 +77,12 @@ Result<std::string> check_input(SqlConnection& connection, const Caller& caller,
   if (!request.sequence.empty()) {
     VOXELD_TRY(check_sequence(connection, caller, request.sequence, is_stored));
   }
-  if (request.asset.empty()) return std::string();
-  return check_asset(connection, caller, request);
+  if (!request.asset.empty()) return check_asset(connection, caller, request);
+  const Caller owner = Caller::tenant(caller.tenant(), false);
+  const Status own = !request.grid.empty()
+                         ? check_kept_grid(connection, owner, request.grid)
+                         : check_kept_sequence(connection, owner, request.sequence);
+  return own ? caller.tenant() : Caller::nobody().tenant();
 }
 
 // The job that used this key within a day, or an empty id; also where that job's row went since.
@@ -341,11 +346,13 @@ Result<std::vector<std::string>> JobStore::reusable(const Caller& caller, JobReq
   }
 }
 
-Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker, const PickHead& pick) {
+Result<std::optional<JobRecord>> JobStore::claim(std::string_view worker, const PickHead& pick,
+                                                 QueueOrder order) {
   std::optional<JobRecord> claimed;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
     const int64_t now = unix_time_ms();
-    VOXELD_ASSIGN(const std::optional<std::string> id, claim_next(connection, worker, now, pick));
+    VOXELD_ASSIGN(const std::optional<std::string> id,
+                  claim_next(connection, worker, now, order, pick));
     if (!id) return {};
     VOXELD_ASSIGN(const JobRecord taken, load_job(connection, Caller::daemon(), *id));
     if (taken.use_cache) {

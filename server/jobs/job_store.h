@@ -87,7 +87,8 @@ class JobStore {
 
   // The next job for a worker, or nullopt when none waits. A job whose result an equal one has
   // left meanwhile ends as done without a worker: it comes back with that state.
-  Result<std::optional<JobRecord>> claim(std::string_view worker, const PickHead& pick = {});
+  Result<std::optional<JobRecord>> claim(std::string_view worker, const PickHead& pick = {},
+                                         QueueOrder order = QueueOrder::kFair);
 
   // Failed with quota-exceeded or payload-too-large where the tenant may not keep the result.
   Result<std::optional<JobRecord>> complete(const FinishedTask& task, const LiveJob& live);

@@ -17,17 +17,29 @@ Result<std::optional<std::string>> next_tenant(SqlConnection& connection,
   return found ? std::optional(row.text(0)) : std::nullopt;
 }
 
-Result<std::optional<int64_t>> oldest(SqlConnection& connection) {
-  VOXELD_ASSIGN(SqlStatement row, connection.query("SELECT seq FROM jobs WHERE state = 'queued'"
-                                                   " ORDER BY seq LIMIT 1"));
-  VOXELD_ASSIGN(const bool found, row.step());
-  return found ? std::optional(row.int64(0)) : std::nullopt;
+QueueHead head_of_row(const SqlStatement& row) {
+  return {row.text(0),  row.int64(1), static_cast<int>(row.int64(2)),
+          row.int64(3), row.text(4),  row.text(5)};
 }
 
-Result<std::optional<int64_t>> picked(SqlConnection& connection, const PickHead& pick) {
-  if (!pick) return oldest(connection);
-  VOXELD_ASSIGN(const std::vector<QueueHead> heads, queue_heads(connection));
-  const std::optional<size_t> which = pick(heads);
+// None or one.
+Result<std::vector<QueueHead>> oldest(SqlConnection& connection) {
+  VOXELD_ASSIGN(
+      SqlStatement row,
+      connection.query("SELECT tenant, seq, priority, deadline_ms, id, asset_tenant FROM jobs"
+                       " WHERE state = 'queued' ORDER BY seq LIMIT 1"));
+  VOXELD_ASSIGN(const bool found, row.step());
+  if (!found) return std::vector<QueueHead>();
+  return std::vector<QueueHead>{head_of_row(row)};
+}
+
+Result<std::optional<int64_t>> picked(SqlConnection& connection, QueueOrder order,
+                                      const PickHead& pick) {
+  const bool is_fair = order == QueueOrder::kFair && pick;
+  VOXELD_ASSIGN(const std::vector<QueueHead> heads,
+                is_fair ? queue_heads(connection) : oldest(connection));
+  if (!pick && heads.empty()) return std::optional<int64_t>();
+  const std::optional<size_t> which = pick ? pick(heads) : 0;
   return which ? std::optional(heads[*which].seq) : std::nullopt;
 }
 
@@ -39,22 +51,21 @@ Result<std::vector<QueueHead>> queue_heads(SqlConnection& connection) {
   while (true) {
     VOXELD_ASSIGN(tenant, next_tenant(connection, tenant));
     if (!tenant) return heads;
-    VOXELD_ASSIGN(SqlStatement row,
-                  connection.query("SELECT seq, priority, deadline_ms, id FROM jobs"
-                                   " WHERE state = 'queued' AND tenant = $1"
-                                   " ORDER BY priority DESC, deadline_ms, seq LIMIT 1",
-                                   *tenant));
+    VOXELD_ASSIGN(
+        SqlStatement row,
+        connection.query("SELECT tenant, seq, priority, deadline_ms, id, asset_tenant FROM jobs"
+                         " WHERE state = 'queued' AND tenant = $1"
+                         " ORDER BY priority DESC, deadline_ms, seq LIMIT 1",
+                         *tenant));
     VOXELD_ASSIGN(const bool found, row.step());
-    if (found) {
-      heads.push_back(
-          {*tenant, row.int64(0), static_cast<int>(row.int64(1)), row.int64(2), row.text(3)});
-    }
+    if (found) heads.push_back(head_of_row(row));
   }
 }
 
 Result<std::optional<std::string>> claim_next(SqlConnection& connection, std::string_view worker,
-                                              int64_t now_ms, const PickHead& pick) {
-  VOXELD_ASSIGN(const std::optional<int64_t> seq, picked(connection, pick));
+                                              int64_t now_ms, QueueOrder order,
+                                              const PickHead& pick) {
+  VOXELD_ASSIGN(const std::optional<int64_t> seq, picked(connection, order, pick));
   if (!seq) return std::optional<std::string>();
   // `AND state = 'queued'`: on PostgreSQL another transaction may have taken the row meanwhile.
   VOXELD_ASSIGN(SqlStatement claimed,

@@ -23,10 +23,15 @@ struct QueueHead {
   int priority = 0;
   int64_t deadline_ms = kNoDeadline;  // Unix time
   std::string id;
+  std::string input_tenant = {};  // whose input it works on (JobRecord::asset_tenant)
 };
 
 // The first queued job of each tenant. Takes a few look-ups in an index for each of them.
 Result<std::vector<QueueHead>> queue_heads(SqlConnection& connection);
+
+// The heads that a claim chooses among: one of each tenant, or the job alone that arrived first of
+// all.
+enum class QueueOrder { kFair, kArrival };
 
 // Which of them is claimed; nullopt: none now. Without one, jobs are claimed as they arrived.
 using PickHead = std::function<std::optional<size_t>(const std::vector<QueueHead>& heads)>;
@@ -35,6 +40,7 @@ using PickHead = std::function<std::optional<size_t>(const std::vector<QueueHead
 // Returns its id, or nullopt when none waits or is picked. Takes a few look-ups in an index for
 // each tenant that has jobs in the queue, however many.
 Result<std::optional<std::string>> claim_next(SqlConnection& connection, std::string_view worker,
-                                              int64_t now_ms, const PickHead& pick);
+                                              int64_t now_ms, QueueOrder order,
+                                              const PickHead& pick);
 
 }  // namespace voxeld

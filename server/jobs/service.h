@@ -150,6 +150,8 @@ class Service final : public JobService {
   void overlay(JobStatus& status);
   TaskServerConfig server_config();
   void start_supervisor();
+  int supervised_workers() const;
+  void keep_reserve();
   void note_each_second();
   Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
                                              int64_t after_id);

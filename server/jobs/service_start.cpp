@@ -101,6 +101,15 @@ TaskServerConfig Service::server_config() {
   server.kill_worker = [this](int64_t pid) {
     if (Supervisor* supervisor = supervising_) supervisor->kill_worker(pid);
   };
+  server.replace_worker = [this](int64_t pid) {
+    if (Supervisor* supervisor = supervising_) supervisor->replace(pid);
+  };
+  server.isolation = config_.isolation;
+  server.workers_per_device = supervised_workers();
+  server.reserve = [this] {
+    Supervisor* supervisor = supervising_;
+    return supervisor == nullptr ? 0 : supervisor->reserve();
+  };
   server.slot_of = [this](int64_t pid) {
     Supervisor* supervisor = supervising_;
     return supervisor == nullptr ? 0 : supervisor->slot_of(pid).value_or(0);
@@ -116,20 +125,34 @@ void Service::start_supervisor() {
   config.executable = config_.worker_executable;
   config.gateway = "unix:" + (config_.data_dir / "run" / "tasks.sock").string();
   config.devices = config_.devices;
-  config.workers_per_device = config_.is_fair ? config_.workers_per_device : 1;
+  config.workers_per_device = supervised_workers();
+  config.reserve_max = reserve_of(WorkerIsolation::kTask, supervised_workers());
   config.arguments = config_.worker_arguments;
   config.on_exit = [this](const std::string& device, const ExitReason&) {
     metrics_.worker_restarted(device);
   };
   supervisor_ = std::make_unique<Supervisor>(std::move(config));
   supervising_ = supervisor_.get();
+  keep_reserve();
   // Workers that were connected before that line.
   for (const WorkerState& state : tasks_->workers()) {
     if (state.connected) supervisor_->start_others(state.device);
   }
 }
 
+int Service::supervised_workers() const {
+  return config_.is_fair ? config_.workers_per_device : 1;
+}
+
+// Isolation may begin while the daemon runs, with the key of a second tenant.
+void Service::keep_reserve() {
+  Supervisor* supervisor = supervising_;
+  if (supervisor == nullptr || !config_.isolation) return;
+  supervisor->keep_reserve(reserve_of(config_.isolation(), supervised_workers()));
+}
+
 void Service::note_each_second() {
+  keep_reserve();
   if (const int64_t now_ms = clock_.now_ms(); now_ms - clock_noted_ms_ >= kClockNoteMs) {
     mark_->note_clock(now_ms, clock_.wall_ms());
     clock_noted_ms_ = now_ms;

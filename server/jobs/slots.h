@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/jobs/scheduler.h"
+#include "server/jobs/worker_isolation.h"
 
 namespace voxeld {
 
@@ -20,6 +21,7 @@ struct IdleSlot {
   std::string tenant;            // of the task that it ran last; what it keeps is of this tenant
   std::vector<std::string> has;  // hashes of that task's input and of the grid that it made
   int64_t ended_at = 0;          // the number of that task among all that ended
+  WorkerPast past = {};
 };
 
 // A task that a worker of the device runs or prepares.
@@ -41,6 +43,29 @@ struct StartedJob {
 std::optional<size_t> pick_head(const std::vector<QueueHead>& heads, size_t free_slots,
                                 const std::vector<StartedJob>& started,
                                 const std::function<double(const std::string&)>& share);
+
+struct HeadChoice {
+  std::optional<size_t> head;  // the one to claim, of which an idle worker may run the task
+  // Heads before it that no idle worker may run: as many places are kept for them until there are
+  // fresh workers.
+  int blocked = 0;
+};
+
+// Whether one of them may run the task.
+bool can_run(const std::vector<IdleSlot>& idle, WorkerIsolation isolation, const QueueHead& head);
+
+// The same under isolation: the order of tenants stays, and a tenant whose turn it is loses it to
+// others only where places are left.
+HeadChoice pick_runnable_head(const std::vector<QueueHead>& heads,
+                              const std::vector<IdleSlot>& idle, size_t free_slots,
+                              const std::vector<StartedJob>& started, WorkerIsolation isolation,
+                              const std::function<double(const std::string&)>& share);
+
+// Connections of idle workers that are to be replaced by fresh ones, those first that have not had
+// a task for longest: all that are used up, and as many more as are missing of `fresh_wanted`.
+// `fresh_coming`: processes that start now.
+std::vector<int64_t> workers_to_replace(std::vector<IdleSlot> idle, WorkerIsolation isolation,
+                                        int fresh_wanted, int fresh_coming);
 
 // The slot that has the input in its cache, else the one that worked for the tenant last, else that
 // of the smallest number: without contention one process has all caches. At least one is idle.

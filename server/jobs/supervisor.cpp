@@ -18,12 +18,11 @@ constexpr size_t kExitsKept = 64;
 }  // namespace
 
 Supervisor::Supervisor(SupervisorConfig config) : config_(std::move(config)) {
-  for (int number = 0; number < config_.workers_per_device; ++number) {
+  for (int number = 0; number < config_.workers_per_device + config_.reserve_max; ++number) {
     for (const std::string& device : config_.devices) {
       auto slot = std::make_unique<Slot>();
       slot->device = device;
       slot->number = number;
-      slot->may_start = number == 0;
       slots_.push_back(std::move(slot));
     }
   }
@@ -55,14 +54,16 @@ void Supervisor::run(Slot& slot) {
     }
     const Stopwatch watch;
     ExitReason reason;
+    bool is_replaced = false;
     if (slot.child.pid() != 0) {
       guarded("the start of a worker", [&] {
         log::info("worker started",
                   {{"device", slot.device}, {"slot", slot.number}, {"pid", slot.child.pid()}});
       });
       reason = slot.child.wait();
-      guarded("the end of a worker", [&] { note_exit(slot, reason); });
+      guarded("the end of a worker", [&] { is_replaced = note_exit(slot, reason); });
     }
+    if (is_replaced) continue;
     if (watch.ms() >= kHealthySeconds * 1000.0) backoff = kBackoffSecondsMin;
     if (reason.signal == 0 && reason.status == kExitDeviceUnavailable) backoff = kBackoffSecondsMax;
     if (!pause(backoff)) return;
@@ -70,34 +71,58 @@ void Supervisor::run(Slot& slot) {
   }
 }
 
-void Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
-  bool stopping = false;
+bool Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
+  bool stopping = false, is_replaced = false;
   {
     MutexLock lock(mutex_);
     exits_.push_back(reason);
     if (exits_.size() > kExitsKept) exits_.pop_front();
     slot.pid = 0;
     stopping = stopping_;
-    if (!stopping) ++slot.restarts;
+    is_replaced = std::exchange(slot.is_replaced, false);
+    if (!stopping && !is_replaced) ++slot.restarts;
     changed_.notify_all();
   }
-  log::write(stopping ? log::Level::kInfo : log::Level::kWarn, "worker ended",
+  log::write(stopping || is_replaced ? log::Level::kInfo : log::Level::kWarn, "worker ended",
              {{"device", slot.device}, {"pid", reason.pid}, {"reason", reason.text()}});
-  if (!stopping && config_.on_exit) config_.on_exit(slot.device, reason);
+  if (!stopping && !is_replaced && config_.on_exit) config_.on_exit(slot.device, reason);
+  return is_replaced;
+}
+
+bool Supervisor::may_start(const Slot& slot) const {
+  if (slot.number == 0) return true;
+  return slot.number < config_.workers_per_device + reserve_ && opened_.contains(slot.device);
 }
 
 bool Supervisor::wait_to_start(const Slot& slot) {
   MutexLock lock(mutex_);
-  while (!slot.may_start && !stopping_) changed_.wait(lock);
+  while (!may_start(slot) && !stopping_) changed_.wait(lock);
   return !stopping_;
 }
 
 void Supervisor::start_others(const std::string& device) {
   MutexLock lock(mutex_);
-  for (auto& slot : slots_) {
-    if (slot->device == device) slot->may_start = true;
-  }
+  if (opened_.insert(device).second) changed_.notify_all();
+}
+
+void Supervisor::keep_reserve(int workers_per_device) {
+  MutexLock lock(mutex_);
+  reserve_ = std::clamp(workers_per_device, reserve_, config_.reserve_max);
   changed_.notify_all();
+}
+
+int Supervisor::reserve() const {
+  MutexLock lock(mutex_);
+  return reserve_;
+}
+
+void Supervisor::replace(int64_t pid) {
+  MutexLock lock(mutex_);
+  for (auto& slot : slots_) {
+    if (slot->pid != pid) continue;
+    slot->is_replaced = slot->child.send_signal(SIGKILL);
+    return;
+  }
 }
 
 std::optional<int> Supervisor::slot_of(int64_t pid) const {

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -22,6 +23,7 @@ struct SupervisorConfig {
   std::string gateway;     // "unix:/…/tasks.sock"
   std::vector<std::string> devices;
   int workers_per_device = 1;
+  int reserve_max = 0;                 // that keep_reserve() may ask for
   std::vector<std::string> arguments;  // appended
   // Called after a worker has ended and before the next one starts.
   std::function<void(const std::string& device, const ExitReason& reason)> on_exit;
@@ -48,6 +50,12 @@ class Supervisor {
 
   // A worker of the device is connected.
   void start_others(const std::string& device);
+  // Runs so many more workers of each device, from when its first one is connected; never fewer
+  // than before.
+  void keep_reserve(int workers_per_device);
+  int reserve() const;
+  // SIGKILL to a worker of ours, and at once the next one in its slot: that counts as no restart.
+  void replace(int64_t pid);
   // The slot of a worker that is ours; nullopt for others.
   std::optional<int> slot_of(int64_t pid) const;
 
@@ -67,7 +75,7 @@ class Supervisor {
     // exit_reason() sees one or the other.
     int64_t pid = 0;
     int64_t restarts = 0;
-    bool may_start = false;
+    bool is_replaced = false;  // its worker ends because replace() said so
     std::thread thread;
   };
   void run(Slot& slot);
@@ -75,12 +83,17 @@ class Supervisor {
   bool wait_to_start(const Slot& slot) EXCLUDES(mutex_);
   bool pause(double seconds) EXCLUDES(mutex_);
   bool is_ours(int64_t pid) const REQUIRES(mutex_);
-  void note_exit(Slot& slot, const ExitReason& reason) EXCLUDES(mutex_);
+  bool may_start(const Slot& slot) const REQUIRES(mutex_);
+  // Whether the worker was replaced.
+  bool note_exit(Slot& slot, const ExitReason& reason) EXCLUDES(mutex_);
 
   const SupervisorConfig config_;
   mutable Mutex mutex_;
   CondVar changed_;
   bool stopping_ GUARDED_BY(mutex_) = false;
+  int reserve_ GUARDED_BY(mutex_) = 0;
+  std::set<std::string, std::less<>> opened_
+      GUARDED_BY(mutex_);                            // devices whose first worker is up
   std::deque<ExitReason> exits_ GUARDED_BY(mutex_);  // newest last, kExitsKept
   std::vector<std::unique_ptr<Slot>> slots_;         // fixed after construction
 };

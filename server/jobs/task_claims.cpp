@@ -25,7 +25,7 @@ Status TaskServer::give_task(Connection& connection) {
   for (int polls = 0;; ++polls) {
     const uint64_t seen = work_epoch();
     // A worker that died while it waited must not cost the next job an attempt.
-    if (stopping_ || connection.socket.peer_closed()) {
+    if (stopping_ || connection.socket.peer_closed() || is_replaced(connection)) {
       end_waiting(connection);
       return Error{ErrorCode::kGone, "connection closed, or the gateway stops", "", ""};
     }
@@ -57,6 +57,11 @@ void TaskServer::begin_waiting(Connection& connection) {
   work_.notify_all();
 }
 
+bool TaskServer::is_replaced(const Connection& connection) const {
+  MutexLock lock(mutex_);
+  return connection.is_replaced;
+}
+
 // What was assigned meanwhile, put_back() finds.
 void TaskServer::end_waiting(Connection& connection) {
   MutexLock lock(mutex_);
@@ -83,17 +88,17 @@ void TaskServer::assign_jobs(const std::string& device, bool is_poll) {
   const uint64_t epoch = work_epoch();
   // Another worker of the device has looked since something changed.
   if (!is_poll && claimed_epoch_[device] == epoch) return;
+  std::optional<int> blocked;  // nullopt: nobody has looked into the queue
   while (!stopping_ && put_back_unassigned()) {
-    std::vector<StartedJob> started;
-    const std::vector<IdleSlot> idle = slots_of(device, started);
-    if (idle.empty()) break;
+    const DeviceSlots slots = slots_of(device);
+    if (free_slots(slots) == 0) break;
     const auto pick = [&](const std::vector<QueueHead>& heads) {
-      context_.turns.set_queued(device, tenants_of(heads));
-      return pick_head(heads, idle.size(), started, [&](const std::string& tenant) {
-        return context_.turns.share(device, tenant);
-      });
+      const HeadChoice choice = choose_head(device, slots, heads);
+      blocked = choice.blocked;
+      return choice.head;
     };
-    auto claimed = context_.jobs.claim(device, config_.is_fair ? PickHead(pick) : PickHead());
+    auto claimed = context_.jobs.claim(device, pick,
+                                       config_.is_fair ? QueueOrder::kFair : QueueOrder::kArrival);
     if (!claimed) {
       log::error("cannot claim a job", {{"error", claimed.error().message()}});
       std::this_thread::sleep_for(std::chrono::seconds(1));
@@ -105,9 +110,24 @@ void TaskServer::assign_jobs(const std::string& device, bool is_poll) {
       continue;
     }
     unassigned_ = **std::move(claimed);
-    if (assign(idle, *unassigned_)) unassigned_.reset();
+    if (assign(slots.idle, *unassigned_)) unassigned_.reset();
   }
+  note_blocked(device, blocked);
+  renew_workers(device, blocked.value_or(0));
   claimed_epoch_[device] = epoch;
+}
+
+HeadChoice TaskServer::choose_head(const std::string& device, const DeviceSlots& slots,
+                                   const std::vector<QueueHead>& heads) {
+  const WorkerIsolation isolated = isolation();
+  if (config_.is_fair) {
+    context_.turns.set_queued(device, tenants_of(heads));
+    return pick_runnable_head(
+        heads, slots.idle, free_slots(slots), slots.started, isolated,
+        [&](const std::string& tenant) { return context_.turns.share(device, tenant); });
+  }
+  if (heads.empty()) return {};
+  return can_run(slots.idle, isolated, heads[0]) ? HeadChoice{0, 0} : HeadChoice{std::nullopt, 1};
 }
 
 // A job that was claimed and that no worker could be given, for it had gone or for want of memory.
@@ -125,27 +145,35 @@ bool TaskServer::put_back_unassigned() {
   return true;
 }
 
-std::vector<IdleSlot> TaskServer::slots_of(const std::string& device,
-                                           std::vector<StartedJob>& started) const {
+TaskServer::DeviceSlots TaskServer::slots_of(const std::string& device) const {
   MutexLock lock(mutex_);
-  std::vector<IdleSlot> idle;
+  DeviceSlots slots;
   for (const auto& connection : connections_) {
     if (connection->idle.connection == 0 || connection->device != device) continue;
-    if (connection->started) started.push_back(*connection->started);
-    if (connection->is_idle && !connection->socket.peer_closed()) idle.push_back(connection->idle);
+    ++slots.connected;
+    if (connection->started) slots.started.push_back(*connection->started);
+    if (connection->is_idle && !connection->is_replaced && !connection->socket.peer_closed()) {
+      slots.idle.push_back(connection->idle);
+    }
   }
-  return idle;
+  return slots;
 }
 
-bool TaskServer::assign(const std::vector<IdleSlot>& idle, const JobRecord& record) {
+// One of the idle workers that may run it, as of when they were looked at.
+bool TaskServer::assign(std::vector<IdleSlot> idle, const JobRecord& record) {
   const JobStatus& status = record.status;
   const std::string& input = !status.grid.empty()       ? status.grid
                              : !status.sequence.empty() ? status.sequence
                                                         : status.asset;
+  const WorkerIsolation isolated = isolation();
+  std::erase_if(idle, [&](const IdleSlot& slot) {
+    return !slot.past.may_run(isolated, record.tenant, record.asset_tenant);
+  });
+  if (idle.empty()) return false;  // isolation has begun meanwhile
   const int64_t wanted = idle[pick_slot(idle, record.tenant, input)].connection;
   MutexLock lock(mutex_);
   for (const auto& connection : connections_) {
-    if (connection->number != wanted || !connection->is_idle) continue;
+    if (connection->number != wanted || !connection->is_idle || connection->is_replaced) continue;
     StartedJob started;
     started.tenant = record.tenant;
     started.priority = status.priority;
@@ -157,6 +185,7 @@ bool TaskServer::assign(const std::vector<IdleSlot>& idle, const JobRecord& reco
     connection->started_at = std::chrono::steady_clock::now();
     connection->was_asked = false;
     connection->is_idle = false;
+    connection->idle.past.add(record.tenant, record.asset_tenant);
     work_.notify_all();
     return true;
   }

@@ -73,11 +73,19 @@ struct TaskServer::Connection {
 
   // Guarded by the server's mutex_: jobs are claimed for a worker on any connection's thread.
   bool is_idle = false;
+  bool is_replaced = false;           // its process ends, and another one starts
   IdleSlot idle;                      // what is known of it while it waits
   std::optional<JobRecord> assigned;  // claimed for it; its thread has not seen it yet
   std::optional<StartedJob> started;  // from the claim on until the task ended
   std::chrono::steady_clock::time_point started_at{};
   bool was_asked = false;  // to park it, even if nobody waits any more
+};
+
+// The workers of a device that have opened it.
+struct TaskServer::DeviceSlots {
+  std::vector<IdleSlot> idle;
+  std::vector<StartedJob> started;
+  int connected = 0;  // those, and what is between two tasks
 };
 
 }  // namespace voxeld

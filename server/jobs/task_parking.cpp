@@ -34,16 +34,14 @@ bool TaskServer::is_told_to_park(Connection& connection, const TaskProgress& pro
   return connection.started && connection.started->is_asked;
 }
 
-// Of a worker anywhere that is idle, a tenant without one would have it.
+// A tenant without a worker gets one where a slot is free on any device.
 bool TaskServer::is_time_to_look(const std::string& device) {
   MutexLock lock(mutex_);
   const auto now = std::chrono::steady_clock::now();
   auto& looked_at = looked_at_[device];
   if (now - looked_at < kLookPeriod) return false;
   looked_at = now;
-  return std::none_of(connections_.begin(), connections_.end(), [](const auto& connection) {
-    return connection->is_idle && connection->idle.connection != 0;
-  });
+  return !is_free_slot_left();
 }
 
 // The jobs that workers of the device have, with what is known of them now.

@@ -30,6 +30,7 @@
 #include "server/jobs/scratch_watch.h"
 #include "server/jobs/slots.h"
 #include "server/jobs/worker_files.h"
+#include "server/jobs/worker_isolation.h"
 #include "server/jobs/worker_watch.h"
 #include "server/store/blob_store.h"
 #include "server/store/part_store.h"
@@ -42,6 +43,12 @@ struct TaskServerConfig {
   // How the process ended ("signal 9 (Killed)"), waiting a moment for it; empty: unknown.
   std::function<std::string(int64_t pid)> exit_reason;
   std::function<void(int64_t pid)> kill_worker;
+  // Ends an idle worker; another one starts in its place. null: its connection closes, no more.
+  std::function<void(int64_t pid)> replace_worker;
+  std::function<WorkerIsolation()> isolation;  // asked before each claim; null: kNone
+  // Tasks of a device that run at a time, where it has more processes: `reserve` tells by how many.
+  int workers_per_device = 1;
+  std::function<int()> reserve;             // null: 0
   std::function<int(int64_t pid)> slot_of;  // among the device's processes; null: 0
   // A worker that has opened its device is there.
   std::function<void(const std::string& device)> on_connected;
@@ -103,11 +110,24 @@ class TaskServer {
   void wait_for_work(const Connection& connection, uint64_t seen) EXCLUDES(mutex_);
   // Claims jobs for those workers of the device that wait. is_poll: also where nothing changed.
   void assign_jobs(const std::string& device, bool is_poll) EXCLUDES(claim_mutex_, mutex_);
-  std::vector<IdleSlot> slots_of(const std::string& device, std::vector<StartedJob>& started) const
-      EXCLUDES(mutex_);
-  bool assign(const std::vector<IdleSlot>& idle, const JobRecord& record) EXCLUDES(mutex_);
+  struct DeviceSlots;
+  DeviceSlots slots_of(const std::string& device) const EXCLUDES(mutex_);
+  size_t free_slots(const DeviceSlots& slots) const;
+  HeadChoice choose_head(const std::string& device, const DeviceSlots& slots,
+                         const std::vector<QueueHead>& heads);
+  bool assign(std::vector<IdleSlot> idle, const JobRecord& record) EXCLUDES(mutex_);
+  bool is_replaced(const Connection& connection) const EXCLUDES(mutex_);
   bool put_back_unassigned() REQUIRES(claim_mutex_);
   static std::set<std::string, std::less<>> tenants_of(const std::vector<QueueHead>& heads);
+  // --- task_isolation.cpp
+  WorkerIsolation isolation() const;
+  int reserve() const;
+  bool is_free_slot_left() const REQUIRES(mutex_);
+  // `blocked`: heads of the queue that wait for fresh workers.
+  void note_blocked(const std::string& device, std::optional<int> blocked) REQUIRES(claim_mutex_);
+  void renew_workers(const std::string& device, int blocked) REQUIRES(claim_mutex_)
+      EXCLUDES(mutex_);
+  void replace(const std::vector<int64_t>& connections) EXCLUDES(mutex_);
   // --- task_parking.cpp
   // Takes what a report says of it, and looks who waits for a worker.
   bool is_told_to_park(Connection& connection, const TaskProgress& progress) EXCLUDES(mutex_);
@@ -166,6 +186,13 @@ class TaskServer {
   // By device: the work_epoch_ after which its workers have looked into the queue.
   std::map<std::string, uint64_t> claimed_epoch_ GUARDED_BY(claim_mutex_);
   std::optional<JobRecord> unassigned_ GUARDED_BY(claim_mutex_);  // claimed, and nobody's task yet
+  // By device: since when a head of the queue waits for a fresh worker, and when one was last
+  // replaced.
+  struct Renewal {
+    std::optional<std::chrono::steady_clock::time_point> blocked_since;
+    std::chrono::steady_clock::time_point replaced_at{};
+  };
+  std::map<std::string, Renewal> renewals_ GUARDED_BY(claim_mutex_);
 
   mutable Mutex mutex_;
   CondVar work_;

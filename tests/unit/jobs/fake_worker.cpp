@@ -156,6 +156,8 @@ int fake_worker_main(const std::string& gateway, const std::string& device) {
       worker.fail(*task, {ErrorCode::kMalformedMesh, name + " line 1: no", "yes", "no"});
     } else if (name.starts_with("slow") || name.starts_with("deaf") || name.starts_with("stuck")) {
       if (!run_slowly(worker, *task)) return 0;
+    } else if (name.starts_with("pid")) {
+      worker.complete(*task, std::to_string(::getpid()));
     } else {
       worker.complete(*task, "result of " + task->id);
     }

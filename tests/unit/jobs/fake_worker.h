@@ -59,7 +59,8 @@ SequenceFrame fake_frame(int64_t index, const std::string& text);
 
 // Claims and runs until the gateway stops. A task's file name decides: "crash…" kills the process
 // (SIGKILL), "fail…" fails, "slow…" reports progress until it is cancelled, "deaf…" reports and
-// ignores the cancel, "stuck…" reports the same for ever, anything else completes at once.
+// ignores the cancel, "stuck…" reports the same for ever, "pid…" completes with the number of its
+// process, anything else completes at once.
 int fake_worker_main(const std::string& gateway, const std::string& device);
 
 }  // namespace voxeld::testing

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -30,6 +31,7 @@ class ServiceTest : public ::testing::Test {
     config.queued_jobs_max = queued_jobs_max_;
     config.is_queue_shared = [this] { return is_queue_shared_; };
     config.store_match = store_match_;
+    config.isolation = [this] { return isolation_.load(); };
     auto service = start_job_service(config, nullptr);
     ASSERT_TRUE(service) << service.error().message();
     service_ = *std::move(service);
@@ -77,6 +79,7 @@ class ServiceTest : public ::testing::Test {
   int queued_jobs_max_ = limits::kQueuedJobsMax;
   bool is_queue_shared_ = false;
   StoreMatch store_match_ = StoreMatch::kRequired;
+  std::atomic<WorkerIsolation> isolation_{WorkerIsolation::kNone};
   std::unique_ptr<JobService> service_;
 };
 

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <fstream>
 #include <thread>
+#include <vector>
 
 #include "tests/unit/base/temporary_dir.h"
 
@@ -92,6 +93,61 @@ TEST(Supervisor, a_worker_is_killed_by_its_number_and_nothing_else_is) {
   EXPECT_TRUE(supervisor.kill_worker(pid));
   EXPECT_EQ(supervisor.exit_reason(pid, milliseconds(5000))->text(), "signal 9 (Killed)");
   wait_until([&] { return signal == SIGKILL; });
+}
+
+TEST(Supervisor, a_replaced_worker_is_no_restart_and_the_next_one_starts_at_once) {
+  testing::TemporaryDir dir;
+  const auto file = dir.path() / "pids";
+  SupervisorConfig config = shell(dir, "echo $$ >> " + file.string() + "; exec sleep 100");
+  std::atomic<int> exits{0};
+  config.on_exit = [&](const std::string&, const ExitReason&) { ++exits; };
+  Supervisor supervisor(config);
+  const auto pids = [&] {
+    std::vector<int64_t> all;
+    std::ifstream in(file);
+    for (int64_t pid = 0; in >> pid;) all.push_back(pid);
+    return all;
+  };
+  constexpr size_t kTimes = 20;  // with the pause after an exit that doubles, minutes
+  for (size_t i = 1; i <= kTimes; ++i) {
+    wait_until([&] { return pids().size() == i; });
+    supervisor.replace(pids().back());
+  }
+  wait_until([&] { return pids().size() == kTimes + 1; });
+  EXPECT_EQ(exits, 0);
+  EXPECT_EQ(supervisor.restarts("llvmpipe", 0), 0);
+  EXPECT_EQ(supervisor.exit_reason(pids()[0], milliseconds(0))->text(), "signal 9 (Killed)");
+  // A crash after it counts.
+  EXPECT_TRUE(supervisor.kill_worker(pids().back()));
+  wait_until([&] { return exits == 1; });
+  EXPECT_EQ(supervisor.restarts("llvmpipe", 0), 1);
+}
+
+TEST(Supervisor, the_reserve_starts_with_the_first_worker_and_grows_only) {
+  testing::TemporaryDir dir;
+  const auto file = dir.path() / "starts";
+  SupervisorConfig config = shell(dir, "echo x >> " + file.string() + "; exec sleep 100");
+  config.workers_per_device = 2;
+  config.reserve_max = 3;
+  Supervisor supervisor(config);
+  const auto starts = [&] {
+    std::ifstream in(file);
+    std::string line;
+    size_t count = 0;
+    while (std::getline(in, line)) ++count;
+    return count;
+  };
+  supervisor.keep_reserve(1);
+  wait_until([&] { return starts() == 1; });
+  std::this_thread::sleep_for(milliseconds(100));
+  EXPECT_EQ(starts(), 1u);
+  supervisor.start_others("llvmpipe");
+  wait_until([&] { return starts() == 3; });
+  supervisor.keep_reserve(0);
+  EXPECT_EQ(supervisor.reserve(), 1);
+  supervisor.keep_reserve(9);
+  EXPECT_EQ(supervisor.reserve(), 3);
+  wait_until([&] { return starts() == 5; });
 }
 
 }  // namespace
