@@ -19,11 +19,17 @@ namespace internal {
 extern constinit thread_local const std::atomic<bool>* cancel_flag;
 }  // namespace internal
 
-// Throws Cancelled where this thread's scope is cancelled; without a scope nothing. A nanosecond:
-// may stand in a loop over vertices. Not to be called from callbacks of C libraries.
-inline void cancel_point() {
+// Whether this thread's scope is cancelled; false without a scope. For callbacks of C libraries,
+// through which nothing may be thrown.
+inline bool is_cancelled() {
   const std::atomic<bool>* flag = internal::cancel_flag;
-  if (flag != nullptr && flag->load(std::memory_order_relaxed)) [[unlikely]]
+  return flag != nullptr && flag->load(std::memory_order_relaxed);
+}
+
+// Throws Cancelled where this thread's scope is cancelled; without a scope nothing. A nanosecond:
+// may stand in a loop over vertices.
+inline void cancel_point() {
+  if (is_cancelled()) [[unlikely]]
     throw Cancelled();
 }
 

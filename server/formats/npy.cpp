@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdlib>
@@ -71,7 +72,14 @@ Array make_array(const Grid& grid, const OutputOptions& options, std::optional<C
   const std::vector<uint8_t> header =
       npy_header(type.descr, fortran, shape_of(grid.spec, options, type));
   const auto cells = static_cast<size_t>(grid.spec.cell_count());
-  array.bytes.resize(header.size() + cells * channels * sample_bytes);
+  // Gigabytes take a second to clear.
+  constexpr size_t kClearedBytes = size_t{16} << 20;
+  const size_t total = header.size() + cells * channels * sample_bytes;
+  array.bytes.reserve(total);
+  while (array.bytes.size() < total) {
+    cancel_point();
+    array.bytes.resize(std::min(total, array.bytes.size() + kClearedBytes));
+  }
   std::memcpy(array.bytes.data(), header.data(), header.size());
   array.data = header.size();
   array.layout = {static_cast<size_t>(dims.x), static_cast<size_t>(dims.y), cells, channels,

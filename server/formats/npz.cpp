@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "server/base/cancel_point.h"
 #include "server/formats/formats.h"
 #include "server/formats/npy_array.h"
 
@@ -73,9 +74,13 @@ Result<std::vector<uint8_t>> zip_members(const std::vector<Member>& members) {
     zip_discard(archive);
     return status.error();
   }
+  // libzip asks after each piece that it has deflated.
+  const auto cancelled = [](zip_t*, void*) { return is_cancelled() ? 1 : 0; };
+  zip_register_cancel_callback_with_state(archive, cancelled, nullptr, nullptr);
   if (zip_close(archive) != 0) {
     Error why = failed("archive", zip_strerror(archive));
     zip_discard(archive);
+    cancel_point();
     return why;
   }
   return read_source(target.get());
