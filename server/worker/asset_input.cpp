@@ -1,6 +1,5 @@
 #include "server/worker/asset_input.h"
 
-#include <filesystem>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -11,8 +10,6 @@
 
 namespace voxeld {
 namespace {
-
-namespace fs = std::filesystem;
 
 size_t scene_bytes(const Scene& scene) {
   size_t bytes = 0;
@@ -117,10 +114,8 @@ Result<std::shared_ptr<const AnimatedScene>> load_input(TaskRun& run, bool decod
 }  // namespace
 
 std::string scene_key(const Task& task, bool decode_images) {
-  const size_t member = task.filename.find('!');
-  return task.input_hash + (decode_images ? " images " : " names ") +
-         fs::path(task.filename.substr(0, member)).extension().string() +
-         (member == std::string::npos ? "" : task.filename.substr(member));
+  // The whole name: its warnings have it.
+  return task.input_hash + (decode_images ? " images " : " names ") + task.filename;
 }
 
 Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images) {

@@ -34,7 +34,7 @@ struct LoadedGrid {
 
 // One of each, the last used: somebody who turns a model looks at the same grid again and again.
 struct InputCache {
-  std::string scene_key;                       // input hash and what of the file name matters
+  std::string scene_key;                       // input hash and file name
   std::shared_ptr<const AnimatedScene> scene;  // without what moves it where nobody asked for that
   std::string topology_key;                    // of the scene
   std::optional<MeshTopology> topology;

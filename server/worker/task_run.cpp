@@ -49,6 +49,37 @@ json device_facts(const Engine& engine) {
           {"driver", info.version}};
 }
 
+// `text` with "the mesh" for the name of the upload, in the places where warnings have it: at the
+// beginning, and behind "named by".
+std::string without_name(const std::string& text, std::string_view name) {
+  constexpr std::string_view kNamedBy = ", named by ", kMesh = "the mesh";
+  if (name.empty()) return text;
+  std::string out;
+  size_t done = 0;
+  const auto replace_at = [&](size_t at) {
+    const size_t end = at + name.size();
+    if (text.compare(at, name.size(), name) != 0 || end >= text.size() ||
+        std::string_view(":, ").find(text[end]) == std::string_view::npos) {
+      return;
+    }
+    out.append(text, done, at - done).append(kMesh);
+    done = end;
+  };
+  replace_at(0);
+  for (size_t at = text.find(kNamedBy, done); at != std::string::npos;
+       at = text.find(kNamedBy, std::max(done, at + kNamedBy.size()))) {
+    replace_at(at + kNamedBy.size());
+  }
+  return out.append(text, done);
+}
+
+// A container's id is the hash of its bytes: it may not depend on what its upload was called.
+json nameless_warnings(const std::vector<Warning>& warnings, const std::string& filename) {
+  std::vector<Warning> nameless = warnings;
+  for (Warning& warning : nameless) warning.detail = without_name(warning.detail, filename);
+  return describe_warnings(nameless);
+}
+
 // What of a container's meta an answer carries: of long lists of ids the first, and how many there
 // are; the container names all. Tasks and their completions are JSON of at most 1 MiB.
 json answer_meta(json meta) {
@@ -115,7 +146,7 @@ std::string container_meta(const Task& task, const Scene& scene, const json& opt
                {"source_triangles", scene.triangle_count()},
                {"units", options.value("units", "")},
                {"options", options},
-               {"warnings", describe_warnings(scene.warnings)},
+               {"warnings", nameless_warnings(scene.warnings, task.filename)},
                {"algorithm_version", kAlgorithmVersion}};
   meta.update(facts);
   const json& channels = facts.at("channels");

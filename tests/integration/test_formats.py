@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import urllib.parse
 
 import numpy as np
 
@@ -44,6 +45,23 @@ class Formats(DaemonTest):
         again = self.daemon.get(f"/v1/jobs/{job}/result?format=npz&axes=xyz")
         meta_again = json.loads(np.load(io.BytesIO(again.body))["meta"].tobytes())
         self.assertEqual(meta_again["warnings"], meta["warnings"])
+
+    def test_a_grid_with_warnings_is_the_same_whatever_its_upload_was_called(self):
+        mesh = (b"mtllib gone.mtl\nusemtl skin\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 nan\n"
+                b"f 1//1 2//1 3//7\n")
+        grids = set()
+        for name in ("a.obj", "of.obj", "named by.obj"):
+            response = self.daemon.post("/v1/voxelize?size=8&format=native&cache=no&filename=" +
+                                        urllib.parse.quote(name), mesh)
+            grids.add(response.headers["X-Voxeld-Grid"])
+            # The answer has the name, the container has not.
+            job = self.daemon.get(f"/v1/jobs/{response.headers['X-Voxeld-Job']}").json()
+            details = [warning["detail"] for warning in job["result"]["warnings"]]
+            self.assertEqual(len(details), 4)
+            for detail in details:
+                self.assertTrue(detail.startswith(f"{name}: ") or f", named by {name}, " in detail, detail)
+            self.assertNotIn(name.encode(), response.body)
+        self.assertEqual(len(grids), 1)
 
     def test_the_documented_reader_gives_the_same_grid_as_npz(self):
         import read_grid
