@@ -63,7 +63,13 @@ Status Database::write(const Operation& operation) {
 }
 
 Status Database::write_freeing(const Operation& operation) {
-  if (make_way_) make_way_();
+  if (make_way_ && make_way_()) {
+    const MutexLock lock(writer_mutex_);
+    // As far as readers allow; where it fails, the ballast alone has to do.
+    if (Status done = writer_.run_script("PRAGMA wal_checkpoint(PASSIVE)"); !done) {
+      log::warn("job database cannot checkpoint", {{"error", done.error().message()}});
+    }
+  }
   return write(operation);
 }
 

@@ -35,11 +35,13 @@ class Database {
   // committed (see store_identity.h).
   void tell_generation(std::function<void(int64_t)> told) EXCLUDES(writer_mutex_);
 
-  // The same for what deletes or expires: `make_way` is called first (DiskRoom), so that a full
-  // disk does not keep anybody from making room on it.
+  // The same for what deletes or expires, and for what ends a job, whose inputs and parts go then:
+  // `make_way` is called first (DiskRoom), so that a full disk does not keep anybody from making
+  // room on it. Where it says that the disk is full, the WAL is checkpointed, so that SQLite writes
+  // over it instead of behind it.
   Status write_freeing(const Operation& operation) EXCLUDES(mutex_, writer_mutex_);
   // To be set before other threads use the database.
-  void set_make_way(std::function<void()> make_way) { make_way_ = std::move(make_way); }
+  void set_make_way(std::function<bool()> make_way) { make_way_ = std::move(make_way); }
 
   // A reader that nobody used for so long is closed at the next chance: what a crowd of clients
   // needed for a moment. Opening one takes longer than most of what they are used for, so those in
@@ -86,7 +88,7 @@ class Database {
 
   const std::filesystem::path path_;
   const std::chrono::milliseconds reader_idle_max_;
-  std::function<void()> make_way_;  // set once
+  std::function<bool()> make_way_;  // set once
   Mutex mutex_;
   CondVar changed_;
   std::vector<Pending*> pending_ GUARDED_BY(mutex_);

@@ -394,7 +394,7 @@ Result<std::optional<JobRecord>> JobStore::complete(const FinishedTask& task, co
 Result<std::optional<JobRecord>> JobStore::fail(std::string_view id, int64_t fence,
                                                 const Error& error, const LiveJob& live) {
   std::optional<JobRecord> ended;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
     if (!running) return {};
     VOXELD_TRY(end_with_error(connection, id, error, live));
@@ -407,7 +407,7 @@ Result<std::optional<JobRecord>> JobStore::fail(std::string_view id, int64_t fen
 
 Result<JobRecord> JobStore::cancel(const Caller& caller, std::string_view id) {
   std::optional<JobRecord> result;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(JobRecord record, load_job(connection, caller, id));
     if (record.status.state == JobState::kQueued) {
       VOXELD_TRY(end_with_error(connection, id,

@@ -17,7 +17,7 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
                                                        std::string_view reason, bool counts,
                                                        const LiveJob& live) {
   std::optional<JobRecord> changed;
-  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
     if (!running) return {};
     std::string lost = running->lost_workers;

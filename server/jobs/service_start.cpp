@@ -44,7 +44,7 @@ TurnsConfig Service::turns_config() {
 Status Service::start() {
   VOXELD_TRY(keys_.check(config_.has_keys && config_.has_keys(), config_.forgets_keys));
   blobs_.disk().keep_ballast();
-  database_->set_make_way([this] { blobs_.disk().make_way(); });
+  database_->set_make_way([this] { return blobs_.disk().make_way(); });
   VOXELD_ASSIGN(const int64_t recovered, jobs_.recover());
   if (recovered > 0) log::info("jobs of an earlier process recovered", {{"jobs", recovered}});
   if (auto removed = assets_.remove_unneeded(); !removed) {  // the disk may be full just now

@@ -38,6 +38,16 @@ constexpr std::string_view kNamed =
     " UNION ALL SELECT asset, 'a job that waits' FROM jobs"
     "           WHERE state IN ('queued', 'running') AND asset <> ''";
 
+// How far the counts of live jobs, of each tenant and of all ('*'), are from their rows.
+constexpr std::string_view kWrongCounts =
+    "SELECT tenant, SUM(queued), SUM(running) FROM"
+    " (SELECT tenant, queued, running FROM live_jobs"
+    "  UNION ALL SELECT tenant, -(state = 'queued'), -(state = 'running') FROM jobs"
+    "  WHERE state IN ('queued', 'running')"
+    "  UNION ALL SELECT '*', -(state = 'queued'), -(state = 'running') FROM jobs"
+    "  WHERE state IN ('queued', 'running'))"
+    " GROUP BY tenant HAVING SUM(queued) <> 0 OR SUM(running) <> 0";
+
 struct Named {
   std::string id, by;
 };
@@ -136,6 +146,7 @@ class Check {
     VOXELD_ASSIGN(report_.assets,
                   number(reader, "SELECT COUNT(*) FROM assets WHERE deleted_ms = 0"));
     VOXELD_TRY(find_missing(reader));
+    VOXELD_TRY(check_counts(reader));
     for (const std::string& id : stored_) {
       VOXELD_ASSIGN(const bool needed, is_needed(reader, id));
       if (!needed) report_.orphans.push_back(id);
@@ -155,6 +166,18 @@ class Check {
       problem("missing", one.id, "no file; it is named by " + one.by);
     }
     return {};
+  }
+
+  // Limits of the queue go by them.
+  Status check_counts(SqlConnection& reader) {
+    VOXELD_ASSIGN(SqlStatement rows, reader.query(kWrongCounts));
+    while (true) {
+      VOXELD_ASSIGN(const bool row, rows.step());
+      if (!row) return {};
+      problem("counts", "tenant '" + rows.text(0) + "'",
+              "counts " + std::to_string(rows.int64(1)) + " queued and " +
+                  std::to_string(rows.int64(2)) + " running jobs more than there are");
+    }
   }
 
   void list_leftovers() {

@@ -11,7 +11,7 @@
 namespace voxeld {
 
 struct StoreProblem {
-  std::string kind;  // database, keys, damaged, missing
+  std::string kind;  // database, keys, damaged, missing, counts
   std::string what;  // a blob's id, or a file
   std::string text;
 };

@@ -70,13 +70,15 @@ bool DiskRoom::is_nearly_full() const {
   return reserve && !check(*reserve / 2, "");
 }
 
-void DiskRoom::make_way() {
+bool DiskRoom::make_way() {
   const auto free = free_bytes(), ballast = ballast_bytes();
-  if (!free || !ballast || *free >= *ballast) return;
+  if (!free || !ballast || *free >= *ballast) return false;
   const MutexLock lock(mutex_);
-  if (::unlink(ballast_path().c_str()) != 0) return;
-  was_freed_ = true;
-  log::warn("the disk is full: the ballast is freed for deletes", {{"bytes", *ballast}});
+  if (::unlink(ballast_path().c_str()) == 0) {
+    was_freed_ = true;
+    log::warn("the disk is full: the ballast is freed for deletes", {{"bytes", *ballast}});
+  }
+  return true;
 }
 
 void DiskRoom::keep_ballast() {

@@ -39,7 +39,8 @@ class DiskRoom {
   bool is_nearly_full() const;
 
   // Frees the ballast where little else is free: the caller is about to write what frees more.
-  void make_way() EXCLUDES(mutex_);
+  // Whether there was so little.
+  bool make_way() EXCLUDES(mutex_);
   // Allocates DIR/ballast where it is missing and its place is free. To be called now and then.
   void keep_ballast() EXCLUDES(mutex_);
 

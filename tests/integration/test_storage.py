@@ -244,7 +244,9 @@ class FullDisk(Storage):
         self.assertEqual(state, "failed")
         error = greedy.get(f"/v1/jobs/{job}").json()["error"]
         self.assertEqual(error["code"], "storage-full", error)
-        self.assertIn("the disk is nearly full; uploads and results are refused", error["detail"])
+        # The output would have cut into the reserve, or was larger than all that was left.
+        self.assertRegex(error["detail"], "the disk is nearly full; uploads and results are refused"
+                                          "|write file: No space left on device")
         # What failed is removed; small outputs take what is left, but for the reserve.
         while self.run_job(greedy, asset, 100)[0] == "done":
             pass
@@ -264,6 +266,26 @@ class FullDisk(Storage):
         os.unlink(self.disk + "/hog")
         self.wait_ready(daemon, 200)
         self.assertEqual(modest.post("/v1/assets?filename=b.obj", self.mesh(1)).status, 201)
+
+    def test_on_a_full_disk_jobs_can_be_cancelled_and_their_failure_is_kept(self):
+        daemon = self.start("--disk-reserve", "0", "--workers-per-device", "1", data_dir=self.disk + "/data")
+        asset = daemon.upload(self.fixtures / "sample.ply")
+        running = daemon.submit(kind="voxelize", asset=asset,
+                                options={"size": 16384, "channels": "occupancy", "cache": "no"})
+        while daemon.get(f"/v1/jobs/{running}").json()["state"] != "running":
+            time.sleep(0.02)
+        # Rows of some 90 KB each, which have to be written anew.
+        queued = [daemon.submit(kind="voxelize", asset=asset, options={
+            "size": 8, "animation": "0", "times": [(k + i) / 3e6 for k in range(4096)]}) for i in range(20)]
+        doomed = daemon.submit(kind="voxelize", asset=asset, options={"size": 9, "animation": "0"})
+        self.take_the_rest()
+        for job in (*queued, running):
+            answer = daemon.request("DELETE", f"/v1/jobs/{job}")
+            self.assertIn(answer.status, (200, 202), answer.body)
+            self.assertEqual(daemon.wait(job)["state"], "cancelled")
+        # The mesh has no animation: its job fails, and that is stored, too.
+        status = daemon.wait(doomed)
+        self.assertEqual((status["state"], status["error"]["code"]), ("failed", "invalid-option"), status)
 
     def test_on_a_full_disk_results_are_evicted(self):
         daemon, greedy, _ = self.tenants("--keep-results-days", "0.00002", "--disk-reserve", "0")

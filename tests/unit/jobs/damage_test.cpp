@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "server/base/sha256.h"
+#include "server/jobs/sqlite.h"
 #include "server/jobs/store_check.h"
 #include "tests/unit/jobs/service_fixture.h"
 
@@ -117,6 +118,24 @@ TEST_F(DamageTest, the_check_names_what_is_damaged_missing_or_left_over) {
   EXPECT_EQ(report->problems[1].text, "no file; it is named by an asset");
   EXPECT_EQ(report->orphans, std::vector<std::string>{sha256_id("orphan")});
   EXPECT_EQ(report->leftovers, std::vector<std::string>{"tmp/blob-x"});
+}
+
+TEST_F(DamageTest, the_check_counts_the_queue) {
+  JobRequest request;
+  request.asset = put_asset("mesh");
+  submit(request);
+  {
+    auto database =
+        SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
+    ASSERT_TRUE(database);
+    ASSERT_TRUE(database->run("UPDATE live_jobs SET queued = 3 WHERE tenant = ''"));
+  }
+  const auto report = check_store(dir_.path() / "data");
+  ASSERT_TRUE(report) << report.error().message();
+  ASSERT_EQ(report->problems.size(), 1u);
+  EXPECT_EQ(report->problems[0].kind, "counts");
+  EXPECT_EQ(report->problems[0].what, "tenant ''");
+  EXPECT_EQ(report->problems[0].text, "counts 2 queued and 0 running jobs more than there are");
 }
 
 TEST_F(DamageTest, the_check_reads_the_database_and_the_keys) {
