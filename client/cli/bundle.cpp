@@ -1,5 +1,8 @@
 #include "client/cli/bundle.h"
 
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <zip.h>
 
@@ -12,6 +15,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 #include <span>
+#include <string_view>
+
+#include "proto/text_file.h"
 
 namespace voxeld::cli {
 namespace {
@@ -62,19 +68,55 @@ struct Statement {
   std::string key, rest;
 };
 
-// Lines "key rest", without comments and outer blanks.
+// A file in memory, as the daemon would read its text. Empty where it cannot be read.
+class FileText {
+ public:
+  explicit FileText(const fs::path& path) {
+    const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) return;
+    struct stat info {};
+    if (::fstat(descriptor, &info) == 0 && info.st_size > 0) {
+      size_ = static_cast<size_t>(info.st_size);
+      data_ = ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, descriptor, 0);
+    }
+    ::close(descriptor);
+    if (data_ != MAP_FAILED) text_ = plain_text({static_cast<uint8_t*>(data_), size_}, storage_);
+  }
+  ~FileText() {
+    if (data_ != MAP_FAILED) ::munmap(data_, size_);
+  }
+  FileText(const FileText&) = delete;
+  FileText& operator=(const FileText&) = delete;
+
+  // Each line, without its end.
+  template <typename Visit>
+  void for_each_line(Visit&& visit) const {
+    for (std::string_view left = text_; !left.empty();) {
+      const size_t end = std::min(left.find('\n'), left.size());
+      visit(left.substr(0, end));
+      left.remove_prefix(std::min(end + 1, left.size()));
+    }
+  }
+
+ private:
+  void* data_ = MAP_FAILED;
+  size_t size_ = 0;
+  std::string storage_;
+  std::string_view text_;
+};
+
+// Lines "key rest", without comment lines and outer blanks.
 template <typename Visit>
 void for_each_statement(const fs::path& path, Visit&& visit) {
-  std::ifstream file(path);
-  for (std::string line; std::getline(file, line);) {
+  FileText(path).for_each_line([&](std::string_view line) {
     const size_t begin = line.find_first_not_of(" \t");
-    if (begin == std::string::npos || line[begin] == '#') continue;
+    if (begin == line.npos || line[begin] == '#') return;
     const size_t key_end = std::min(line.find_first_of(" \t\r", begin), line.size());
     const size_t rest = line.find_first_not_of(" \t", key_end);
     const size_t end = line.find_last_not_of(" \t\r") + 1;
-    visit(Statement{line.substr(begin, key_end - begin),
-                    rest < end ? line.substr(rest, end - rest) : std::string()});
-  }
+    visit(Statement{std::string(line.substr(begin, key_end - begin)),
+                    rest < end ? std::string(line.substr(rest, end - rest)) : std::string()});
+  });
 }
 
 // Where the words of a line begin.
@@ -91,21 +133,38 @@ std::string word_at(const std::string& text, size_t start) {
   return text.substr(start, text.find_first_of(" \t", start) - start);
 }
 
+// The end of a line as it is, since a name may hold a '#', and without the comment that it may end
+// with.
+std::vector<std::string> with_and_without_comment(const std::string& rest) {
+  std::vector<std::string> both = {rest};
+  for (const size_t start : word_starts(rest)) {
+    if (start == 0 || rest[start] != '#') continue;
+    both.push_back(rest.substr(0, rest.find_last_not_of(" \t", start - 1) + 1));
+    break;
+  }
+  return both;
+}
+
 // A texture's name may hold blanks and comes after options, whose number of values is not known for
 // all: it is the longest end of the line that is a file.
-void add_texture(const std::string& rest, Names& names) {
-  for (const size_t start : word_starts(rest)) {
-    if (!names.add(rest.substr(start)).empty()) return;
+void add_texture(const std::string& line, Names& names) {
+  for (const std::string& rest : with_and_without_comment(line)) {
+    for (const size_t start : word_starts(rest)) {
+      if (!names.add(rest.substr(start)).empty()) return;
+    }
   }
 }
 
-// The rest of a mtllib line is one name with blanks, or else every word is a name. Gives the names
-// that were taken.
-std::vector<std::string> add_libraries(const std::string& rest, Names& names) {
-  if (std::string name = names.add(rest); !name.empty()) return {std::move(name)};
+// A mtllib line is one name with blanks, or else every word is a name. Gives the names that were
+// taken.
+std::vector<std::string> add_libraries(const std::string& line, Names& names) {
+  const std::vector<std::string> both = with_and_without_comment(line);
+  for (const std::string& rest : both) {
+    if (std::string name = names.add(rest); !name.empty()) return {std::move(name)};
+  }
   std::vector<std::string> libraries;
-  for (const size_t start : word_starts(rest)) {
-    if (std::string name = names.add(word_at(rest, start)); !name.empty()) {
+  for (const size_t start : word_starts(both.back())) {
+    if (std::string name = names.add(word_at(both.back(), start)); !name.empty()) {
       libraries.push_back(std::move(name));
     }
   }
@@ -186,20 +245,22 @@ std::string stem_of(std::string name) {
 // Names of joints: what is quoted first in each line of the block `name`.
 std::set<std::string> md5_joints(const fs::path& path, std::string_view block) {
   std::set<std::string> joints;
-  std::ifstream file(path);
-  bool inside = false;
-  for (std::string line; std::getline(file, line);) {
+  enum { kBefore, kInside, kBehind } place = kBefore;
+  FileText(path).for_each_line([&](std::string_view line) {
     const size_t begin = line.find_first_not_of(" \t\r");
-    if (begin == std::string::npos) continue;
-    if (!inside) {
-      inside = std::string_view(line).substr(begin).starts_with(block);
-      continue;
+    if (begin == line.npos || place == kBehind) return;
+    if (place == kBefore) {
+      if (line.substr(begin).starts_with(block)) place = kInside;
+      return;
     }
-    if (line[begin] == '}') break;
-    const size_t quote = line.find('"'), end = line.find('"', quote + 1);
-    if (quote == std::string::npos || end == std::string::npos) continue;
-    joints.insert(line.substr(quote + 1, end - quote - 1));
-  }
+    if (line[begin] == '}') {
+      place = kBehind;
+      return;
+    }
+    const size_t quote = line.find('"');
+    const size_t end = quote == line.npos ? quote : line.find('"', quote + 1);
+    if (end != line.npos) joints.emplace(line.substr(quote + 1, end - quote - 1));
+  });
   return joints;
 }
 

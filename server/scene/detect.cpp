@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <cstring>
 
+#include "proto/text_file.h"
 #include "server/scene/bundle_names.h"
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/stl.h"
 #include "server/scene/text_cursor.h"
-#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {

@@ -8,10 +8,10 @@
 #include <tuple>
 #include <utility>
 
+#include "proto/text_file.h"
 #include "server/scene/load.h"
 #include "server/scene/md5_materials.h"
 #include "server/scene/mesh_error.h"
-#include "server/scene/text_file.h"
 #include "server/scene/textures.h"
 
 namespace voxeld {

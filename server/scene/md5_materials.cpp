@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
+#include "proto/text_file.h"
 #include "server/scene/bundle_names.h"
 #include "server/scene/md5_lexer.h"
 #include "server/scene/text_cursor.h"
-#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {

@@ -5,11 +5,11 @@
 #include <map>
 #include <memory>
 
+#include "proto/text_file.h"
 #include "server/scene/bundle_names.h"
 #include "server/scene/md5.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
-#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {

@@ -13,6 +13,7 @@
 
 #include <glm/geometric.hpp>
 
+#include "proto/text_file.h"
 #include "server/scene/bundle_names.h"
 #include "server/scene/color_space.h"
 #include "server/scene/load.h"
@@ -22,7 +23,6 @@
 #include "server/scene/obj_file.h"
 #include "server/scene/polygon_sink.h"
 #include "server/scene/text_cursor.h"
-#include "server/scene/text_file.h"
 #include "server/scene/textures.h"
 #include "server/scene/vertex_table.h"
 

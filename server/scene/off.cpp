@@ -5,11 +5,11 @@
 
 #include <glm/geometric.hpp>
 
+#include "proto/text_file.h"
 #include "server/scene/color_space.h"
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
-#include "server/scene/text_file.h"
 
 namespace voxeld {
 namespace {

@@ -21,12 +21,12 @@
 #include <optional>
 
 #include "proto/limits.h"
+#include "proto/text_file.h"
 #include "server/base/cancel_point.h"
 #include "server/scene/color_space.h"
 #include "server/scene/load.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/text_cursor.h"
-#include "server/scene/text_file.h"
 #include "server/scene/vertex_table.h"
 
 namespace voxeld {

@@ -7,15 +7,9 @@
 #include <span>
 #include <string_view>
 
+#include "proto/text_file.h"
+
 namespace voxeld {
-
-inline std::string_view as_text(std::span<const uint8_t> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
-inline bool is_blank(char c) {
-  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
-}
 
 // Without blanks and line ends at both sides.
 std::string_view trimmed(std::string_view text);

@@ -90,6 +90,29 @@ TEST_F(Bundle, lines_may_end_with_cr_and_lf_and_be_indented_with_tabs) {
               ElementsAre("a.mtl", "skin.png"));
 }
 
+TEST_F(Bundle, comments_behind_names_do_not_count) {
+  put("my lib.mtl", "map_Kd -clamp on one.png # of the skin\nmap_Kd #2.png\n");
+  put("b.mtl");
+  put("one.png");
+  put("#2.png");
+  EXPECT_THAT(referenced_files(put("a.obj", "mtllib my lib.mtl # first\nmtllib b.mtl\t#last\n")),
+              ElementsAre("my lib.mtl", "b.mtl", "one.png", "#2.png"));
+}
+
+TEST_F(Bundle, files_are_read_as_the_daemon_reads_them) {
+  const auto utf16 = [](std::string_view text) {
+    std::string wide = "\xff\xfe";
+    for (const char c : text) wide.append({c, '\0'});
+    return wide;
+  };
+  put("a.mtl", utf16("newmtl m\r\nmap_Kd one.png\r\n"));
+  put("b.mtl", "\xef\xbb\xbfmap_Kd two.png\rmap_d three.png\r");
+  for (const char* name : {"one.png", "two.png", "three.png"}) put(name);
+  EXPECT_THAT(
+      referenced_files(put("a.obj", "\xef\xbb\xbfmtllib a.mtl\rmtllib b.mtl\rv 0 0 0\r\x1a")),
+      ElementsAre("a.mtl", "b.mtl", "one.png", "two.png", "three.png"));
+}
+
 TEST_F(Bundle, backslashes_in_names_are_slashes) {
   put("sub/a.mtl", "map_Kd tex\\skin.png\n");
   put("tex/skin.png");

@@ -1,8 +1,6 @@
-#include "server/scene/text_file.h"
+#include "proto/text_file.h"
 
 #include <cstring>
-
-#include "server/scene/text_cursor.h"
 
 namespace voxeld {
 namespace {

@@ -1,4 +1,5 @@
-// The text of a mesh or material file, in the one form that all loaders of text read.
+// The text of a mesh or material file, in the one form that all its readers take: loaders, and the
+// CLI, which looks for the names of other files.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +8,14 @@
 #include <string_view>
 
 namespace voxeld {
+
+inline std::string_view as_text(std::span<const uint8_t> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+inline bool is_blank(char c) {
+  return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
+}
 
 // ASCII, or UTF-8 and other supersets of it, in lines that end with LF or CRLF. UTF-16 with its
 // byte order mark becomes UTF-8, other marks are dropped, a CR alone becomes LF, and the NUL and ^Z
