@@ -169,6 +169,7 @@ void Service::stop() {
   if (deadlines_ != nullptr) deadlines_->stop();
   sweep_.stop();
   mark_->note_clock(clock_.now_ms(), clock_.wall_ms());
+  if (supervisor_ != nullptr) supervisor_->start_no_more();
   // First the connections: their tasks go back to the queue, and workers end when theirs closes.
   if (tasks_ != nullptr) tasks_->stop();
   supervising_ = nullptr;

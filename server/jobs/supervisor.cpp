@@ -144,12 +144,14 @@ bool Supervisor::pause(double seconds) {
   return false;
 }
 
+void Supervisor::start_no_more() {
+  MutexLock lock(mutex_);
+  stopping_ = true;
+  changed_.notify_all();
+}
+
 void Supervisor::stop(double grace_seconds) {
-  {
-    MutexLock lock(mutex_);
-    stopping_ = true;
-    changed_.notify_all();
-  }
+  start_no_more();
   for (auto& slot : slots_) slot->child.send_signal(SIGTERM);
   const Stopwatch watch;
   while (watch.ms() < grace_seconds * 1000.0 &&

@@ -44,6 +44,8 @@ class Supervisor {
   explicit Supervisor(SupervisorConfig config);
   // As stop(0).
   ~Supervisor();
+  // Workers that end from now on are not started again.
+  void start_no_more();
   // SIGTERM to all, SIGKILL to those that still run after `grace_seconds`; returns when all are
   // reaped.
   void stop(double grace_seconds);

@@ -217,6 +217,7 @@ class Stuck(unittest.TestCase):
         self.assertEqual(status, 0, log)
         for text in told:
             self.assertIn(text, log)
+        self.assertNotIn("worker started", log.partition(" stopping ")[2])
         for pid in workers:
             assert_no_process(self, pid)
 
@@ -252,6 +253,7 @@ class Stuck(unittest.TestCase):
         thread.start()
         self.addCleanup(thread.join)
         self.addCleanup(ended.set)
+        time.sleep(0.5)  # the daemon has the head
         self.assert_ends("the time to drain is over")
 
     def test_a_worker_that_does_not_answer(self):
