@@ -1,4 +1,4 @@
-// proto/openapi.yaml as JSON, embedded by openapi_json.cmake.
+// proto/openapi.yaml as JSON, embedded by openapi_json.py.
 #pragma once
 
 #include <string_view>
