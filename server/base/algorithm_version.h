@@ -3,5 +3,5 @@
 #pragma once
 
 namespace voxeld {
-inline constexpr int kAlgorithmVersion = 5;
+inline constexpr int kAlgorithmVersion = 6;
 }  // namespace voxeld

@@ -104,16 +104,15 @@ uint32_t altitude_word(const std::array<glm::dvec2, 3>& t) {
   return altitude > 0.0 ? static_cast<uint32_t>(std::min(altitude, kAltitudeMax)) : 0u;  // NaN: 0
 }
 
-bool has_flat_extent(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
-  const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
-  return std::max({extent.x, extent.y, extent.z}) <= kFlatExtentMax;
+bool is_in_one_cell(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
+  const glm::ivec3 cell = a >> limits::kSubVoxelBits;
+  return (b >> limits::kSubVoxelBits) == cell && (c >> limits::kSubVoxelBits) == cell;
 }
 
 }  // namespace
 
 uint32_t one_cell_weight(const std::array<glm::ivec3, 3>& q) {
-  const glm::ivec3 cell = q[0] >> limits::kSubVoxelBits;
-  if ((q[1] >> limits::kSubVoxelBits) != cell || (q[2] >> limits::kSubVoxelBits) != cell) return 0;
+  if (!is_in_one_cell(q[0], q[1], q[2])) return 0;
   const glm::dvec3 normal = glm::cross(glm::dvec3(q[1] - q[0]), glm::dvec3(q[2] - q[0]));
   const double area = std::sqrt(glm::dot(normal, normal)) / 2.0;  // a face has 2^16
   return std::max(1u, static_cast<uint32_t>(std::floor(area / 16.0 + 0.5)));
@@ -271,8 +270,8 @@ void AttributeRecords::find_levels(int texture_side_max) {
       // color=nearest asks for the colour of a point.
       const auto& vertices = mesh_.triangles[t].vertices;
       if (mode_ != ColorMode::kNearest &&
-          has_flat_extent(mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]],
-                          mesh_.vertices[vertices[2]])) {
+          is_in_one_cell(mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]],
+                         mesh_.vertices[vertices[2]])) {
         levels_[t] = kFlatLevel;
         find_flat_color(static_cast<uint32_t>(t));
         continue;
@@ -407,8 +406,8 @@ void AttributeRecords::write(uint32_t triangle_index, const std::array<glm::ivec
   const MeshPart& part = scene_.parts[triangle.part];
   write_geometry(q, axis, words.data());
   words[ATTRIBUTE_WEIGHT] = one_cell_weight(q);
-  const bool is_small = has_flat_extent(q[0], q[1], q[2]);
-  if (is_small && mode_ != ColorMode::kNearest)
+  const bool is_inside = is_in_one_cell(q[0], q[1], q[2]);
+  if (is_inside && mode_ != ColorMode::kNearest)
     words[ATTRIBUTE_FLAGS] |= 1u << ATTRIBUTE_FLAT_SHIFT;
   const bool is_flat_color = has_flat_color(triangle_index);
   if (is_flat_color) write_flat_color(triangle_index, words.data());
@@ -416,7 +415,7 @@ void AttributeRecords::write(uint32_t triangle_index, const std::array<glm::ivec
   std::array<Corner, 3> corners = corners_of(triangle, order);
   merge_equal(q, corners);
   if (channels_.normal) write_normals(part, corners.data(), order.reversed, words.data());
-  if (channels_.normal && is_small) flatten_normals(words.data());
+  if (channels_.normal && is_inside) flatten_normals(words.data());
   if (!channels_.color || is_flat_color) return;
   write_colors(part, corners.data(), axis, words.data());
   const int image = part_image(scene_, triangle.part);

@@ -1,4 +1,4 @@
-// The mean colour of a triangle, for triangles that are no larger than a voxel: their texture is
+// The mean colour of a triangle, for triangles that lie within one voxel: their texture is
 // averaged over their own area, and over nothing else.
 #pragma once
 
@@ -25,9 +25,6 @@ struct FlatColors {
   }
 };
 
-// Largest extent of a triangle with one colour and one normal, in 1/256 voxel on each axis: a
-// larger one would blur those of neighbouring voxels.
-inline constexpr int kFlatExtentMax = 256;
 // Taps along a side of a flat triangle. More texels than 2 between two taps are not read: the
 // standard error of the mean is then an eighth of the texels' standard deviation.
 inline constexpr int kFlatTapsMax = 8;

@@ -22,12 +22,12 @@ ivec2 corner_uv0, corner_uv1, corner_uv2;
 uint visited_altitude;
 uint visited_weight;
 
-uint column_points;
+CellPolygon in_column;
 int64_t column_depth;
 
 void begin_column(TouchTriangle t, int i, int j) {
-  column_points = lattice_inside(visited, i, j);
-  column_depth = lattice_depth(visited, i, j);
+  in_column = column_polygon(visited, i, j);
+  column_depth = column_depth_at(visited, i, j);
 }
 
 #if ATTRIBUTE_TEXTURE
@@ -57,49 +57,53 @@ uvec4 sample_tap(ivec3 weights, int level_max) {
   return sum >> 16;
 }
 
-// Whether one tap is enough for a place whose size texels of level_max have: bilinear sampling
+// Whether one tap is enough for a place whose size texels of `level` have: bilinear sampling
 // reaches over all of it with texels half as large, too.
-bool tap_fits(ivec3 weights, int level_max) {
-  return tap_level(weights, visited_altitude, level_max) + 1 >= level_max;
+bool tap_fits(ivec3 weights, int level) {
+  return tap_level(weights, visited_altitude, level) + 1 >= level;
 }
 
-ivec3 weights_at(int i, int j, uint points) {
-  return corner_weights(visited, sample_position(visited, i, j, points));
+// The mean over a triangle of a polygon's fan, a, b and c at its corners: one tap where that is
+// enough, else one for each quarter.
+uvec4 sample_fan(ivec3 a, ivec3 b, ivec3 c, uint twice_area, int level_max) {
+  int level = part_level(twice_area, level_max);
+  ivec3 centre = centre_weights(a, b, c);
+  if (twice_area < TAP_TWICE_AREA_MIN || tap_fits(centre, level)) return sample_tap(centre, level);
+  return (sample_tap(centre, level - 1) + sample_tap(middle_weights(a, centre), level - 1) +
+          sample_tap(middle_weights(b, centre), level - 1) +
+          sample_tap(middle_weights(c, centre), level - 1) + 2u) >> 2;
 }
 
-// Sum over the points of a quarter of a column: one tap, times their number, where that is enough,
-// else one for each point.
-uvec4 sum_quarter(int i, int j, uint points, int level_max) {
-  ivec3 weights = weights_at(i, j, points);
-  uint count = uint(bitCount(points));
-  if (count == 1u || tap_fits(weights, level_max)) return sample_tap(weights, level_max) * count;
-  uvec4 sum = uvec4(0u);
-  for (uint rest = points; rest != 0u; rest &= rest - 1u) {
-    sum += sample_tap(weights_at(i, j, rest & (~rest + 1u)), level_max - 1);
-  }
-  return sum;
-}
-
-// The mean over a cell's points: one tap where that is enough, else that of its quarters.
-uvec4 sample_texture(ivec3 weights, int i, int j, uint points) {
+// The mean over what a triangle and a cell have in common: one tap where that is enough, else that
+// of the triangles of its fan, by area.
+uvec4 sample_texture(ivec3 weights, int i, int j, CellPolygon polygon, uint twice_area) {
   int level_max = int(visited_flags >> ATTRIBUTE_LEVEL_SHIFT) & 15;
-  uint count = uint(bitCount(points));
-  if (count <= 1u || tap_fits(weights, level_max)) return sample_tap(weights, level_max);
-  uvec4 sum = uvec4(count / 2u);
-  for (int number = 0; number < 4; ++number) {
-    uint part = tap_points(points, number);
-    if (part != 0u) sum += sum_quarter(i, j, part, level_max - 1);
+  if (twice_area == 0u) return sample_tap(weights, level_max);
+  int level = part_level(twice_area, level_max);
+  if (tap_fits(weights, level)) return sample_tap(weights, level);
+  ivec3 first = weights_in_column(visited, i, j, polygon_point(polygon.points[0]));
+  ivec3 last = weights_in_column(visited, i, j, polygon_point(polygon.points[1]));
+  uint done = 0u;
+  uvec4 sum = uvec4(1u << 14);
+  for (int n = 1; n + 1 < polygon.count; ++n) {
+    ivec3 next = weights_in_column(visited, i, j, polygon_point(polygon.points[n + 1]));
+    uint area = twice_fan_area(polygon, n);
+    uint share = area_share(done + area, twice_area) - area_share(done, twice_area);
+    done += area;
+    if (share != 0u) sum += sample_fan(first, last, next, area, level_max) * share;
+    last = next;
   }
-  return sum / count;
+  return sum >> 15;
 }
 #endif
 
-void add_color(uint voxel, uint weight, ivec3 weights, int i, int j, uint points) {
+void add_color(uint voxel, uint weight, ivec3 weights, int i, int j, CellPolygon polygon,
+               uint twice_area) {
   uvec3 w = weights15(weights);
   uvec4 color = (corner_color0 * w.x + corner_color1 * w.y + corner_color2 * w.z) >> 15;
 #if ATTRIBUTE_TEXTURE
   if (((visited_flags >> ATTRIBUTE_FLAT_SHIFT) & 1u) == 0u) {
-    uvec4 texel = sample_texture(weights, i, j, points);
+    uvec4 texel = sample_texture(weights, i, j, polygon, twice_area);
     color = uvec4(product16(color.x, texel.x), product16(color.y, texel.y),
                   product16(color.z, texel.z), product16(color.w, texel.w));
   }
@@ -124,14 +128,13 @@ void add_normal(uint voxel, uint weight, ivec3 weights) {
 void visit_cell(int i, int j, int k) {
   uint voxel;
   if (!find_voxel(i, j, k, voxel)) return;
-  uint points = column_points & lattice_in_cell(visited, column_depth, k);
-  uint weight = visited_weight != 0u ? visited_weight
-                : points == 0u       ? 1u
-                                     : uint(bitCount(points)) * visited.factor;
-  ivec3 weights = corner_weights(visited, sample_position(visited, i, j, points));
+  CellPolygon polygon = cell_polygon(visited, in_column, column_depth, k);
+  uint twice_area = twice_polygon_area(polygon);
+  uint weight = visited_weight != 0u ? visited_weight : area_weight(visited, twice_area);
+  ivec3 weights = corner_weights(visited, sample_position(visited, i, j, polygon, twice_area));
   add_to_sum(voxel, 0u, weight);
 #if ATTRIBUTE_COLOR
-  add_color(voxel, weight, weights, i, j, points);
+  add_color(voxel, weight, weights, i, j, polygon, twice_area);
 #endif
 #if ATTRIBUTE_NORMAL
   add_normal(voxel, weight, weights);

@@ -1,24 +1,24 @@
-// What a triangle gives to the cells that it touches: how much of it lies in a cell, by a lattice
-// of 4 x 4 points per column, and the weights of its corners there. All in integers;
-// server/voxel/README.md defines each number, tests/unit/voxel compiles this file as C++.
+// What a triangle gives to the cells that it touches: the area of what it has in common with a cell,
+// and the weights of its corners at points of it. All in integers; server/voxel/README.md defines
+// each number, tests/unit/voxel compiles this file as C++.
 //
-// Positions are relative to the tile and swizzled, as in lib/touch.glsl. Lattice point (m, n) of
-// column (i, j) lies (2m+1)/8, (2n+1)/8 of a cell from the column's corner.
+// Positions are relative to the tile and swizzled, as in lib/touch.glsl. lib/attribute_polygon.glsl,
+// which comes before this file, clips.
 
-// a*I + b*J at the far end of a tile, 1023 lattice steps, for the longest side of 2050 cells is at
-// most 1,073,740,800; so a constant that is clamped to this keeps its sign and its sum in 32 bits.
-#define LATTICE_CLAMP 1073742000
+// Twice an area, 1/32 of a cell's face: a smaller triangle gets one tap.
+#define TAP_TWICE_AREA_MIN (1u << 20)
 
 struct AttributeTriangle {
-  // (a, b, c): a lattice point is inside iff a*I + b*J + c >= 0 for all
-  ivec3 edge0, edge1, edge2;
+  // (a, b) of a side: a X + b Y + rest >= 0 inside; X and Y in 1/512 of a cell
+  ivec2 edge0, edge1, edge2;
+  int64_t edge_rest0, edge_rest1, edge_rest2;
   int slope_i, slope_j;        // 2^-24 cells per column
   int64_t depth;               // of the plane at the corner of column (0, 0), 2^-24 cells
   ivec2 form1, form2;          // linear forms of corner 1's and corner 2's weight
   int64_t rest1, rest2;        // their constants, in 1/512 of a cell
   int64_t limit;               // where a form gives weight 1
   int64_t reciprocal;          // floor(2^58 / limit)
-  ivec2 box_min, box_max;      // of the projection, 1/64 of a cell
+  ivec2 box_min, box_max;      // of the projection, 1/512 of a cell
   uint factor;                 // of area: 256 |n| / |n_dominant|
 };
 
@@ -28,19 +28,14 @@ int64_t clamp64(int64_t value, int64_t low, int64_t high) {
   return value > high ? high : value;
 }
 
-// Lattice edge of the side from (x, y) along (dx, dy). Points on a side belong to one of the two
-// triangles that share it: to the one for which (a, b) is lexicographically positive.
-ivec3 lattice_edge(int x, int y, int dx, int dy, int side) {
-  int a = -dy * side;
-  int b = dx * side;
-  int64_t rest = int64_t(a) * int64_t(63 - 2 * x) + int64_t(b) * int64_t(63 - 2 * y);
-  if (!(a > 0 || (a == 0 && b > 0))) rest -= int64_t(1);
-  rest = clamp64(rest >> 7, int64_t(-LATTICE_CLAMP), int64_t(LATTICE_CLAMP));
-  return ivec3(a, b, int(rest));
-}
-
 int64_t form_rest(ivec2 form, ivec3 from) {
   return -(int64_t(form.x) * int64_t(2 * from.x + 1) + int64_t(form.y) * int64_t(2 * from.y + 1));
+}
+
+// Areas are measured half a sub-voxel lower on each axis than the corners stand, so that what begins
+// and ends on boundaries between cells fills cells.
+int64_t edge_rest(ivec2 edge, ivec3 from) {
+  return -(int64_t(edge.x) * int64_t(2 * from.x) + int64_t(edge.y) * int64_t(2 * from.y));
 }
 
 // v: corners; flags, slopes and reciprocal: the triangle's words of shared/attributes.h.
@@ -52,16 +47,18 @@ AttributeTriangle attribute_setup(ivec3 v0, ivec3 v1, ivec3 v2, int slope_i, int
   ivec3 d2 = v0 - v2;
   int64_t area = int64_t(d0.x) * int64_t(d1.y) - int64_t(d0.y) * int64_t(d1.x);
   int side = area >= int64_t(0) ? 1 : -1;
-  t.edge0 = lattice_edge(v0.x, v0.y, d0.x, d0.y, side);
-  t.edge1 = lattice_edge(v1.x, v1.y, d1.x, d1.y, side);
-  t.edge2 = lattice_edge(v2.x, v2.y, d2.x, d2.y, side);
+  t.edge0 = ivec2(-d0.y * side, d0.x * side);
+  t.edge1 = ivec2(-d1.y * side, d1.x * side);
+  t.edge2 = ivec2(-d2.y * side, d2.x * side);
+  t.edge_rest0 = edge_rest(t.edge0, v0);
+  t.edge_rest1 = edge_rest(t.edge1, v1);
+  t.edge_rest2 = edge_rest(t.edge2, v2);
   t.slope_i = slope_i;
   t.slope_j = slope_j;
-  // From corner 0 at (q + 1/2) / 256 to the corner of its column, then to column (0, 0).
-  t.depth = (int64_t(2 * v0.z + 1) << (ATTRIBUTE_DEPTH_BITS - 9)) -
-            ((int64_t(slope_i) * int64_t(2 * (v0.x & 255) + 1) +
-              int64_t(slope_j) * int64_t(2 * (v0.y & 255) + 1)) >>
-             9) -
+  // From corner 0 to the corner of its column, then to column (0, 0).
+  t.depth = (int64_t(v0.z) << (ATTRIBUTE_DEPTH_BITS - 8)) -
+            ((int64_t(slope_i) * int64_t(v0.x & 255) + int64_t(slope_j) * int64_t(v0.y & 255)) >>
+             8) -
             int64_t(slope_i) * int64_t(v0.x >> 8) - int64_t(slope_j) * int64_t(v0.y >> 8);
   uint form = (flags >> ATTRIBUTE_FORM_SHIFT) & 3u;
   ivec3 from1 = v2;
@@ -94,64 +91,68 @@ AttributeTriangle attribute_setup(ivec3 v0, ivec3 v1, ivec3 v2, int slope_i, int
   t.reciprocal = reciprocal;
   ivec3 low = min(v0, min(v1, v2));
   ivec3 high = max(v0, max(v1, v2));
-  t.box_min = ivec2(low.x >> 2, low.y >> 2);
-  t.box_max = ivec2(high.x >> 2, high.y >> 2);
+  t.box_min = ivec2(2 * low.x + 1, 2 * low.y + 1);
+  t.box_max = ivec2(2 * high.x + 1, 2 * high.y + 1);
   t.factor = flags & uint(ATTRIBUTE_FACTOR_MASK);
   return t;
 }
 
-// Bit 0 of the results: 1 where s >= 0.
-uint lattice_row(int s, int step, int base) {
-  return ((uint(~s) >> 31) | ((uint(~(s + step)) >> 31) << 1) |
-          ((uint(~(s + 2 * step)) >> 31) << 2) | ((uint(~(s + 3 * step)) >> 31) << 3))
-         << base;
-}
-uint lattice_side(ivec3 edge, int i, int j) {
-  int s = edge.x * (4 * i) + edge.y * (4 * j) + edge.z;
-  return lattice_row(s, edge.x, 0) | lattice_row(s + edge.y, edge.x, 4) |
-         lattice_row(s + 2 * edge.y, edge.x, 8) | lattice_row(s + 3 * edge.y, edge.x, 12);
-}
-
-// Lattice points of column (i, j) inside the projection of the triangle; bit m + 4 n.
-uint lattice_inside(AttributeTriangle t, int i, int j) {
-  if (t.factor == 0u) return 0u;
-  return lattice_side(t.edge0, i, j) & lattice_side(t.edge1, i, j) & lattice_side(t.edge2, i, j);
+// A side as a line of a column's polygon: value >= 0 inside, x and y in 2^-12 cells from the column's
+// corner. Coefficients get 15 bits, which is half a unit across a column; the constant is clamped to
+// where no point of the column changes its sign.
+ivec3 column_line(ivec2 edge, int64_t rest, int i, int j) {
+  int shift = max(findMSB(uint(max(abs(edge.x), abs(edge.y)))) - 14, 0);
+  int64_t corner = int64_t(edge.x) * int64_t(512 * i) + int64_t(edge.y) * int64_t(512 * j) + rest;
+  int64_t limit = int64_t(1 << 29);
+  return ivec3(edge.x >> shift, edge.y >> shift,
+               int(clamp64((corner * int64_t(8)) >> shift, -limit, limit)));
 }
 
-int64_t lattice_depth(AttributeTriangle t, int i, int j) {
+// What the projection of the triangle and column (i, j) have in common.
+CellPolygon column_polygon(AttributeTriangle t, int i, int j) {
+  CellPolygon polygon = whole_column();
+  if (t.factor == 0u) polygon.count = 0;
+  polygon = clip_polygon(polygon, column_line(t.edge0, t.edge_rest0, i, j));
+  polygon = clip_polygon(polygon, column_line(t.edge1, t.edge_rest1, i, j));
+  return clip_polygon(polygon, column_line(t.edge2, t.edge_rest2, i, j));
+}
+
+int64_t column_depth_at(AttributeTriangle t, int i, int j) {
   return t.depth + int64_t(t.slope_i) * int64_t(i) + int64_t(t.slope_j) * int64_t(j);
 }
 
-// Lattice points at which the plane lies at or above the floor of a cell; rise: depth of the plane
-// at the column's corner above that floor, 2^-24 cells, less than 8 cells either way.
-uint lattice_above(AttributeTriangle t, int rise) {
-  int s = 8 * rise + t.slope_i + t.slope_j;
-  int step = 2 * t.slope_i;
-  return lattice_row(s, step, 0) | lattice_row(s + 2 * t.slope_j, step, 4) |
-         lattice_row(s + 4 * t.slope_j, step, 8) | lattice_row(s + 6 * t.slope_j, step, 12);
-}
-
-// Lattice points at which the plane lies in cell k. The cell is one that the triangle touches, so
-// the plane is within 5 cells of it everywhere in the column.
-uint lattice_in_cell(AttributeTriangle t, int64_t depth, int k) {
+// Of a column's polygon what lies in cell k. The cell is one that the triangle touches, so the
+// plane is within 5 cells of it everywhere in the column. depth: column_depth_at().
+CellPolygon cell_polygon(AttributeTriangle t, CellPolygon column, int64_t depth, int k) {
+  if (column.count == 0) return column;
   int rise = int(depth - (int64_t(k) << ATTRIBUTE_DEPTH_BITS));
-  return lattice_above(t, rise) & ~lattice_above(t, rise - (1 << ATTRIBUTE_DEPTH_BITS));
+  int a = t.slope_i >> 9, b = t.slope_j >> 9, c = (rise >> 9) * 4096;
+  CellPolygon above = clip_polygon(column, ivec3(a, b, c));
+  return clip_polygon(above, ivec3(-a, -b, 4096 * (1 << (ATTRIBUTE_DEPTH_BITS - 9)) - 1 - c));
 }
 
-// Where attributes are taken, in 1/64 of a cell: the mean of the points, or without any the
+// Of what a triangle and a cell have in common; a cell's face has 4096. At least 1, so that every
+// occupied cell has a colour.
+uint area_weight(AttributeTriangle t, uint twice_area) {
+  return max((((twice_area + 16u) >> 5) * t.factor + (1u << 15)) >> 16, 1u);
+}
+
+// Of a point of a column's polygon, 2^-12 cells from the column's corner: in 1/512 of a cell.
+ivec2 position_in_column(int i, int j, ivec2 point) {
+  return ivec2(512 * i + 1, 512 * j + 1) + ((point + 4) >> 3);
+}
+
+// Where attributes are taken, in 1/512 of a cell: the polygon's centroid, or without area the
 // column's centre, moved into the triangle's box.
-ivec2 sample_position(AttributeTriangle t, int i, int j, uint points) {
-  if (points == 0u) {
-    return clamp(ivec2(64 * i + 32, 64 * j + 32), t.box_min, t.box_max);
+ivec2 sample_position(AttributeTriangle t, int i, int j, CellPolygon polygon, uint twice_area) {
+  if (twice_area == 0u) {
+    return clamp(ivec2(512 * i + 256, 512 * j + 256), t.box_min, t.box_max);
   }
-  int count = bitCount(points);
-  int m = bitCount(points & 0xaaaau) + 2 * bitCount(points & 0xccccu);
-  int n = bitCount(points & 0xf0f0u) + 2 * bitCount(points & 0xff00u);
-  return ivec2(64 * i + 8 + (16 * m) / count, 64 * j + 8 + (16 * n) / count);
+  return position_in_column(i, j, polygon_centroid(polygon, twice_area));
 }
 
 int form_weight(AttributeTriangle t, ivec2 form, int64_t rest, ivec2 at) {
-  int64_t value = int64_t(form.x) * int64_t(8 * at.x) + int64_t(form.y) * int64_t(8 * at.y) + rest;
+  int64_t value = int64_t(form.x) * int64_t(at.x) + int64_t(form.y) * int64_t(at.y) + rest;
   return int((clamp64(value, int64_t(0), t.limit) * t.reciprocal) >> (58 - ATTRIBUTE_WEIGHT_BITS));
 }
 
@@ -161,6 +162,23 @@ ivec3 corner_weights(AttributeTriangle t, ivec2 at) {
   int w1 = form_weight(t, t.form1, t.rest1, at);
   int w2 = min(form_weight(t, t.form2, t.rest2, at), one - w1);
   return ivec3(one - w1 - w2, w1, w2);
+}
+
+ivec3 weights_in_column(AttributeTriangle t, int i, int j, ivec2 point) {
+  return corner_weights(t, position_in_column(i, j, point));
+}
+
+// At the centroid of a triangle with these weights at its corners.
+ivec3 centre_weights(ivec3 a, ivec3 b, ivec3 c) {
+  int w1 = int(uint(a.y + b.y + c.y) / 3u), w2 = int(uint(a.z + b.z + c.z) / 3u);
+  return ivec3((1 << ATTRIBUTE_WEIGHT_BITS) - w1 - w2, w1, w2);
+}
+
+// Half way between two points. From a triangle's centroid to a corner that is the centroid of the
+// quarter at the corner; the fourth quarter has the triangle's own.
+ivec3 middle_weights(ivec3 a, ivec3 b) {
+  int w1 = (a.y + b.y) >> 1, w2 = (a.z + b.z) >> 1;
+  return ivec3((1 << ATTRIBUTE_WEIGHT_BITS) - w1 - w2, w1, w2);
 }
 
 // For 16-bit attributes: weights with 15 bits, sum 2^15, so that 65535 * 2^15 fits.
@@ -190,9 +208,16 @@ int tap_level(ivec3 weights, uint altitude, int level_max) {
   return min(level_max, max(findMSB((least * altitude) >> 18), 0));
 }
 
-// Points of the lattice that share a tap: 2 x 2 of them, number 0..3.
-uint tap_points(uint points, int number) {
-  return points & (0x33u << (2 * (number & 1) + 8 * (number >> 1)));
+// Of a polygon's area, 2^15 for all of it.
+uint area_share(uint twice_part, uint twice_area) {
+  int shift = max(findMSB(twice_area) - 15, 0);
+  return ((twice_part >> shift) << 15) / (twice_area >> shift);
+}
+
+// The level whose texels are as large as a part of a cell, in proportion to level_max, whose texels
+// are as large as the cell. twice_area: of the part, 2^25 for a cell's face.
+int part_level(uint twice_area, int level_max) {
+  return max(level_max - ((25 - findMSB(twice_area)) >> 1), 0);
 }
 
 // Of a texture coordinate, in 1/256 texel from texel centre 0 of a level, within one period: from

@@ -1,5 +1,6 @@
 #include "server/voxel/cpu/attribute_visitor.h"
 
+#include <algorithm>
 #include <bit>
 
 #include "proto/sparse_tile.h"
@@ -13,6 +14,7 @@ namespace voxeld {
 namespace attribute_visitor {
 
 using namespace glsl;  // NOLINT(google-build-using-namespace)
+#include "shaders/lib/attribute_polygon.glsl"
 #include "shaders/lib/attributes.glsl"
 #include "shaders/lib/touch.glsl"
 
@@ -56,8 +58,8 @@ class Visitor {
     const uint32_t* words = source_.words;
     const auto reciprocal = static_cast<int64_t>(uint64_t{words[ATTRIBUTE_RECIPROCAL]} |
                                                  uint64_t{words[ATTRIBUTE_RECIPROCAL + 1]} << 32);
-    lattice_ = attribute_setup(v0, v1, v2, static_cast<int>(words[ATTRIBUTE_SLOPE_I]),
-                               static_cast<int>(words[ATTRIBUTE_SLOPE_J]), reciprocal, flags_);
+    shape_ = attribute_setup(v0, v1, v2, static_cast<int>(words[ATTRIBUTE_SLOPE_I]),
+                             static_cast<int>(words[ATTRIBUTE_SLOPE_J]), reciprocal, flags_);
     if (target_.channels.color) read_corners(ATTRIBUTE_COLORS, colors_);
     if (target_.channels.normal) read_corners(ATTRIBUTE_NORMALS, normals_);
     visit(t);
@@ -88,8 +90,8 @@ class Visitor {
 
   void visit_column(const TouchTriangle& t, int i, int j, ivec2 depth) {
     if (depth.x > depth.y) return;
-    const uint32_t inside = lattice_inside(lattice_, i, j);
-    const int64_t plane = lattice_depth(lattice_, i, j);
+    const CellPolygon column = column_polygon(shape_, i, j);
+    const int64_t plane = column_depth_at(shape_, i, j);
     for (int k = depth.x; k <= depth.y; ++k) {
       if (!touch_sides(t, i, j, k)) continue;
       const size_t voxel = voxel_at(target_, morton_at(i, j, k));
@@ -98,8 +100,8 @@ class Visitor {
         compare(target_.nearest[voxel], i, j, k);
         continue;
       }
-      const uint32_t points = inside == 0 ? 0 : inside & lattice_in_cell(lattice_, plane, k);
-      add(target_.sums + voxel * target_.channels.count(), i, j, points);
+      add(target_.sums + voxel * target_.channels.count(), i, j,
+          cell_polygon(shape_, column, plane, k));
     }
   }
 
@@ -123,7 +125,7 @@ class Visitor {
     }
     const NearestPoint point = nearest_point(corners);
     if (point.squared > best.squared) return;
-    const uvec4 color = color_at(point.weights, 0, 0, 0);
+    const uvec4 color = color_at(point.weights);
     NearestColor found{point.squared, {}};
     for (int c = 0; c < 4; ++c) {
       found.linear16[static_cast<size_t>(c)] = static_cast<uint16_t>(color[c]);
@@ -131,25 +133,37 @@ class Visitor {
     if (point.squared < best.squared || found.linear16 < best.linear16) best = found;
   }
 
-  // points: of column (i, j); with none it is the colour at the weights alone.
-  uvec4 color_at(const ivec3& weights, int i, int j, uint32_t points) const {
+  uvec4 times_texel(const ivec3& weights, const uvec4& texel) const {
     uvec4 color = blend(colors_, weights);
-    if (source_.levels.empty() || is_flat()) return color;
-    const uvec4 texel = sample_texture(weights, i, j, points);
     for (int c = 0; c < 4; ++c) color[c] = product16(color[c], texel[c]);
     return color;
   }
 
-  void add(uint64_t* sums, int i, int j, uint32_t points) const {
-    const uint32_t of_points =
-        points == 0 ? 1u : static_cast<uint32_t>(std::popcount(points)) * lattice_.factor;
+  // At the weights alone.
+  uvec4 color_at(const ivec3& weights) const {
+    if (source_.levels.empty() || is_flat()) return blend(colors_, weights);
+    return times_texel(weights, sample_tap(weights, level_max()));
+  }
+
+  // Over the polygon of column (i, j); weights: at its centroid.
+  uvec4 mean_color(const ivec3& weights, int i, int j, const CellPolygon& polygon,
+                   uint32_t twice_area) const {
+    if (source_.levels.empty() || is_flat()) return blend(colors_, weights);
+    return times_texel(weights, sample_texture(weights, i, j, polygon, twice_area));
+  }
+
+  void add(uint64_t* sums, int i, int j, const CellPolygon& polygon) const {
+    const uint32_t twice_area = twice_polygon_area(polygon);
     const uint32_t in_one_cell = source_.words[ATTRIBUTE_WEIGHT];
-    const uint32_t weight = in_one_cell != 0 ? in_one_cell : of_points;
-    // The corners of a flat triangle are alike: any weights will do.
-    const ivec3 weights = is_flat() ? ivec3(1 << ATTRIBUTE_WEIGHT_BITS, 0, 0) : at(i, j, points);
+    const uint32_t weight = in_one_cell != 0 ? in_one_cell : area_weight(shape_, twice_area);
     *sums++ += weight;
+    if (!target_.channels.color && !target_.channels.normal) return;
+    // The corners of a flat triangle are alike: any weights will do.
+    const ivec3 weights =
+        is_flat() ? ivec3(1 << ATTRIBUTE_WEIGHT_BITS, 0, 0)
+                  : corner_weights(shape_, sample_position(shape_, i, j, polygon, twice_area));
     if (target_.channels.color) {
-      const uvec4 color = color_at(weights, i, j, points);
+      const uvec4 color = mean_color(weights, i, j, polygon, twice_area);
       const int channels = target_.channels.alpha ? 4 : 3;
       for (int c = 0; c < channels; ++c) *sums++ += uint64_t{weight} * color[c];
     }
@@ -164,47 +178,51 @@ class Visitor {
     return (corners[0] * w.x + corners[1] * w.y + corners[2] * w.z) >> 15u;
   }
 
-  static uvec4 linear_texel(const MipLevel& level, int x, int y) {
-    const uint8_t* texel =
-        &level.rgba[(size_t{4} * static_cast<size_t>(level.width)) * static_cast<size_t>(y) +
-                    size_t{4} * static_cast<size_t>(x)];
-    const auto& linear = linear16_from_srgb8();
-    return {linear[texel[0]], linear[texel[1]], linear[texel[2]], texel[3] * 257u};
+  static const uint8_t* texel_at(const MipLevel& level, int x, int y) {
+    return &level.rgba[size_t{4} * (static_cast<size_t>(level.width) * static_cast<size_t>(y) +
+                                    static_cast<size_t>(x))];
   }
 
   bool is_flat() const { return ((flags_ >> ATTRIBUTE_FLAT_SHIFT) & 1u) != 0; }
 
-  // The mean over a cell's points, as lib/attribute_visit.glsl takes it.
-  uvec4 sample_texture(const ivec3& weights, int i, int j, uint32_t points) const {
-    const auto level_max = static_cast<int>((flags_ >> ATTRIBUTE_LEVEL_SHIFT) & 15u);
-    const auto count = static_cast<uint32_t>(std::popcount(points));
-    if (count <= 1 || tap_fits(weights, level_max)) return sample_tap(weights, level_max);
-    uvec4 sum(count / 2);
-    for (int number = 0; number < 4; ++number) {
-      const uint32_t part = tap_points(points, number);
-      if (part != 0) sum += sum_quarter(i, j, part, level_max - 1);
+  int level_max() const { return static_cast<int>((flags_ >> ATTRIBUTE_LEVEL_SHIFT) & 15u); }
+
+  // As lib/attribute_visit.glsl does, with the words of its comments.
+  uvec4 sample_texture(const ivec3& weights, int i, int j, const CellPolygon& polygon,
+                       uint32_t twice_area) const {
+    if (twice_area == 0) return sample_tap(weights, level_max());
+    const int level = part_level(twice_area, level_max());
+    if (tap_fits(weights, level)) return sample_tap(weights, level);
+    const ivec3 first = weights_in_column(shape_, i, j, polygon_point(polygon.points[0]));
+    ivec3 last = weights_in_column(shape_, i, j, polygon_point(polygon.points[1]));
+    uint32_t done = 0;
+    uvec4 sum(1u << 14);
+    for (int n = 1; n + 1 < polygon.count; ++n) {
+      const ivec3 next = weights_in_column(shape_, i, j, polygon_point(polygon.points[n + 1]));
+      const uint32_t area = twice_fan_area(polygon, n);
+      const uint32_t share = area_share(done + area, twice_area) - area_share(done, twice_area);
+      done += area;
+      if (share != 0) sum += sample_fan(first, last, next, area) * share;
+      last = next;
     }
-    return sum / count;
+    return sum >> 15u;
   }
 
-  uvec4 sum_quarter(int i, int j, uint32_t points, int level_max) const {
-    const ivec3 weights = at(i, j, points);
-    const auto count = static_cast<uint32_t>(std::popcount(points));
-    if (count == 1 || tap_fits(weights, level_max)) return sample_tap(weights, level_max) * count;
-    uvec4 sum(0);
-    for (uint32_t rest = points; rest != 0; rest &= rest - 1) {
-      sum += sample_tap(at(i, j, rest & (~rest + 1)), level_max - 1);
+  uvec4 sample_fan(const ivec3& a, const ivec3& b, const ivec3& c, uint32_t twice_area) const {
+    const int level = part_level(twice_area, level_max());
+    const ivec3 centre = centre_weights(a, b, c);
+    if (twice_area < TAP_TWICE_AREA_MIN || tap_fits(centre, level)) {
+      return sample_tap(centre, level);
     }
-    return sum;
+    uvec4 sum = sample_tap(centre, level - 1) + 2u;
+    for (const ivec3& corner : {a, b, c}) {
+      sum += sample_tap(middle_weights(corner, centre), level - 1);
+    }
+    return sum >> 2u;
   }
 
-  bool tap_fits(const ivec3& weights, int level_max) const {
-    return tap_level(weights, source_.words[ATTRIBUTE_ALTITUDE], level_max) + 1 >= level_max;
-  }
-
-  // Weights of the corners at the mean of points of column (i, j).
-  ivec3 at(int i, int j, uint32_t points) const {
-    return corner_weights(lattice_, sample_position(lattice_, i, j, points));
+  bool tap_fits(const ivec3& weights, int level) const {
+    return tap_level(weights, source_.words[ATTRIBUTE_ALTITUDE], level) + 1 >= level;
   }
 
   // Bilinear in linear light, 8 bits of fraction, so that 65535 * 65536 fits.
@@ -220,18 +238,26 @@ class Visitor {
     const int x1 = wrap_texel((u >> 8) + 1, level.width, wrap_u);
     const int y0 = wrap_texel(v >> 8, level.height, wrap_v);
     const int y1 = wrap_texel((v >> 8) + 1, level.height, wrap_v);
+    const std::array<const uint8_t*, 4> texels = {texel_at(level, x0, y0), texel_at(level, x1, y0),
+                                                  texel_at(level, x0, y1), texel_at(level, x1, y1)};
     const auto fx = static_cast<uint32_t>(u & 255), fy = static_cast<uint32_t>(v & 255);
-    const uvec4 sum = linear_texel(level, x0, y0) * ((256u - fx) * (256u - fy)) +
-                      linear_texel(level, x1, y0) * (fx * (256u - fy)) +
-                      linear_texel(level, x0, y1) * ((256u - fx) * fy) +
-                      linear_texel(level, x1, y1) * (fx * fy);
+    const std::array<uint32_t, 4> shares = {(256u - fx) * (256u - fy), fx * (256u - fy),
+                                            (256u - fx) * fy, fx * fy};
+    uvec4 sum(0);
+    for (size_t t = 0; t < 4; ++t) {
+      for (int c = 0; c < 3; ++c) sum[c] += linear_[texels[t][c]] * shares[t];
+    }
+    if (target_.channels.alpha) {
+      for (size_t t = 0; t < 4; ++t) sum.w += texels[t][3] * 257u * shares[t];
+    }
     return sum >> 16u;
   }
 
   const AttributeSource& source_;
   const AttributeTarget& target_;
   uint32_t flags_;
-  AttributeTriangle lattice_{};
+  const std::array<uint32_t, 256>& linear_ = linear16_from_srgb8();
+  AttributeTriangle shape_{};
   std::array<uvec4, 3> colors_{}, normals_{};
 };
 

@@ -12,6 +12,7 @@
 
 namespace voxeld::glsl {
 
+#include "shaders/lib/attribute_polygon.glsl"
 #include "shaders/lib/attributes.glsl"
 
 namespace {
@@ -77,53 +78,100 @@ class Random {
   std::mt19937_64 random_;
 };
 
-// Side functions of a lattice point, by the definition.
-bool inside(const Triangle& t, int i, int j, int m, int n) {
-  const int64_t x = 512 * int64_t{i} + 128 * m + 64, y = 512 * int64_t{j} + 128 * n + 64;
-  const int64_t side = t.n()[2] >= 0 ? 1 : -1;
-  for (size_t e = 0; e < 3; ++e) {
-    const ivec3 from = t.v[e], d = t.v[(e + 1) % 3] - from;
-    const int64_t a = -d.y * side, b = d.x * side;
-    const int64_t value = a * (x - 2 * from.x - 1) + b * (y - 2 * from.y - 1);
-    if (value < 0 || (value == 0 && !(a > 0 || (a == 0 && b > 0)))) return false;
+double twice_area_of(const std::vector<std::array<double, 2>>& points) {
+  double sum = 0;
+  for (size_t i = 0; i < points.size(); ++i) {
+    const auto &a = points[i], &b = points[(i + 1) % points.size()];
+    sum += a[0] * b[1] - a[1] * b[0];
   }
-  return true;
+  return std::abs(sum);
 }
 
-TEST(AttributesShader, lattice_points_inside_are_those_of_the_definition) {
+// What lies at form >= 0, in doubles.
+template <typename Form>
+std::vector<std::array<double, 2>> kept(const std::vector<std::array<double, 2>>& points,
+                                        const Form& form) {
+  std::vector<std::array<double, 2>> out;
+  for (size_t i = 0; i < points.size(); ++i) {
+    const auto &a = points[i], &b = points[(i + 1) % points.size()];
+    const double fa = form(a), fb = form(b);
+    if (fa >= 0) out.push_back(a);
+    if ((fa < 0) == (fb < 0)) continue;
+    const double t = fa / (fa - fb);
+    out.push_back({a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])});
+  }
+  return out;
+}
+
+// Of the triangle's projection in cell (i, j, k), of a face, by doubles.
+double share_in_cell(const Triangle& t, int i, int j, int k) {
+  std::vector<std::array<double, 2>> points;
+  for (const ivec3& p : t.v) points.push_back({p.x / 256.0, p.y / 256.0});
+  points = kept(points, [&](const auto& p) { return p[0] - i; });
+  points = kept(points, [&](const auto& p) { return i + 1 - p[0]; });
+  points = kept(points, [&](const auto& p) { return p[1] - j; });
+  points = kept(points, [&](const auto& p) { return j + 1 - p[1]; });
+  const auto n = t.n();
+  const auto depth = [&](const auto& p) {
+    return (t.v[0].z -
+            (double(n[0]) * (256 * p[0] - t.v[0].x) + double(n[1]) * (256 * p[1] - t.v[0].y)) /
+                double(n[2])) /
+           256;
+  };
+  points = kept(points, [&](const auto& p) { return depth(p) - k; });
+  points = kept(points, [&](const auto& p) { return k + 1 - depth(p); });
+  return twice_area_of(points) / 2;
+}
+
+uint twice_area_in_cell(const AttributeTriangle& a, int i, int j, int k) {
+  return twice_polygon_area(cell_polygon(a, column_polygon(a, i, j), column_depth_at(a, i, j), k));
+}
+
+TEST(AttributesShader, areas_in_cells_are_those_of_clipped_triangles) {
   Random random(1);
   const ivec3 box_min(-7 * 65536 - 256), box_max = box_min + 2050 * 256;
-  for (int t = 0; t < 20'000; ++t) {
-    const bool huge = t % 2 == 0;
-    const Triangle triangle = huge ? random.triangle(box_min, box_max)
-                                   : random.triangle(ivec3(-300), ivec3(2000, 2000, 500));
+  int counted = 0;
+  for (int t = 0; t < 40'000; ++t) {
+    const bool huge = t % 4 == 0;
+    const Triangle triangle =
+        huge ? random.triangle(box_min, box_max)
+             : random.triangle(ivec3(-300), t % 4 == 1 ? ivec3(300) : ivec3(2000, 2000, 500));
     const AttributeTriangle a = set_up(triangle);
-    const int i = random.integer(0, huge ? 255 : 8), j = random.integer(0, huge ? 255 : 8);
-    const uint points = lattice_inside(a, i, j);
-    for (int n = 0; n < 4; ++n) {
-      for (int m = 0; m < 4; ++m) {
-        ASSERT_EQ((points >> (m + 4 * n) & 1u) != 0, inside(triangle, i, j, m, n)) << t;
-      }
+    const int i = random.integer(0, huge ? 255 : 2), j = random.integer(0, huge ? 255 : 2);
+    const int64_t depth = column_depth_at(a, i, j);
+    for (int k = int(depth >> 24) - 2; k <= int(depth >> 24) + 2; ++k) {
+      const double expected = share_in_cell(triangle, i, j, k);
+      ASSERT_NEAR(double(twice_area_in_cell(a, i, j, k)) * 0x1p-25, expected, 1.0 / 1000) << t;
+      counted += expected > 0.01 ? 1 : 0;
     }
   }
+  EXPECT_GT(counted, 5'000);
 }
 
-TEST(AttributesShader, a_lattice_point_on_a_shared_side_belongs_to_one_triangle) {
-  // The diagonal of each square runs through lattice points.
+TEST(AttributesShader, triangles_with_a_common_side_share_a_column_out) {
   for (const int shift : {0, 31, 32, 63, 64}) {
-    const ivec3 a(shift, shift, 0), b(shift + 1024, shift, 0), c(shift + 1024, shift + 1024, 0),
-        d(shift, shift + 1024, 0);
+    const ivec3 a(shift, shift, 9), b(shift + 1024, shift, 9), c(shift + 1024, shift + 1024, 9),
+        d(shift, shift + 1024, 9);
     const AttributeTriangle lower = set_up({{a, b, c}}), upper = set_up({{a, c, d}});
     const AttributeTriangle flipped = set_up({{c, a, d}});
     for (int j = 1; j < 4; ++j) {
       for (int i = 1; i < 4; ++i) {
-        const uint one = lattice_inside(lower, i, j), other = lattice_inside(upper, i, j);
-        EXPECT_EQ(one & other, 0u);
-        EXPECT_EQ(one | other, 0xffffu);
-        EXPECT_EQ(lattice_inside(flipped, i, j), other);
+        const uint one = twice_area_in_cell(lower, i, j, 0);
+        const uint other = twice_area_in_cell(upper, i, j, 0);
+        EXPECT_EQ(one + other, 1u << 25);
+        EXPECT_EQ(twice_area_in_cell(flipped, i, j, 0), other);
       }
     }
   }
+}
+
+TEST(AttributesShader, a_square_on_the_boundaries_of_cells_fills_a_layer) {
+  const AttributeTriangle a =
+      set_up({{ivec3(0, 0, 512), ivec3(2048, 0, 512), ivec3(0, 2048, 512)}});
+  EXPECT_EQ(twice_area_in_cell(a, 1, 1, 2), 1u << 25);
+  EXPECT_EQ(area_weight(a, 1u << 25), 4096u);
+  EXPECT_EQ(twice_area_in_cell(a, 1, 1, 1), 0u);
+  EXPECT_EQ(area_weight(a, 0u), 1u);
 }
 
 TEST(AttributesShader, depths_are_those_of_the_plane) {
@@ -134,38 +182,69 @@ TEST(AttributesShader, depths_are_those_of_the_plane) {
     const auto n = triangle.n();
     const int i = random.integer(0, 255), j = random.integer(0, 255);
     // At the corner of column (i, j), in cells.
-    const double x = 256.0 * i - triangle.v[0].x - 0.5, y = 256.0 * j - triangle.v[0].y - 0.5;
+    const double x = 256.0 * i - triangle.v[0].x, y = 256.0 * j - triangle.v[0].y;
     const double z =
-        (triangle.v[0].z + 0.5 - (double(n[0]) * x + double(n[1]) * y) / double(n[2])) / 256.0;
-    ASSERT_NEAR(double(lattice_depth(a, i, j)) * 0x1p-24, z, 0x1p-14) << t;
+        (triangle.v[0].z - (double(n[0]) * x + double(n[1]) * y) / double(n[2])) / 256.0;
+    ASSERT_NEAR(double(column_depth_at(a, i, j)) * 0x1p-24, z, 0x1p-14) << t;
   }
 }
 
-TEST(AttributesShader, every_point_of_a_column_lies_in_one_cell) {
+// Rounding can make a polygon not quite convex; it never has more corners than it has room for.
+TEST(AttributesShader, a_clipped_polygon_has_at_most_nine_corners_in_its_column) {
   Random random(3);
-  for (int t = 0; t < 5'000; ++t) {
-    const Triangle triangle = random.triangle(ivec3(0), ivec3(4096));
-    const AttributeTriangle a = set_up(triangle);
-    const int i = random.integer(0, 15), j = random.integer(0, 15);
-    const int64_t depth = lattice_depth(a, i, j);
-    const int middle = static_cast<int>(depth >> 24);
-    uint all = 0;
-    for (int k = middle - 3; k <= middle + 3; ++k) {
-      const uint points = lattice_in_cell(a, depth, k);
-      ASSERT_EQ(all & points, 0u);
-      all |= points;
+  int most = 0;
+  for (int t = 0; t < 50'000; ++t) {
+    CellPolygon polygon = whole_column();
+    for (int cut = 0; cut < 12; ++cut) {
+      const int a = random.integer(-32767, 32767), b = random.integer(-32767, 32767);
+      const int x = random.integer(1500, 2500), y = random.integer(1500, 2500);
+      const ivec3 line(a, b, -(a * x + b * y) + 30'000'000);
+      polygon = clip_polygon(polygon, line);
+      most = std::max(most, polygon.count);
+      for (int n = 0; n < polygon.count; ++n) {
+        const ivec2 p = polygon_point(polygon.points[n]);
+        ASSERT_TRUE(p.x >= 0 && p.x <= 4096 && p.y >= 0 && p.y <= 4096);
+      }
     }
-    ASSERT_EQ(all, 0xffffu);
   }
+  EXPECT_EQ(most, 9);
 }
 
-TEST(AttributesShader, the_sample_is_the_mean_of_the_points_or_the_centre_in_the_box) {
-  AttributeTriangle t = set_up({{ivec3(0, 0, 0), ivec3(40, 0, 0), ivec3(0, 80, 0)}});
-  EXPECT_EQ(sample_position(t, 2, 3, 0xffffu), ivec2(2 * 64 + 32, 3 * 64 + 32));
-  EXPECT_EQ(sample_position(t, 0, 0, 0x0001u), ivec2(8, 8));
-  EXPECT_EQ(sample_position(t, 0, 0, 0x8000u), ivec2(56, 56));
-  EXPECT_EQ(sample_position(t, 0, 0, 0x0013u), ivec2(8 + 16 / 3, 8 + 16 / 3));
-  EXPECT_EQ(sample_position(t, 0, 0, 0u), ivec2(10, 20));
+TEST(AttributesShader, the_sample_is_the_centroid_or_the_centre_in_the_box) {
+  const AttributeTriangle t = set_up({{ivec3(0, 0, 0), ivec3(40, 0, 0), ivec3(0, 80, 0)}});
+  EXPECT_EQ(sample_position(t, 2, 3, whole_column(), 1u << 25),
+            ivec2(2 * 512 + 257, 3 * 512 + 257));
+  const CellPolygon in_cell = cell_polygon(t, column_polygon(t, 0, 0), column_depth_at(t, 0, 0), 0);
+  const ivec2 at = sample_position(t, 0, 0, in_cell, twice_polygon_area(in_cell));
+  EXPECT_NEAR(at.x, 2 * 40 / 3.0 + 1, 1);
+  EXPECT_NEAR(at.y, 2 * 80 / 3.0 + 1, 1);
+  EXPECT_EQ(sample_position(t, 0, 0, in_cell, 0u), ivec2(81, 161));
+}
+
+TEST(AttributesShader, parts_of_an_area_share_all_of_it_out) {
+  EXPECT_EQ(area_share(0u, 1u << 25), 0u);
+  EXPECT_EQ(area_share(1u << 25, 1u << 25), 1u << 15);
+  EXPECT_EQ(area_share(1u << 24, 1u << 25), 1u << 14);
+  EXPECT_EQ(area_share(1u, 3u), 10922u);
+  EXPECT_EQ(area_share(3u, 3u), 1u << 15);
+}
+
+TEST(AttributesShader, texels_are_as_large_as_the_part_that_they_stand_for) {
+  EXPECT_EQ(part_level(1u << 25, 5), 5);
+  EXPECT_EQ(part_level(1u << 23, 5), 4);
+  EXPECT_EQ(part_level(1u << 15, 5), 0);
+  EXPECT_EQ(part_level(1u, 5), 0);
+}
+
+TEST(AttributesShader, quarters_of_a_triangle_have_their_own_centroids) {
+  const int one = 1 << 24;
+  const ivec3 a(one, 0, 0), b(0, one, 0), c(0, 0, one);
+  const ivec3 centre = centre_weights(a, b, c);
+  for (int n = 0; n < 3; ++n) EXPECT_NEAR(centre[n], one / 3.0, 2);
+  const ivec3 at_b = middle_weights(b, centre);
+  EXPECT_NEAR(at_b.x, one / 6.0, 2);
+  EXPECT_NEAR(at_b.y, one * 4 / 6.0, 2);
+  EXPECT_EQ(at_b.x + at_b.y + at_b.z, one);
 }
 
 TEST(AttributesShader, corner_weights_are_barycentric) {
@@ -173,16 +252,16 @@ TEST(AttributesShader, corner_weights_are_barycentric) {
   for (int t = 0; t < 5'000; ++t) {
     const Triangle triangle = random.triangle(ivec3(0), ivec3(random.integer(64, 65535)));
     const AttributeTriangle a = set_up(triangle);
-    const ivec2 at(random.integer(0, 16383), random.integer(0, 16383));
+    const ivec2 at(random.integer(0, 131071), random.integer(0, 131071));
     const ivec3 w = corner_weights(a, at);
     ASSERT_EQ(w.x + w.y + w.z, 1 << 24);
     ASSERT_GE(std::min({w.x, w.y, w.z}), 0);
-    // 1/64 of a cell is 4 of q.
+    // 1/512 of a cell is half of q.
     const auto area = [](double ax, double ay, double bx, double by) { return ax * by - ay * bx; };
     std::array<double, 3> expected{};
     for (size_t i = 0; i < 3; ++i) {
       const ivec3 b = triangle.v[(i + 1) % 3], c = triangle.v[(i + 2) % 3];
-      expected[i] = area(c.x - b.x, c.y - b.y, 4.0 * at.x - b.x - 0.5, 4.0 * at.y - b.y - 0.5) /
+      expected[i] = area(c.x - b.x, c.y - b.y, 0.5 * at.x - b.x - 0.5, 0.5 * at.y - b.y - 0.5) /
                     double(triangle.n()[2]);
     }
     if (*std::min_element(expected.begin(), expected.end()) < 0) continue;
@@ -198,14 +277,14 @@ TEST(AttributesShader, slivers_weigh_the_ends_of_their_longest_side) {
   const uint flags = 256u | uint(ATTRIBUTE_FORM_02) << ATTRIBUTE_FORM_SHIFT;
   const AttributeTriangle t = attribute_setup(v0, v1, v2, 0, 0, reciprocal, flags);
   for (const int x : {0, 256, 512, 1023}) {
-    const ivec3 w = corner_weights(t, ivec2(x, 0));
+    const ivec3 w = corner_weights(t, ivec2(8 * x, 0));
     EXPECT_EQ(w.y, 0);
     EXPECT_NEAR(w.z * 0x1p-24, x / 1024.0, 1e-3);
     EXPECT_EQ(w.x + w.z, 1 << 24);
   }
   const uint flags12 = 256u | uint(ATTRIBUTE_FORM_12) << ATTRIBUTE_FORM_SHIFT;
   const AttributeTriangle other = attribute_setup(v1, v0, v2, 0, 0, reciprocal, flags12);
-  const ivec3 w = corner_weights(other, ivec2(256, 0));
+  const ivec3 w = corner_weights(other, ivec2(8 * 256, 0));
   EXPECT_NEAR(w.y * 0x1p-24, 0.75, 1e-3);
   EXPECT_NEAR(w.z * 0x1p-24, 0.25, 1e-3);
   EXPECT_LE(w.x, 1);
@@ -232,18 +311,6 @@ TEST(AttributesShader, taps_are_coarser_the_farther_they_are_from_the_sides) {
   EXPECT_EQ(tap_level({0, one - 5, 5}, 65535, 15), 0);
 }
 
-TEST(AttributesShader, quarters_of_a_column_share_its_points_out) {
-  uint all = 0;
-  for (int number = 0; number < 4; ++number) {
-    const uint part = tap_points(0xffffu, number);
-    EXPECT_EQ(bitCount(part), 4);
-    EXPECT_EQ(all & part, 0u);
-    all |= part;
-  }
-  EXPECT_EQ(all, 0xffffu);
-  EXPECT_EQ(tap_points(0xffffu, 3), 0xcc00u);
-}
-
 TEST(AttributesShader, coordinates_of_a_texture_wrap_at_every_size) {
   const int one = 1 << ATTRIBUTE_UV_BITS;
   for (const int size : {1, 3, 256, 32768}) {
@@ -260,11 +327,12 @@ TEST(AttributesShader, coordinates_of_a_texture_wrap_at_every_size) {
   }
 }
 
-TEST(AttributesShader, a_triangle_of_one_point_has_weights_and_no_lattice_points) {
+TEST(AttributesShader, a_triangle_of_one_point_has_weights_and_no_area) {
   const ivec3 p(300, 300, 300);
   const AttributeTriangle t = attribute_setup(p, p, p, 0, 0, 0, 0u);
-  EXPECT_EQ(lattice_inside(t, 1, 1), 0u);
-  EXPECT_EQ(corner_weights(t, sample_position(t, 1, 1, 0u)), ivec3(1 << 24, 0, 0));
+  const CellPolygon polygon = column_polygon(t, 1, 1);
+  EXPECT_EQ(polygon.count, 0);
+  EXPECT_EQ(corner_weights(t, sample_position(t, 1, 1, polygon, 0u)), ivec3(1 << 24, 0, 0));
 }
 
 TEST(AttributesShader, products_of_fractions_keep_white_and_black) {
