@@ -1,9 +1,9 @@
-// What a triangle gives to the cells that it touches: the area of what it has in common with a cell,
-// and the weights of its corners at points of it. All in integers; server/voxel/README.md defines
-// each number, tests/unit/voxel compiles this file as C++.
+// Shares of a triangle in the cells that it touches: the area of what it has in common with a
+// cell, and the weights of its corners at points of it. All in integers; server/voxel/README.md
+// defines each number, tests/unit/voxel compiles this file as C++.
 //
-// Positions are relative to the tile and swizzled, as in lib/touch.glsl. lib/attribute_polygon.glsl,
-// which comes before this file, clips.
+// Positions are relative to the tile and swizzled, as in lib/touch.glsl. The clipping is in
+// lib/attribute_polygon.glsl, which comes before this file.
 
 // Twice an area, 1/32 of a cell's face: a smaller triangle gets one tap.
 #define TAP_TWICE_AREA_MIN (1u << 20)
@@ -32,8 +32,8 @@ int64_t form_rest(ivec2 form, ivec3 from) {
   return -(int64_t(form.x) * int64_t(2 * from.x + 1) + int64_t(form.y) * int64_t(2 * from.y + 1));
 }
 
-// Areas are measured half a sub-voxel lower on each axis than the corners stand, so that what begins
-// and ends on boundaries between cells fills cells.
+// Areas are measured half a sub-voxel lower on each axis than the corners stand, so that what
+// begins and ends on boundaries between cells fills cells.
 int64_t edge_rest(ivec2 edge, ivec3 from) {
   return -(int64_t(edge.x) * int64_t(2 * from.x) + int64_t(edge.y) * int64_t(2 * from.y));
 }
@@ -97,9 +97,9 @@ AttributeTriangle attribute_setup(ivec3 v0, ivec3 v1, ivec3 v2, int slope_i, int
   return t;
 }
 
-// A side as a line of a column's polygon: value >= 0 inside, x and y in 2^-12 cells from the column's
-// corner. Coefficients get 15 bits, which is half a unit across a column; the constant is clamped to
-// where no point of the column changes its sign.
+// A side as a line of a column's polygon: value >= 0 inside, x and y in 2^-12 cells from the
+// column's corner. Coefficients get 15 bits, which is half a unit across a column; the constant is
+// clamped to where no point of the column changes its sign.
 ivec3 column_line(ivec2 edge, int64_t rest, int i, int j) {
   int shift = max(findMSB(uint(max(abs(edge.x), abs(edge.y)))) - 14, 0);
   int64_t corner = int64_t(edge.x) * int64_t(512 * i) + int64_t(edge.y) * int64_t(512 * j) + rest;
