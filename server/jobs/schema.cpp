@@ -65,7 +65,7 @@ namespace {
 // Step 12: results and frames that their tenant deleted are expired ones with is_deleted = 1.
 // holdings_by_size finds the blobs that an upload of a known length can be; live jobs are found by
 // what they work on.
-constexpr std::array<std::string_view, 12> kSteps = {
+constexpr std::array<std::string_view, 13> kSteps = {
     R"sql(
 CREATE TABLE assets (
   id TEXT PRIMARY KEY,
@@ -484,6 +484,10 @@ CREATE INDEX jobs_live_by_asset ON jobs (asset)
 CREATE INDEX jobs_live_by_grid ON jobs (grid) WHERE state IN ('queued', 'running') AND grid <> '';
 CREATE INDEX jobs_live_by_sequence ON jobs (sequence)
   WHERE state IN ('queued', 'running') AND sequence <> '';
+)sql",
+    R"sql(
+-- A tenant's list of one state reads no job of another state.
+CREATE INDEX jobs_by_tenant_and_state ON jobs (tenant, state, seq);
 )sql"};
 
 Result<int64_t> user_version(SqlConnection& connection) {

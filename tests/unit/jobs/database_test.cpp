@@ -283,6 +283,23 @@ TEST_F(OldDatabaseTest, what_was_there_before_tenants_belongs_to_the_open_daemon
             "no such job: expected the id of a job, got j-old");
 }
 
+TEST_F(DatabaseTest, a_tenants_list_of_one_state_reads_no_job_of_another_state) {
+  const auto database = open();
+  auto reader = database->read();
+  ASSERT_TRUE(reader);
+  for (const std::string order : {"< $1 ORDER BY j.seq DESC", "> $1 ORDER BY j.seq"}) {
+    auto plan = (*reader)->query(
+        "EXPLAIN QUERY PLAN SELECT j.id, r.blob FROM jobs j LEFT JOIN results r ON r.seq ="
+        " j.result_seq WHERE j.tenant = $2 AND j.state = $3 AND j.seq " +
+            order,
+        int64_t{7}, "lab", "queued");
+    ASSERT_TRUE(plan && plan->step());
+    EXPECT_NE(plan->text(3).find("jobs_by_tenant_and_state (tenant=? AND state=? AND seq"),
+              std::string::npos)
+        << plan->text(3);
+  }
+}
+
 TEST_F(DatabaseTest, a_database_of_a_newer_program_is_refused) {
   {
     auto database = open();
