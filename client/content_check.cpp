@@ -7,27 +7,21 @@
 #include <new>
 
 #include "client/include/voxeld/client.h"
+#include "proto/hex.h"
 
 namespace voxeld::client {
 namespace {
 
 constexpr std::string_view kPrefix = "\"sha256-";
-constexpr size_t kHexDigits = 64;
+constexpr size_t kDigestDigits = 64;
 
 // Empty for an ETag that is no content id.
 std::string digest_of(std::string_view etag) {
-  if (etag.size() != kPrefix.size() + kHexDigits + 1) return {};
+  if (etag.size() != kPrefix.size() + kDigestDigits + 1) return {};
   if (!etag.starts_with(kPrefix) || !etag.ends_with('"')) return {};
-  const std::string_view hex = etag.substr(kPrefix.size(), kHexDigits);
-  if (hex.find_first_not_of("0123456789abcdef") != hex.npos) return {};
+  const std::string_view hex = etag.substr(kPrefix.size(), kDigestDigits);
+  if (!is_hex(hex)) return {};
   return std::string(hex);
-}
-
-std::string hex_of(std::span<const unsigned char> bytes) {
-  constexpr char kHex[] = "0123456789abcdef";
-  std::string text;
-  for (const unsigned char byte : bytes) text.append(1, kHex[byte >> 4]).append(1, kHex[byte & 15]);
-  return text;
 }
 
 }  // namespace
@@ -58,7 +52,7 @@ void ContentCheck::finish(std::string_view what) {
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned size = 0;
   EVP_DigestFinal_ex(digest_->context, digest.data(), &size);
-  const std::string got = hex_of(std::span(digest).first(size));
+  const std::string got = hex_text(std::span(digest).first(size));
   if (got == expected_) return;
   throw Error("content-mismatch", 0,
               std::string(what) + " was damaged on its way, or where it is stored",

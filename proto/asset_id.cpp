@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "proto/hex.h"
+
 namespace voxeld {
 namespace {
 
@@ -17,14 +19,14 @@ bool is_plain(char c) {
 }
 
 std::string escaped(std::string_view text) {
-  constexpr char kHex[] = "0123456789abcdef";
   std::string out;
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     if (is_plain(c)) {
       out += c;
     } else {
-      out.append(1, '~').append(1, kHex[byte >> 4]).append(1, kHex[byte & 15]);
+      out += '~';
+      append_hex(out, byte);
     }
   }
   return out;

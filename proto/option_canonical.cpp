@@ -2,6 +2,7 @@
 // changed default in a later version cannot give an old result to a new request.
 #include <nlohmann/json.hpp>
 
+#include "proto/hex.h"
 #include "proto/option_values.h"
 #include "proto/option_words.h"
 #include "proto/options.h"
@@ -84,13 +85,7 @@ void add_selection(Json& out, const OutputOptions& o) {
 }
 
 std::string hex_color(const std::array<uint8_t, 4>& color) {
-  static constexpr char kHex[] = "0123456789abcdef";
-  std::string text = "#";
-  for (const uint8_t byte : color) {
-    text += kHex[byte >> 4];
-    text += kHex[byte & 15];
-  }
-  return text;
+  return "#" + hex_text(color);
 }
 
 void add_render(Json& out, const RenderOptions& r) {

@@ -1,4 +1,5 @@
 #include "proto/option_values.h"
+#include "proto/number_text.h"
 #include "proto/range_text.h"
 
 namespace voxeld::option_values {
@@ -14,21 +15,15 @@ std::vector<std::string_view> split(std::string_view text) {
 }
 
 std::optional<int> parse_int(std::string_view text) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
+  return parse_number<int>(text);
 }
 
 std::optional<double> parse_double(std::string_view text) {
   // from_chars takes no plus sign, but a minus after it.
   if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) {
-    return std::nullopt;
-  }
-  return value == 0 ? 0.0 : value;  // -0 and 0 are the same request
+  const auto value = parse_number<double>(text);
+  if (!value || !std::isfinite(*value)) return std::nullopt;
+  return *value == 0 ? 0.0 : *value;  // -0 and 0 are the same request
 }
 
 Result<int> int_between(std::string_view name, std::string_view text, int min, int max) {

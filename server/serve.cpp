@@ -8,13 +8,13 @@
 #include <cstdio>
 #include <utility>
 
+#include "server/api/api_server.h"
 #include "server/base/host_memory.h"
 #include "server/base/log.h"
 #include "server/base/memory_reserve.h"
 #include "server/base/stopwatch.h"
 #include "server/descriptors.h"
 #include "server/gpu/device.h"
-#include "server/http/server.h"
 #include "server/jobs/data_dir.h"
 #include "server/jobs/job_service.h"
 #include "server/jobs/key_ring.h"
@@ -137,7 +137,7 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
 
 // Ends what serves, in the order in which it depends on each other. True: all of it has come to its
 // end, and can be destroyed.
-bool end_serving(http::Server& server, JobService& jobs, double drain_seconds,
+bool end_serving(api::ApiServer& server, JobService& jobs, double drain_seconds,
                  ShutdownWatch& shutdown) {
   shutdown.enter("drain");
   jobs.drain();
@@ -173,7 +173,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
                 start_job_service(job_config(config, devices, self_executable, *keys), metrics));
   // By now the data directory is this process's alone.
   VOXELD_ASSIGN(const auto secrets, UrlSecrets::open(config.data_dir));
-  http::ServerConfig http_config;
+  api::ApiServerConfig http_config;
   http_config.listen = config.listen;
   http_config.admin_listen = config.admin_listen;
   http_config.upload_bytes_max = config.upload_bytes_max;
@@ -184,7 +184,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   http_config.trusted_proxies = config.trusted_proxies;
   http_config.origins = {config.public_hosts, config.cors_origins};
   VOXELD_ASSIGN(const auto server,
-                http::start_server(http_config, *jobs, *keys, *secrets, metrics));
+                api::start_api_server(http_config, *jobs, *keys, *secrets, metrics));
   log::info("listening", {{"url", url_of(config.listen, server->port())},
                           {"admin", url_of(config.admin_listen, server->admin_port())},
                           {"data", config.data_dir.string()}});

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 
+#include "proto/hex.h"
 #include "server/base/check.h"
 
 namespace voxeld {
@@ -18,13 +19,7 @@ std::string hmac_sha256(std::string_view key, std::string_view text) {
                     &bytes) != nullptr &&
                    bytes == digest.size(),
                "hmac");
-  static constexpr char kHex[] = "0123456789abcdef";
-  std::string hex;
-  for (const uint8_t byte : digest) {
-    hex += kHex[byte >> 4];
-    hex += kHex[byte & 15];
-  }
-  return hex;
+  return hex_text(digest);
 }
 
 }  // namespace voxeld

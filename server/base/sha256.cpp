@@ -5,6 +5,7 @@
 #include <new>
 
 #include "proto/blob_id.h"
+#include "proto/hex.h"
 #include "server/base/check.h"
 
 namespace voxeld {
@@ -41,13 +42,7 @@ void Sha256::update(std::string_view text) {
 std::string Sha256::finish_id() {
   std::array<uint8_t, 32> digest{};
   VOXELD_CHECK(EVP_DigestFinal_ex(impl_->context, digest.data(), nullptr) == 1, "sha256 final");
-  static constexpr char kHex[] = "0123456789abcdef";
-  std::string id(kPrefix);
-  for (const uint8_t byte : digest) {
-    id += kHex[byte >> 4];
-    id += kHex[byte & 15];
-  }
-  return id;
+  return std::string(kPrefix) + hex_text(digest);
 }
 
 std::string sha256_id(std::span<const uint8_t> bytes) {

@@ -1,11 +1,11 @@
 #include "server/base/trace_context.h"
 
-#include <sys/random.h>
-
 #include <algorithm>
 #include <array>
 
+#include "proto/hex.h"
 #include "server/base/check.h"
+#include "server/base/random.h"
 
 namespace voxeld {
 namespace {
@@ -13,10 +13,6 @@ namespace {
 // version-trace id-span id-flags
 constexpr size_t kTextBytes = 55, kTraceAt = 3, kTraceBytes = 32, kSpanAt = 36, kSpanBytes = 16,
                  kFlagsAt = 53;
-
-bool is_hex(std::string_view text) {
-  return text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
 
 bool is_zero(std::string_view text) {
   return text.find_first_not_of('0') == std::string_view::npos;
@@ -26,20 +22,13 @@ int digit(char c) {
   return c <= '9' ? c - '0' : c - 'a' + 10;
 }
 
-std::string random_hex(size_t digits) {
-  static constexpr char kHex[] = "0123456789abcdef";
-  std::array<uint8_t, kTraceBytes / 2> bytes{};
-  std::string text;
+// An id that is not all zeros, which the specification forbids.
+std::string random_id(size_t digits) {
+  std::string id;
   do {
-    VOXELD_CHECK(::getrandom(bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()),
-                 "getrandom");
-    text.clear();
-    for (size_t i = 0; i < digits / 2; ++i) {
-      text += kHex[bytes[i] >> 4];
-      text += kHex[bytes[i] & 15];
-    }
-  } while (is_zero(text));
-  return text;
+    id = random_hex(digits);
+  } while (is_zero(id));
+  return id;
 }
 
 }  // namespace
@@ -64,12 +53,12 @@ std::optional<TraceContext> parse_traceparent(std::string_view text) {
 }
 
 TraceContext new_trace() {
-  return {random_hex(kTraceBytes), random_hex(kSpanBytes), 0};
+  return {random_id(kTraceBytes), random_id(kSpanBytes), 0};
 }
 
 TraceContext child_span(const TraceContext& parent) {
   // Of the flags only `sampled` is known.
-  return {parent.trace_id, random_hex(kSpanBytes), static_cast<uint8_t>(parent.flags & 1)};
+  return {parent.trace_id, random_id(kSpanBytes), static_cast<uint8_t>(parent.flags & 1)};
 }
 
 std::string traceparent_text(const TraceContext& trace) {

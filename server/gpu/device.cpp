@@ -1,8 +1,8 @@
 #include "server/gpu/device.h"
 
-#include <charconv>
 #include <optional>
 
+#include "proto/number_text.h"
 #include "server/base/cpu_info.h"
 
 namespace voxeld::gpu {
@@ -15,11 +15,8 @@ Result<DeviceId> parse_device(std::string_view text) {
   constexpr std::string_view kEglPrefix = "egl:";
   if (text.starts_with(kEglPrefix)) {
     const std::string_view digits = text.substr(kEglPrefix.size());
-    int index = -1;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), index);
-    if (error == std::errc() && end == digits.data() + digits.size() && index >= 0) {
-      return DeviceId{DeviceKind::kEgl, index};
-    }
+    const auto index = parse_number<int>(digits);
+    if (index && *index >= 0) return DeviceId{DeviceKind::kEgl, *index};
   }
   return Error{ErrorCode::kInvalidOption, "unknown device",
                "egl:N (N = 0, 1, …), llvmpipe, lavapipe, osmesa or cpu", std::string(text)};

@@ -8,7 +8,7 @@ namespace voxeld::http {
 
 std::string counted_as(std::string_view address) {
   in6_addr bytes{};
-  // A link-local address has the name of its interface behind it.
+  // The name of its interface follows a link-local address.
   const std::string number(address.substr(0, address.find('%')));
   if (::inet_pton(AF_INET6, number.c_str(), &bytes) != 1) return std::string(address);
   std::fill(std::begin(bytes.s6_addr) + 8, std::end(bytes.s6_addr), uint8_t{0});
@@ -36,6 +36,7 @@ Client* ClientTable::find(int fd) {
 
 std::unique_ptr<Client> ClientTable::remove(Client& client) {
   lists_[index(client.state)].erase(client.place);
+  drop_timer(client);
   count_in_flight(client, false);
   if (client.is_counted) {
     const auto counted = by_address_.find(counted_as(client.connection.peer()));
@@ -47,14 +48,32 @@ std::unique_ptr<Client> ClientTable::remove(Client& client) {
   return removed;
 }
 
+std::vector<std::unique_ptr<Client>> ClientTable::remove_all() {
+  std::vector<std::unique_ptr<Client>> removed;
+  while (!by_fd_.empty()) removed.push_back(remove(*by_fd_.begin()->second));
+  return removed;
+}
+
 void ClientTable::set_state(Client& client, Client::State state) {
   auto& to = lists_[index(state)];
   to.splice(to.end(), lists_[index(client.state)], client.place);
   client.state = state;
   client.since = Clock::now();
-  const bool has_begun = state == Client::State::kQueued || state == Client::State::kRunning ||
-                         state == Client::State::kSending || state == Client::State::kHeld;
-  count_in_flight(client, has_begun && !client.is_refused);
+  drop_timer(client);
+  const bool has_begun = state != Client::State::kIdle && state != Client::State::kHead &&
+                         state != Client::State::kLingering;
+  const bool is_refused = client.exchange && client.exchange->is_refused();
+  count_in_flight(client, has_begun && !is_refused);
+}
+
+void ClientTable::set_timer(Client& client, Clock::time_point at) {
+  drop_timer(client);
+  client.timer = timers_.emplace(at, &client);
+}
+
+void ClientTable::drop_timer(Client& client) {
+  if (client.timer) timers_.erase(*client.timer);
+  client.timer.reset();
 }
 
 void ClientTable::count_in_flight(Client& client, bool is_in_flight) {

@@ -1,4 +1,4 @@
-// The connections of a front, what each of them waits for, and who has waited too long.
+// The client connections of a server: what each of them waits for, and which has waited too long.
 #pragma once
 
 #include <array>
@@ -11,50 +11,51 @@
 #include <utility>
 #include <vector>
 
+#include "server/base/waker.h"
 #include "server/http/connection.h"
 #include "server/http/exchange.h"
-#include "server/http/front.h"
 
 namespace voxeld::http {
 
 struct Client {
-  // idle ─> head ─> body ─> queued ─> running ─> idle | queued | sending | lingering | gone
-  //                                     │ └──────────────────────── sending
-  //                                    held
+  // idle ─> head ─> running ─> idle | queued | lingering | gone
+  //                   │ ^
+  //                   v │
+  //     body | waiting | held | sending
   enum class State {
     kIdle,       // for the first byte of a request
     kHead,       // for the rest of its head
-    kBody,       // for the rest of a small body
-    kQueued,     // for a thread: of those that may be slow, or for its turn, where it pipelines
+    kQueued,     // for a thread: it pipelines, and its next request is in the buffer
     kRunning,    // a thread has it
-    kSending,    // for its client to take more of an answer
-    kHeld,       // for the budget of answers to have room for its next piece
-    kLingering,  // for its client to close, after an answer that ends the connection
+    kBody,       // for more of a request's body
+    kWaiting,    // for its waker or its timer
+    kHeld,       // for room in the memory budget
+    kSending,    // for its client to take more of a response
+    kLingering,  // for its client to close, after a response that ends the connection
   };
-  static constexpr size_t kStates = 8;
+  static constexpr size_t kStates = 9;
 
   explicit Client(UniqueFd fd, std::string address)
       : connection(std::move(fd), std::move(address)) {}
 
   Connection connection;
-  bool is_counted = false;  // by address
-  bool is_taken = false;    // by a thread, or by the queue: nobody else may touch it
+  bool is_counted = false;  // against its address
+  bool is_taken = false;    // by a thread or the ready queue: nobody else may touch it
+  bool is_woken = false;    // while a thread had it: instead of waiting, it looks again
+  bool is_granted = false;  // memory, while a thread had it
   State state = State::kIdle;
   Clock::time_point since = Clock::now();  // of the state
   std::list<Client*>::iterator place;      // among those of its state
+  // Set while it waits with a time limit.
+  std::optional<std::multimap<Clock::time_point, Client*>::iterator> timer;
 
-  // --- of the request; whoever has the client by its state uses them
-  std::optional<Result<Head>> head;  // once it is whole
-  size_t head_scanned = 0;           // bytes of the buffer without an empty line
-  Clock::time_point started;         // its head was whole
-  std::string what;                  // method and path; the table's owner guards it
-  std::unique_ptr<Output> output;    // its answer
-  Clock::duration held{};            // for which that waited for the budget
-  ExchangeRecord record;
-  bool keep = false;
-  bool is_slow = false;     // it takes one of the threads that may be slow
-  bool is_refused = false;  // new work while the front drains
-  bool is_granted = false;  // the budget has given it a piece since it had to wait for that
+  // --- of the request; used by the thread that has taken the client
+  size_t head_scanned = 0;    // bytes of the buffer without an empty line
+  Clock::time_point started;  // its head was complete
+  std::string what;           // method and path; guarded as the state is
+  std::shared_ptr<CallbackWaker> waker;
+  std::unique_ptr<Exchange> exchange;  // from the complete head to the end of the response
+  Clock::duration paused{};            // of the response, without anything to send
   int64_t lingered_bytes = 0;
 
  private:
@@ -66,29 +67,36 @@ struct Client {
 // 64 bits of an IPv6 one, since a customer is given 2^64 of them at least.
 std::string counted_as(std::string_view address);
 
-// Not thread-safe. Everything is O(1), but for taking those who are late, which is O(of them) and
-// of those that are taken.
+// Not thread-safe. Everything is O(1), except late(), which is O(taken clients), and timers, which
+// are O(log n).
 class ClientTable {
  public:
-  // Takes it in as idle. `is_counted`: against count_of() its address.
+  // Adds an idle client. `is_counted`: against count_of() its address.
   Client& add(UniqueFd fd, std::string address, bool is_counted);
   Client* find(int fd);
-  // The socket closes when the caller lets go of it.
+  // The socket closes when the caller destroys the result.
   std::unique_ptr<Client> remove(Client& client);
-  // `since` now, and to the end of those of that state.
+  std::vector<std::unique_ptr<Client>> remove_all();
+  // Sets `since` to now, puts it at the end of its state's list and drops its timer.
   void set_state(Client& client, Client::State state);
 
   size_t size() const { return by_fd_.size(); }
   size_t count(Client::State state) const { return lists_[index(state)].size(); }
-  // Those with a request that has begun, was not refused, and is not answered to its end.
+  // Clients with a request that has begun, was not refused, and whose response is not complete.
   size_t in_flight() const { return in_flight_; }
   int count_of(std::string_view address) const;
-  // Who has been in that state for longest; null where nobody is.
+  // The client that has been in the state for longest; null if there is none.
   Client* longest(Client::State state) const;
-  // The same of those that are not taken, if it has been for more than `seconds`.
+  // The same among those not taken, if it has been in the state for more than `seconds`.
   Client* late(Client::State state, double seconds, Clock::time_point now) const;
-  // Those in that state, the longest first.
+  // Clients in that state, the longest first.
   const std::list<Client*>& clients(Client::State state) const { return lists_[index(state)]; }
+
+  // Replaces the client's timer.
+  void set_timer(Client& client, Clock::time_point at);
+  void drop_timer(Client& client);
+  // The client whose timer is the next; null without timers.
+  Client* next_timer() const { return timers_.empty() ? nullptr : timers_.begin()->second; }
 
  private:
   static size_t index(Client::State state) { return static_cast<size_t>(state); }
@@ -97,6 +105,7 @@ class ClientTable {
   std::unordered_map<int, std::unique_ptr<Client>> by_fd_;
   std::map<std::string, int, std::less<>> by_address_;
   std::array<std::list<Client*>, Client::kStates> lists_;
+  std::multimap<Clock::time_point, Client*> timers_;
   size_t in_flight_ = 0;
 };
 

@@ -10,18 +10,6 @@
 
 namespace voxeld::http {
 
-bool Connection::wait(short events, Clock::time_point deadline) const {
-  for (;;) {
-    const auto left =
-        std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
-    if (left <= 0) return false;
-    pollfd entry{fd_.get(), events, 0};
-    const int count = ::poll(&entry, 1, static_cast<int>(std::min<int64_t>(left, 60'000)));
-    if (count > 0) return true;
-    if (count < 0 && errno != EINTR) return false;
-  }
-}
-
 Connection::ReadState Connection::receive_available(size_t bytes_max) {
   std::array<char, 65536> chunk;
   const size_t want = std::min(chunk.size(), bytes_max);
@@ -37,34 +25,6 @@ Connection::ReadState Connection::receive_available(size_t bytes_max) {
     broken_ = true;
     return ReadState::kClosed;
   }
-}
-
-bool Connection::receive_more(Clock::time_point deadline, size_t bytes_max) {
-  for (;;) {
-    switch (receive_available(bytes_max)) {
-      case ReadState::kData:
-        return true;
-      case ReadState::kClosed:
-        broken_ = true;
-        return false;
-      case ReadState::kNothing:
-        if (!wait(POLLIN, deadline)) return false;
-    }
-  }
-}
-
-bool Connection::send(std::string_view bytes) {
-  while (!bytes.empty() && !broken_) {
-    const ssize_t sent = ::send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
-    if (sent > 0) {
-      bytes.remove_prefix(static_cast<size_t>(sent));
-    } else if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) {
-      broken_ = !wait(POLLOUT, Clock::now() + std::chrono::seconds(kWriteStallSeconds));
-    } else if (sent < 0 && errno != EINTR) {
-      broken_ = true;
-    }
-  }
-  return !broken_;
 }
 
 int64_t Connection::send_some(std::string_view bytes) {

@@ -16,12 +16,12 @@ namespace voxeld::http {
 // payload-too-large. Meshes reach 20, texts of zeros some 1000.
 inline constexpr int64_t kInflateRatioMax = 200;
 inline constexpr int64_t kInflateFreeBytes = int64_t{1} << 20;
-// Of the window that a zstd body may ask for (RFC 9659): 8 MiB; more: bad-request.
+// The window that a zstd body may ask for (RFC 9659): 8 MiB; more: bad-request.
 inline constexpr int kZstdWindowLogMax = 23;
 
 enum class ContentCoding { kNone, kGzip, kZstd };
 
-// Of a Content-Encoding: one coding, or none. Errors: unsupported-media-type.
+// The coding of a Content-Encoding: one, or none. Errors: unsupported-media-type.
 Result<ContentCoding> parse_content_coding(std::string_view text);
 
 // Not thread-safe.

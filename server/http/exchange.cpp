@@ -1,315 +1,284 @@
 #include "server/http/exchange.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdio>
 #include <exception>
-#include <optional>
+#include <random>
+#include <string_view>
 #include <utility>
 
 #include "proto/client_texts.h"
-#include "server/base/file.h"
-#include "server/base/guard.h"
 #include "server/base/log.h"
+#include "server/http/client_address.h"
 
 namespace voxeld::http {
 namespace {
 
-// Files up to here go out with their head, in one write.
-constexpr int64_t kInlineBytesMax = int64_t{64} << 10;
-// Of heads with small bodies; others grow.
-constexpr size_t kUsualBytes = 2048;
+// Bytes of a path in the log.
+constexpr size_t kDescribedBytesMax = 200;
 
-struct Range {
-  int64_t first = 0, last = 0;  // inclusive
-};
-
-std::optional<int64_t> number(std::string_view text) {
-  int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.starts_with('-') || error != std::errc() || end != text.data() + text.size()) {
-    return std::nullopt;
-  }
-  return value;
-}
-
-// nullopt: no usable range, answer with the whole. An error: a range that lies outside.
-Result<std::optional<Range>> parse_range(std::string_view text, int64_t size) {
-  if (!text.starts_with("bytes=") || text.find(',') != std::string_view::npos) {
-    return std::optional<Range>();
-  }
-  text.remove_prefix(6);
-  const size_t dash = text.find('-');
-  if (dash == std::string_view::npos) return std::optional<Range>();
-  const auto first = number(text.substr(0, dash)), last = number(text.substr(dash + 1));
-  if (!last && dash + 1 < text.size()) return std::optional<Range>();
-  const Error outside{ErrorCode::kRangeNotSatisfiable, "the range lies outside",
-                      "a first byte below " + std::to_string(size), echoed(text)};
-  if (!first) {  // the last N bytes
-    if (!last || dash != 0) return std::optional<Range>();
-    if (*last == 0 || size == 0) return outside;
-    return std::optional(Range{std::max<int64_t>(0, size - *last), size - 1});
-  }
-  if (last && *last < *first) return std::optional<Range>();
-  if (*first >= size) return outside;
-  return std::optional(Range{*first, std::min(last.value_or(size - 1), size - 1)});
-}
-
-bool etag_matches(std::string_view list, std::string_view etag) {
-  while (!list.empty()) {
-    std::string_view one = list.substr(0, list.find(','));
-    list.remove_prefix(std::min(list.size(), one.size() + 1));
-    while (one.starts_with(' ')) one.remove_prefix(1);
-    while (one.ends_with(' ')) one.remove_suffix(1);
-    if (one.starts_with("W/")) one.remove_prefix(2);
-    if (one == "*" || one == etag) return true;
-  }
-  return false;
-}
-
-}  // namespace
-
-std::string_view reason_phrase(int status) {
-  switch (status) {
-    case 200:
-      return "OK";
-    case 201:
-      return "Created";
-    case 202:
-      return "Accepted";
-    case 204:
-      return "No Content";
-    case 206:
-      return "Partial Content";
-    case 304:
-      return "Not Modified";
-    case 400:
-      return "Bad Request";
-    case 401:
-      return "Unauthorized";
-    case 403:
-      return "Forbidden";
-    case 404:
-      return "Not Found";
-    case 405:
-      return "Method Not Allowed";
-    case 406:
-      return "Not Acceptable";
-    case 409:
-      return "Conflict";
-    case 410:
-      return "Gone";
-    case 411:
-      return "Length Required";
-    case 413:
-      return "Content Too Large";
-    case 415:
-      return "Unsupported Media Type";
-    case 416:
-      return "Range Not Satisfiable";
-    case 422:
-      return "Unprocessable Content";
-    case 429:
-      return "Too Many Requests";
-    case 500:
-      return "Internal Server Error";
-    case 503:
-      return "Service Unavailable";
-    case 504:
-      return "Gateway Timeout";
-    case 507:
-      return "Insufficient Storage";
-    default:
-      return "Status";
-  }
-}
-
-std::string http_date(std::time_t seconds) {
-  constexpr std::array kDays = {"Sun", "Mon", "Tue", "Wed", "Thu", "Fri", "Sat"};
-  constexpr std::array kMonths = {"Jan", "Feb", "Mar", "Apr", "May", "Jun",
-                                  "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"};
-  std::tm utc{};
-  ::gmtime_r(&seconds, &utc);
-  std::array<char, 40> text{};  // strftime() would use the names of the locale
-  std::snprintf(text.data(), text.size(), "%s, %02d %s %04d %02d:%02d:%02d GMT",
-                kDays.at(static_cast<size_t>(utc.tm_wday)), utc.tm_mday,
-                kMonths.at(static_cast<size_t>(utc.tm_mon)), utc.tm_year + 1900, utc.tm_hour,
-                utc.tm_min, utc.tm_sec);
+std::string new_request_id() {
+  thread_local std::mt19937_64 random{std::random_device{}()};
+  std::array<char, 20> text{};
+  std::snprintf(text.data(), text.size(), "r-%016llx", static_cast<unsigned long long>(random()));
   return text.data();
 }
 
-Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag) {
-  Response response;
-  response.headers["ETag"] = etag;
-  response.headers["Accept-Ranges"] = "bytes";
-  response.headers["Cache-Control"] = "private, max-age=31536000, immutable";
-  response.body = file;
-  const std::string_view if_none_match = head.header("If-None-Match");
-  if (!if_none_match.empty() && etag_matches(if_none_match, etag)) {
-    response.status = 304;
-    response.body = std::string();
-    return response;
-  }
-  const std::string_view range_text = head.header("Range"), if_range = head.header("If-Range");
-  if (range_text.empty() || (!if_range.empty() && if_range != etag)) return response;
-  auto range = parse_range(range_text, file.bytes);
-  if (!range) {
-    Response refused = Response::problem(range.error(), head.path);
-    refused.headers["Content-Range"] = "bytes */" + std::to_string(file.bytes);
-    return refused;
-  }
-  if (!*range) return response;
-  const auto [first, last] = **range;
-  response.status = 206;
-  response.headers["Content-Range"] = "bytes " + std::to_string(first) + "-" +
-                                      std::to_string(last) + "/" + std::to_string(file.bytes);
-  response.body = FileBody{file.path, file.offset + first, last - first + 1};
-  return response;
+bool is_plain_id(std::string_view id) {
+  return !id.empty() && id.size() <= client_texts::kRequestId.bytes_max &&
+         id.find_first_not_of(
+             "abcdefghijklmnopqrstuvwxyz"
+             "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+             "0123456789-_.") == id.npos;
 }
 
-Output::Output(Context context, Response response, AnswerBudget& budget, std::string tenant,
-               void* owner)
-    : context_(std::move(context)),
-      status_(response.status),
-      share_(budget, std::move(tenant), owner) {
-  if (auto* pieces = std::get_if<PieceBody>(&response.body)) {
-    pieces_ = std::move(*pieces);
-    has_pieces_ = true;
-    response_ = std::move(response);
-  } else {
-    write_whole(response);
+// Gathers a body as text.
+class TextSink final : public BodySink {
+ public:
+  explicit TextSink(TextBody body) : body_(std::move(body)) {}
+  Status take(std::span<const uint8_t> piece) override {
+    text_.append(reinterpret_cast<const char*>(piece.data()), piece.size());
+    return {};
   }
+  Reply finish(Request& request) override { return body_.then(request, std::move(text_)); }
+
+ private:
+  const TextBody body_;
+  std::string text_;
+};
+
+}  // namespace
+
+Exchange::Exchange(const Context& context, Connection& connection, Result<Head> head,
+                   bool is_refused, std::shared_ptr<Waker> waker, void* owner)
+    : context_(context), connection_(connection), owner_(owner), is_refused_(is_refused) {
+  peer_ = connection.peer();
+  if (!head) {
+    bad_head_ = std::move(head).error();
+    request_.request_id = new_request_id();
+    return;
+  }
+  request_.head = *std::move(head);
+  request_.waker = std::move(waker);
+  peer_ = take_client_address(request_.head, peer_, context.trusted_proxies);
+  const std::string_view given = request_.head.header("X-Request-Id");
+  request_.request_id = is_plain_id(given) ? std::string(given) : new_request_id();
+  const auto parent = parse_traceparent(request_.head.header("traceparent"));
+  request_.trace = parent ? child_span(*parent) : new_trace();
+  is_body_whole_ = !request_.head.has_body();
 }
 
-// `bytes` of the body; nullopt: not known, or there is none.
-void Output::write_head(const Response& response, std::optional<int64_t> bytes) {
-  text_.reserve(kUsualBytes);
-  text_ += "HTTP/1.1 " + std::to_string(response.status) + " ";
-  text_ += reason_phrase(response.status);
-  text_ += "\r\n";
-  text_ += "Date: " + http_date(std::time(nullptr)) + "\r\n";
-  for (const auto& [name, value] : response.headers) {
-    text_ += name;
-    text_ += ": ";
-    text_ += header_safe(value);
-    text_ += "\r\n";
-  }
-  if (bytes) text_ += "Content-Length: " + std::to_string(*bytes) + "\r\n";
-  if (is_chunked_) text_ += "Transfer-Encoding: chunked\r\n";
-  text_ += context_.keep ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";
-  head_bytes_ = static_cast<int64_t>(text_.size());
-}
-
-void Output::write_whole(const Response& response) {
-  const auto* text = std::get_if<std::string>(&response.body);
-  const auto* file = std::get_if<FileBody>(&response.body);
-  const bool bodiless = response.status == 204 || response.status == 304;
-  std::optional<int64_t> bytes;
-  if (!bodiless && file != nullptr) bytes = file->bytes;
-  if (!bodiless && text != nullptr) bytes = static_cast<int64_t>(text->size());
-  write_head(response, bytes);
-  if (context_.method == "HEAD" || bodiless) return;
-  if (text != nullptr) text_ += *text;  // one segment for small answers
-  if (file != nullptr && file->bytes > 0) add_file(*file);
-}
-
-Result<Piece> Output::make_piece() {
-  try {
-    return pieces_.next();
-  } catch (const std::exception& failure) {  // no memory
-    return exception_error(failure);
-  }
-}
-
-Output::State Output::next_piece() {
-  text_ = std::string();
-  text_at_ = 0;
-  if (!share_.reserve(pieces_.piece_bytes_max)) return State::kHeld;
-  Result<Piece> piece = make_piece();
-  const bool is_first = head_bytes_ == 0;
-  if (!piece) {
-    has_pieces_ = false;
-    log::error("a piece of an answer failed",
-               {{"id", context_.request_id}, {"error", piece.error().message()}});
-    if (!is_first) return State::kBroken;
-    Response problem = Response::problem(piece.error(), context_.path, context_.trace_id);
-    response_.headers.erase("ETag");
-    problem.headers.merge(response_.headers);
-    status_ = problem.status;
-    write_whole(problem);
-    return State::kDone;
-  }
-  std::string& body = piece->text;
-  if (is_first) {
-    is_chunked_ = !piece->is_last && context_.minor >= 1;
-    const bool is_whole = piece->is_last;
-    write_head(response_,
-               is_whole ? std::optional(static_cast<int64_t>(body.size())) : std::nullopt);
-    response_ = {};
-  }
-  const bool is_head = context_.method == "HEAD";
-  if (!is_head && is_chunked_ && !body.empty()) {
-    std::array<char, 24> size{};
-    std::snprintf(size.data(), size.size(), "%zx\r\n", body.size());
-    text_ += size.data();
-  }
-  if (!is_head) text_ += body;
-  if (!is_head && is_chunked_ && !body.empty()) text_ += "\r\n";
-  if (!is_head && is_chunked_ && piece->is_last) text_ += "0\r\n\r\n";
-  if (is_head || piece->is_last) {
-    has_pieces_ = false;
-    pieces_ = {};  // with what it holds
-  }
-  share_.set(static_cast<int64_t>(text_.size()));
-  return State::kDone;
-}
-
-void Output::add_file(const FileBody& body) {
-  file_ = UniqueFd(::open(body.path.c_str(), O_RDONLY | O_CLOEXEC));
-  file_at_ = body.offset;
-  file_left_ = body.bytes;
-  // The length was promised: that a blob vanished can only be told by breaking the connection,
-  // which sending from no file does.
-  if (body.bytes > kInlineBytesMax || !file_.valid()) return;
-  std::string bytes(static_cast<size_t>(body.bytes), '\0');
-  if (::pread(file_.get(), bytes.data(), bytes.size(), body.offset) != body.bytes) return;
-  text_ += bytes;
-  file_left_ = 0;
-}
-
-Output::State Output::advance(Connection& connection) {
-  while (!connection.broken()) {
-    int64_t sent = 0;
-    if (text_at_ < text_.size()) {
-      sent = connection.send_some(std::string_view(text_).substr(text_at_));
-      text_at_ += static_cast<size_t>(sent);
-    } else if (has_pieces_) {
-      const State state = next_piece();
-      if (state != State::kDone) return state;
-      continue;
-    } else if (file_left_ > 0) {
-      sent = connection.send_file_some(file_.get(), file_at_, file_left_);
-      file_at_ += sent;
-      file_left_ -= sent;
-    } else {
-      return State::kDone;
+Exchange::Step Exchange::advance() {
+  while (true) {
+    switch (stage_) {
+      case Stage::kHandler:
+        use(handle());
+        break;
+      case Stage::kBody:
+        if (const auto step = advance_body()) return *step;
+        break;
+      case Stage::kWait: {
+        std::optional<Response> response = look();
+        if (!response) return Step::kWait;
+        wait_.reset();
+        respond(*std::move(response));
+        break;
+      }
+      case Stage::kSend:
+        return send();
     }
-    sent_ += sent;
-    if (sent == 0 && !connection.broken()) return blocked();
   }
-  return State::kBroken;
 }
 
-// What the socket did not take counts, of whatever kind the answer is.
-Output::State Output::blocked() {
-  if (text_at_ == text_.size()) text_ = std::string();
-  if (text_.empty()) text_at_ = 0;
-  share_.set(static_cast<int64_t>(text_.size()));
-  return State::kBlocked;
+Reply Exchange::handle() {
+  if (bad_head_) return Response::problem(*bad_head_, "");
+  if (is_refused_) {
+    return Response::problem(
+        {ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""},
+        request_.head.path, request_.trace.trace_id);
+  }
+  return guarded([this] { return context_.handler(request_); });
+}
+
+// Out of memory and the like: one response fails, the daemon goes on. The text of the exception may
+// contain data of other tenants, so it goes to the log alone.
+Response Exchange::unexpected(const std::exception& failure) const {
+  log::error("a handler failed", {{"id", request_.request_id}, {"error", failure.what()}});
+  return Response::problem(
+      {ErrorCode::kInternal, "unexpected failure; the daemon's log has it by this request's id", "",
+       ""},
+      request_.head.path, request_.trace.trace_id);
+}
+
+Reply Exchange::guarded(const std::function<Reply()>& call) const {
+  try {
+    return call();
+  } catch (const std::exception& failure) {
+    return unexpected(failure);
+  }
+}
+
+std::optional<Response> Exchange::look() {
+  try {
+    return wait_->look(request_);
+  } catch (const std::exception& failure) {
+    return unexpected(failure);
+  }
+}
+
+void Exchange::use(Reply reply) {
+  if (auto* response = std::get_if<Response>(&reply.next)) return respond(std::move(*response));
+  if (auto* wait = std::get_if<std::unique_ptr<Wait>>(&reply.next)) {
+    wait_ = std::move(*wait);
+    stage_ = Stage::kWait;
+    return;
+  }
+  if (auto* body = std::get_if<StreamedBody>(&reply.next)) {
+    return begin_body(body->bytes_max, std::move(body->sink), 0);
+  }
+  auto& text = std::get<TextBody>(reply.next);
+  const int64_t bytes_max = text.bytes_max;
+  const Head& head = request_.head;
+  const bool is_plain = !head.chunked && head.coding == ContentCoding::kNone;
+  const int64_t length = is_plain ? head.content_length.value_or(0) : bytes_max;
+  begin_body(bytes_max, std::make_unique<TextSink>(std::move(text)), length);
+}
+
+void Exchange::begin_body(int64_t bytes_max, std::unique_ptr<BodySink> sink, int64_t memory_bytes) {
+  const Head& head = request_.head;
+  auto decoder = BodyDecoder::open(head, bytes_max);
+  if (!decoder) {
+    return respond(Response::problem(decoder.error(), head.path, request_.trace.trace_id));
+  }
+  decoder_.emplace(*std::move(decoder));
+  sink_ = std::move(sink);
+  if (memory_bytes > kSmallBodyBytesMax) {
+    body_memory_bytes_ = memory_bytes;
+    body_share_ = std::make_unique<MemoryShare>(context_.body_budget, tenant(), owner_);
+  }
+  // A client that sent some of the body with the head does not wait for this. One that has not read
+  // its earlier responses has no room for it.
+  constexpr std::string_view kContinue = "HTTP/1.1 100 Continue\r\n\r\n";
+  const bool expects = !is_body_whole_ && !head.header("Expect").empty() && head.minor == 1;
+  if (expects && connection_.buffer().empty() &&
+      connection_.send_some(kContinue) != std::ssize(kContinue)) {
+    keep_ = false;
+    return respond(Response::problem(short_body_error(), head.path, request_.trace.trace_id));
+  }
+  body_started_ = Clock::now();
+  stage_ = Stage::kBody;
+}
+
+std::optional<Exchange::Step> Exchange::advance_body() {
+  if (body_memory_bytes_ > 0) {
+    if (!body_share_->reserve(body_memory_bytes_)) return Step::kNeedMemory;
+    body_memory_bytes_ = 0;
+    body_started_ = Clock::now();  // bytes that wait in the socket are not late
+  }
+  bool needs_more = false;
+  Reply reply = guarded([&]() -> Reply {
+    const auto whole = decoder_->feed(connection_.buffer(), [this](std::span<const uint8_t> piece) {
+      return sink_->take(piece);
+    });
+    if (!whole) {
+      return Response::problem(whole.error(), request_.head.path, request_.trace.trace_id);
+    }
+    needs_more = !*whole;
+    if (needs_more) return Response();
+    is_body_whole_ = true;
+    return sink_->finish(request_);
+  });
+  if (needs_more) return Step::kReadBody;
+  sink_.reset();
+  body_share_.reset();
+  use(std::move(reply));
+  return std::nullopt;
+}
+
+void Exchange::fail_body(const Error& error) {
+  sink_.reset();
+  body_share_.reset();
+  respond(Response::problem(error, request_.head.path, request_.trace.trace_id));
+}
+
+void Exchange::abandon() {
+  if (wait_) wait_->abandon(request_);
+}
+
+Clock::time_point Exchange::wait_until() const {
+  return output_ ? output_->wait_until() : wait_->until();
+}
+
+bool Exchange::is_body_too_slow() const {
+  const auto elapsed =
+      std::chrono::duration_cast<std::chrono::seconds>(Clock::now() - body_started_);
+  const int64_t late = elapsed.count() - kBodyGraceSeconds;
+  return late > 0 && decoder_->bytes_read() < late * kBodyRateMin;
+}
+
+void Exchange::respond(Response response) {
+  const Head& head = request_.head;
+  if (!bad_head_ && context_.add_headers) context_.add_headers(request_, response);
+  if (!bad_head_) response.headers["traceresponse"] = traceparent_text(request_.trace);
+  response.headers["X-Request-Id"] = request_.request_id;
+  response.headers["X-Content-Type-Options"] = "nosniff";
+  // For HTTP/1.0 the end of the connection is that of a body of unknown length.
+  const bool ends_by_close = head.minor == 0 && std::holds_alternative<PieceBody>(response.body);
+  keep_ = !bad_head_ && is_body_whole_ && head.keep_alive() && !response.close && !ends_by_close &&
+          !context_.is_draining;
+  Output::Context context;
+  if (!bad_head_) {
+    context.method = head.method;
+    context.path = head.path;
+    context.minor = head.minor;
+  }
+  context.request_id = request_.request_id;
+  context.trace_id = request_.trace.trace_id;
+  context.keep = keep_;
+  output_ = std::make_unique<Output>(std::move(context), std::move(response),
+                                     context_.response_budget, tenant(), owner_);
+  responded_ = Clock::now();
+  stage_ = Stage::kSend;
+}
+
+Exchange::Step Exchange::send() {
+  switch (output_->advance(connection_)) {
+    case Output::State::kBlocked:
+      return Step::kSend;
+    case Output::State::kHeld:
+      return Step::kNeedMemory;
+    case Output::State::kWaiting:
+      return Step::kWait;
+    case Output::State::kDone:
+      return connection_.broken() ? Step::kBroken : Step::kDone;
+    case Output::State::kBroken:
+      return Step::kBroken;
+  }
+  return Step::kBroken;
+}
+
+std::string Exchange::tenant() const {
+  return request_.key_id.empty() ? "" : request_.caller.tenant();
+}
+
+ExchangeRecord Exchange::record() const {
+  ExchangeRecord record;
+  record.head = &request_.head;
+  record.request_id = request_.request_id;
+  record.trace_id = request_.trace.trace_id;
+  record.peer = peer_;
+  record.key_id = request_.key_id;
+  record.tenant = tenant();
+  record.route = request_.route;
+  record.status = output_ ? output_->status() : kClientClosedStatus;
+  record.bytes_in = decoder_ ? decoder_->bytes_read() : 0;
+  record.bytes_out = output_ ? output_->body_sent() : 0;
+  return record;
+}
+
+std::string Exchange::description() const {
+  if (bad_head_) return "a broken head";
+  return request_.head.method + " " + request_.head.path.substr(0, kDescribedBytesMax);
 }
 
 }  // namespace voxeld::http

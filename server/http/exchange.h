@@ -1,91 +1,132 @@
-// Writing answers: heads, texts, pieces, files, ranges, event streams.
+// One request and its response, as a state machine that never waits for its client.
 #pragma once
 
-#include <algorithm>
+#include <atomic>
 #include <cstdint>
-#include <ctime>
+#include <exception>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
+#include <vector>
 
-#include "server/base/file.h"
-#include "server/http/answer_budget.h"
+#include "proto/result.h"
+#include "server/http/body_decoder.h"
 #include "server/http/connection.h"
+#include "server/http/memory_budget.h"
 #include "server/http/message.h"
+#include "server/http/output.h"
 
 namespace voxeld::http {
 
-// Where a stream's handler writes; every write goes out at once.
-class EventSink {
- public:
-  explicit EventSink(Connection& connection) : connection_(connection) {}
-  // False when the client is gone.
-  bool write(std::string_view text) { return connection_.send(text); }
-  bool client_gone() const { return connection_.peer_closed(); }
+// Bodies up to here are held as text without counting against the memory budget.
+inline constexpr int64_t kSmallBodyBytesMax = int64_t{16} << 10;
+// Status of an exchange that ended before it had a response; never sent.
+inline constexpr int kClientClosedStatus = 499;
 
- private:
-  Connection& connection_;
+// Makes something of a request whose head is complete; bodies come later, by TextBody and
+// StreamedBody. Thread-safe, and quick: it holds a thread of the server.
+using Handler = std::function<Reply(Request&)>;
+
+// Facts of an exchange, for logs and metrics.
+struct ExchangeRecord {
+  const Head* head = nullptr;
+  std::string request_id, trace_id, peer;
+  std::string tenant, key_id;  // empty if no key was needed or none was valid
+  std::string route;           // pattern of the route; empty if none matched
+  int status = 0;
+  int64_t bytes_in = 0, bytes_out = 0;
+  double ms = 0;
 };
 
-// An answer on its way: it goes on where it stopped, so that a client that reads slowly holds no
-// thread.
-class Output {
+// Not thread-safe: one thread at a time, the one that has the connection.
+class Exchange {
  public:
-  // What an answer needs to know of its request.
+  // The parts of a server that its exchanges share.
   struct Context {
-    std::string method = "GET", path;  // of the request
-    int minor = 1;                     // HTTP/1.minor
-    std::string request_id, trace_id;
-    // Whether the connection will serve another request.
-    bool keep = false;
+    const Handler& handler;
+    const std::function<void(const Request&, Response&)>& add_headers;  // may be null
+    const std::vector<std::string>& trusted_proxies;
+    MemoryBudget& response_budget;
+    // Apart, so that bodies that arrive slowly delay no response.
+    MemoryBudget& body_budget;
+    const std::atomic<bool>& is_draining;  // each response is its connection's last
   };
-  // A HEAD request gets the same head without a body; of a stream this is the head alone. `tenant`
-  // is whose budget the bytes are of; `owner` is what AnswerBudget::grant() hands back.
-  Output(Context context, Response response, AnswerBudget& budget, std::string tenant, void* owner);
+  // `head`: as parsed, or what is wrong with it. `is_refused`: the response is shutting-down.
+  // `owner` is what MemoryBudget::grant() hands back.
+  Exchange(const Context& context, Connection& connection, Result<Head> head, bool is_refused,
+           std::shared_ptr<Waker> waker, void* owner);
+  Exchange(const Exchange&) = delete;
+  Exchange& operator=(const Exchange&) = delete;
 
-  enum class State {
-    kDone,
-    kBlocked,  // until the socket takes more
-    kHeld,     // until AnswerBudget::grant() gives it the bytes of the next piece
-    kBroken,
+  // The event that it waits for, or its end.
+  enum class Step {
+    kReadBody,    // for more bytes in the connection's buffer
+    kWait,        // for its waker, or wait_until()
+    kNeedMemory,  // for MemoryBudget::grant()
+    kSend,        // for the socket to take more
+    kDone,        // the response has been sent
+    kBroken,      // the connection is of no use any more
   };
-  // Sends what the socket takes without waiting.
-  State advance(Connection& connection);
-  // Of the answer: that of the first piece's error, where it failed.
-  int status() const { return status_; }
-  // Of head and body.
-  int64_t sent() const { return sent_; }
-  int64_t body_sent() const { return std::max<int64_t>(0, sent_ - head_bytes_); }
+  // Goes on as far as it can.
+  Step advance();
+  // Ends the body with an error, which advance() sends as the response. Only after kReadBody.
+  void fail_body(const Error& error);
+  // The client has left before its response; nothing else is called then.
+  void abandon();
+
+  Clock::time_point wait_until() const;
+  // Whether the body that is being read has come too slowly so far.
+  bool is_body_too_slow() const;
+  // Whether the connection can serve another request; after kDone.
+  bool keeps_connection() const { return keep_; }
+  bool is_refused() const { return is_refused_; }
+  // When its response began; nullopt before that.
+  std::optional<Clock::time_point> responded() const { return responded_; }
+  // Bytes of the response that the socket has taken.
+  int64_t sent() const { return output_ ? output_->sent() : 0; }
+  // Complete but for its duration.
+  ExchangeRecord record() const;
+  // "GET /v1/jobs", for logs.
+  std::string description() const;
 
  private:
-  void write_head(const Response& response, std::optional<int64_t> bytes);
-  void write_whole(const Response& response);
-  void add_file(const FileBody& body);
-  // Replaces the text, which is sent, by the next piece.
-  State next_piece();
-  Result<Piece> make_piece();
-  State blocked();
+  enum class Stage { kHandler, kBody, kWait, kSend };
+
+  // The tenant whose memory it takes; empty if no key was needed or none was valid.
+  std::string tenant() const;
+  Reply handle();
+  Reply guarded(const std::function<Reply()>& call) const;
+  Response unexpected(const std::exception& failure) const;
+  std::optional<Response> look();
+  void use(Reply reply);
+  void respond(Response response);
+  void begin_body(int64_t bytes_max, std::unique_ptr<BodySink> sink, int64_t memory_bytes);
+  // nullopt: the body is whole, and its sink has replied.
+  std::optional<Step> advance_body();
+  Step send();
 
   const Context context_;
-  Response response_;  // of pieces, until the head is written
-  int status_ = 0;
-  PieceBody pieces_;
-  bool has_pieces_ = false, is_chunked_ = false;
-  AnswerShare share_;
-  std::string text_;
-  size_t text_at_ = 0;
-  UniqueFd file_;
-  int64_t file_at_ = 0, file_left_ = 0;
-  int64_t head_bytes_ = 0, sent_ = 0;
+  Connection& connection_;
+  void* const owner_;
+  const bool is_refused_;
+  std::optional<Error> bad_head_;
+  Request request_;
+  std::string peer_;
+  Stage stage_ = Stage::kHandler;
+  bool keep_ = false, is_body_whole_ = false;
+
+  // --- kBody
+  std::optional<BodyDecoder> decoder_;
+  std::unique_ptr<BodySink> sink_;
+  std::unique_ptr<MemoryShare> body_share_;  // null: small, or not held in memory
+  int64_t body_memory_bytes_ = 0;            // still to be reserved
+  Clock::time_point body_started_{};
+  // --- kWait
+  std::unique_ptr<Wait> wait_;
+  // --- kSend
+  std::unique_ptr<Output> output_;
+  std::optional<Clock::time_point> responded_;
 };
-
-// Turns a whole 200 answer into 304, 206 or 416 by the request's If-None-Match, Range and If-Range
-// (RFC 9110). One range only; a list of ranges is answered with the whole. `etag` with its quotes.
-Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag);
-
-std::string_view reason_phrase(int status);
-
-// "Sun, 06 Nov 1994 08:49:37 GMT" (RFC 9110 section 5.6.7).
-std::string http_date(std::time_t seconds);
 
 }  // namespace voxeld::http

@@ -1,8 +1,9 @@
 #include "server/http/head_parser.h"
 
 #include <algorithm>
-#include <charconv>
 #include <string>
+
+#include "proto/number_text.h"
 
 namespace voxeld::http {
 namespace {
@@ -141,13 +142,11 @@ Status check_framing(Head& head) {
   if (has_length && has_coding) return bad("both Content-Length and Transfer-Encoding");
   if (has_length) {
     const std::string_view text = head.header("Content-Length");
-    int64_t length = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), length);
-    if (error != std::errc() || end != text.data() + text.size() || text.front() == '-') {
+    head.content_length = parse_digits<int64_t>(text);
+    if (!head.content_length) {
       return bad("Content-Length", "a number of bytes",
                  "\"" + std::string(text.substr(0, 40)) + "\"");
     }
-    head.content_length = length;
   }
   if (has_coding) {
     std::string coding(head.header("Transfer-Encoding"));
@@ -216,6 +215,26 @@ Result<Head> parse_head(std::string_view text) {
   VOXELD_TRY(check_host(head));
   VOXELD_TRY(check_framing(head));
   return head;
+}
+
+std::optional<Result<Head>> take_head(std::string& buffer, size_t& scanned) {
+  const size_t end = buffer.find("\r\n\r\n", scanned);
+  if (end != std::string::npos && end + 4 <= kHeadBytesMax) {
+    auto head = parse_head(std::string_view(buffer).substr(0, end + 4));
+    buffer.erase(0, end + 4);
+    scanned = 0;
+    return head;
+  }
+  if (buffer.size() > kHeadBytesMax) {
+    return Error{ErrorCode::kBadRequest, "the head of the request is too long",
+                 "at most " + std::to_string(kHeadBytesMax) + " bytes", ""};
+  }
+  if (buffer.find("\n\n", scanned) != std::string::npos) {
+    return Error{ErrorCode::kBadRequest, "bare line feed in the head of the request",
+                 "lines that end in CRLF", ""};
+  }
+  scanned = buffer.size() < 3 ? 0 : buffer.size() - 3;
+  return std::nullopt;
 }
 
 }  // namespace voxeld::http

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+#include <string>
 #include <string_view>
 
 #include "proto/result.h"
@@ -21,6 +23,12 @@ inline constexpr size_t kHeaderCountMax = 100;
 // other than chunked, broken percent-encoding; unsupported-media-type for a Content-Encoding that
 // is not decoded here.
 Result<Head> parse_head(std::string_view text);
+
+// Takes a head from the beginning of `buffer` and parses it. nullopt: it is not complete. `scanned`
+// is the number of bytes without an end of a head, 0 before the first call; the head's bytes are
+// searched once, however they arrive. Errors: those of parse_head(), and bad-request for a head
+// over kHeadBytesMax or with a bare line feed where its end should be.
+std::optional<Result<Head>> take_head(std::string& buffer, size_t& scanned);
 
 // Decodes %XX; with `plus_is_space`, '+' too. NUL and control characters are refused.
 Result<std::string> percent_decode(std::string_view text, bool plus_is_space, bool keep_slash);

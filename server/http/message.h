@@ -1,11 +1,15 @@
-// A request as handlers see it, and the answer that they give.
+// Requests as handlers see them, and what handlers make of them: responses, bodies to receive,
+// waits.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -16,6 +20,7 @@
 #include "proto/result.h"
 #include "server/base/authority.h"
 #include "server/base/trace_context.h"
+#include "server/base/waker.h"
 #include "server/http/content_coding.h"
 #include "server/jobs/caller.h"
 
@@ -42,73 +47,75 @@ struct Head {
   ContentCoding coding = ContentCoding::kNone;  // of the body
 
   std::string_view header(std::string_view name) const;
-  // Of Content-Type, without parameters, in small letters; empty where it is absent.
+  // The media type of Content-Type, without parameters, in small letters; empty without the header.
   std::string media_type() const;
   bool has_body() const { return chunked || content_length.value_or(0) > 0; }
   bool keep_alive() const;
 };
 
-// What is left to a tenant whose requests are limited.
+// Request rate of a limited tenant.
 struct RateState {
   bool admitted = true;
-  int64_t burst = 0, window_s = 0;  // at most `burst` at a time, which takes this long to come back
-  int64_t left = 0, reset_s = 0;    // until all of it is there again
-  int64_t retry_s = 0;              // until there is one
+  int64_t burst = 0, window_s = 0;  // at most `burst` at a time, restored within window_s
+  int64_t left = 0, reset_s = 0;    // requests left; seconds until all are restored
+  int64_t retry_s = 0;              // until one is restored
 };
 
-class BodyReader;
-class EventSink;
+using Clock = std::chrono::steady_clock;
 
-// What a handler works on; lives for one exchange.
+// One request. It lives until its response has been sent.
 struct Request {
   Head head;
-  std::string route;                         // the pattern that it matched, for metrics
+  std::string route;                         // path pattern of the matching route, for metrics
   std::vector<std::string> path_parameters;  // what {…} of the route matched, in order
   std::string request_id;
   TraceContext trace;  // the span of this request
-  // Whose request it is, by access.h: before it was admitted, nobody's.
+  // Set by access.h on admission; nobody() before.
   Caller caller = Caller::nobody();
-  std::string key_id;             // of the key that it came with; empty where none is needed
-  std::optional<RateState> rate;  // where the tenant's requests are limited
-  BodyReader* body = nullptr;
-  // True when the client closed its side; cheap enough to poll.
-  std::function<bool()> client_gone;
-  bool is_negotiated = false;  // its Accept has chosen among formats
+  std::string key_id;             // API key of the request; empty if none is needed
+  std::optional<RateState> rate;  // set if the tenant's requests are limited
+  bool is_negotiated = false;     // Accept has chosen among formats
+  // Resumes this request's Wait or PieceBody from any thread.
+  std::shared_ptr<Waker> waker;
 
   // First value of a query parameter.
   std::optional<std::string> query(std::string_view name) const;
 };
 
-// Bytes of a body in memory that are made at once. A client that does not read costs one piece.
+// Memory of one body piece. A client that does not read costs one piece.
 inline constexpr int64_t kPieceBytesMax = int64_t{64} << 10;
-// A text body up to here is sent as it is; a larger one is made in pieces, within AnswerBudget.
+// A text body up to here is sent as it is; a larger one is made in pieces, within MemoryBudget.
 inline constexpr int64_t kTextBytesMax = int64_t{16} << 10;
 
-// The bytes of an answer: in memory, or (a part of) a file.
+// A response body that is a file, or a part of one.
 struct FileBody {
   std::filesystem::path path;
   int64_t offset = 0;
   int64_t bytes = 0;
 };
-// A body that is made while it is sent: the next piece when the socket has taken those before it.
-// An answer of one piece has a Content-Length, of several Transfer-Encoding: chunked. Where the
-// first piece fails, its error is the answer; a later failure cuts the connection.
+
+// One piece of a PieceBody.
 struct Piece {
   std::string text;
   bool is_last = false;
+  // Set if there is nothing to send now: the next piece is asked for when the request's waker is
+  // called, or at this time. `text` is empty then.
+  std::optional<Clock::time_point> wait_until = std::nullopt;
 };
+
+// A response body that is generated while it is sent: the next piece when the socket has taken
+// those before it. A body of one piece has a Content-Length, of several Transfer-Encoding: chunked.
+// If the first piece fails, its error is the response; a later failure cuts the connection.
 struct PieceBody {
   std::function<Result<Piece>()> next;
-  // What a piece takes while it is made and until the socket has it.
+  // Bytes that a piece needs while it is generated and until the socket has taken it.
   int64_t piece_bytes_max = kPieceBytesMax;
 };
-// Writes a stream of unknown length (server-sent events); the connection closes at its end.
-using StreamBody = std::function<void(EventSink&)>;
 
 struct Response {
   int status = 200;
   Headers headers;
-  std::variant<std::string, FileBody, PieceBody, StreamBody> body;
+  std::variant<std::string, FileBody, PieceBody> body;
   bool close = false;  // end the connection after it
 
   static Response json(int status, std::string text);
@@ -116,6 +123,58 @@ struct Response {
   // application/problem+json with the status of the error's code.
   static Response problem(const Error& error, std::string_view instance,
                           std::string_view trace_id = "");
+};
+
+struct Reply;
+
+// Receives the body of a request piece by piece, as it arrives. One thread at a time calls it.
+class BodySink {
+ public:
+  virtual ~BodySink() = default;
+  // Takes the next decoded bytes. An error becomes the response; the rest is not read.
+  virtual Status take(std::span<const uint8_t> piece) = 0;
+  // Called once, after the last piece.
+  virtual Reply finish(Request& request) = 0;
+};
+
+// Asks for the request's body, given to `sink` without being held in memory. Errors of reading
+// become the response: payload-too-large over `bytes_max` (compressed or inflated; at once if
+// Content-Length says so), length-required if the request has neither length nor chunks,
+// bad-request for broken chunks and codings and for bodies that end early, deadline-exceeded for
+// slow ones.
+struct StreamedBody {
+  int64_t bytes_max = 0;
+  std::unique_ptr<BodySink> sink;
+};
+
+// Asks for the request's body as one text, held in memory within MemoryBudget. Errors: those of
+// StreamedBody.
+struct TextBody {
+  int64_t bytes_max = 0;
+  std::function<Reply(Request&, std::string)> then;
+};
+
+// A response that is not ready yet. It holds no thread: the server calls look() when the wait
+// begins, after Waker::wake() and at until(). Destroyed when it has given its response.
+class Wait {
+ public:
+  virtual ~Wait() = default;
+  // The response, or nullopt while there is none. One thread at a time calls it.
+  virtual std::optional<Response> look(Request& request) = 0;
+  // When look() is called without a wake; read after each look().
+  virtual Clock::time_point until() const = 0;
+  // The client has closed its side; look() is not called again.
+  virtual void abandon(Request&) {}
+};
+
+// The result of a handler.
+struct Reply {
+  std::variant<Response, TextBody, StreamedBody, std::unique_ptr<Wait>> next;
+
+  Reply(Response response) : next(std::move(response)) {}
+  Reply(TextBody body) : next(std::move(body)) {}
+  Reply(StreamedBody body) : next(std::move(body)) {}
+  Reply(std::unique_ptr<Wait> wait) : next(std::move(wait)) {}
 };
 
 // Adds a header's name to Vary, once: a cache keeps the answer for equal values of it alone.

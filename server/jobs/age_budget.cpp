@@ -13,7 +13,7 @@ Result<int64_t> AgeBudget::left(int64_t kept_now_ms,
     constexpr double kWindowsPerDay = 24.0 * 60 * 60 * 1000 / kWindowMs;
     const double share = std::max(kShare, kAverages / (keep_days_ * kWindowsPerDay));
     left_ = static_cast<int64_t>(std::ceil(static_cast<double>(there) * std::min(1.0, share)));
-    // What comes and goes within the window was not counted.
+    // Blobs that were stored and expired within the window were not counted.
     if (share >= 1.0) left_ = std::numeric_limits<int64_t>::max();
     window_end_ms_ = kept_now_ms + kWindowMs;
     was_told_ = false;

@@ -13,8 +13,8 @@ namespace voxeld {
 class AgeBudget {
  public:
   static constexpr int64_t kWindowMs = int64_t{60} * 60 * 1000;
-  // Of what is there, within a window. Where things are kept for a short time, four times what
-  // expires on the average, so that a busy daemon keeps up; all where that is four windows.
+  // Part of the stored bytes that may expire within a window. If things are kept for a short time,
+  // four times the average, so that a busy daemon keeps up; all of them if that is four windows.
   static constexpr double kShare = 0.1, kAverages = 4.0;
 
   explicit AgeBudget(double keep_days) : keep_days_(keep_days) {}

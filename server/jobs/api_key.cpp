@@ -1,14 +1,14 @@
 #include "server/jobs/api_key.h"
 
-#include <sys/random.h>
 #include <time.h>
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <span>
 
+#include "proto/number_text.h"
 #include "server/base/check.h"
+#include "server/base/random.h"
 #include "server/base/sha256.h"
 
 namespace voxeld {
@@ -37,8 +37,7 @@ std::string base32(std::span<const uint8_t> bytes) {
 template <size_t kBytes>
 std::string random_base32() {
   std::array<uint8_t, kBytes> bytes{};
-  VOXELD_CHECK(::getrandom(bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()),
-               "getrandom");
+  fill_random(bytes);
   return base32(bytes);
 }
 
@@ -52,27 +51,20 @@ Error expiry_error(std::string_view text) {
           "\"" + std::string(text.substr(0, 40)) + "\""};
 }
 
-// Decimal digits alone.
-bool parse_number(std::string_view text, int64_t& value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  return error == std::errc() && end == text.data() + text.size() && !text.starts_with('-');
-}
-
 // Midnight (UTC) at the beginning of "2026-12-31"; negative where that is no day.
 int64_t day_ms(std::string_view text) {
-  int64_t year = 0, month = 0, day = 0;
-  if (text.size() != 10 || text[4] != '-' || text[7] != '-' ||
-      !parse_number(text.substr(0, 4), year) || !parse_number(text.substr(5, 2), month) ||
-      !parse_number(text.substr(8, 2), day)) {
-    return -1;
-  }
+  if (text.size() != 10 || text[4] != '-' || text[7] != '-') return -1;
+  const auto year = parse_digits<int>(text.substr(0, 4));
+  const auto month = parse_digits<int>(text.substr(5, 2));
+  const auto day = parse_digits<int>(text.substr(8, 2));
+  if (!year || !month || !day) return -1;
   tm date{};
-  date.tm_year = static_cast<int>(year) - 1900;
-  date.tm_mon = static_cast<int>(month) - 1;
-  date.tm_mday = static_cast<int>(day);
+  date.tm_year = *year - 1900;
+  date.tm_mon = *month - 1;
+  date.tm_mday = *day;
   const time_t seconds = ::timegm(&date);
   // timegm() takes the 31st of April for the 1st of May.
-  if (date.tm_mon != month - 1 || date.tm_mday != day) return -1;
+  if (date.tm_mon != *month - 1 || date.tm_mday != *day) return -1;
   return static_cast<int64_t>(seconds) * 1000;
 }
 
@@ -132,12 +124,11 @@ Result<int64_t> parse_expiry(std::string_view text, int64_t now_ms) {
                         : text.back() == 'd' ? 24
                         : text.back() == 'w' ? int64_t{24} * 7
                                              : 0;
-  int64_t count = 0;
-  if (hours == 0 || !parse_number(text.substr(0, text.size() - 1), count) || count < 1 ||
-      count > kExpiryHoursMax / hours) {
-    return expiry_error(text);
-  }
-  return now_ms + count * hours * kHourMs;
+  if (hours == 0) return expiry_error(text);
+  const auto count =
+      parse_number<int64_t>(text.substr(0, text.size() - 1), 1, kExpiryHoursMax / hours);
+  if (!count) return expiry_error(text);
+  return now_ms + *count * hours * kHourMs;
 }
 
 }  // namespace voxeld

@@ -51,7 +51,7 @@ Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
   }
 }
 
-// What the caller's tenant has of these bytes already.
+// The asset that the caller's tenant has of these bytes already.
 Result<std::optional<Asset>> find_own(SqlConnection& connection, const Caller& caller,
                                       std::string_view blob) {
   static const std::string sql =
@@ -257,7 +257,7 @@ Result<int64_t> AssetStore::remove_unneeded() {
     VOXELD_ASSIGN(const auto ids, unneeded(connection));
     VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, blobs_, ids));
     for (const std::string& id : gone) {
-      // What stays of it says that it was deleted, and no more.
+      // The rest of the row only records that it was deleted.
       VOXELD_TRY(
           connection.run("DELETE FROM bundle_files WHERE bundle = $1 AND tenant IN"
                          " (SELECT tenant FROM assets WHERE id = $1 AND deleted_ms <> 0)",

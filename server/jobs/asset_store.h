@@ -31,7 +31,7 @@ class AssetStore {
   // the file whose asset is not there; malformed-bundle for a bundle in a bundle.
   Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, const std::string& filename,
                            const std::vector<BundleFile>& files, int64_t bytes_max);
-  // Of the tenant's asset, in the order of the manifest; none when it is no bundle.
+  // The files of the tenant's bundle, in the order of the manifest; none if it is not a bundle.
   Result<std::vector<BundleFile>> bundle_files(std::string_view tenant, std::string_view id);
   // Errors: not-found, gone.
   Result<Asset> get(const Caller& caller, std::string_view id);

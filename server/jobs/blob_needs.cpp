@@ -7,7 +7,7 @@
 namespace voxeld {
 namespace {
 
-// Those of `ids` that no row needs, as this connection sees it.
+// The ids among `ids` that no row needs, as this connection sees it.
 Result<std::vector<std::string>> free_blobs(SqlConnection& connection,
                                             const std::vector<std::string>& ids) {
   std::vector<std::string> unneeded;

@@ -1,4 +1,4 @@
-// What keeps a blob in the store: rows of assets, live jobs, results and frames.
+// The rows that keep a blob in the store: of assets, live jobs, results and frames.
 #pragma once
 
 #include <string>

@@ -6,12 +6,14 @@
 #include <cstdlib>
 #include <vector>
 
+#include "proto/number_text.h"
+
 namespace voxeld {
 namespace {
 
 constexpr double kSideUnit = 256.0, kBytesUnit = 1048576.0;
-// Of the prior: how sure the guess is, in observations. The exponents are known better than the
-// cost, which no machine has in common with another.
+// Weight of the prior, in observations. The exponents are known better than the cost, which no
+// machine has in common with another.
 constexpr std::array<double, 3> kPriorWeights = {0.2, 4.0, 4.0};
 // An observation counts half after about 140 others.
 constexpr double kFading = 0.995;
@@ -58,7 +60,7 @@ void CostModel::observe(const CostFeatures& features, double cost) {
   const double error = y - std::log(predict({features.side, features.input_bytes, 1.0}).expected);
   residual_ = kFading * residual_ + error * error;
   weight_ = kFading * weight_ + 1.0;
-  // What fades comes back to the prior, not to nothing.
+  // The estimate decays towards the prior.
   for (size_t i = 0; i < kTerms; ++i) {
     for (size_t j = 0; j < kTerms; ++j) {
       const double prior = i == j ? kPriorWeights[i] : 0.0;
@@ -110,12 +112,9 @@ Status CostModel::parse(std::string_view text) {
   while (!text.empty()) {
     const std::string_view word = text.substr(0, text.find(' '));
     text.remove_prefix(std::min(text.size(), word.size() + 1));
-    double value = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value)) {
-      return broken;
-    }
-    numbers.push_back(value);
+    const auto value = parse_number<double>(word);
+    if (!value || !std::isfinite(*value)) return broken;
+    numbers.push_back(*value);
   }
   if (numbers.size() != 3 + kTerms + kTerms * kTerms || numbers[0] < 0) return broken;
   CostModel read = *this;

@@ -1,5 +1,6 @@
-// What jobs cost, learned from those that ended: a line in logarithms, cost = e^a side^b bytes^c
-// frames, whose coefficients start at a guess and move with each observation.
+// A model of the cost of jobs, learned from those that ended: a line in logarithms,
+// cost = e^a side^b bytes^c frames. The coefficients start at a prior and move with each
+// observation.
 #pragma once
 
 #include <array>
@@ -11,7 +12,7 @@
 
 namespace voxeld {
 
-// What of a request its cost depends on.
+// The features of a request that its cost depends on.
 struct CostFeatures {
   double side = 128;       // voxels or pixels along the longest side
   double input_bytes = 1;  // of the asset or grid

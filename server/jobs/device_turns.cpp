@@ -134,7 +134,7 @@ std::string DeviceTurns::waiting_for(std::string_view id) const {
     const auto all = memories(task, [](const Started&) { return true; });
     const auto scarce =
         std::find_if(all.begin(), all.end(), [](const Memory& one) { return !one.fits(); });
-    // Where it would fit, others that came before wait for memory, too.
+    // If it would fit, others that came before it wait for memory, too.
     const Memory& told = scarce == all.end() ? all.front() : *scarce;
     return std::string(told.name()) + ": needs " + gigabytes(told.need) + " GB, " +
            gigabytes(told.bytes_max - told.used) + " of " + gigabytes(told.bytes_max) + " GB free";

@@ -1,5 +1,5 @@
-// Who works on a device now. A device works for one task at a time, for a turn; its other tasks
-// parse, encode and wait meanwhile.
+// Time slices of devices. A device works for one task at a time, for one slice (turn); its other
+// tasks parse, encode and wait meanwhile.
 //
 // Among tenants, turns go by start-time fair queueing (P. Goyal, H. M. Vin, H. Cheng: Start-time
 // Fair Queueing, SIGCOMM 1996): a turn of tenant t has the start tag S = max(V, F[t]), the smallest
@@ -10,8 +10,8 @@
 //
 // Within a tenant: priority, the highest first; the earliest deadline; the order of arrival.
 //
-// What a task's worker computes without a turn (parsing, decoding, encoding, exports) is charged to
-// the tenant as well: a second of CPU time counts as the part of a second of the device that one
+// CPU time outside of slices (parsing, decoding, encoding, exports) is charged to the tenant as
+// well: a second of CPU time counts as the part of a second of the device that one
 // core is of the machine. On device cpu, whose turns have all cores, both cost the same.
 //
 // A turn can be taken away from a worker that gives no sign of life. Should the worker come back,
@@ -95,8 +95,8 @@ class DeviceTurns {
   void charge_cpu() EXCLUDES(mutex_);
   // How much memory the device has for tasks; 0: not known, not limited.
   void set_device_bytes(const std::string& device, int64_t bytes_max) EXCLUDES(mutex_);
-  // What tenants have had of the device while they wanted it (tenant_shares.h): those with queued
-  // jobs, and those with started ones.
+  // Device time of tenants while they wanted it (tenant_shares.h): of those with queued jobs, and
+  // of those with started ones.
   void set_queued(const std::string& device, std::set<std::string, std::less<>> tenants)
       EXCLUDES(mutex_);
   double share(const std::string& device, const std::string& tenant) const EXCLUDES(mutex_);
@@ -155,14 +155,14 @@ class DeviceTurns {
   void forget_old_tags(Device& device) REQUIRES(mutex_);
   std::vector<const Started*> waiting_in_order(const std::string& device) const REQUIRES(mutex_);
   double tag_of(const Device& device, const std::string& tenant) const REQUIRES(mutex_);
-  // What there is for tasks, of it used, and needed by a task.
+  // Memory for tasks, its used part, and the need of a task.
   struct Memory {
     bool is_device;
     int64_t bytes_max, used, need;
     std::string_view name() const { return is_device ? "device memory" : "memory"; }
     bool fits() const { return bytes_max == 0 || used + need <= bytes_max; }
   };
-  // Of the machine and of the device; used by those tasks that `counts`.
+  // Memory of the machine and of the device, used by the tasks that `counts` is true of.
   template <typename Counts>
   std::vector<Memory> memories(const Started& task, Counts counts) const REQUIRES(mutex_);
   // It fits now, and leaves room for every task before it that waits for memory.

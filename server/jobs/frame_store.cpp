@@ -29,7 +29,7 @@ double time_of(const std::string& text) {
   return value;
 }
 
-// Whose job it is, while it runs under this fence.
+// The tenant of the job, while it runs under this fence.
 Result<std::optional<std::string>> current_tenant(SqlConnection& connection,
                                                   const TaskFrame& frame) {
   VOXELD_ASSIGN(

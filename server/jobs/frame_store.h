@@ -31,9 +31,9 @@ class FrameStore {
   // By ascending index; those of earlier attempts count. Whoever asks may see the job.
   Result<std::vector<ListedFrame>> of_job(std::string_view job, const FrameRange& range = {});
 
-  // Of a sequence that a finished job of the caller left. Errors: not-found, gone.
+  // The manifest of a sequence that a finished job of the caller left. Errors: not-found, gone.
   Result<SequenceManifest> read(const Caller& caller, std::string_view sequence);
-  // Of a blob that is stored: for a live job also one that was deleted meanwhile.
+  // The manifest in a stored blob; a live job may read one that was deleted meanwhile.
   Result<SequenceManifest> read_blob(std::string_view id);
   // Whether a manifest that a worker brings names exactly the frames that its job lists, whose
   // number is returned. Errors: internal.

@@ -1,80 +1,136 @@
 #include "server/jobs/job_board.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 namespace voxeld {
 
+// One watcher of a job.
+class JobBoard::Watch final : public JobWatch {
+ public:
+  Watch(JobBoard& board, std::string id, Watchers::iterator watcher)
+      : board_(board), id_(std::move(id)), watcher_(watcher) {}
+  ~Watch() override {
+    std::shared_ptr<Waker> waker;  // is destroyed after the lock is released
+    const MutexLock lock(board_.mutex_);
+    waker = std::move(watcher_->waker);
+    board_.entries_.find(id_)->second->watchers.erase(watcher_);
+    board_.drop_if_idle(id_);
+  }
+  Watch(const Watch&) = delete;
+  Watch& operator=(const Watch&) = delete;
+
+ private:
+  JobBoard& board_;
+  const std::string id_;
+  const Watchers::iterator watcher_;
+};
+
+void JobBoard::wake(const Wakers& wakers) {
+  for (const auto& waker : wakers) waker->wake();
+}
+
+JobBoard::Clock::duration JobBoard::Entry::throttle() const {
+  return std::max(kThrottle, kThrottlePerWatcher * static_cast<int64_t>(watchers.size()));
+}
+
+JobBoard::Wakers JobBoard::wakers_of(const Entry& entry, JobChange change) {
+  Wakers wakers;
+  for (const Watcher& watcher : entry.watchers) {
+    if (change == JobChange::kState || watcher.change == JobChange::kAny) {
+      wakers.push_back(watcher.waker);
+    }
+  }
+  return wakers;
+}
+
 void JobBoard::start(const std::string& id, int64_t version) {
-  MutexLock lock(mutex_);
-  auto& entry = entries_[id];
-  if (entry == nullptr) entry = std::make_unique<Entry>();
-  entry->running = true;
-  entry->version = std::max(entry->version, version);
-  entry->stage.clear();
-  entry->tiles_done = entry->tiles_total = 0;
-  entry->has_tiles = false;
-  entry->frames_done = entry->frames_total = 0;
-  entry->is_untold = false;
-  entry->changed_at = {};
-  entry->cancel = false;
-  entry->changed.notify_all();
+  Wakers wakers;
+  {
+    const MutexLock lock(mutex_);
+    auto& entry = entries_[id];
+    if (entry == nullptr) entry = std::make_unique<Entry>();
+    entry->running = true;
+    entry->version = std::max(entry->version, version);
+    entry->stage.clear();
+    entry->tiles_done = entry->tiles_total = 0;
+    entry->has_tiles = false;
+    entry->frames_done = entry->frames_total = 0;
+    entry->is_untold = false;
+    entry->changed_at = {};
+    entry->cancel = false;
+    wakers = wakers_of(*entry, JobChange::kAny);
+  }
+  wake(wakers);
 }
 
 void JobBoard::progress(const std::string& id, std::string_view stage, int64_t tiles_done,
                         int64_t tiles_total, int64_t frames_done, int64_t frames_total) {
-  MutexLock lock(mutex_);
-  const auto found = entries_.find(id);
-  if (found == entries_.end() || !found->second->running) return;
-  Entry& entry = *found->second;
-  const bool same_stage = entry.stage == stage;
-  const bool same = same_stage && entry.tiles_done == tiles_done &&
-                    entry.tiles_total == tiles_total && entry.frames_done >= frames_done &&
-                    entry.frames_total == frames_total;
-  if (same && !entry.is_untold) return;
-  const auto now = Clock::now();
-  if (same_stage && now - entry.changed_at < kThrottle) return;
-  entry.stage = stage;
-  entry.tiles_done = tiles_done;
-  entry.tiles_total = tiles_total;
-  entry.has_tiles |= tiles_total > 0;
-  entry.frames_done = std::max(entry.frames_done, frames_done);
-  entry.frames_total = frames_total;
-  entry.is_untold = false;
-  entry.changed_at = now;
-  ++entry.version;
-  entry.changed.notify_all();
+  Wakers wakers;
+  {
+    const MutexLock lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found == entries_.end() || !found->second->running) return;
+    Entry& entry = *found->second;
+    const bool same_stage = entry.stage == stage;
+    const bool same = same_stage && entry.tiles_done == tiles_done &&
+                      entry.tiles_total == tiles_total && entry.frames_done >= frames_done &&
+                      entry.frames_total == frames_total;
+    if (same && !entry.is_untold) return;
+    const auto now = Clock::now();
+    if (same_stage && now - entry.changed_at < entry.throttle()) return;
+    entry.stage = stage;
+    entry.tiles_done = tiles_done;
+    entry.tiles_total = tiles_total;
+    entry.has_tiles |= tiles_total > 0;
+    entry.frames_done = std::max(entry.frames_done, frames_done);
+    entry.frames_total = frames_total;
+    entry.is_untold = false;
+    entry.changed_at = now;
+    ++entry.version;
+    wakers = wakers_of(entry, JobChange::kAny);
+  }
+  wake(wakers);
 }
 
 void JobBoard::frames_listed(const std::string& id, int64_t count) {
-  MutexLock lock(mutex_);
-  const auto found = entries_.find(id);
-  if (found == entries_.end() || !found->second->running) return;
-  Entry& entry = *found->second;
-  entry.frames_done = std::max(entry.frames_done, count);
-  const auto now = Clock::now();
-  entry.is_untold = now - entry.changed_at < kThrottle;
-  if (entry.is_untold) return;
-  entry.changed_at = now;
-  ++entry.version;
-  entry.changed.notify_all();
+  Wakers wakers;
+  {
+    const MutexLock lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found == entries_.end() || !found->second->running) return;
+    Entry& entry = *found->second;
+    entry.frames_done = std::max(entry.frames_done, count);
+    const auto now = Clock::now();
+    entry.is_untold = now - entry.changed_at < entry.throttle();
+    if (entry.is_untold) return;
+    entry.changed_at = now;
+    ++entry.version;
+    wakers = wakers_of(entry, JobChange::kAny);
+  }
+  wake(wakers);
 }
 
 int64_t JobBoard::live_version(const std::string& id) const {
-  MutexLock lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto found = entries_.find(id);
   return found == entries_.end() || !found->second->running ? 0 : found->second->version;
 }
 
 void JobBoard::changed(const std::string& id, int64_t version, bool running) {
-  MutexLock lock(mutex_);
-  const auto found = entries_.find(id);
-  if (found == entries_.end()) return;
-  Entry& entry = *found->second;
-  entry.version = std::max(entry.version, version);
-  entry.running = running;
-  entry.changed.notify_all();
-  drop_if_idle(id);
+  Wakers wakers;
+  {
+    const MutexLock lock(mutex_);
+    const auto found = entries_.find(id);
+    if (found == entries_.end()) return;
+    Entry& entry = *found->second;
+    entry.version = std::max(entry.version, version);
+    entry.running = running;
+    wakers = wakers_of(entry, JobChange::kState);
+    drop_if_idle(id);
+  }
+  wake(wakers);
 }
 
 void JobBoard::overlay(JobStatus& status) const {
@@ -112,28 +168,18 @@ double JobBoard::cancel_age_seconds(const std::string& id) const {
 void JobBoard::drop_if_idle(const std::string& id) {
   const auto found = entries_.find(id);
   if (found == entries_.end()) return;
-  if (found->second->watchers == 0 && !found->second->running) entries_.erase(found);
+  if (found->second->watchers.empty() && !found->second->running) entries_.erase(found);
 }
 
-JobBoard::Watch::Watch(JobBoard& board, std::string id) : board_(board), id_(std::move(id)) {
-  MutexLock lock(board_.mutex_);
-  auto& entry = board_.entries_[id_];
+std::unique_ptr<JobWatch> JobBoard::watch(std::string_view id, JobChange change,
+                                          std::shared_ptr<Waker> waker) {
+  std::string name(id);
+  const MutexLock lock(mutex_);
+  auto& entry = entries_[name];
   if (entry == nullptr) entry = std::make_unique<Entry>();
-  ++entry->watchers;
-}
-
-JobBoard::Watch::~Watch() {
-  MutexLock lock(board_.mutex_);
-  --board_.entries_[id_]->watchers;
-  board_.drop_if_idle(id_);
-}
-
-void JobBoard::Watch::wait(int64_t after_version, Clock::time_point deadline) {
-  MutexLock lock(board_.mutex_);
-  Entry& entry = *board_.entries_[id_];
-  while (entry.version <= after_version) {
-    if (entry.changed.wait_until(lock, deadline) == std::cv_status::timeout) return;
-  }
+  Watchers& watchers = entry->watchers;
+  watchers.push_back({change, std::move(waker)});
+  return std::make_unique<Watch>(*this, std::move(name), std::prev(watchers.end()));
 }
 
 }  // namespace voxeld

@@ -1,16 +1,20 @@
-// What changes too often for the database, and who waits for it: the progress of running jobs, and
-// the threads that wait for a job to change.
+// The progress of running jobs, which changes too often for the database, and notifications of
+// every change of a job.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
+#include <list>
 #include <map>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "proto/job.h"
 #include "server/base/thread_annotations.h"
+#include "server/base/waker.h"
+#include "server/jobs/job_watch.h"
 
 namespace voxeld {
 
@@ -21,11 +25,11 @@ class JobBoard {
 
   // A job was claimed: progress counts on from its version.
   void start(const std::string& id, int64_t version);
-  // Takes a report. Changes nothing when it says what is known already, or within kThrottle of the
-  // last change of the same stage.
+  // Takes a report. Changes nothing if it repeats what is known, or comes within the throttle of
+  // the last change of the same stage.
   void progress(const std::string& id, std::string_view stage, int64_t tiles_done,
                 int64_t tiles_total, int64_t frames_done = 0, int64_t frames_total = 0);
-  // So many frames of the job are listed. Within kThrottle it is told with the next report.
+  // So many frames of the job are listed. Within the throttle it is announced by the next report.
   void frames_listed(const std::string& id, int64_t count);
   // The highest version that anybody may have seen of a running job; 0 when it is not running.
   int64_t live_version(const std::string& id) const;
@@ -39,39 +43,43 @@ class JobBoard {
   void request_cancel(const std::string& id);
   double cancel_age_seconds(const std::string& id) const;
 
-  // Registers interest before the caller reads the status, so that no change falls between.
-  class Watch {
-   public:
-    Watch(JobBoard& board, std::string id);
-    ~Watch();
-    Watch(const Watch&) = delete;
-    Watch& operator=(const Watch&) = delete;
-    // Blocks until a version above `after_version` was announced, or the deadline.
-    void wait(int64_t after_version, Clock::time_point deadline);
-
-   private:
-    JobBoard& board_;
-    const std::string id_;
-  };
+  // Wakes `waker` after changes of the job for as long as the result lives. It must not outlive the
+  // board.
+  std::unique_ptr<JobWatch> watch(std::string_view id, JobChange change,
+                                  std::shared_ptr<Waker> waker);
 
  private:
-  // At most about ten changes a second reach those who watch.
+  // At most about ten progress reports a second reach a job's watchers; fewer if there are more
+  // than a hundred watchers, each of whom reads the database.
   static constexpr std::chrono::milliseconds kThrottle{100};
+  static constexpr std::chrono::milliseconds kThrottlePerWatcher{1};
+
+  struct Watcher {
+    JobChange change;
+    std::shared_ptr<Waker> waker;
+  };
+  using Watchers = std::list<Watcher>;
+  using Wakers = std::vector<std::shared_ptr<Waker>>;
+  class Watch;
 
   struct Entry {
-    int watchers = 0;
+    Watchers watchers;
     bool running = false;
     int64_t version = 0;
     std::string stage;
     int64_t tiles_done = 0, tiles_total = 0;
-    bool has_tiles = false;  // this attempt has told of tiles
+    bool has_tiles = false;  // this attempt has reported tiles
     int64_t frames_done = 0, frames_total = 0;
-    bool is_untold = false;  // something changed within kThrottle
+    bool is_untold = false;  // something changed within the throttle
     Clock::time_point changed_at{};
     Clock::time_point cancel_at{};
     bool cancel = false;
-    CondVar changed;
+
+    Clock::duration throttle() const;
   };
+  // The wakers to call, after mutex_ is released, for a change of that kind.
+  static Wakers wakers_of(const Entry& entry, JobChange change);
+  static void wake(const Wakers& wakers);
   void drop_if_idle(const std::string& id) REQUIRES(mutex_);
 
   mutable Mutex mutex_;

@@ -1,4 +1,4 @@
-// What jobs of each kind cost on this machine, in a file beside the database.
+// The cost of jobs of each kind on this machine, learned and kept in a file beside the database.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace voxeld {
 
-// What of a job its cost depends on.
+// The properties of a job that its cost depends on.
 struct JobWork {
   std::string sort;  // "voxelize npy surface occupancy": jobs of one sort have one law
   CostFeatures features;
@@ -42,7 +42,7 @@ class JobCosts {
   void learn(const JobWork& work, const JobStatus& done) EXCLUDES(mutex_);
 
  private:
-  // Of one sort of jobs.
+  // The cost models of one kind of jobs.
   struct Sort {
     Sort();
     CostModel worker_seconds, device_seconds, result_bytes, host_bytes;

@@ -1,4 +1,4 @@
-// What the log tells of jobs.
+// Log lines about jobs.
 #pragma once
 
 #include "server/jobs/job_record.h"

@@ -1,4 +1,4 @@
-// What /metrics tells of jobs and workers. job_metrics.cpp alone includes prometheus-cpp's classes.
+// Metrics of jobs and workers. Only job_metrics.cpp includes prometheus-cpp's classes.
 #pragma once
 
 #include <cstdint>
@@ -48,7 +48,7 @@ class JobMetrics {
   void set_store(int64_t bytes, int64_t damaged);
   // Things that were removed unasked: "size", "age" (results), "asset-age".
   void evicted(const std::string& reason, int64_t count);
-  // Of all workers of the device.
+  // Memory of all workers of the device.
   void set_worker_memory(const std::string& device, int64_t bytes);
   void set_device_memory(const std::string& device, int64_t bytes_total, int64_t bytes_free);
 

@@ -236,7 +236,7 @@ class QueuePlaces {
   int64_t seq_ = 0, place_ = 0;  // of the job before; seq 0: there was none
 };
 
-// Where a job stands in the order of arrival.
+// The number of a job in the order of arrival.
 Result<int64_t> seq_of(SqlConnection& connection, const Caller& caller, const std::string& id) {
   VOXELD_ASSIGN(
       SqlStatement found,

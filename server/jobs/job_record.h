@@ -16,7 +16,7 @@
 
 namespace voxeld {
 
-// What the public status leaves out.
+// A job with the facts that its public status leaves out.
 struct JobRecord {
   JobStatus status;
   std::string tenant;        // whose job it is
@@ -35,7 +35,7 @@ struct JobRecord {
   bool was_parked = false;           // by the change that gave this record
 };
 
-// What a job ends with whose deadline has passed.
+// The error of a job whose deadline has passed.
 Error deadline_error();
 // Milliseconds since 1970.
 int64_t unix_time_ms();

@@ -37,7 +37,7 @@ void Service::job_changed(const JobRecord& record) {
     parts_.remove(status.id);
     metrics_.ended(status, record.tenant, record.worker);
     board_.changed(status.id, status.version, false);
-    // Where they were to go meanwhile, they stayed for the job.
+    // If they were deleted meanwhile, they stayed for the job.
     for (const std::string& input : {status.grid, status.sequence}) {
       if (!input.empty()) blobs_.suspect(input);
     }
@@ -185,38 +185,8 @@ Status Service::list(const Caller& caller, const JobQuery& query,
   });
 }
 
-Result<JobStatus> Service::wait_change(const Caller& caller, std::string_view id,
-                                       int64_t after_version, Clock::time_point deadline) {
-  JobBoard::Watch watch(board_, std::string(id));
-  while (true) {
-    VOXELD_ASSIGN(JobStatus status, get(caller, id));
-    const auto now = Clock::now();
-    if (status.version > after_version || status.ended() || now >= deadline || draining_) {
-      return status;
-    }
-    watch.wait(after_version, std::min(deadline, now + kWaitSlice));
-  }
-}
-
-Result<JobStatus> Service::wait_end(const Caller& caller, std::string_view id,
-                                    Clock::time_point deadline,
-                                    const std::function<bool()>& abandoned) {
-  JobBoard::Watch watch(board_, std::string(id));
-  while (true) {
-    VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id, JobTexts::kBrief));
-    overlay(record.status);
-    const auto now = Clock::now();
-    if (record.status.ended() || now >= deadline) return std::move(record.status);
-    if (abandoned && abandoned()) {
-      if (record.transient) return cancel(caller, id);
-      return std::move(record.status);
-    }
-    watch.wait(record.status.version, std::min(deadline, now + kWaitSlice));
-  }
-}
-
-Result<std::vector<JobEvent>> Service::events_after(const Caller& caller, std::string_view id,
-                                                    int64_t after_id) {
+Result<std::vector<JobEvent>> Service::events(const Caller& caller, std::string_view id,
+                                              int64_t after_id) {
   // The status first: a state change that comes after it is then in the list, and the older
   // progress is left out. After a full batch there may be more changes.
   VOXELD_ASSIGN(const JobStatus status, get(caller, id));
@@ -227,17 +197,6 @@ Result<std::vector<JobEvent>> Service::events_after(const Caller& caller, std::s
     events.push_back({status.version, "progress", job_row_text(status)});
   }
   return events;
-}
-
-Result<std::vector<JobEvent>> Service::wait_events(const Caller& caller, std::string_view id,
-                                                   int64_t after_id, Clock::time_point deadline) {
-  JobBoard::Watch watch(board_, std::string(id));
-  while (true) {
-    VOXELD_ASSIGN(std::vector<JobEvent> events, events_after(caller, id, after_id));
-    const auto now = Clock::now();
-    if (!events.empty() || now >= deadline || draining_) return events;
-    watch.wait(after_id, std::min(deadline, now + kWaitSlice));
-  }
 }
 
 Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {

@@ -1,5 +1,5 @@
-// All that the HTTP side knows of jobs: assets, jobs, events, results. A facade over the job store
-// (SQLite), the blob store and the task server. Thread-safe; calls that wait say so.
+// The service that the HTTP API calls: assets, jobs, events, results. A facade over the job store
+// (SQLite), the blob store and the task server. Thread-safe; no call waits for a job.
 //
 // Every call on something that a tenant owns says in whose name (caller.h). What the caller may not
 // see is not-found, with the very words for what never was.
@@ -21,9 +21,11 @@
 #include "proto/result.h"
 #include "proto/sequence.h"
 #include "proto/task_api.h"
+#include "server/base/waker.h"
 #include "server/jobs/asset_cursor.h"
 #include "server/jobs/caller.h"
 #include "server/jobs/job_query.h"
+#include "server/jobs/job_watch.h"
 #include "server/jobs/kept_clock.h"
 #include "server/jobs/tenant_limits.h"
 #include "server/jobs/worker_isolation.h"
@@ -53,7 +55,7 @@ struct StoredBlob {
   std::filesystem::path path;
 };
 
-// What is listed of the results that a tenant has.
+// A list of stored results.
 enum class KeptKind { kResult, kGrid, kSequence };
 struct KeptResult {
   int64_t seq = 0;   // order of arrival: what a list goes on behind
@@ -85,13 +87,13 @@ struct ListedFrame {
   SequenceFrame frame;
 };
 
-// Those of a job's frames with an index from `first` on, at most `count` of them.
+// The frames of a job with an index from `first` on, at most `count` of them.
 struct FrameRange {
   int64_t first = 0;
   int64_t count = limits::kFramesMax;
 };
 
-// What a job of several frames has so far.
+// The frames that a job has made so far.
 struct JobFrames {
   std::string job;
   std::string sequence;             // once it is done, when it made one
@@ -114,7 +116,7 @@ struct WorkerState {
   DeviceMemory device_memory;
 };
 
-// What one caller may know of the queue.
+// The queue as one caller may see it.
 struct QueueView {
   struct Job {
     std::string tenant;
@@ -139,7 +141,7 @@ class JobService {
   virtual ~JobService() = default;
 
   // --- assets
-  // Where an upload is written to: at most `bytes_max` bytes. Errors: storage-full.
+  // Begins an upload of at most `bytes_max` bytes. Errors: storage-full.
   virtual Result<BlobWriter> begin_upload(int64_t bytes_max) = 0;
   // How many bytes an upload of the caller may have beside what its tenant keeps; `asked` of them,
   // or 0 where that is not known. What the tenant has already costs nothing, so an upload that can
@@ -170,10 +172,10 @@ class JobService {
   // storage-full where the disk has no room for more rows.
   virtual Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                                    const SubmitOptions& options) = 0;
-  // What submit() would answer now, without a job: estimate, place in the queue and expected times;
-  // `cached` where a result is there already. Errors: those of the input.
+  // The status that submit() would return now, without a job: estimate, place in the queue and
+  // expected times; `cached` if a result is there already. Errors: those of the input.
   virtual Result<JobStatus> price(const Caller& caller, const JobRequest& request) = 0;
-  // In brief, as are those of the waits: is_brief().
+  // In brief: is_brief().
   virtual Result<JobStatus> get(const Caller& caller, std::string_view id) = 0;
   // With all its texts, which may be megabytes: a few callers at a time, others wait.
   virtual Result<JobStatus> get_whole(const Caller& caller, std::string_view id) = 0;
@@ -181,17 +183,14 @@ class JobService {
   // Errors: invalid-option for `query.after`.
   virtual Status list(const Caller& caller, const JobQuery& query,
                       const std::function<bool(const JobStatus&)>& take) = 0;
-  // Blocks until the job's version exceeds `after_version` or the deadline; then as get().
-  virtual Result<JobStatus> wait_change(const Caller& caller, std::string_view id,
-                                        int64_t after_version, Clock::time_point deadline) = 0;
-  // Blocks until it ended, the deadline, or `abandoned()` (polled at least every 200 ms) is true.
-  virtual Result<JobStatus> wait_end(const Caller& caller, std::string_view id,
-                                     Clock::time_point deadline,
-                                     const std::function<bool()>& abandoned) = 0;
-  // The next events after `after_id`, oldest first; blocks until there is one or the deadline.
-  virtual Result<std::vector<JobEvent>> wait_events(const Caller& caller, std::string_view id,
-                                                    int64_t after_id,
-                                                    Clock::time_point deadline) = 0;
+  // Wakes `waker` after changes of the job for as long as the result lives, which must end before
+  // the service. Watch first and read the status then: no change falls between. A job that does not
+  // exist never changes.
+  virtual std::unique_ptr<JobWatch> watch(std::string_view id, JobChange change,
+                                          std::shared_ptr<Waker> waker) = 0;
+  // The next events after `after_id`, oldest first; empty if there is none yet. Errors: not-found.
+  virtual Result<std::vector<JobEvent>> events(const Caller& caller, std::string_view id,
+                                               int64_t after_id) = 0;
   // Idempotent. A running job ends within a tile.
   virtual Result<JobStatus> cancel(const Caller& caller, std::string_view id) = 0;
   // The bytes that a finished job left. Errors: not-found; conflict before it is done; gone when
@@ -251,18 +250,18 @@ struct TaskLimits {
   double cancel_seconds_max = 10.0;
   // It reports, but says the same each time: a shader or a parser that never ends.
   double stall_seconds_max = 600.0;
-  // Of one attempt: deadline-exceeded.
+  // Duration of one attempt: deadline-exceeded.
   double job_seconds_max = 86'400.0;
-  // Of one worker process: grid-too-large. 0: no limit.
+  // Memory of one worker process: grid-too-large. 0: no limit.
   int64_t worker_memory_bytes_max = 0;
-  // Of all of them together: the one that takes the most beyond what its task was granted ends, and
-  // its job is put back. 0: no limit.
+  // Memory of all worker processes together: the one that takes the most beyond what its task was
+  // granted ends, and its job is put back. 0: no limit.
   int64_t all_workers_memory_bytes_max = 0;
-  // Of what one worker has written for its task: storage-full. 0: a quarter of the disk.
+  // Bytes that one worker has written for its task: storage-full. 0: a quarter of the disk.
   int64_t scratch_bytes_max = 0;
 };
 
-// What the store may hold, and for how long. 0: without limit. What is asked for counts as used.
+// Limits of the store in bytes and days. 0: no limit. A blob that is read counts as used.
 struct StorageLimits {
   int64_t store_bytes_max = 0;  // over it, results go that were not used for the longest time
   int64_t disk_reserve_bytes = int64_t{1} << 30;  // see DiskRoom

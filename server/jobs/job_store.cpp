@@ -1,7 +1,5 @@
 #include "server/jobs/job_store.h"
 
-#include <sys/random.h>
-
 #include <array>
 #include <nlohmann/json.hpp>
 
@@ -9,6 +7,7 @@
 #include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "server/base/check.h"
+#include "server/base/random.h"
 #include "server/base/stopwatch.h"
 #include "server/jobs/asset_store.h"
 #include "server/jobs/job_changes.h"
@@ -22,16 +21,7 @@ namespace {
 
 // "j-" and 32 hex digits of the kernel's generator: ids cannot be guessed.
 std::string new_job_id() {
-  std::array<uint8_t, 16> bytes{};
-  VOXELD_CHECK(::getrandom(bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()),
-               "getrandom");
-  static constexpr char kHex[] = "0123456789abcdef";
-  std::string id = "j-";
-  for (const uint8_t byte : bytes) {
-    id += kHex[byte >> 4];
-    id += kHex[byte & 15];
-  }
-  return id;
+  return "j-" + random_hex(32);
 }
 
 // The asset must be there; its name is the request's where the client gave none. From here on the
@@ -47,7 +37,7 @@ Result<std::string> check_asset(SqlConnection& connection, const Caller& caller,
 
 using IsStored = std::function<bool(std::string_view)>;
 
-// Of what a row names.
+// The error for a blob that a row names and the store does not have.
 Error not_stored(std::string_view what, std::string_view id) {
   return {ErrorCode::kGone,
           "the " + std::string(what) + " " + std::string(id) +
@@ -125,7 +115,7 @@ Result<bool> frames_stored(SqlConnection& connection, std::string_view job,
 }
 
 // The newest result of the tenant's equal work whose bytes are all there; 0 when there is none.
-// What others had computed does not count: an answer without a wait would tell of it.
+// Results of other tenants do not count: a response without a wait would reveal them.
 Result<int64_t> cached_result(SqlConnection& connection, std::string_view tenant,
                               std::string_view hash, const IsStored& is_stored) {
   VOXELD_ASSIGN(SqlStatement found,

@@ -30,7 +30,7 @@
 
 namespace voxeld {
 
-// What a finished task leaves in the database; the blobs are in the store already.
+// The rows that a finished task leaves; its blobs are in the store already.
 struct FinishedTask {
   std::string task;
   int64_t fence = 0;
@@ -41,7 +41,7 @@ struct FinishedTask {
   int64_t bytes_max = 0;  // that the job's tenant may keep; 0: any
 };
 
-// What is known of a running job and not yet in the database.
+// Facts of a running job that are not yet in the database.
 struct LiveJob {
   // NOLINTNEXTLINE(google-explicit-constructor): most know the version alone
   LiveJob(int64_t version_seen = 0, int64_t device_held_us = 0)
@@ -130,7 +130,7 @@ class JobStore {
   // The first `limit` that arrived of running jobs and of waiting ones, in brief.
   Result<std::vector<JobRecord>> live(const Caller& caller, int limit);
   Result<TenantUsage> usage(std::string_view tenant);
-  // What an upload of `asked` bytes has to fit beside.
+  // The usage that an upload of `asked` bytes has to fit beside.
   struct UploadRoom {
     int64_t used = 0;           // by the tenant
     bool can_be_there = false;  // the tenant has a blob of `asked` bytes

@@ -1,4 +1,4 @@
-// What of jobs is read without changing anything.
+// Reads of jobs that change nothing.
 #include <utility>
 
 #include "server/jobs/job_changes.h"

@@ -24,7 +24,7 @@ class KeptClock {
   };
   static Sources real();
 
-  // What the last process kept, and the wall clock at that moment; zeros: nothing was kept.
+  // The time that the last process saved, and the wall clock at that moment; zeros: none was saved.
   KeptClock(Sources sources, int64_t saved_kept_ms, int64_t saved_wall_ms);
   int64_t now_ms() const { return first_kept_ms_ + sources_.steady_ms() - first_steady_ms_; }
   int64_t wall_ms() const { return sources_.wall_ms(); }

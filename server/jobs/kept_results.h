@@ -14,7 +14,7 @@ namespace voxeld {
 // or expired.
 Status check_kept_grid(SqlConnection& connection, const Caller& caller, std::string_view id);
 Status check_kept_sequence(SqlConnection& connection, const Caller& caller, std::string_view id);
-// Of a job that is done. Errors: gone.
+// Checks the result of a job that is done. Errors: gone.
 Status check_kept_result(SqlConnection& connection, std::string_view job);
 
 }  // namespace voxeld

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <set>
 #include <span>
 #include <utility>
 
+#include "proto/number_text.h"
 #include "proto/range_text.h"
 #include "server/base/sha256.h"
 #include "server/jobs/private_file.h"
@@ -24,7 +24,7 @@ constexpr std::string_view kHead1 =
     "# voxeld keys 1: id tenant hash created_ms expires_ms revoked_ms weight role";
 constexpr size_t kFields = 12, kFields1 = 8;
 
-// What a line says wrongly.
+// The error for a wrong field of a line.
 Error wrong(std::string detail, std::string expected, std::string_view got) {
   return {ErrorCode::kInternal, std::move(detail), std::move(expected),
           "\"" + std::string(got.substr(0, 80)) + "\""};
@@ -33,11 +33,7 @@ Error wrong(std::string detail, std::string expected, std::string_view got) {
 // A number in decimal digits.
 Result<int64_t> parse_field(std::string_view name, std::string_view text, int64_t min,
                             int64_t max) {
-  int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error == std::errc() && end == text.data() + text.size() && value >= min && value <= max) {
-    return value;
-  }
+  if (const auto value = parse_number<int64_t>(text, min, max)) return *value;
   return wrong(std::string(name), range_text(min, max), text);
 }
 

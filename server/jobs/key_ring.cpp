@@ -78,6 +78,15 @@ bool KeyRing::has_several_tenants() const {
   return false;
 }
 
+uint64_t KeyRing::epoch() const {
+  const std::shared_ptr<const Keys> keys = current();
+  const int64_t now_ms = unix_time_ms();
+  const auto live =
+      std::ranges::count_if(keys->list, [&](const ApiKey& key) { return key.is_live(now_ms); });
+  const MutexLock lock(mutex_);
+  return (uint64_t{loads_} << 32) + static_cast<uint64_t>(live);
+}
+
 Status KeyRing::status() const {
   current();
   const MutexLock lock(mutex_);
@@ -95,6 +104,7 @@ std::shared_ptr<const KeyRing::Keys> KeyRing::current() const {
   const FileMark mark = mark_of(file_);
   if (mark == seen_) return keys_;
   seen_ = mark;
+  ++loads_;
   status_ = load();
   if (status_) {
     log::info("API keys read", {{"keys", keys_->by_id.size()}});

@@ -1,6 +1,7 @@
 // The API keys of a running daemon, as their file says now.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <map>
@@ -30,8 +31,8 @@ class KeyRing {
     Caller caller;
     std::string key_id;  // empty where no key is needed
   };
-  // Whose key this is; without any key in the file everybody is Caller::open(). nullopt for one
-  // that is malformed, unknown, wrong, expired or revoked, after the same work in each case.
+  // The holder of a key; without any key in the file every caller is Caller::open(). nullopt for a
+  // key that is malformed, unknown, wrong, expired or revoked, after the same work in each case.
   std::optional<Holder> admit(std::string_view presented) const;
   // Whether the key of that id would still be admitted.
   bool is_live(std::string_view key_id) const;
@@ -45,10 +46,12 @@ class KeyRing {
   // The holder of the key of that id, as if it had been presented; for links that were signed in
   // its name. nullopt where is_live() is false.
   std::optional<Holder> holder_of(std::string_view key_id) const;
-  // Of the tenant's newest live key; none without keys.
+  // The limits of the tenant's newest live key; none without keys.
   TenantLimits limits_of(std::string_view tenant) const;
 
-  // Why nobody is admitted, where that is not what the file says.
+  // A number that changes when a key is added, changed or revoked, or expires.
+  uint64_t epoch() const;
+  // Why nobody is admitted, if that is not what the file says.
   Status status() const EXCLUDES(mutex_);
 
  private:
@@ -66,6 +69,7 @@ class KeyRing {
   const std::filesystem::path file_;
   mutable Mutex mutex_;
   mutable FileMark seen_ GUARDED_BY(mutex_);
+  mutable uint32_t loads_ GUARDED_BY(mutex_) = 0;
   mutable std::shared_ptr<const Keys> keys_ GUARDED_BY(mutex_);
   mutable Status status_ GUARDED_BY(mutex_);
 };

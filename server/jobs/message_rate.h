@@ -17,7 +17,7 @@ class MessageRate {
   static constexpr double kPerSecondMax = 2000;
   static constexpr double kAtOnceMax = 10'000;
 
-  // Of one message. Errors: bad-request.
+  // Takes one message into account. Errors: bad-request.
   Status take() {
     const auto now = Clock::now();
     const double seconds = std::chrono::duration<double>(now - at_).count();

@@ -38,7 +38,7 @@ std::vector<const QueueHead*> without_worker(const ParkingView& view) {
   return waiting;
 }
 
-// Whose job gives its worker to a tenant that has had so much.
+// The job that is preempted for a tenant with a share of so much.
 std::optional<size_t> victim_for(const ParkingView& view, double waiting_share,
                                  const std::vector<size_t>& parked) {
   using Order = std::tuple<bool, double, int, int64_t, int64_t>;
@@ -66,7 +66,7 @@ bool is_in_danger(const ParkingView& view, const QueueHead& head) {
   return left < kDeadlineReserve * view.expected_seconds(head.id) + kDeadlineReserveSeconds;
 }
 
-// Of the same tenant, the least urgent one that has to stand back.
+// The least urgent job of the same tenant that has to be preempted.
 std::optional<size_t> own_victim(const ParkingView& view, const QueueHead& head) {
   std::optional<size_t> best;
   const bool in_danger = is_in_danger(view, head);

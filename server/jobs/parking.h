@@ -33,7 +33,7 @@ inline constexpr double kDeadlineReserve = 2, kDeadlineReserveSeconds = 5;
 struct ParkingView {
   const std::vector<QueueHead>& heads;
   const std::vector<StartedJob>& started;  // on the device, whose workers all have one
-  // Of the device, over the tenant's weight (TenantShares), and that weight.
+  // Device time over the tenant's weight (TenantShares), and that weight.
   std::function<double(const std::string& tenant)> share;
   std::function<double(const std::string& tenant)> weight;
   // That a queued job is expected to take; 0: not known.
@@ -44,12 +44,12 @@ struct ParkingView {
 // Whether it has worked for long enough since it was started.
 bool may_be_parked(const StartedJob& job);
 
-// Those of `started` that are to be parked, by their indices; who was asked before stays asked as
-// long as anybody waits. For each tenant without a worker, in the order of their shares, one of
+// The jobs of `started` to preempt, by index; a job that was asked before stays asked as long as
+// any tenant waits. For each tenant without a worker, in the order of their shares, one of
 //  - a tenant that has several, who loses nothing: a tenant's jobs share its turns;
 //  - the tenant that has had most, where it is ahead of the one that waits.
-// Where all tenants have one, a tenant's own job of lower priority, or of a later deadline where
-// that of the queued one is in danger.
+// If all tenants have one, a tenant's own job of lower priority, or of a later deadline if that of
+// the queued one is in danger.
 std::vector<size_t> jobs_to_park(const ParkingView& view);
 
 }  // namespace voxeld

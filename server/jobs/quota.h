@@ -1,5 +1,5 @@
-// What tenants have in the database, held against what they may have. Every function runs inside
-// the transaction that its answer is for, so that two requests cannot both take the last of it.
+// Usage of tenants in the database, checked against their quotas. Every function runs inside the
+// transaction that its result is for, so that two requests cannot both take the last of a quota.
 #pragma once
 
 #include <cstdint>
@@ -35,12 +35,12 @@ struct QueueLimits {
 // That one more job of the tenant may wait. Errors: too-many-requests, queue-full.
 Status check_queue(SqlConnection& connection, std::string_view tenant, const QueueLimits& limits);
 
-// What the texts of a row may have without counting; the triggers of schema step 10 know it, too.
+// Bytes of a row's texts that do not count; the triggers of schema step 10 have the same number.
 inline constexpr int64_t kRowBytesFree = 4096;
-// What a row with these texts counts towards its tenant's bytes.
+// The bytes by which a row with these texts counts towards its tenant's quota.
 int64_t row_bytes(std::initializer_list<std::string_view> texts);
 
-// Of the tenant's longest blob; 0 where it has none.
+// The length of the tenant's longest blob; 0 if it has none.
 Result<int64_t> longest_blob(SqlConnection& connection, std::string_view tenant);
 // Whether a blob of the tenant is so long.
 Result<bool> has_blob_of(SqlConnection& connection, std::string_view tenant, int64_t bytes);
@@ -54,8 +54,8 @@ struct NewBlob {
 Status check_tenant_bytes(SqlConnection& connection, std::string_view tenant,
                           std::initializer_list<NewBlob> blobs, int64_t in_rows, int64_t bytes_max);
 
-// What is told of `asked` bytes that do not fit beside `used`: payload-too-large where they never
-// could, else quota-exceeded.
+// The error for `asked` bytes that do not fit beside `used`: payload-too-large if they never could,
+// else quota-exceeded.
 Error bytes_error(int64_t asked, int64_t used, int64_t bytes_max);
 
 }  // namespace voxeld

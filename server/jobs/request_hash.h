@@ -12,7 +12,7 @@ namespace voxeld {
 // Results are cached by it.
 std::string request_hash(const JobRequest& request);
 
-// Of everything that a client sent: what an idempotency key must come back with.
+// A hash of everything that a client sent; an idempotency key must come back with the same one.
 std::string idempotency_hash(const JobRequest& request);
 
 }  // namespace voxeld

@@ -69,7 +69,7 @@ Status forget_long_options(SqlConnection& connection, std::string_view job, int6
                         kRowBytesFree);
 }
 
-// Of a job whose row was forgotten, its result is found by the job's id.
+// The result of a job whose row has expired is found by the job's id.
 Status delete_of_forgotten(SqlConnection& connection, const Caller& caller, std::string_view job,
                            Ids& ids) {
   VOXELD_ASSIGN(const auto results, kept_results(connection, caller, "job_id", job));
@@ -126,7 +126,7 @@ KeptResult read_kept(const SqlStatement& row, KeptKind kind) {
   return kept;
 }
 
-// Of equal ones the newest, so that nothing is listed twice.
+// Lists the newest of equal results, so that nothing is listed twice.
 std::string list_sql(const Caller& caller, KeptKind kind) {
   std::string sql =
       "SELECT seq, job_id, blob, grid, sequence, bytes, grid_bytes, sequence_bytes, media_type,"

@@ -1,4 +1,4 @@
-// What jobs left, as its tenant lists and deletes it: results, grids and sequences. A result is
+// Stored results as their tenant lists and deletes them: results, grids and sequences. A result is
 // deleted as a whole: its bytes, its grid, its sequence with the grids of its frames. Equal jobs
 // share one; whichever of them it is deleted by, it is gone for all.
 //

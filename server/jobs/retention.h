@@ -1,5 +1,5 @@
-// What is kept for how long: results and frames that were not used for long, assets when that is
-// asked for, rows of jobs that ended, and blobs that no row names.
+// Expiry of stored data: results and frames that were not used for long, assets if configured, rows
+// of jobs that ended, and blobs that no row names.
 //
 // A result expires as a whole: its blob, its grid, its sequence and the frames of its job. First
 // its rows say so and that is committed, then the files go; what a crash leaves in between is found
@@ -65,8 +65,8 @@ class Retention {
   // Results that have not expired stay: equal jobs are answered by them.
   Result<int64_t> trim_jobs(int64_t aged_before_ms, int64_t count_max);
 
-  // Those of the store's suspects that no row names: of uploads that came to nothing, and what was
-  // being uploaded, or worked on, when it was to go.
+  // The suspects of the store that no row names: of failed uploads, and blobs that were being
+  // uploaded, or worked on, when they were deleted.
   Result<int64_t> remove_suspects();
   // Moves blobs that the database does not know, among all of them, to the quarantine of the day:
   // what a process that was killed left, and what a restored database lacks. Those that it knows as

@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kStatBlockBytes = 512;  // unit of st_blocks, whatever the file system's is
 
-// Of its files, and of those of its folders down to `depth`.
+// Bytes of the folder's files, and of those of its folders down to `depth`.
 int64_t bytes_in(const fs::path& folder, int depth) {
   int64_t bytes = 0;
   const auto names = directory_names(folder);

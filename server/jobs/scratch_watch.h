@@ -30,7 +30,7 @@ Status check_scratch(const WatchedScratch& worker, int64_t bytes_max);
 class ScratchWatch {
  public:
   static constexpr std::chrono::milliseconds kPeriod{250};
-  // Where the disk is nearly full, a worker that has written less than this is not to blame.
+  // If the disk is nearly full, a worker that has written less than this is not to blame.
   static constexpr int64_t kBlamedBytesMin = int64_t{1} << 20;
 
   // Called on the watch's thread.

@@ -98,12 +98,12 @@ class Service final : public JobService {
   Result<JobStatus> get_whole(const Caller& caller, std::string_view id) override;
   Status list(const Caller& caller, const JobQuery& query,
               const std::function<bool(const JobStatus&)>& take) override;
-  Result<JobStatus> wait_change(const Caller& caller, std::string_view id, int64_t after_version,
-                                Clock::time_point deadline) override;
-  Result<JobStatus> wait_end(const Caller& caller, std::string_view id, Clock::time_point deadline,
-                             const std::function<bool()>& abandoned) override;
-  Result<std::vector<JobEvent>> wait_events(const Caller& caller, std::string_view id,
-                                            int64_t after_id, Clock::time_point deadline) override;
+  std::unique_ptr<JobWatch> watch(std::string_view id, JobChange change,
+                                  std::shared_ptr<Waker> waker) override {
+    return board_.watch(id, change, std::move(waker));
+  }
+  Result<std::vector<JobEvent>> events(const Caller& caller, std::string_view id,
+                                       int64_t after_id) override;
   Result<JobStatus> cancel(const Caller& caller, std::string_view id) override;
   Result<StoredBlob> result_of(const JobStatus& status) override;
 
@@ -142,7 +142,7 @@ class Service final : public JobService {
 
   void job_changed(const JobRecord& record);
   void update_gauges();
-  // Of the asset with its files, or the grid; 0 where it cannot be told.
+  // Bytes of the asset with its files, or of the grid; 0 if unknown.
   int64_t input_bytes(const std::string& tenant, const std::string& asset, const std::string& grid);
   void forecast_waiting();
   TurnsConfig turns_config();
@@ -153,8 +153,6 @@ class Service final : public JobService {
   int supervised_workers() const;
   void keep_reserve();
   void note_each_second();
-  Result<std::vector<JobEvent>> events_after(const Caller& caller, std::string_view id,
-                                             int64_t after_id);
   Result<StoredBlob> stored(std::string_view id, std::string_view what);
   // The sweep looks at these blobs, and removes those that nothing needs.
   Status let_go(const Result<ResultStore::Ids>& ids);

@@ -18,7 +18,7 @@ namespace {
 constexpr std::chrono::milliseconds kExitReasonWait{1000};
 // For a worker to give up what it does; then it is killed, and loses nothing but its time.
 constexpr double kWorkerGraceSeconds = 0.5;
-// What one worker may write where no limit is given: with some workers, not all of the disk.
+// Part of the disk that one worker may write without a limit: several workers must not fill it.
 constexpr int64_t kScratchPartOfDisk = 4;
 // How often the clock of retention is written down; after a crash so much less has passed.
 constexpr int64_t kClockNoteMs = 60'000;

@@ -102,7 +102,7 @@ Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Rol
   sqlite3_busy_timeout(raw, kBusyTimeoutMs);
   SqlConnection connection(std::move(db));
   if (role == Role::kWriter) {
-    // Where SQLite may not write, it opens the file for reading and says so with the first change.
+    // If SQLite may not write, it opens the file for reading and reports that at the first change.
     if (sqlite3_db_readonly(raw, "main") != 0) {
       return Error{ErrorCode::kInternal, "job database: cannot write to " + path.string(),
                    "a file that its owner may change", ""};

@@ -18,7 +18,7 @@ struct sqlite3_stmt;
 
 namespace voxeld {
 
-// What to do about a database that SQLite cannot read.
+// Advice for a database that SQLite cannot read.
 inline constexpr std::string_view kCorruptDatabase =
     "job database is corrupt; put back a copy and start once with --adopt, or move jobs.sqlite and "
     "jobs.sqlite-wal away and run voxeld doctor --rebuild";

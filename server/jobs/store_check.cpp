@@ -154,7 +154,7 @@ class Check {
     return {};
   }
 
-  // What a running daemon stored or removed since the files were read is looked at again.
+  // Blobs that a running daemon stored or removed since the files were read are looked at again.
   Status find_missing(SqlConnection& reader) {
     VOXELD_ASSIGN(const std::vector<Named> named, named_blobs(reader));
     for (const Named& one : named) {

@@ -83,7 +83,7 @@ bool has_database(const BlobStore& blobs) {
   return fs::file_size(database_path(blobs), failed) > 0 && !failed;
 }
 
-// Of both, so that a crash in between leaves a pair that matches.
+// The mark for row and file, so that a crash in between leaves a pair that matches.
 StoreMark common_mark(const std::optional<StoreMark>& row, const StoreMarkFile* file) {
   StoreMark mark = new_store_mark();
   if (file != nullptr) mark = file->mark();

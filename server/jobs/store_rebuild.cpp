@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::string_view_literals;
 
-// What jobs write that nobody uploads. PNG is not among them: it may be a texture.
+// First bytes of formats that jobs write and nobody uploads. PNG is not one: it may be a texture.
 constexpr std::string_view kOutputHeads[] = {"VOXSEQ\0\0"sv, "\x93NUMPY"sv, "VOX "sv, "GIF8"sv};
 constexpr std::string_view kGridHead = "VOXGRID\0"sv;
 // A local file header of a zip; the name of the file stands behind its 30 bytes.

@@ -30,7 +30,7 @@ class StoreSweep {
   ~StoreSweep();
   void start();
   void stop() EXCLUDES(mutex_);
-  // What the thread does every ten seconds: what is old goes, within AgeBudget.
+  // Expires old data, within AgeBudget; the thread calls it every ten seconds.
   void look_at_ages();
   // Something was deleted: its files go soon, on the sweep's thread.
   void look_at_deleted() EXCLUDES(mutex_);

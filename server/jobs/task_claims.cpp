@@ -62,7 +62,7 @@ bool TaskServer::is_replaced(const Connection& connection) const {
   return connection.is_replaced;
 }
 
-// What was assigned meanwhile, put_back() finds.
+// put_back() finds a task that was assigned meanwhile.
 void TaskServer::end_waiting(Connection& connection) {
   MutexLock lock(mutex_);
   connection.is_idle = false;
@@ -192,7 +192,7 @@ bool TaskServer::assign(std::vector<IdleSlot> idle, const JobRecord& record) {
   return false;
 }
 
-// Where the worker finds an input, which is read before it gets it: once per process.
+// The path by which the worker finds an input. The blob is verified first, once per process.
 Result<std::string> TaskServer::hand_over(const WorkerFiles& files, std::string_view id,
                                           std::string_view what) {
   const bool is_asset = what == "asset";
@@ -242,7 +242,7 @@ Result<Task> TaskServer::make_task(const WorkerFiles& files, const JobRecord& re
   return task;
 }
 
-// What earlier attempts left: parts, and frames from the first one on.
+// Adds the work of earlier attempts: parts, and frames from the first one on.
 Status TaskServer::add_done(const WorkerFiles& files, const JobRecord& record, Task& task) {
   for (const std::filesystem::path& part : context_.parts.of_job(task.id)) {
     VOXELD_ASSIGN(task.part_paths.emplace_back(), files.hand_over(part));

@@ -9,7 +9,7 @@
 namespace voxeld {
 namespace {
 
-// Where a process that should be starting does not come, one more is replaced after so long, as
+// If a process that should be starting does not come, one more is replaced after so long, as
 // long as a job waits for it.
 constexpr std::chrono::seconds kReplacePeriod{5};
 

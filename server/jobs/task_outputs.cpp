@@ -1,4 +1,4 @@
-// What the task server does with files that workers leave: they become blobs, and rows name them.
+// Adoption of the files that workers leave: they become blobs, and rows name them.
 #include <algorithm>
 #include <utility>
 
@@ -12,7 +12,7 @@ namespace voxeld {
 
 namespace fs = std::filesystem;
 
-// Of the tenant whose job it is.
+// The limits of the tenant that the job belongs to.
 TenantLimits TaskServer::limits_of(std::string_view task) {
   if (!config_.limits_of) return {};
   const auto record = context_.jobs.get(Caller::daemon(), task);

@@ -25,11 +25,11 @@ using nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr double kHelloSecondsMax = 30.0;  // a busy machine opens a device in seconds
-// Of one message, once it has begun, and until the worker has taken the reply.
+// Duration of one message, from its first byte until the worker has taken the reply.
 constexpr double kMessageSecondsMax = 10.0;
 // A worker with a turn that is silent for so long loses the turn: others have the device.
 constexpr double kTurnSilenceSecondsMax = 2.0;
-// Of what a device says of its memory, for tasks; drivers and the rest of the machine need some.
+// Part of the reported device memory that tasks may use; drivers and other processes need some.
 constexpr double kDeviceMemoryShare = 0.75;
 
 double message_seconds_max(const TaskLimits& limits) {
@@ -46,7 +46,7 @@ std::string type_of(const json& message) {
   return type != message.end() && type->is_string() ? type->get<std::string>() : std::string();
 }
 
-// What the worker found; 0 where the device does not tell.
+// Device memory as the worker found it; 0 if the device does not report it.
 int64_t device_memory(const std::string& device_json) {
   const json device = json::parse(device_json, nullptr, false);
   const auto bytes = device.is_object() ? device.find("memory_bytes") : device.end();
@@ -226,7 +226,7 @@ void TaskServer::blame(Connection& connection, const Error& error) {
   if (config_.kill_worker && connection.pid != 0) config_.kill_worker(connection.pid);
 }
 
-// Of a connection that turned out to be one of turns, nothing is to be ended.
+// A connection that asks for time slices has no task to end.
 void TaskServer::end_worker(Connection& connection) noexcept {
   bool was_connected = false;
   {
@@ -273,7 +273,7 @@ Status TaskServer::greet(Connection& connection, const json& message) {
       dump({{"ok", true}, {"scratch_dir", connection.files.folders().scratch_dir}}));
 }
 
-// Of a worker that has opened its device.
+// Records a worker that has opened its device.
 void TaskServer::note_connected(Connection& connection, const WorkerHello& hello) {
   const int slot = config_.slot_of ? config_.slot_of(hello.pid) : 0;
   {

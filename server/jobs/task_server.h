@@ -59,7 +59,7 @@ struct TaskServerConfig {
   std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
 };
 
-// What the connections work on; all of it outlives the server.
+// The parts of the service that connections work on; all of them outlive the server.
 struct TaskServerContext {
   JobStore& jobs;
   AssetStore& assets;

@@ -101,7 +101,7 @@ std::string TaskServer::overdue(Connection& connection, const TaskProgress& prog
   if (cancel_age > config_.limits.cancel_seconds_max) {
     return "ignored a cancel for " + seconds(cancel_age);
   }
-  // Who waits for a turn or for memory says the same all the while, and so does who prepares.
+  // A task that waits for a slice or memory, or prepares, reports no progress; it is not stalled.
   if (context_.turns.is_waiting(progress.task)) connection.since_progress.lap();
   if (connection.since_progress.ms() > config_.limits.stall_seconds_max * 1000.0) {
     return "no progress in stage " + progress.stage + " for " +

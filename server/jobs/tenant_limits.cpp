@@ -1,6 +1,6 @@
 #include "server/jobs/tenant_limits.h"
 
-#include <charconv>
+#include "proto/number_text.h"
 
 namespace voxeld {
 namespace {
@@ -14,12 +14,9 @@ Result<int64_t> parse_rate(std::string_view text) {
       text.size() > 2 && text[text.size() - 2] == '/' ? text.substr(text.size() - 2) : "";
   const std::string_view digits = text.substr(0, text.size() - unit.size());
   const int64_t factor = unit == "/m" ? 1 : kSecondsPerMinute;
-  int64_t value = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (error == std::errc() && end == digits.data() + digits.size() && !digits.starts_with('-') &&
-      (unit.empty() || unit == "/s" || unit == "/m") && value <= kRequestsPerMinuteMax / factor) {
-    return value * factor;
-  }
+  const auto value = parse_digits<int64_t>(digits);
+  const bool is_unit = unit.empty() || unit == "/s" || unit == "/m";
+  if (value && is_unit && *value <= kRequestsPerMinuteMax / factor) return *value * factor;
   return Error{ErrorCode::kInvalidOption, "rate",
                "requests per second (10 or 10/s) or minute (30/m)",
                "\"" + std::string(text.substr(0, 40)) + "\""};

@@ -1,4 +1,4 @@
-// What a tenant may use of a daemon that many share, and how limits are written.
+// Limits of a tenant of a shared daemon, and how they are written.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ inline constexpr int64_t kCellsLimitMax = int64_t{1} << 53;
 struct TenantLimits {
   int64_t requests_per_minute = 0;  // more: too-many-requests
   int64_t queued_jobs = 0;          // that wait at a time; more: too-many-requests
-  // Of assets, results, grids and sequences, each counted once per tenant, also where others have
-  // the same ones. More: quota-exceeded, payload-too-large for what can never fit.
+  // Bytes of assets, results, grids and sequences, each counted once per tenant, also if others
+  // have the same ones. More: quota-exceeded; payload-too-large for an upload that can never fit.
   int64_t bytes = 0;
   int64_t cells = 0;  // of one job, all frames; more: grid-too-large
   bool operator==(const TenantLimits&) const = default;

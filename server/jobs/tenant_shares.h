@@ -15,7 +15,7 @@
 
 namespace voxeld {
 
-// Of one device. Not thread-safe.
+// The shares of one device. Not thread-safe.
 class TenantShares {
  public:
   // Seconds of the device by which a tenant can be ahead: of more, as those had who were there with

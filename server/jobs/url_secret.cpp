@@ -1,13 +1,13 @@
 #include "server/jobs/url_secret.h"
 
-#include <sys/random.h>
-
 #include <array>
 #include <utility>
 
+#include "proto/hex.h"
 #include "server/base/check.h"
 #include "server/base/hmac.h"
 #include "server/base/log.h"
+#include "server/base/random.h"
 #include "server/jobs/api_key.h"
 
 namespace voxeld {
@@ -15,24 +15,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kHexDigits = "0123456789abcdef";
 constexpr size_t kSecretDigits = 64;
 constexpr size_t kSecretsMax = 2;
 
 fs::path secret_path(const fs::path& data_dir) {
   return data_dir / "url_secret";
-}
-
-std::string random_secret() {
-  std::array<uint8_t, kSecretDigits / 2> bytes{};
-  VOXELD_CHECK(::getrandom(bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()),
-               "getrandom");
-  std::string hex;
-  for (const uint8_t byte : bytes) {
-    hex += kHexDigits[byte >> 4];
-    hex += kHexDigits[byte & 15];
-  }
-  return hex;
 }
 
 Result<std::vector<std::string>> read_secrets(const fs::path& file) {
@@ -48,8 +35,7 @@ Result<std::vector<std::string>> parse_url_secrets(std::string_view text, const 
   while (!text.empty()) {
     const size_t end = text.find('\n');
     const std::string_view line = text.substr(0, end);
-    if (end != kSecretDigits || line.find_first_not_of(kHexDigits) != std::string_view::npos ||
-        secrets.size() == kSecretsMax) {
+    if (end != kSecretDigits || !is_hex(line) || secrets.size() == kSecretsMax) {
       return Error{ErrorCode::kInternal, file, "one or two lines of 64 hex digits", ""};
     }
     secrets.emplace_back(line);
@@ -64,7 +50,7 @@ Result<std::unique_ptr<UrlSecrets>> UrlSecrets::open(const fs::path& data_dir) {
   {
     VOXELD_ASSIGN(const UniqueFd lock, lock_private(file));
     VOXELD_ASSIGN(const auto secrets, read_secrets(file));
-    if (secrets.empty()) VOXELD_TRY(replace_private(file, random_secret() + "\n"));
+    if (secrets.empty()) VOXELD_TRY(replace_private(file, random_hex(kSecretDigits) + "\n"));
   }
   std::unique_ptr<UrlSecrets> opened(new UrlSecrets(file));
   if (!opened->current()->empty()) return opened;
@@ -105,7 +91,7 @@ Status rotate_url_secret(const fs::path& data_dir) {
   const fs::path file = secret_path(data_dir);
   VOXELD_ASSIGN(const UniqueFd lock, lock_private(file));
   VOXELD_ASSIGN(const auto secrets, read_secrets(file));
-  std::string text = random_secret() + "\n";
+  std::string text = random_hex(kSecretDigits) + "\n";
   if (!secrets.empty()) text += secrets.front() + "\n";
   return replace_private(file, text);
 }

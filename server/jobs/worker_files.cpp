@@ -21,7 +21,7 @@ constexpr const char* kOutput = "out";
 constexpr const char* kCache = "cache";
 constexpr const char* kTaken = "taken";
 
-// What cannot be removed goes with the connection.
+// Files that cannot be removed are removed with the connection's folder.
 void empty_folder(const fs::path& folder) {
   const auto names = directory_names(folder);
   if (!names) return;

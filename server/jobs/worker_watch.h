@@ -22,13 +22,13 @@ struct WatchedWorker {
 };
 
 struct WatchLimits {
-  // Of one worker process, without what it has mapped of files. 0: no limit.
+  // Memory of one worker process, without mapped files. 0: no limit.
   int64_t memory_bytes_max = 0;
-  // Of all of them together. 0: no limit.
+  // Memory of all worker processes together. 0: no limit.
   int64_t all_memory_bytes_max = 0;
-  // Of one attempt at a job.
+  // Duration of one attempt at a job.
   double job_seconds_max = 0;
-  // Of a worker with a task, which reports several times a second. 0: no limit.
+  // Silence of a worker with a task, which reports several times a second. 0: no limit.
   double silent_seconds_max = 0;
 };
 

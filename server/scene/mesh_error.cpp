@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "proto/hex.h"
+
 namespace voxeld {
 
 Error malformed_mesh(std::string_view name, std::string_view where, std::string_view what,
@@ -35,7 +37,6 @@ Error empty_mesh(std::string_view name, std::string_view why) {
 
 std::string shown(std::string_view text) {
   constexpr size_t kShownBytes = 40;
-  constexpr char kHex[] = "0123456789abcdef";
   if (text.empty()) return "the end of the file";
   std::string out = "\"";
   for (const char c : text.substr(0, kShownBytes)) {
@@ -43,7 +44,8 @@ std::string shown(std::string_view text) {
     if (byte >= 0x20 && byte < 0x7f) {
       out += c;
     } else {
-      out.append("\\x").append(1, kHex[byte >> 4]).append(1, kHex[byte & 15]);
+      out += "\\x";
+      append_hex(out, byte);
     }
   }
   if (text.size() > kShownBytes) out += "…";

@@ -12,6 +12,7 @@
 #include <system_error>
 #include <utility>
 
+#include "proto/hex.h"
 #include "server/base/check.h"
 #include "server/base/directory.h"
 
@@ -64,9 +65,8 @@ Status empty_folder(const fs::path& folder) {
 
 // The 256 folders that blobs lie in, made beforehand: the first blob of one must not take longer.
 Status make_fan_out(const fs::path& blobs) {
-  constexpr std::string_view kHex = "0123456789abcdef";
-  for (const char high : kHex) {
-    for (const char low : kHex) {
+  for (const char high : kHexDigits) {
+    for (const char low : kHexDigits) {
       const fs::path folder = blobs / std::string{high, low};
       if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
         return errno_error("create directory", folder);

@@ -1,7 +1,6 @@
 #include "server/store/store_mark.h"
 
 #include <fcntl.h>
-#include <sys/random.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,14 +11,15 @@
 #include <span>
 #include <utility>
 
+#include "proto/hex.h"
 #include "server/base/check.h"
+#include "server/base/random.h"
 
 namespace voxeld {
 namespace {
 
 constexpr std::string_view kHead = "voxeld store 1\nid ";
 constexpr std::string_view kNumberNames[] = {"\ngeneration ", "\nkept_ms ", "\nwall_ms "};
-constexpr std::string_view kHexDigits = "0123456789abcdef";
 constexpr size_t kIdDigits = 32;
 constexpr size_t kNumberDigits = 19;  // of the largest int64_t
 constexpr size_t kMarkBytesMax = 256;
@@ -36,14 +36,8 @@ std::span<const uint8_t> bytes_of(std::string_view text) {
 }  // namespace
 
 StoreMark new_store_mark() {
-  std::array<uint8_t, kIdDigits / 2> bytes{};
-  VOXELD_CHECK(::getrandom(bytes.data(), bytes.size(), 0) == static_cast<ssize_t>(bytes.size()),
-               "getrandom");
   StoreMark mark;
-  for (const uint8_t byte : bytes) {
-    mark.id += kHexDigits[byte >> 4];
-    mark.id += kHexDigits[byte & 15];
-  }
+  mark.id = random_hex(kIdDigits);
   return mark;
 }
 
@@ -69,8 +63,7 @@ Result<StoreMark> parse_store_mark(std::string_view text, const std::string& fil
     at += digits.size();
     *numbers[i] = std::max<int64_t>(0, *numbers[i]);
   }
-  const bool has_id =
-      mark.id.size() == kIdDigits && mark.id.find_first_not_of(kHexDigits) == std::string::npos;
+  const bool has_id = mark.id.size() == kIdDigits && is_hex(mark.id);
   // Whatever it was read from, it is right where the same bytes come out.
   if (has_id && store_mark_text(mark) == text) return mark;
   return Error{ErrorCode::kInternal, file,

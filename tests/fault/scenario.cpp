@@ -28,6 +28,7 @@
 #include "server/jobs/store_check.h"
 #include "tests/fault/fault_points.h"
 #include "tests/unit/jobs/fake_worker.h"
+#include "tests/unit/jobs/wait_job.h"
 
 namespace voxeld::testing {
 namespace {
@@ -235,9 +236,8 @@ class Life {
   }
   // Waits; a fault on the gateway's side of the task may fail the job instead, with its reason.
   void end_of(const std::string& id, std::optional<JobState> expected) {
-    const auto deadline = Clock::now() + kJobSecondsMax;
-    const auto status =
-        attempt("wait", [&] { return service_->wait_end(Caller::open(), id, deadline, nullptr); });
+    const auto status = attempt(
+        "wait", [&] { return testing::wait_end(*service_, Caller::open(), id, kJobSecondsMax); });
     require(status.ended(), "a job hangs: " + id);
     if (!expected) return;
     if (status.state != *expected) {

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "server/base/check.h"
-#include "server/http/exchange.h"
+#include "server/http/file_response.h"
 #include "server/http/head_parser.h"
 
 namespace {

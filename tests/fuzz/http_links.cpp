@@ -8,15 +8,16 @@
 #include <string>
 #include <string_view>
 
+#include "server/api/signed_link.h"
 #include "server/base/check.h"
 #include "server/base/directory.h"
 #include "server/base/trace_context.h"
 #include "server/http/head_parser.h"
-#include "server/http/signed_link.h"
 
 namespace {
 
 using namespace voxeld;
+using namespace voxeld::api;
 using namespace voxeld::http;
 
 constexpr int kSampled = 1;

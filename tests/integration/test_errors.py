@@ -23,7 +23,7 @@ TESTED_ELSEWHERE = {
     "shutting-down": "unit_http: drain",
     "device-unavailable": "unit_jobs: no worker",
     "queue-full": "unit_jobs: queue limit",
-    "too-many-requests": "unit_http: cap on event subscribers",
+    "too-many-requests": "unit_api: cap on requests that wait",
     "malformed-image": "unit_scene_gltf: decode_image; a request gets the warning bad-texture",
     "deadline-exceeded": "unit_http: slow body",
 }

@@ -29,7 +29,9 @@ ARROWS = {
                       "server/render", "server/formats", "server/grid", "server/gpu", "server/base", "proto"},
     "server/jobs": {"server/jobs", "server/store", "server/base", "proto"},
     "server/http": {"server/http", "server/jobs", "server/store", "server/base", "proto"},
-    "server": {"server", "server/http", "server/jobs", "server/worker", "server/gpu",
+    "server/api": {"server/api", "server/http", "server/jobs", "server/store", "server/base",
+                   "proto"},
+    "server": {"server", "server/api", "server/http", "server/jobs", "server/worker", "server/gpu",
                "server/store", "server/base", "proto"},
     "shaders": {"shaders"},
 }

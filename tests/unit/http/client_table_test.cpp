@@ -3,9 +3,14 @@
 #include <gtest/gtest.h>
 #include <sys/eventfd.h>
 
+#include <atomic>
+#include <functional>
 #include <list>
+#include <memory>
+#include <string>
+#include <vector>
 
-#include "server/http/answer_request.h"
+#include "server/http/client_address.h"
 #include "server/http/head_parser.h"
 
 namespace voxeld::http {
@@ -51,13 +56,22 @@ TEST(ClientTable, in_flight_is_what_has_begun_and_was_not_refused) {
   ClientTable table;
   Client& client = table.add(some_fd(), "10.0.0.1", true);
   Client& refused = table.add(some_fd(), "10.0.0.1", true);
-  refused.is_refused = true;
-  for (const auto state : {Client::State::kHead, Client::State::kBody, Client::State::kLingering}) {
+  const Handler handler;
+  const std::function<void(const Request&, Response&)> add_headers;
+  const std::vector<std::string> proxies;
+  MemoryBudget budget;
+  const std::atomic<bool> is_draining{true};
+  refused.exchange = std::make_unique<Exchange>(
+      Exchange::Context{handler, add_headers, proxies, budget, budget, is_draining},
+      refused.connection, parse_head("POST / HTTP/1.1\r\nHost: h\r\n\r\n"), /*is_refused=*/true,
+      nullptr, nullptr);
+  for (const auto state : {Client::State::kHead, Client::State::kLingering}) {
     table.set_state(client, state);
     EXPECT_EQ(table.in_flight(), 0u);
   }
   for (const auto state :
-       {Client::State::kQueued, Client::State::kRunning, Client::State::kSending}) {
+       {Client::State::kQueued, Client::State::kRunning, Client::State::kBody,
+        Client::State::kWaiting, Client::State::kHeld, Client::State::kSending}) {
     table.set_state(client, state);
     table.set_state(refused, state);
     EXPECT_EQ(table.in_flight(), 1u);
@@ -65,6 +79,23 @@ TEST(ClientTable, in_flight_is_what_has_begun_and_was_not_refused) {
   EXPECT_EQ(table.clients(Client::State::kSending), (std::list<Client*>{&client, &refused}));
   table.remove(client);
   EXPECT_EQ(table.in_flight(), 0u);
+}
+
+TEST(ClientTable, the_next_timer_is_the_earliest_and_ends_with_the_state) {
+  ClientTable table;
+  Client& first = table.add(some_fd(), "10.0.0.1", true);
+  Client& second = table.add(some_fd(), "10.0.0.1", true);
+  EXPECT_EQ(table.next_timer(), nullptr);
+  const auto now = Clock::now();
+  table.set_timer(first, now + std::chrono::seconds(2));
+  table.set_timer(second, now + std::chrono::seconds(3));
+  EXPECT_EQ(table.next_timer(), &first);
+  table.set_timer(second, now + std::chrono::seconds(1));
+  EXPECT_EQ(table.next_timer(), &second);
+  table.set_state(second, Client::State::kRunning);
+  EXPECT_EQ(table.next_timer(), &first);
+  table.remove(first);
+  EXPECT_EQ(table.next_timer(), nullptr);
 }
 
 TEST(ClientTable, addresses_are_counted_while_their_connections_are_there) {

@@ -1,37 +1,18 @@
 #include "server/http/content_coding.h"
 
 #include <gtest/gtest.h>
-#include <zlib.h>
-#include <zstd.h>
 
 #include <string>
 
-#include "tests/unit/http/server_fixture.h"
+#include "tests/unit/http/coding.h"
 
 namespace voxeld::http {
 namespace {
 
+using testing::gzip;
+using testing::zstd;
+
 constexpr int64_t kMost = 1 << 20;
-
-std::string gzip(const std::string& text) {
-  z_stream stream{};
-  EXPECT_EQ(::deflateInit2(&stream, 9, Z_DEFLATED, MAX_WBITS + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);
-  std::string out(::deflateBound(&stream, text.size()) + 64, '\0');
-  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(text.data()));
-  stream.avail_in = static_cast<uInt>(text.size());
-  stream.next_out = reinterpret_cast<Bytef*>(out.data());
-  stream.avail_out = static_cast<uInt>(out.size());
-  EXPECT_EQ(::deflate(&stream, Z_FINISH), Z_STREAM_END);
-  out.resize(stream.total_out);
-  ::deflateEnd(&stream);
-  return out;
-}
-
-std::string zstd(const std::string& text) {
-  std::string out(ZSTD_compressBound(text.size()), '\0');
-  out.resize(ZSTD_compress(out.data(), out.size(), text.data(), text.size(), 19));
-  return out;
-}
 
 std::string coded(ContentCoding coding, const std::string& text) {
   return coding == ContentCoding::kGzip ? gzip(text) : zstd(text);
@@ -138,34 +119,6 @@ TEST(ContentCodingName, one_coding_or_none) {
     ASSERT_FALSE(coding) << name;
     EXPECT_EQ(coding.error().code, ErrorCode::kUnsupportedMedia);
   }
-}
-
-class CodedBodies : public ServerTest {
- protected:
-  static constexpr const char* kGzippedJson =
-      "Content-Encoding: gzip\r\nContent-Type: application/json\r\n";
-};
-
-TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
-  const std::string plain = json(request("POST", "/v1/assets", "", "a mesh")).value("id", "");
-  for (const std::string& name : {std::string("gzip"), std::string("zstd")}) {
-    const HttpAnswer answer = request("POST", "/v1/assets", "Content-Encoding: " + name + "\r\n",
-                                      name == "gzip" ? gzip("a mesh") : zstd("a mesh"));
-    EXPECT_EQ(answer.status, 200) << name << answer.body;
-    EXPECT_EQ(json(answer).value("id", ""), plain);
-  }
-  const std::string job = R"({"kind":"voxelize","asset":")" + plain + R"("})";
-  EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, gzip(job)).status, 202);
-}
-
-TEST_F(CodedBodies, what_is_wrong_with_one_is_told) {
-  const HttpAnswer other = request("POST", "/v1/assets", "Content-Encoding: br\r\n", "x");
-  EXPECT_EQ(other.status, 415);
-  EXPECT_EQ(other.header("accept-encoding"), "gzip, zstd");
-  EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip, zstd\r\n", "x").status, 415);
-  EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip\r\n", "x").status, 400);
-  const std::string bomb = gzip(std::string(size_t{2} << 20, ' '));
-  EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, bomb).status, 413);
 }
 
 }  // namespace

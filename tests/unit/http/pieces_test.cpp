@@ -2,15 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
-#include <tuple>
 #include <vector>
 
-#include "server/http/answer_budget.h"
-#include "server/http/list_body.h"
-#include "tests/unit/http/front_fixture.h"
+#include "server/http/memory_budget.h"
+#include "tests/unit/http/http_server_fixture.h"
 
 namespace voxeld::http {
 namespace {
@@ -18,11 +15,11 @@ namespace {
 constexpr int kPieces = 300;
 constexpr size_t kPieceBytes = 60'000;
 
-class PiecesTest : public FrontTest {
+class PiecesTest : public HttpServerTest {
  protected:
   // `count` pieces of `bytes` each; the piece `failing` fails.
   void add_pieces(const std::string& path, int count, size_t bytes, int failing = -1) {
-    router_.add("GET", path, [this, count, bytes, failing](Request&) {
+    on("GET", path, [this, count, bytes, failing](Request&) {
       Response response = Response::json(200, "");
       response.headers["ETag"] = "\"e\"";
       response.body = PieceBody{[this, count, bytes, failing, i = 0]() mutable -> Result<Piece> {
@@ -108,28 +105,28 @@ TEST_F(PiecesTest, a_client_that_does_not_read_costs_one_piece) {
   start();
   HttpClient client(port());
   ASSERT_TRUE(client.send_get("/pieces"));
-  ASSERT_TRUE(comes_true([&] { return front_->state().answer_bytes > 0; }));
+  ASSERT_TRUE(comes_true([&] { return server_->state().memory_bytes > 0; }));
   const int made = made_;
   EXPECT_LT(made, kPieces / 2) << "the buffers of both sockets do not hold more";
-  EXPECT_LE(front_->state().answer_bytes, kPieceBytesMax);
+  EXPECT_LE(server_->state().memory_bytes, kPieceBytesMax);
   EXPECT_EQ(get("/hello").body, "hello");
   EXPECT_EQ(made_, made);
   EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body.size(), kPieces * kPieceBytes);
-  EXPECT_TRUE(comes_true([&] { return front_->state().answer_bytes == 0; }));
+  EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
 }
 
 TEST_F(PiecesTest, over_the_budget_answers_wait_without_a_thread_and_go_on_when_bytes_leave) {
   add_pieces("/pieces", kPieces, kPieceBytes);
-  FrontConfig config;
+  HttpServerConfig config;
   config.threads = 2;
-  config.answers = {2 * kPieceBytesMax, 2 * kPieceBytesMax};
+  config.memory = {2 * kPieceBytesMax, 2 * kPieceBytesMax};
   start_with(config);
   std::vector<HttpClient> clients;
   for (int i = 0; i < 8; ++i) {
     ASSERT_TRUE(clients.emplace_back(port()).send_get("/pieces"));
   }
-  ASSERT_TRUE(comes_true([&] { return front_->state().answer_bytes > kPieceBytesMax; }));
-  EXPECT_LE(front_->state().answer_bytes, 2 * kPieceBytesMax);
+  ASSERT_TRUE(comes_true([&] { return server_->state().memory_bytes > kPieceBytesMax; }));
+  EXPECT_LE(server_->state().memory_bytes, 2 * kPieceBytesMax);
   EXPECT_EQ(get("/hello").body, "hello") << "a small answer does not wait";
   // Side by side: which of them have the budget is not known, and the others wait for these.
   std::vector<std::thread> readers;
@@ -139,17 +136,17 @@ TEST_F(PiecesTest, over_the_budget_answers_wait_without_a_thread_and_go_on_when_
     });
   }
   for (std::thread& reader : readers) reader.join();
-  EXPECT_TRUE(comes_true([&] { return front_->state().answer_bytes == 0; }));
+  EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
 }
 
 TEST_F(PiecesTest, those_that_wait_go_on_when_a_client_leaves) {
   add_pieces("/pieces", kPieces, kPieceBytes);
-  FrontConfig config;
-  config.answers = {kPieceBytesMax, kPieceBytesMax};
+  HttpServerConfig config;
+  config.memory = {kPieceBytesMax, kPieceBytesMax};
   start_with(config);
   HttpClient first(port());
   ASSERT_TRUE(first.send_get("/pieces"));
-  ASSERT_TRUE(comes_true([&] { return front_->state().answer_bytes > 0; }));
+  ASSERT_TRUE(comes_true([&] { return server_->state().memory_bytes > 0; }));
   HttpClient second(port());
   ASSERT_TRUE(second.send_get("/pieces"));
   EXPECT_FALSE(second.readable(0.3));
@@ -157,10 +154,10 @@ TEST_F(PiecesTest, those_that_wait_go_on_when_a_client_leaves) {
   EXPECT_EQ(second.receive().value_or(HttpAnswer{}).body.size(), kPieces * kPieceBytes);
 }
 
-TEST(AnswerBudget, one_tenants_bytes_are_not_anothers) {
-  AnswerBudget budget({100, 1000});
-  AnswerShare first(budget, "lab", nullptr), second(budget, "lab", &budget);
-  AnswerShare other(budget, "studio", nullptr);
+TEST(MemoryBudget, one_tenants_bytes_are_not_anothers) {
+  MemoryBudget budget({100, 1000});
+  MemoryShare first(budget, "lab", nullptr), second(budget, "lab", &budget);
+  MemoryShare other(budget, "studio", nullptr);
   EXPECT_TRUE(first.reserve(80));
   EXPECT_FALSE(second.reserve(30));
   EXPECT_TRUE(other.reserve(100));
@@ -171,71 +168,24 @@ TEST(AnswerBudget, one_tenants_bytes_are_not_anothers) {
   EXPECT_EQ(budget.bytes(), 190);
 }
 
-TEST(AnswerBudget, who_has_nothing_gets_its_piece_however_large) {
-  AnswerBudget budget({100, 200});
-  AnswerShare first(budget, "lab", nullptr), other(budget, "studio", nullptr);
+TEST(MemoryBudget, who_has_nothing_gets_its_piece_however_large) {
+  MemoryBudget budget({100, 200});
+  MemoryShare first(budget, "lab", nullptr), other(budget, "studio", nullptr);
   EXPECT_TRUE(first.reserve(500));
   EXPECT_TRUE(other.reserve(500));
 }
 
-TEST(AnswerBudget, those_that_wait_are_served_in_their_order) {
-  AnswerBudget budget({100, 100});
+TEST(MemoryBudget, those_that_wait_are_served_in_their_order) {
+  MemoryBudget budget({100, 100});
   int one = 1, two = 2;
-  AnswerShare holder(budget, "lab", nullptr);
+  MemoryShare holder(budget, "lab", nullptr);
   EXPECT_TRUE(holder.reserve(100));
-  AnswerShare first(budget, "lab", &one), second(budget, "lab", &two);
+  MemoryShare first(budget, "lab", &one), second(budget, "lab", &two);
   EXPECT_FALSE(first.reserve(100));
   EXPECT_FALSE(second.reserve(1));
   EXPECT_FALSE(holder.reserve(1)) << "others wait already";
   EXPECT_EQ(budget.grant(), std::vector<void*>{&one});
   EXPECT_FALSE(second.reserve(1));
-}
-
-// Follows `next` through a list of `count` rows of `row_bytes` each.
-std::vector<int> walk(int count, size_t row_bytes, int64_t limit, int* pages) {
-  std::vector<int> seen;
-  ListPage page{limit, ""};
-  *pages = 0;
-  while (true) {
-    Response response = list_response(
-        "\"head\":1", "rows", page, [&](const std::string& after, ListRows& rows) -> Status {
-          VOXELD_ASSIGN(int64_t i, cursor_number(after));
-          while (++i < count) {
-            const std::string row = "\"" + std::to_string(i) + std::string(row_bytes, ' ') + "\"";
-            if (!rows.add(row, std::to_string(i))) break;
-          }
-          return {};
-        });
-    auto& pieces = std::get<PieceBody>(response.body);
-    std::string text;
-    for (bool is_last = false; !is_last;) {
-      const auto piece = pieces.next();
-      EXPECT_LE(piece->text.size(), static_cast<size_t>(kPieceBytesMax) + 100);
-      text += piece->text;
-      is_last = piece->is_last;
-    }
-    ++*pages;
-    const auto json = nlohmann::json::parse(text);
-    EXPECT_EQ(json["head"], 1);
-    for (const auto& row : json["rows"]) seen.push_back(std::stoi(row.get<std::string>()));
-    if (!json.contains("next")) return seen;
-    page.after = json["next"];
-  }
-}
-
-TEST(ListBody, pages_give_every_row_once_and_in_order) {
-  for (const auto& [count, bytes, limit, pages_expected] : {std::tuple{0, 10, 10, 1},
-                                                            {10, 10, 10, 1},
-                                                            {11, 10, 10, 2},
-                                                            {1000, 1000, 1000, 1},
-                                                            {1000, 1000, 333, 4},
-                                                            {7, 60'000, 7, 1}}) {
-    int pages = 0;
-    const std::vector<int> seen = walk(count, static_cast<size_t>(bytes), limit, &pages);
-    EXPECT_EQ(pages, pages_expected) << count;
-    ASSERT_EQ(seen.size(), static_cast<size_t>(count));
-    for (int i = 0; i < count; ++i) EXPECT_EQ(seen[static_cast<size_t>(i)], i);
-  }
 }
 
 }  // namespace

@@ -8,9 +8,9 @@
 #include <string>
 #include <thread>
 
-#include "server/http/body_reader.h"
-#include "server/http/front.h"
-#include "tests/unit/http/front_fixture.h"
+#include "server/http/body_decoder.h"
+#include "server/http/http_server.h"
+#include "tests/unit/http/http_server_fixture.h"
 
 namespace voxeld::http {
 namespace {
@@ -50,12 +50,15 @@ class SlowClients : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     suite_ = std::make_unique<Suite>();
-    const auto handler = [](Request& request) {
+    const auto handler = [](Request& request) -> Reply {
       if (request.head.path == "/large") return Response::text(200, std::string(kLargeBytes, 'x'));
-      auto text = request.body->read_text(1 << 20);
-      return text ? Response::text(200, *text) : Response::problem(text.error(), request.head.path);
+      return TextBody{
+          1 << 20, [](Request&, std::string text) { return Response::text(200, std::move(text)); }};
     };
-    auto front = start_front({"127.0.0.1:0", 8, 100}, handler, [](const ExchangeRecord& record) {
+    HttpServerConfig config;
+    config.listen = "127.0.0.1:0";
+    config.threads = 8;
+    auto front = start_http_server(config, handler, [](const ExchangeRecord& record) {
       if (record.head->path == "/large") suite_->large_sent.set_value(record.ms / 1000);
     });
     ASSERT_TRUE(front) << front.error().message();
@@ -90,7 +93,7 @@ class SlowClients : public ::testing::Test {
   }
 
   struct Suite {
-    std::unique_ptr<Front> front;
+    std::unique_ptr<HttpServer> front;
     std::shared_future<Fate> still_head, slow_head, still_body, slow_body, slow_chunks;
     std::unique_ptr<HttpClient> reader;
     std::promise<double> large_sent;
@@ -130,11 +133,11 @@ TEST_F(SlowClients, an_answer_that_is_not_read_is_broken_off) {
 
 TEST(SlowReader, who_takes_less_than_the_least_rate_is_cut_though_never_still) {
   std::promise<int64_t> sent;
-  FrontConfig config;
+  HttpServerConfig config;
   config.listen = "127.0.0.1:0";
   config.send.grace_seconds = 1;
   config.send.rate_min = kLargeBytes;  // what the buffers of both sockets took does not suffice
-  auto front = start_front(
+  auto front = start_http_server(
       config, [](Request&) { return Response::text(200, std::string(kLargeBytes, 'x')); },
       [&](const ExchangeRecord& record) { sent.set_value(record.bytes_out); });
   ASSERT_TRUE(front) << front.error().message();

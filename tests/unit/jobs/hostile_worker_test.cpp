@@ -14,6 +14,7 @@
 #include "server/jobs/task_server.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
+#include "tests/unit/jobs/wait_job.h"
 
 namespace voxeld {
 namespace {
@@ -67,7 +68,7 @@ class HostileWorkerTest : public ::testing::Test {
   }
   JobStatus get(const std::string& id) { return service_->get(Caller::open(), id).value(); }
   JobStatus wait_end(const std::string& id) {
-    return service_->wait_end(Caller::open(), id, Clock::now() + seconds(20), nullptr).value();
+    return testing::wait_end(*service_, Caller::open(), id, std::chrono::seconds(20)).value();
   }
   // Gives the job to three workers, one after the other, each of which does `attack`; then looks
   // whether others are served. `why`: what the job's error says of each of them.

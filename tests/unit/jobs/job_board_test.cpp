@@ -2,13 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
+#include <memory>
 #include <thread>
+#include <vector>
 
 namespace voxeld {
 namespace {
 
-using Clock = JobBoard::Clock;
 using std::chrono::milliseconds;
 
 JobStatus running_status(int64_t version) {
@@ -57,33 +59,55 @@ TEST(JobBoard, jobs_that_do_not_run_have_no_progress) {
   EXPECT_EQ(status.version, 2);
 }
 
-TEST(JobBoard, a_watcher_wakes_at_the_change_and_not_before) {
-  JobBoard board;
-  JobBoard::Watch watch(board, "j-1");
-  std::thread worker([&] {
-    std::this_thread::sleep_for(milliseconds(30));
-    board.start("j-1", 2);
-  });
-  watch.wait(1, Clock::now() + std::chrono::seconds(10));
-  EXPECT_EQ(board.live_version("j-1"), 2);
-  worker.join();
-}
+// Counts its wakes.
+class CountingWaker final : public Waker {
+ public:
+  void wake() override { ++wakes; }
+  std::atomic<int> wakes{0};
+};
 
-TEST(JobBoard, a_watcher_returns_at_its_deadline) {
+TEST(JobBoard, a_watcher_is_woken_by_each_change_until_it_ends) {
   JobBoard board;
-  JobBoard::Watch watch(board, "j-1");
-  const auto start = Clock::now();
-  watch.wait(1, start + milliseconds(50));
-  EXPECT_GE(Clock::now() - start, milliseconds(50));
-}
-
-TEST(JobBoard, a_change_between_reading_and_waiting_is_not_missed) {
-  JobBoard board;
-  JobBoard::Watch watch(board, "j-1");
+  const auto waker = std::make_shared<CountingWaker>();
+  auto watch = board.watch("j-1", JobChange::kAny, waker);
+  EXPECT_EQ(waker->wakes, 0);
+  board.start("j-1", 2);
+  EXPECT_EQ(waker->wakes, 1);
+  board.progress("j-1", "parse", 0, 0);
+  EXPECT_EQ(waker->wakes, 2);
+  board.changed("j-2", 5, false);
+  EXPECT_EQ(waker->wakes, 2) << "another job's change";
+  watch.reset();
   board.changed("j-1", 5, false);
-  const auto start = Clock::now();
-  watch.wait(4, start + std::chrono::seconds(10));
-  EXPECT_LT(Clock::now() - start, std::chrono::seconds(5));
+  EXPECT_EQ(waker->wakes, 2);
+  EXPECT_EQ(waker.use_count(), 1);
+}
+
+TEST(JobBoard, a_watcher_of_states_is_not_woken_by_progress) {
+  JobBoard board;
+  const auto waker = std::make_shared<CountingWaker>();
+  const auto watch = board.watch("j-1", JobChange::kState, waker);
+  board.start("j-1", 2);
+  board.progress("j-1", "parse", 0, 0);
+  EXPECT_EQ(waker->wakes, 0);
+  board.changed("j-1", 5, false);
+  EXPECT_EQ(waker->wakes, 1);
+}
+
+TEST(JobBoard, reports_become_rarer_with_many_watchers) {
+  JobBoard board;
+  std::vector<std::unique_ptr<JobWatch>> watches;
+  for (int i = 0; i < 5000; ++i) {
+    watches.push_back(board.watch("j-1", JobChange::kAny, std::make_shared<CountingWaker>()));
+  }
+  board.start("j-1", 2);
+  board.progress("j-1", "voxelize", 1, 8);
+  std::this_thread::sleep_for(milliseconds(120));
+  board.progress("j-1", "voxelize", 2, 8);
+  EXPECT_EQ(board.live_version("j-1"), 3);
+  watches.resize(1);
+  board.progress("j-1", "voxelize", 3, 8);
+  EXPECT_EQ(board.live_version("j-1"), 4);
 }
 
 TEST(JobBoard, a_cancel_is_remembered_with_its_age) {

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/jobs/wait_job.h"
 
 namespace voxeld {
 namespace {
@@ -44,16 +45,15 @@ class JobServiceTest : public ::testing::Test {
     return status->id;
   }
   JobStatus wait_end(const std::string& id) {
-    return service_->wait_end(Caller::open(), id, Clock::now() + seconds(60), nullptr).value();
+    return testing::wait_end(*service_, Caller::open(), id, std::chrono::seconds(60)).value();
   }
   JobStatus wait_running(const std::string& id) {
     const auto deadline = Clock::now() + seconds(30);
     JobStatus status = service_->get(Caller::open(), id).value();
     while (status.state != JobState::kRunning && Clock::now() < deadline) {
-      status =
-          service_
-              ->wait_change(Caller::open(), id, status.version, Clock::now() + milliseconds(100))
-              .value();
+      status = testing::wait_change(*service_, Caller::open(), id, status.version,
+                                    Clock::now() + milliseconds(100))
+                   .value();
     }
     return status;
   }

@@ -22,7 +22,7 @@ class ResultStoreTest : public testing::ServiceTest {
   }
   int64_t used(const Caller& caller) { return service_->usage(caller).value().bytes; }
   JobStatus ended(const Caller& caller, const std::string& id) {
-    return service_->wait_end(caller, id, Clock::now() + std::chrono::seconds(20), {}).value();
+    return testing::wait_end(*service_, caller, id, std::chrono::seconds(20)).value();
   }
   // A job of the caller that a worker ended with `text` as result and grid.
   JobStatus finish(const Caller& caller, const std::string& text, int size = 64) {

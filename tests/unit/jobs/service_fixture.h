@@ -13,6 +13,7 @@
 #include "server/jobs/job_service.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
+#include "tests/unit/jobs/wait_job.h"
 
 namespace voxeld::testing {
 
@@ -70,8 +71,7 @@ class ServiceTest : public ::testing::Test {
     return request;
   }
   JobStatus wait_end(const std::string& id) {
-    return service_->wait_end(Caller::open(), id, Clock::now() + std::chrono::seconds(20), nullptr)
-        .value();
+    return testing::wait_end(*service_, Caller::open(), id, std::chrono::seconds(20)).value();
   }
 
   TemporaryDir dir_;

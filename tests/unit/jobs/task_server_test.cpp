@@ -13,6 +13,7 @@
 #include "server/base/sha256.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
+#include "tests/unit/jobs/wait_job.h"
 
 namespace voxeld {
 namespace {
@@ -55,16 +56,15 @@ class TaskServerTest : public ::testing::Test {
     return status->id;
   }
   JobStatus wait_end(const std::string& id) {
-    return service_->wait_end(Caller::open(), id, Clock::now() + seconds(20), nullptr).value();
+    return testing::wait_end(*service_, Caller::open(), id, std::chrono::seconds(20)).value();
   }
   JobStatus wait_for(const std::string& id, JobState state) {
     const auto deadline = Clock::now() + seconds(20);
     JobStatus status = service_->get(Caller::open(), id).value();
     while (status.state != state && Clock::now() < deadline) {
-      status =
-          service_
-              ->wait_change(Caller::open(), id, status.version, Clock::now() + milliseconds(100))
-              .value();
+      status = testing::wait_change(*service_, Caller::open(), id, status.version,
+                                    Clock::now() + milliseconds(100))
+                   .value();
     }
     EXPECT_EQ(status.state, state);
     return status;
@@ -271,13 +271,14 @@ TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
     EXPECT_FALSE(worker.progress(*task, "voxelize", 2, 8).cancel);
   });
   const JobStatus status =
-      service_->wait_change(Caller::open(), id, version, Clock::now() + seconds(10)).value();
+      testing::wait_change(*service_, Caller::open(), id, version, Clock::now() + seconds(10))
+          .value();
   reporter.join();
   EXPECT_EQ(status.version, version + 1);
   EXPECT_EQ(status.stage, "voxelize");
   EXPECT_EQ(status.tiles_done, 2);
   const auto events =
-      service_->wait_events(Caller::open(), id, 0, Clock::now() + seconds(10)).value();
+      testing::wait_events(*service_, Caller::open(), id, 0, Clock::now() + seconds(10)).value();
   ASSERT_EQ(events.size(), 3u);
   EXPECT_EQ(events[0].type, "state");
   EXPECT_EQ(events[2].type, "progress");
@@ -285,7 +286,8 @@ TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
   EXPECT_EQ(json::parse(events[2].data_json)["id"], id);
   ASSERT_TRUE(worker.complete(*task, "x"));
   const auto last =
-      service_->wait_events(Caller::open(), id, events[2].id, Clock::now() + seconds(10)).value();
+      testing::wait_events(*service_, Caller::open(), id, events[2].id, Clock::now() + seconds(10))
+          .value();
   ASSERT_EQ(last.size(), 1u);
   EXPECT_EQ(last[0].type, "state");
   EXPECT_GT(last[0].id, events[2].id);
@@ -293,9 +295,10 @@ TEST_F(TaskServerTest, progress_reaches_status_events_and_waiting_clients) {
 
 TEST_F(TaskServerTest, waiting_for_events_that_do_not_come_ends_at_the_deadline) {
   const std::string id = submit();
-  EXPECT_TRUE(service_->wait_events(Caller::open(), id, 1, Clock::now() + milliseconds(50))
-                  .value()
-                  .empty());
+  EXPECT_TRUE(
+      testing::wait_events(*service_, Caller::open(), id, 1, Clock::now() + milliseconds(50))
+          .value()
+          .empty());
 }
 
 TEST_F(TaskServerTest, a_cancel_reaches_the_worker_with_its_next_report) {
@@ -323,23 +326,6 @@ TEST_F(TaskServerTest, a_worker_that_falls_silent_loses_its_task) {
   const auto task = next.claim();
   ASSERT_TRUE(task);
   EXPECT_EQ(task->attempt, 2);
-}
-
-TEST_F(TaskServerTest, an_abandoned_one_shot_job_is_cancelled_and_an_abandoned_wait_is_not) {
-  JobRequest request;
-  request.asset = put_asset("mesh");
-  SubmitOptions transient;
-  transient.transient = true;
-  const std::string one_shot = service_->submit(Caller::open(), request, transient).value().id;
-  const std::string kept = submit();
-  const auto abandoned = [] { return true; };
-  EXPECT_EQ(service_->wait_end(Caller::open(), one_shot, Clock::now() + seconds(20), abandoned)
-                .value()
-                .state,
-            JobState::kCancelled);
-  EXPECT_EQ(
-      service_->wait_end(Caller::open(), kept, Clock::now() + seconds(20), abandoned).value().state,
-      JobState::kQueued);
 }
 
 TEST_F(TaskServerTest, reports_about_another_task_or_fence_are_fenced) {

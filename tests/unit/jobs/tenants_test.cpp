@@ -40,7 +40,7 @@ class TenantsTest : public testing::ServiceTest {
     const auto task = worker.claim();
     EXPECT_TRUE(task && task->id == id);
     EXPECT_TRUE(task && worker.complete(*task, result));
-    return service_->wait_end(caller, id, Clock::now() + std::chrono::seconds(20), nullptr).value();
+    return testing::wait_end(*service_, caller, id, std::chrono::seconds(20)).value();
   }
   // A sequence of two frames.
   JobStatus finish_sequence(const Caller& caller) {
@@ -53,7 +53,7 @@ class TenantsTest : public testing::ServiceTest {
     worker.frame(*task, 0, "first");
     worker.frame(*task, 1, "second");
     worker.complete_sequence(*task, {"first", "second"}, "all");
-    return service_->wait_end(caller, id, Clock::now() + std::chrono::seconds(20), nullptr).value();
+    return testing::wait_end(*service_, caller, id, std::chrono::seconds(20)).value();
   }
   static std::string message(const Error& error) { return error.message(); }
 
@@ -98,9 +98,11 @@ TEST_F(TenantsTest, jobs_results_grids_and_events_of_another_are_not_found) {
   EXPECT_EQ(message(service_->get(studio_, id).error()),
             "no such job: expected the id of a job, got " + id);
   EXPECT_EQ(service_->get_result(studio_, id).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(service_->wait_end(studio_, id, soon, nullptr).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(service_->wait_change(studio_, id, 0, soon).error().code, ErrorCode::kNotFound);
-  EXPECT_EQ(service_->wait_events(studio_, id, 0, soon).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(testing::wait_end(*service_, studio_, id).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(testing::wait_change(*service_, studio_, id, 0, soon).error().code,
+            ErrorCode::kNotFound);
+  EXPECT_EQ(testing::wait_events(*service_, studio_, id, 0, soon).error().code,
+            ErrorCode::kNotFound);
   EXPECT_EQ(service_->cancel(studio_, id).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(service_->frames(studio_, id, {}).error().code, ErrorCode::kNotFound);
   EXPECT_TRUE(testing::jobs_of(*service_, studio_, 100).empty());

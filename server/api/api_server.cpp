@@ -1,0 +1,146 @@
+#include "server/api/api_server.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "server/api/access.h"
+#include "server/api/admin.h"
+#include "server/api/process_metrics.h"
+#include "server/api/request_metrics.h"
+#include "server/api/resources/api.h"
+#include "server/api/router.h"
+#include "server/api/routes.h"
+#include "server/base/memory_reserve.h"
+#include "server/http/http_server.h"
+
+namespace voxeld::api {
+namespace {
+
+constexpr int kAdminThreads = 2;
+
+// New work is refused while memory is short; reads and cancels go on.
+Status check_memory(bool is_new_work) {
+  if (!is_new_work || memory_reserve_is_whole()) return {};
+  return Error{ErrorCode::kQueueFull, "no new work is taken while memory is short", "", ""};
+}
+
+class HttpApiServer final : public ApiServer {
+ public:
+  HttpApiServer(const ApiServerConfig& config, JobService& jobs, const KeyRing& keys,
+                const UrlSecrets& secrets, const std::shared_ptr<prometheus::Registry>& registry)
+      : config_(config),
+        keys_(keys),
+        guard_(config.origins, config.listen),
+        admin_guard_(config.origins, config.admin_listen),
+        access_(keys, secrets),
+        api_{jobs, access_, config_, WaitLimit(config.connections_max)},
+        metrics_(registry),
+        process_metrics_(registry),
+        router_(public_routes(api_)),
+        admin_router_(admin_routes(jobs, keys, registry, [this] { refresh_metrics(); })) {}
+  ~HttpApiServer() override { (void)stop(0); }
+
+  Status start() {
+    http::HttpServerConfig config;
+    config.listen = config_.listen;
+    config.threads = config_.request_threads;
+    config.connections_max = config_.connections_max;
+    config.connections_per_address = config_.connections_per_address;
+    config.trusted_proxies = config_.trusted_proxies;
+    config.is_new_work = [this](const Head& head) { return is_new_work(head); };
+    // Waits of keys that were revoked or have expired end.
+    config.is_recheck_due = [this, seen = keys_.epoch()]() mutable {
+      const auto before = std::exchange(seen, keys_.epoch());
+      return seen != before;
+    };
+    config.add_headers = [this](const Request& request, Response& response) {
+      add_headers(request, response);
+    };
+    VOXELD_ASSIGN(server_, http::start_http_server(
+                               config, [this](Request& request) { return handle(request); },
+                               [this](const http::ExchangeRecord& exchange) {
+                                 metrics_.record(exchange, exchange.route);
+                               }));
+    http::HttpServerConfig admin;
+    admin.listen = config_.admin_listen;
+    admin.threads = kAdminThreads;
+    admin.connections_max = config_.admin_connections_max;
+    VOXELD_ASSIGN(admin_server_,
+                  http::start_http_server(
+                      admin, [this](Request& request) { return handle_admin(request); },
+                      [](const http::ExchangeRecord&) {}));
+    return {};
+  }
+
+  int port() const override { return server_->port(); }
+  int admin_port() const override { return admin_server_->port(); }
+
+  std::vector<http::RunningRequest> stop(double seconds) override {
+    api_.stopping = true;
+    std::vector<http::RunningRequest> left;
+    if (server_) left = server_->stop(seconds);
+    if (admin_server_) std::ranges::move(admin_server_->stop(0.1), std::back_inserter(left));
+    return left;
+  }
+
+ private:
+  bool is_new_work(const Head& head) const {
+    const Route* route = router_.find(head);
+    return route != nullptr && route->work == Work::kNew;
+  }
+
+  void refresh_metrics() {
+    if (server_) metrics_.set_state(server_->state(), api_.event_streams);
+    process_metrics_.refresh();
+  }
+
+  Reply handle(Request& request) {
+    const Route* route = router_.find(request.head);
+    const bool is_public = route != nullptr && route->audience == Audience::kAnyone;
+    Status admitted = guard_.check(request.head, !keys_.needs_keys());
+    if (admitted) {
+      if (auto preflight = guard_.preflight(request.head)) return *std::move(preflight);
+      if (!is_public) admitted = access_.admit(request);
+    }
+    if (admitted) admitted = check_memory(route != nullptr && route->work == Work::kNew);
+    if (!admitted) return problem(request, admitted.error());
+    return router_.dispatch(request);
+  }
+
+  void add_headers(const Request& request, Response& response) const {
+    if (request.rate) add_rate_headers(*request.rate, response);
+    if (request.is_negotiated) add_vary(response, "Accept");
+    guard_.add_headers(request.head, response);
+  }
+
+  // Admin routes need no key.
+  Reply handle_admin(Request& request) {
+    if (Status checked = admin_guard_.check(request.head, /*is_open=*/true); !checked) {
+      return problem(request, checked.error());
+    }
+    return admin_router_.dispatch(request);
+  }
+
+  const ApiServerConfig config_;
+  const KeyRing& keys_;
+  const OriginGuard guard_, admin_guard_;
+  Access access_;
+  Api api_;
+  RequestMetrics metrics_;
+  ProcessMetrics process_metrics_;
+  const Router router_, admin_router_;
+  std::unique_ptr<http::HttpServer> server_, admin_server_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<ApiServer>> start_api_server(
+    const ApiServerConfig& config, JobService& jobs, const KeyRing& keys, const UrlSecrets& secrets,
+    const std::shared_ptr<prometheus::Registry>& metrics) {
+  auto server = std::make_unique<HttpApiServer>(config, jobs, keys, secrets, metrics);
+  VOXELD_TRY(server->start());
+  return std::unique_ptr<ApiServer>(std::move(server));
+}
+
+}  // namespace voxeld::api

@@ -1,0 +1,51 @@
+// The HTTP API: a public listener and an admin listener (livez, readyz, metrics) on a port and
+// thread of their own.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "proto/limits.h"
+#include "proto/result.h"
+#include "server/api/origin_guard.h"
+#include "server/http/http_server.h"
+#include "server/jobs/job_service.h"
+#include "server/jobs/key_ring.h"
+#include "server/jobs/url_secret.h"
+
+namespace voxeld::api {
+
+struct ApiServerConfig {
+  std::string listen = "127.0.0.1:8080";  // port 0: any; see port()
+  std::string admin_listen = "127.0.0.1:8081";
+  int64_t upload_bytes_max = limits::kUploadBytesMax;
+  int request_threads = 64;
+  // As of HttpServerConfig.
+  int connections_max = 16384;
+  int connections_per_address = 256;
+  int admin_connections_max = 64;
+  std::vector<std::string> trusted_proxies;
+  OriginRules origins;
+};
+
+class ApiServer {
+ public:
+  virtual ~ApiServer() = default;
+  virtual int port() const = 0;
+  virtual int admin_port() const = 0;
+  // Graceful: for at most `seconds`, running requests finish and new work is refused with
+  // shutting-down; then closes. The admin listener goes on until then. Returns as
+  // HttpServer::stop().
+  virtual std::vector<http::RunningRequest> stop(double seconds) = 0;
+};
+
+// Binds both listeners and serves, the public one to holders of keys alone, on threads of its own.
+// Errors: internal with the address and the system's words ("127.0.0.1:8080: Address already in
+// use").
+Result<std::unique_ptr<ApiServer>> start_api_server(
+    const ApiServerConfig& config, JobService& jobs, const KeyRing& keys, const UrlSecrets& secrets,
+    const std::shared_ptr<prometheus::Registry>& metrics);
+
+}  // namespace voxeld::api

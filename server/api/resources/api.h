@@ -1,0 +1,31 @@
+// The services that the resources call, and helpers that they share.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "proto/job.h"
+#include "server/api/access.h"
+#include "server/api/api_server.h"
+#include "server/api/http_types.h"
+#include "server/api/wait_limit.h"
+#include "server/jobs/job_service.h"
+
+namespace voxeld::api {
+
+struct Api {
+  JobService& jobs;
+  const Access& access;
+  const ApiServerConfig& config;
+  WaitLimit waits;
+  std::atomic<int> event_streams{0};
+  // The server drains: event streams end, and long polls are answered at once.
+  std::atomic<bool> stopping{false};
+};
+
+// The problem of `error` for this request.
+Response problem(const Request& request, const Error& error);
+
+}  // namespace voxeld::api

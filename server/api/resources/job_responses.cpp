@@ -1,0 +1,214 @@
+#include "server/api/resources/job_responses.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "proto/job_text.h"
+#include "server/http/file_response.h"
+
+namespace voxeld::api {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr size_t kMetaHeaderBytesMax = 4096;
+// Memory of a response with a job's long texts: the row, and the text that is sent.
+constexpr int64_t kWholeStatusBytesMax = int64_t{4} << 20;
+
+std::string text_member(const Json& object, const char* name) {
+  const auto it = object.find(name);
+  return it != object.end() && it->is_string() ? it->get<std::string>() : std::string();
+}
+
+// Members of meta that go into headers: where the grid lies, and facts about its contents.
+constexpr std::array<std::string_view, 18> kBriefMembers = {
+    "dims",       "origin", "voxel_size", "voxel_count", "triangles",       "units",
+    "frames",     "fps",    "animation",  "mesh",        "solid",           "level",
+    "level_rule", "region", "of",         "drawn",       "host_bytes_peak", "host_bytes_estimate"};
+constexpr std::array<std::string_view, 3> kOwnHeaders = {"content_hash", "pipeline", "device"};
+
+// Parses these members of meta; it may have megabytes of others.
+Json header_members(const std::string& meta_json) {
+  const auto is_kept = [](const std::string& name) {
+    return std::ranges::find(kBriefMembers, name) != kBriefMembers.end() ||
+           std::ranges::find(kOwnHeaders, name) != kOwnHeaders.end();
+  };
+  const Json::parser_callback_t keep = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    const bool is_member = depth == 1 && event == Json::parse_event_t::key;
+    return !is_member || is_kept(parsed.get_ref<const std::string&>());
+  };
+  return Json::parse(meta_json, keep, /*allow_exceptions=*/false);
+}
+
+std::string meta_header(const Json& meta) {
+  Json brief = meta;
+  for (const std::string_view name : kOwnHeaders) brief.erase(std::string(name));
+  std::string text = brief.dump(-1, ' ', true);
+  return text.size() <= kMetaHeaderBytesMax ? text : "{}";
+}
+
+struct MetaHeaders {
+  std::string content_hash, pipeline, device, brief;
+};
+
+// This thread's last one is remembered: who fetches a result in ranges asks for it again and again,
+// and to parse it takes longer than to look the job up. By job, so that nobody learns from the time
+// of an answer what others have; its meta does not change once it has ended.
+Result<const MetaHeaders*> meta_headers(const Request& request, Api& api, const JobStatus& status) {
+  thread_local std::string last_job;
+  thread_local MetaHeaders headers;
+  if (last_job == status.id) return &headers;
+  last_job.clear();  // should the rest throw
+  headers = {};
+  std::string meta_json = status.result->meta_json;
+  if (meta_json.empty()) {
+    VOXELD_ASSIGN(JobStatus whole, api.jobs.get_whole(request.caller, status.id));
+    if (whole.result) meta_json = std::move(whole.result->meta_json);
+  }
+  if (const Json meta = header_members(meta_json); meta.is_object()) {
+    headers = {text_member(meta, "content_hash"), text_member(meta, "pipeline"),
+               text_member(meta, "device"), meta_header(meta)};
+  }
+  last_job = status.id;
+  return &headers;
+}
+
+void add_result_headers(Response& response, const JobStatus& status, const MetaHeaders& meta) {
+  const JobResult& result = *status.result;
+  auto& headers = response.headers;
+  headers["X-Voxeld-Job"] = status.id;
+  if (!result.grid.empty()) headers["X-Voxeld-Grid"] = result.grid;
+  if (!result.sequence.empty()) headers["X-Voxeld-Sequence"] = result.sequence;
+  headers["X-Voxeld-Content-Hash"] = meta.content_hash;
+  headers["X-Voxeld-Pipeline"] = meta.pipeline;
+  headers["X-Voxeld-Device"] = meta.device;
+  headers["X-Voxeld-Meta"] = meta.brief;
+  std::string warnings;
+  for (const Warning& warning : result.warnings) {
+    warnings += (warnings.empty() ? "" : ", ") + warning.code;
+  }
+  if (!warnings.empty()) headers["X-Voxeld-Warnings"] = warnings;
+  headers["Server-Timing"] = server_timing(status);
+  headers["Cache-Status"] = status.cached ? "voxeld; hit" : "voxeld; fwd=miss";
+  std::erase_if(headers, [](const auto& entry) { return entry.second.empty(); });
+}
+
+Error ended_error(const JobStatus& status) {
+  if (status.error) return *status.error;
+  return {status.state == JobState::kCancelled ? ErrorCode::kCancelled : ErrorCode::kInternal,
+          "the job " + status.id + " has no result", "", std::string(job_state_name(status.state))};
+}
+
+}  // namespace
+
+Response problem(const Request& request, const Error& error) {
+  return Response::problem(error, request.head.path, request.trace.trace_id);
+}
+
+std::string server_timing(const JobStatus& status) {
+  std::string text = status.cached ? "cache;desc=hit" : "";
+  for (const auto& [stage, ms] : status.timings) {
+    char number[32];
+    std::snprintf(number, sizeof number, "%.3f", ms);
+    text += (text.empty() ? "" : ", ") + stage + ";dur=" + number;
+  }
+  return text;
+}
+
+int preferred_wait_seconds(const Request& request) {
+  const std::string_view prefer = request.head.header("Prefer");
+  const size_t at = prefer.find("wait=");
+  if (at == std::string_view::npos) return 0;
+  int seconds = 0;
+  const auto [end, error] =
+      std::from_chars(prefer.data() + at + 5, prefer.data() + prefer.size(), seconds);
+  if (error == std::errc::result_out_of_range && prefer[at + 5] != '-') {
+    return limits::kPreferWaitSecondsMax;
+  }
+  return std::clamp(seconds, 0, limits::kPreferWaitSecondsMax);
+}
+
+Response status_response(const Request& request, Api& api, int http_status,
+                         const JobStatus& status) {
+  Response response = Response::json(http_status, "");
+  response.headers["ETag"] = "\"" + std::to_string(status.version) + "\"";
+  if (std::string timing = server_timing(status); !timing.empty()) {
+    response.headers["Server-Timing"] = std::move(timing);
+  }
+  std::string text = job_status_text(status);
+  if (!is_brief(status) && text.size() <= static_cast<size_t>(kTextBytesMax)) {
+    response.body = std::move(text);
+    return response;
+  }
+  response.body = PieceBody{
+      [&api, caller = request.caller, id = status.id, cached = status.cached]() -> Result<Piece> {
+        VOXELD_ASSIGN(JobStatus whole, api.jobs.get_whole(caller, id));
+        whole.cached = cached;
+        return Piece{job_status_text(whole), true};
+      },
+      kWholeStatusBytesMax};
+  return response;
+}
+
+Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf media_type) {
+  std::string known;
+  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
+    known += (known.empty() ? "" : ", ") + std::string(format_name(format));
+  }
+  if (const auto name = request.query("format")) {
+    const auto format = format_from_name(*name);
+    if (!format) {
+      return Error{ErrorCode::kInvalidOption, "format", known, "\"" + name->substr(0, 40) + "\""};
+    }
+    return format;
+  }
+  request.is_negotiated = true;
+  const std::string_view accept = request.head.header("Accept");
+  if (accept.empty() || accept.find("*/*") != std::string_view::npos) {
+    return std::optional<Format>();
+  }
+  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
+    if (accept.find(media_type(format)) != std::string_view::npos) {
+      return std::optional(format);
+    }
+    known += (format == Format::kNpy ? "; types " : ", ") + std::string(media_type(format));
+  }
+  for (const std::string_view picture : {"image/png", "image/gif", "image/apng", "image/*"}) {
+    if (accept.find(picture) != std::string_view::npos) return std::optional<Format>();
+  }
+  return Error{ErrorCode::kNotAcceptable, "Accept names no format of this result", known,
+               "\"" + header_safe(accept.substr(0, 120)) + "\""};
+}
+
+Response job_result_response(const Request& request, Api& api, const JobStatus& status) {
+  if (!status.ended()) {
+    return problem(request, {ErrorCode::kConflict, "the job " + status.id + " has not ended",
+                             "done", std::string(job_state_name(status.state))});
+  }
+  if (status.state != JobState::kDone || !status.result) {
+    Response failed = problem(request, ended_error(status));
+    // A failed job stays failed, however often its result is asked for.
+    if (request.head.method != "POST") failed.headers.erase("Retry-After");
+    return failed;
+  }
+  const auto blob = api.jobs.result_of(status);
+  if (!blob) return problem(request, blob.error());
+  const FileBody file{blob->path, 0, blob->bytes};
+  auto response = http::file_response(request.head, file, "\"" + blob->id + "\"");
+  if (!response) return problem(request, response.error());
+  const auto meta = meta_headers(request, api, status);
+  if (!meta) return problem(request, meta.error());
+  add_result_headers(*response, status, **meta);
+  if (response->status == 200 || response->status == 206) {
+    response->headers["Content-Type"] = status.result->media_type;
+    if (!status.result->filename.empty()) {
+      response->headers["Content-Disposition"] = content_disposition(status.result->filename);
+    }
+  }
+  return std::move(response).value();
+}
+
+}  // namespace voxeld::api

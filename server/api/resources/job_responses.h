@@ -1,0 +1,30 @@
+// Responses about jobs: their status, and the bytes that they made.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "proto/options.h"
+#include "server/api/resources/api.h"
+
+namespace voxeld::api {
+
+// The bytes of an ended job with all headers, or the problem that it ended with; 304, 206 or 416 as
+// the request asks.
+Response job_result_response(const Request& request, Api& api, const JobStatus& status);
+// A status as JSON with its ETag. Long texts are read while the response is sent.
+Response status_response(const Request& request, Api& api, int http_status,
+                         const JobStatus& status);
+// "queue;dur=1.2, parse;dur=3.4"
+std::string server_timing(const JobStatus& status);
+// Seconds of "Prefer: wait=N", clamped to kPreferWaitSecondsMax; 0 without it.
+int preferred_wait_seconds(const Request& request);
+// The format that `format=` or Accept asks for; nullopt: any. `media_type`: format_media_type for
+// grids, sequence_media_type for sequences. Errors: invalid-option, not-acceptable with the list of
+// formats.
+using MediaTypeOf = std::string_view (*)(Format);
+Result<std::optional<Format>> requested_format(Request& request,
+                                               MediaTypeOf media_type = format_media_type);
+
+}  // namespace voxeld::api

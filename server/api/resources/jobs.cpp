@@ -1,0 +1,174 @@
+// /v1/jobs: submit, list, poll, cancel.
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "proto/job_text.h"
+#include "server/api/resources/job_responses.h"
+#include "server/api/resources/job_wait.h"
+#include "server/api/resources/list_body.h"
+#include "server/api/resources/resources.h"
+
+namespace voxeld::api {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr ListLimits kListLimits{100, 1000};
+// A web page may send other types than this one without asking first.
+constexpr std::string_view kJsonMediaType = "application/json";
+
+Status check_media_type(const Request& request) {
+  if (request.head.media_type() == kJsonMediaType) return {};
+  return Error{ErrorCode::kUnsupportedMedia, "Content-Type of the body",
+               std::string(kJsonMediaType),
+               "\"" + header_safe(request.head.header("Content-Type").substr(0, 80)) + "\""};
+}
+
+Result<JobRequest> parse_body(const std::string& text) {
+  VOXELD_ASSIGN(const Json body, parse_json_bounded(text));
+  return parse_job_request(body);
+}
+
+// The job as understood, with its estimate, without queueing it.
+Response dry_run(Request& request, const JobRequest& job, Api& api) {
+  const auto price = api.jobs.price(request.caller, job);
+  if (!price) return problem(request, price.error());
+  const Json options = Json::parse(canonical_json(job.options, option_scope(job)));
+  return Response::json(200, Json{{"kind", job_kind_name(job.kind)},
+                                  {"asset", job.asset},
+                                  {"grid", job.grid},
+                                  {"sequence", job.sequence},
+                                  {"options", options},
+                                  {"cached", price->cached},
+                                  {"queue_position", price->queue_position},
+                                  {"estimate", job_estimate_json(*price->estimate)},
+                                  {"expected_start_ms", price->expected_start_ms},
+                                  {"expected_end_ms", price->expected_end_ms}}
+                                 .dump());
+}
+
+// "\"3\"": the ETag of a version.
+std::string tag_of(const JobStatus& status) {
+  return "\"" + std::to_string(status.version) + "\"";
+}
+
+Response submitted_response(const Request& request, Api& api, const JobStatus& status, int wait) {
+  Response response = status_response(request, api, status.ended() ? 200 : 202, status);
+  response.headers["Location"] = "/v1/jobs/" + status.id;
+  if (wait > 0) response.headers["Preference-Applied"] = "wait=" + std::to_string(wait);
+  if (!status.ended()) response.headers["Retry-After"] = "1";
+  return response;
+}
+
+// Submits the job and, with `Prefer: wait`, waits for its end.
+Reply submit_job(Request& request, Api& api, const std::string& text) {
+  const auto job = parse_body(text);
+  if (!job) return problem(request, job.error());
+  if (request.query("dry_run").value_or("0") == "1") return dry_run(request, *job, api);
+  const int wait = preferred_wait_seconds(request);
+  WaitPlace place;
+  if (wait > 0) {
+    auto taken = api.waits.take(request.caller.tenant());
+    if (!taken) return problem(request, taken.error());
+    place = *std::move(taken);
+  }
+  SubmitOptions submit;
+  submit.idempotency_key = request.head.header("Idempotency-Key");
+  submit.request_id = request.request_id;
+  submit.trace_id = request.trace.trace_id;
+  const auto status = api.jobs.submit(request.caller, *job, submit);
+  if (!status) return problem(request, status.error());
+  if (wait == 0 || status->ended()) return submitted_response(request, api, *status, wait);
+  JobWaitPlan plan;
+  plan.job = status->id;
+  plan.place = std::move(place);
+  plan.deadline = Clock::now() + std::chrono::seconds(wait);
+  plan.is_poll = true;
+  plan.then = [&api, wait, cached = status->cached](Request& asking, const JobStatus& now) {
+    JobStatus told = now;
+    told.cached = cached;
+    return submitted_response(asking, api, told, wait);
+  };
+  return wait_for_job(request, api, std::move(plan));
+}
+
+// The response to GET: 304 for the version that the client knows.
+Response polled_response(const Request& request, Api& api, const JobStatus& status) {
+  Response response = status_response(request, api, 200, status);
+  if (request.head.header("If-None-Match") == tag_of(status)) {
+    response.status = 304;
+    response.body = std::string();
+  }
+  return response;
+}
+
+}  // namespace
+
+Reply post_job(Request& request, Api& api) {
+  if (const Status known = check_media_type(request); !known) {
+    return problem(request, known.error());
+  }
+  return TextBody{limits::kJsonBodyBytesMax, [&api](Request& asking, const std::string& text) {
+                    return submit_job(asking, api, text);
+                  }};
+}
+
+// Jobs in brief: long texts of a job are left to GET /v1/jobs/{id}.
+Reply list_jobs(Request& request, Api& api) {
+  auto page = requested_page(request, kListLimits, {"state"});
+  if (!page) return problem(request, page.error());
+  JobQuery query;
+  if (const auto name = request.query("state")) {
+    query.state = job_state_from_name(*name);
+    if (!query.state) {
+      return problem(request, {ErrorCode::kInvalidOption, "state",
+                               "queued | running | done | failed | cancelled",
+                               "\"" + name->substr(0, 40) + "\""});
+    }
+  }
+  return list_response(
+      "", "jobs", *std::move(page),
+      [&api, caller = request.caller, query](const std::string& after, ListRows& rows) mutable {
+        query.after = after;
+        return api.jobs.list(caller, query, [&](const JobStatus& status) {
+          return rows.add(job_row_text(status), status.id);
+        });
+      });
+}
+
+// With `Prefer: wait`, the response waits for the end of the job, or with If-None-Match for the
+// next change after the version that the client knows, which may have been already.
+Reply get_job(Request& request, Api& api) {
+  const std::string& id = request.path_parameters[0];
+  const auto status = api.jobs.get(request.caller, id);
+  if (!status) return problem(request, status.error());
+  const int wait = preferred_wait_seconds(request);
+  const std::string known(request.head.header("If-None-Match"));
+  const bool is_news = !known.empty() && known != tag_of(*status);
+  if (wait == 0 || status->ended() || is_news) return polled_response(request, api, *status);
+  auto place = api.waits.take(request.caller.tenant());
+  if (!place) return problem(request, place.error());
+  JobWaitPlan plan;
+  plan.job = id;
+  plan.place = *std::move(place);
+  plan.deadline = Clock::now() + std::chrono::seconds(wait);
+  plan.is_poll = true;
+  if (!known.empty()) {
+    plan.change = JobChange::kAny;
+    plan.is_over = [known](const JobStatus& now) { return known != tag_of(now); };
+  }
+  plan.then = [&api](Request& asking, const JobStatus& now) {
+    return polled_response(asking, api, now);
+  };
+  return wait_for_job(request, api, std::move(plan));
+}
+
+Reply cancel_job(Request& request, Api& api) {
+  auto status = api.jobs.cancel(request.caller, request.path_parameters[0]);
+  if (!status) return problem(request, status.error());
+  return status_response(request, api, status->ended() ? 200 : 202, *status);
+}
+
+}  // namespace voxeld::api

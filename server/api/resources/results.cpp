@@ -1,0 +1,65 @@
+// /v1/jobs/{id}/result: a job's bytes, or its grid or sequence in another format.
+#include "proto/sequence_format.h"
+#include "server/api/resources/job_responses.h"
+#include "server/api/resources/job_wait.h"
+#include "server/api/resources/resources.h"
+
+namespace voxeld::api {
+namespace {
+
+// An export of the job's result: of its own grid or sequence, or of the one that it rendered or
+// exported. Both are empty if it has none.
+JobRequest export_of(const JobStatus& status) {
+  const JobResult& result = *status.result;
+  JobRequest job;
+  job.kind = JobKind::kExport;
+  job.sequence = result.sequence;
+  job.grid = result.grid;
+  if (job.sequence.empty() && job.grid.empty()) {
+    job.sequence = status.sequence;
+    job.grid = status.grid;
+  }
+  if (!job.sequence.empty()) job.grid.clear();
+  return job;
+}
+
+Reply export_as(Request& request, Api& api, JobRequest job, Format format) {
+  OptionPairs pairs;
+  for (const auto& pair : request.head.query) {
+    if (pair.first != "format") pairs.push_back(pair);
+  }
+  auto options = parse_options(pairs, OptionScope::kExport);
+  if (!options) return problem(request, options.error());
+  job.options = *options;
+  job.options.output.format = format;
+  return run_transient(request, api, job, [&api](Request& asking, const JobStatus& status) {
+    return job_result_response(asking, api, status);
+  });
+}
+
+}  // namespace
+
+Reply get_result(Request& request, Api& api) {
+  auto status = api.jobs.get(request.caller, request.path_parameters[0]);
+  if (!status) return problem(request, status.error());
+  if (status->state != JobState::kDone || !status->result) {
+    return job_result_response(request, api, *status);
+  }
+  const JobRequest job = export_of(*status);
+  const MediaTypeOf media_type = job.sequence.empty() ? format_media_type : sequence_media_type;
+  auto format = requested_format(request, media_type);
+  if (!format) return problem(request, format.error());
+  const JobResult& result = *status->result;
+  const bool other = *format && media_type(**format) != result.media_type;
+  if (!other && request.head.query.empty()) return job_result_response(request, api, *status);
+  if (!*format || (!other && request.head.query.size() == 1)) {
+    return job_result_response(request, api, *status);
+  }
+  if (job.grid.empty() && job.sequence.empty()) {
+    return problem(request, {ErrorCode::kNotAcceptable, "this job's result has one form alone",
+                             result.media_type, std::string(media_type(**format))});
+  }
+  return export_as(request, api, job, **format);
+}
+
+}  // namespace voxeld::api

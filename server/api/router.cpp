@@ -1,0 +1,89 @@
+#include "server/api/router.h"
+
+#include <utility>
+
+namespace voxeld::api {
+namespace {
+
+std::vector<std::string> split_path(std::string_view path) {
+  std::vector<std::string> segments;
+  while (path.starts_with('/')) {
+    path.remove_prefix(1);
+    const std::string_view segment = path.substr(0, path.find('/'));
+    segments.emplace_back(segment);
+    path.remove_prefix(segment.size());
+  }
+  return segments;
+}
+
+bool takes(const Route& route, std::string_view method) {
+  return route.method == method || (route.method == "GET" && method == "HEAD");
+}
+
+// Sets `parameters`, unless null, to the segments that match {…}.
+bool matches(const std::vector<std::string>& pattern, const std::vector<std::string>& path,
+             std::vector<std::string>* parameters) {
+  if (pattern.size() != path.size()) return false;
+  if (parameters != nullptr) parameters->clear();
+  for (size_t i = 0; i < path.size(); ++i) {
+    if (pattern[i].starts_with('{')) {
+      if (path[i].empty()) return false;
+      if (parameters != nullptr) parameters->push_back(path[i]);
+    } else if (pattern[i] != path[i]) {
+      return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+Router::Router(std::vector<Route> routes) {
+  for (Route& route : routes) add(std::move(route));
+}
+
+void Router::add(Route route) {
+  segments_.push_back(split_path(route.path));
+  routes_.push_back(std::move(route));
+}
+
+const Route* Router::find(const Head& head) const {
+  const Segments path = split_path(head.path);
+  for (size_t i = 0; i < routes_.size(); ++i) {
+    if (takes(routes_[i], head.method) && matches(segments_[i], path, nullptr)) return &routes_[i];
+  }
+  return nullptr;
+}
+
+Reply Router::dispatch(Request& request) const {
+  const Segments path = split_path(request.head.path);
+  const std::string& method = request.head.method;
+  std::vector<std::string> allowed;
+  for (size_t i = 0; i < routes_.size(); ++i) {
+    const Route& route = routes_[i];
+    if (!matches(segments_[i], path, &request.path_parameters)) continue;
+    request.route = route.path;
+    if (takes(route, method)) return route.handler(request);
+    allowed.push_back(route.method);
+    if (route.method == "GET") allowed.emplace_back("HEAD");
+  }
+  if (allowed.empty()) {
+    return Response::problem({ErrorCode::kNotFound, "there is no such resource", "",
+                              "\"" + request.head.path.substr(0, 120) + "\""},
+                             request.head.path, request.trace.trace_id);
+  }
+  std::string allow = "OPTIONS";
+  for (const std::string& name : allowed) allow += ", " + name;
+  Response response;
+  if (method == "OPTIONS") {
+    response.status = 204;
+  } else {
+    response = Response::problem(
+        {ErrorCode::kMethodNotAllowed, "this resource cannot do that", allow, method},
+        request.head.path, request.trace.trace_id);
+  }
+  response.headers["Allow"] = allow;
+  return response;
+}
+
+}  // namespace voxeld::api

@@ -1,0 +1,66 @@
+// Routes: one table says for each what it answers, who may ask, what work it brings and which body
+// it takes.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/api/http_types.h"
+
+namespace voxeld::api {
+
+// The callers of a route.
+enum class Audience {
+  kTenants,  // callers with a valid key or signed link, everybody on a daemon without keys
+  kAnyone,
+};
+
+// The work that a request brings. New work is refused while the daemon drains (shutting-down) or
+// memory is short (queue-full), before its body is read.
+enum class Work {
+  kNone,      // reads or removes what is there
+  kMayStart,  // may start a job, which the job service refuses while it drains
+  kNew,
+};
+
+// The body that a request brings.
+enum class BodyKind {
+  kNone,
+  kJson,    // application/json of at most limits::kJsonBodyBytesMax
+  kUpload,  // a file of at most --upload-bytes-max
+};
+
+using RouteHandler = std::function<Reply(Request&)>;
+
+struct Route {
+  std::string method, path;  // path of openapi.yaml: "/v1/jobs/{id}"
+  RouteHandler handler;
+  Work work = Work::kNone;
+  BodyKind body = BodyKind::kNone;
+  Audience audience = Audience::kTenants;
+};
+
+// Not thread-safe while routes are added; then thread-safe.
+class Router {
+ public:
+  Router() = default;
+  explicit Router(std::vector<Route> routes);
+  void add(Route route);
+
+  // The route of a request, HEAD by GET; null if there is none. Segments are compared one by one,
+  // "{}" matches any one that is not empty; there are no regular expressions.
+  const Route* find(const Head& head) const;
+  // Runs the handler of the request's route and sets `route` and `path_parameters`. Responds to
+  // OPTIONS with Allow, and to unknown paths and methods with 404 and 405.
+  Reply dispatch(Request& request) const;
+  const std::vector<Route>& routes() const { return routes_; }
+
+ private:
+  using Segments = std::vector<std::string>;
+  std::vector<Route> routes_;
+  std::vector<Segments> segments_;  // of each route's path
+};
+
+}  // namespace voxeld::api

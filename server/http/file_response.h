@@ -1,0 +1,15 @@
+// Responses whose body is a stored file: validators and byte ranges (RFC 9110).
+#pragma once
+
+#include <string_view>
+
+#include "proto/result.h"
+#include "server/http/message.h"
+
+namespace voxeld::http {
+
+// 200 with the whole file, or 304, 206 or 416 by the request's If-None-Match, Range and If-Range.
+// One range only; a list of ranges is answered with the whole. `etag` with its quotes.
+Result<Response> file_response(const Head& head, const FileBody& file, std::string_view etag);
+
+}  // namespace voxeld::http

@@ -1,8 +1,0 @@
-// proto/openapi.yaml as JSON, embedded by openapi_json.py.
-#pragma once
-
-#include <string_view>
-
-namespace voxeld::http {
-std::string_view openapi_json();
-}  // namespace voxeld::http

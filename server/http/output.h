@@ -1,0 +1,79 @@
+// Writes responses to sockets that take them at their own pace: heads, texts, pieces, files.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <ctime>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "server/base/file.h"
+#include "server/http/connection.h"
+#include "server/http/memory_budget.h"
+#include "server/http/message.h"
+
+namespace voxeld::http {
+
+// One response on its way to its client. It resumes where it stopped, so that a client that reads
+// slowly holds no thread. Not thread-safe.
+class Output {
+ public:
+  // Facts of the request that shape its response.
+  struct Context {
+    std::string method = "GET", path;  // of the request
+    int minor = 1;                     // HTTP/1.minor
+    std::string request_id, trace_id;
+    // Whether the connection will serve another request.
+    bool keep = false;
+  };
+  // A HEAD request gets the same head without a body. The bytes count against the budget of
+  // `tenant`; `owner` is what MemoryBudget::grant() hands back.
+  Output(Context context, Response response, MemoryBudget& budget, std::string tenant, void* owner);
+
+  enum class State {
+    kDone,
+    kBlocked,  // until the socket takes more
+    kHeld,     // until MemoryBudget::grant() gives it the bytes of the next piece
+    kWaiting,  // for a wake or wait_until(): its PieceBody has nothing to send now
+    kBroken,
+  };
+  // Sends what the socket takes without waiting.
+  State advance(Connection& connection);
+  // HTTP status of the response; that of the first piece's error if that failed.
+  int status() const { return status_; }
+  Clock::time_point wait_until() const { return wait_until_; }
+  // Bytes of head and body that the socket has taken.
+  int64_t sent() const { return sent_; }
+  int64_t body_sent() const { return std::max<int64_t>(0, sent_ - head_bytes_); }
+
+ private:
+  void write_head(const Response& response, std::optional<int64_t> bytes);
+  void write_whole(const Response& response);
+  void write_first(bool is_last, int64_t bytes);
+  void add_file(const FileBody& body);
+  // Replaces the text, which has been sent, by the next piece.
+  State next_piece();
+  Result<Piece> make_piece();
+  State blocked();
+
+  const Context context_;
+  Response response_;  // of a PieceBody, until its head is written
+  int status_ = 0;
+  PieceBody pieces_;
+  bool has_pieces_ = false, is_chunked_ = false, is_waiting_ = false;
+  Clock::time_point wait_until_{};
+  MemoryShare share_;
+  std::string text_;
+  size_t text_at_ = 0;
+  UniqueFd file_;
+  int64_t file_at_ = 0, file_left_ = 0;
+  int64_t head_bytes_ = 0, sent_ = 0;
+};
+
+std::string_view reason_phrase(int status);
+
+// "Sun, 06 Nov 1994 08:49:37 GMT" (RFC 9110 section 5.6.7).
+std::string http_date(std::time_t seconds);
+
+}  // namespace voxeld::http

@@ -1,0 +1,42 @@
+// Uploads and jobs with compressed bodies.
+#include <string>
+
+#include "tests/unit/api/api_server_fixture.h"
+#include "tests/unit/http/coding.h"
+
+namespace voxeld::api {
+namespace {
+
+using testing::gzip;
+using testing::zstd;
+
+class CodedBodies : public ServerTest {
+ protected:
+  static constexpr const char* kGzippedJson =
+      "Content-Encoding: gzip\r\nContent-Type: application/json\r\n";
+};
+
+TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
+  const std::string plain = json(request("POST", "/v1/assets", "", "a mesh")).value("id", "");
+  for (const std::string& name : {std::string("gzip"), std::string("zstd")}) {
+    const HttpAnswer answer = request("POST", "/v1/assets", "Content-Encoding: " + name + "\r\n",
+                                      name == "gzip" ? gzip("a mesh") : zstd("a mesh"));
+    EXPECT_EQ(answer.status, 200) << name << answer.body;
+    EXPECT_EQ(json(answer).value("id", ""), plain);
+  }
+  const std::string job = R"({"kind":"voxelize","asset":")" + plain + R"("})";
+  EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, gzip(job)).status, 202);
+}
+
+TEST_F(CodedBodies, what_is_wrong_with_one_is_told) {
+  const HttpAnswer other = request("POST", "/v1/assets", "Content-Encoding: br\r\n", "x");
+  EXPECT_EQ(other.status, 415);
+  EXPECT_EQ(other.header("accept-encoding"), "gzip, zstd");
+  EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip, zstd\r\n", "x").status, 415);
+  EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip\r\n", "x").status, 400);
+  const std::string bomb = gzip(std::string(size_t{2} << 20, ' '));
+  EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, bomb).status, 413);
+}
+
+}  // namespace
+}  // namespace voxeld::api

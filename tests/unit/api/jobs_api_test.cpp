@@ -1,0 +1,315 @@
+// Jobs over HTTP: long polls, event streams, and what is refused at the limits.
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "server/api/resources/job_responses.h"
+#include "server/base/memory_reserve.h"
+#include "tests/unit/api/api_server_fixture.h"
+#include "tests/unit/jobs/lists.h"
+
+namespace voxeld::api {
+namespace {
+
+class JobsApi : public ServerTest {
+ protected:
+  bool requests_waiting(int count) {
+    const std::string line = "{what=\"waiting\"} " + std::to_string(count) + "\n";
+    return comes_true([&] { return admin("/metrics").body.find(line) != std::string::npos; });
+  }
+};
+
+TEST_F(JobsApi, a_draining_daemon_refuses_new_work_as_shutting_down_and_is_not_ready) {
+  const std::string job = "/v1/jobs/" + submit();
+  FakeWorker worker = connect_worker();
+  ASSERT_TRUE(comes_true([&] { return admin("/readyz").status == 200; }));
+  jobs_->drain();
+  const HttpAnswer refused = post_job();
+  EXPECT_EQ(refused.status, 503);
+  EXPECT_EQ(refused.code(), "shutting-down");
+  EXPECT_EQ(refused.detail(), "the daemon is shutting down; try again");
+  EXPECT_EQ(refused.header("retry-after"), "2");
+  EXPECT_EQ(request("POST", "/v1/voxelize", "", "mesh").code(), "shutting-down");
+  EXPECT_EQ(get(job).status, 200) << "what exists can still be looked at";
+  const HttpAnswer ready = admin("/readyz");
+  EXPECT_EQ(ready.status, 503);
+  EXPECT_EQ(json(ready).value("ready", true), false);
+  EXPECT_EQ(json(ready).value("reason", ""), "the daemon is shutting down");
+  EXPECT_EQ(admin("/livez").status, 200);
+}
+
+TEST_F(JobsApi, while_memory_is_short_new_work_is_refused_and_the_rest_goes_on) {
+  const std::string id = submit();
+  hold_memory_reserve(size_t{1} << 62);  // which nobody has
+  const HttpAnswer refused = post_job();
+  EXPECT_EQ(refused.status, 503);
+  EXPECT_EQ(refused.code(), "queue-full");
+  EXPECT_EQ(refused.header("retry-after"), "2");
+  EXPECT_EQ(get("/v1/jobs/" + id).status, 200);
+  EXPECT_EQ(request("DELETE", "/v1/jobs/" + id).status, 200);
+  hold_memory_reserve(1024);
+  EXPECT_EQ(post_job().status, 202);
+  hold_memory_reserve(0);
+}
+
+TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {
+  const HttpAnswer sent = post_job();
+  EXPECT_EQ(sent.status, 202);
+  EXPECT_EQ(sent.header("location"), "/v1/jobs/" + json(sent).value("id", ""));
+  EXPECT_EQ(sent.header("retry-after"), "1");
+  const HttpAnswer status = get(sent.header("location"));
+  EXPECT_EQ(status.status, 200);
+  EXPECT_EQ(status.header("etag"), sent.header("etag"));
+  EXPECT_EQ(json(status).value("state", ""), "queued");
+  EXPECT_EQ(get(sent.header("location"), "If-None-Match: " + sent.header("etag") + "\r\n").status,
+            304);
+}
+
+TEST_F(JobsApi, a_poll_that_waits_ends_with_the_job) {
+  const std::string path = "/v1/jobs/" + submit();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(path, "Prefer: wait=60\r\n"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task && worker.complete(*task, "bytes"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(json(*answer).value("state", ""), "done");
+}
+
+TEST_F(JobsApi, a_poll_for_the_next_change_ends_with_it) {
+  const HttpAnswer sent = post_job();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"),
+                              "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 200);
+  EXPECT_EQ(json(*answer).value("state", ""), "running");
+  EXPECT_NE(answer->header("etag"), sent.header("etag"));
+}
+
+TEST_F(JobsApi, a_poll_that_missed_a_change_does_not_wait_for_the_next_one) {
+  const HttpAnswer sent = post_job();
+  FakeWorker worker = connect_worker();
+  ASSERT_TRUE(worker.claim());  // it runs now, which the client does not know
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"),
+                              "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
+  ASSERT_TRUE(client.readable(20)) << "the change has happened already";
+  EXPECT_EQ(json(*client.receive()).value("state", ""), "running");
+}
+
+TEST_F(JobsApi, stopping_does_not_wait_for_a_poll_to_end) {
+  const HttpAnswer sent = post_job();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"),
+                              "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
+  ASSERT_TRUE(requests_waiting(1));
+  const auto start = std::chrono::steady_clock::now();
+  server_->stop(0);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
+}
+
+TEST_F(JobsApi, a_poll_is_answered_when_the_daemon_stops) {
+  const HttpAnswer sent = post_job();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(sent.header("location"), "Prefer: wait=60\r\n"));
+  ASSERT_TRUE(requests_waiting(1));
+  server_->stop(3600);
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(json(*answer).value("state", ""), "queued");
+}
+
+TEST_F(JobsApi, waits_are_clamped_and_nonsense_is_no_wait) {
+  const auto seconds = [](const std::string& prefer) {
+    Request request;
+    request.head.headers["Prefer"] = prefer;
+    return preferred_wait_seconds(request);
+  };
+  EXPECT_EQ(seconds("wait=7"), 7);
+  EXPECT_EQ(seconds("respond-async, wait=7"), 7);
+  EXPECT_EQ(seconds("wait=61"), limits::kPreferWaitSecondsMax);
+  EXPECT_EQ(seconds("wait=99999999999999999999"), limits::kPreferWaitSecondsMax);
+  EXPECT_EQ(seconds("wait=-1"), 0);
+  EXPECT_EQ(seconds("wait=soon"), 0);
+  EXPECT_EQ(seconds(""), 0);
+}
+
+TEST_F(JobsApi, a_one_shot_job_is_cancelled_when_its_client_leaves) {
+  HttpClient client(server_->port());
+  ASSERT_TRUE(
+      client.send("POST /v1/voxelize?size=16 HTTP/1.1\r\nHost: h\r\n"
+                  "Content-Length: 4\r\n\r\nmesh"));
+  ASSERT_TRUE(comes_true([&] { return jobs_->queued_jobs() == 1; }));
+  client.close();
+  EXPECT_TRUE(comes_true([&] {
+    return testing::jobs_of(*jobs_, Caller::open(), 1, JobState::kCancelled).size() == 1;
+  }));
+}
+
+TEST_F(JobsApi, a_one_shot_job_answers_with_its_result) {
+  HttpClient client(server_->port());
+  ASSERT_TRUE(
+      client.send("POST /v1/voxelize?size=16 HTTP/1.1\r\nHost: h\r\n"
+                  "Content-Length: 4\r\n\r\nmesh"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task && worker.complete(*task, "voxels"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 200);
+  EXPECT_EQ(answer->body, "voxels");
+  EXPECT_EQ(answer->header("x-voxeld-job"), task->id);
+}
+
+TEST_F(JobsApi, uploads_over_the_limit_are_payload_too_large_with_and_without_a_length) {
+  ApiServerConfig config;
+  config.upload_bytes_max = 10;
+  start(config);
+  EXPECT_EQ(request("POST", "/v1/assets", "", "0123456789").status, 201);
+  EXPECT_EQ(request("POST", "/v1/assets", "", "0123456789x").code(), "payload-too-large");
+  HttpClient client(server_->port());
+  ASSERT_TRUE(
+      client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n"
+                  "6\r\n012345\r\n6\r\n012345\r\n"));
+  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).code(), "payload-too-large");
+}
+
+TEST_F(JobsApi, uploads_of_another_kind_or_of_nothing_are_refused) {
+  EXPECT_EQ(request("POST", "/v1/assets", "Content-Type: multipart/form-data\r\n", "x").code(),
+            "unsupported-media-type");
+  EXPECT_EQ(request("POST", "/v1/assets").detail(), "the body is empty");
+  EXPECT_EQ(request("POST", "/v1/jobs", "", "{").code(), "bad-request");
+}
+
+class Events : public ServerTest {
+ protected:
+  // A stream whose head has arrived with `status`.
+  HttpClient subscribe(const std::string& job, int status, const std::string& lines = "") {
+    HttpClient client(server_->port());
+    EXPECT_TRUE(client.send_get("/v1/jobs/" + job + "/events", lines));
+    const auto head = client.receive_head();
+    EXPECT_EQ(head ? head->status : 0, status);
+    return client;
+  }
+};
+
+TEST_F(Events, a_stream_has_each_change_and_ends_with_the_job) {
+  const std::string job = submit();
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get("/v1/jobs/" + job + "/events"));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task && worker.complete(*task, "bytes"));
+  const HttpAnswer stream = client.receive().value_or(HttpAnswer{});
+  EXPECT_EQ(stream.header("content-type"), "text/event-stream");
+  EXPECT_EQ(stream.header("connection"), "close");
+  const std::string& text = stream.body;
+  EXPECT_EQ(text.substr(0, 4), "id: ");
+  EXPECT_EQ(text.substr(text.size() - 2), "\n\n");
+  const size_t queued = text.find(R"("state":"queued")"), done = text.find(R"("state":"done")");
+  EXPECT_LT(queued, done);
+  EXPECT_NE(done, std::string::npos) << text;
+}
+
+TEST_F(Events, a_change_is_sent_while_the_stream_waits) {
+  const std::string job = submit();
+  HttpClient client = subscribe(job, 200);
+  EXPECT_NE(client.receive_some().find(R"("state":"queued")"), std::string::npos);
+  FakeWorker worker = connect_worker();
+  ASSERT_TRUE(worker.claim());
+  EXPECT_NE(client.receive_some().find(R"("state":"running")"), std::string::npos);
+}
+
+TEST_F(Events, a_stream_goes_on_after_the_last_event_that_the_client_saw) {
+  const std::string job = submit();
+  HttpClient first = subscribe(job, 200);
+  const std::string seen = first.receive_some();
+  const size_t at = seen.find("id: ") + 4;
+  const std::string last = seen.substr(at, seen.find('\n', at) - at);
+  ASSERT_EQ(request("DELETE", "/v1/jobs/" + job).status, 200);
+  const HttpAnswer second = get("/v1/jobs/" + job + "/events", "Last-Event-ID: " + last + "\r\n");
+  EXPECT_EQ(second.body.find("id: " + last + "\n"), std::string::npos) << second.body;
+  EXPECT_NE(second.body.find(R"("state":"cancelled")"), std::string::npos) << second.body;
+}
+
+TEST_F(Events, a_stream_ends_whole_when_the_daemon_stops) {
+  HttpClient client = subscribe(submit(), 200);
+  client.receive_some();
+  server_->stop(3600);  // would be the time of the test, too
+  EXPECT_TRUE(client.receive_to_end()) << "ended by its last chunk, not cut";
+}
+
+TEST_F(Events, an_event_id_that_is_none_is_a_bad_request) {
+  const std::string path = "/v1/jobs/" + submit() + "/events";
+  EXPECT_EQ(get(path, "Last-Event-ID: x\r\n").code(), "bad-request");
+  EXPECT_EQ(get("/v1/jobs/j-0/events").code(), "not-found");
+}
+
+TEST_F(JobsApi, a_list_is_read_page_by_page) {
+  std::vector<std::string> ids;
+  for (int i = 0; i < 5; ++i) ids.insert(ids.begin(), submit());
+  std::vector<std::string> seen;
+  std::string after;
+  int pages = 0;
+  do {
+    const auto page = json(get("/v1/jobs?state=queued&limit=2&after=" + after));
+    for (const auto& job : page["jobs"]) {
+      seen.push_back(job.value("id", ""));
+      EXPECT_EQ(job["queue_position"], 6 - static_cast<int>(seen.size()));
+    }
+    after = page.value("next", "");
+    ++pages;
+  } while (!after.empty());
+  EXPECT_EQ(seen, ids);
+  EXPECT_EQ(pages, 3);
+  const HttpAnswer refused = get("/v1/jobs?after=j-0");
+  EXPECT_EQ(refused.status, 400);
+  EXPECT_EQ(refused.code(), "invalid-option");
+  EXPECT_EQ(json(refused)["expected"], "the id of a job that is there");
+  EXPECT_EQ(json(get("/v1/jobs?other=1"))["expected"], "limit, after, state");
+}
+
+TEST_F(JobsApi, assets_are_read_page_by_page_and_of_one_time_by_id) {
+  std::set<std::string> ids;
+  for (int i = 0; i < 5; ++i) ids.insert(post_asset("mesh " + std::to_string(i)));
+  std::vector<std::string> seen;
+  std::string after;
+  do {
+    const auto page = json(get("/v1/assets?limit=2&after=" + after));
+    for (const auto& asset : page["assets"]) seen.push_back(asset.value("id", ""));
+    after = page.value("next", "");
+  } while (!after.empty());
+  EXPECT_EQ(seen.size(), 5u);
+  EXPECT_EQ(std::set(seen.begin(), seen.end()), ids);
+  for (const char* cursor : {"x", "1", "1.2", "-1.a.b"}) {
+    EXPECT_EQ(get("/v1/assets?after=" + std::string(cursor)).code(), "invalid-option") << cursor;
+  }
+}
+
+TEST_F(JobsApi, long_texts_of_a_job_are_left_to_its_own_page) {
+  std::string times = "0";
+  for (int i = 1; i < 4096; ++i) times += "," + std::to_string(i) + ".5";
+  const HttpAnswer sent = request("POST", "/v1/jobs", "",
+                                  R"({"kind":"voxelize","asset":")" + post_asset() +
+                                      R"(","options":{"animation":0,"times":[)" + times + "]}}");
+  ASSERT_EQ(sent.status, 202) << sent.body;
+  const auto row = json(get("/v1/jobs"))["jobs"][0];
+  EXPECT_EQ(row["left_out"], std::vector<std::string>{"options"});
+  EXPECT_FALSE(row.contains("options"));
+  EXPECT_LT(row.dump().size(), 2000u);
+  const HttpAnswer whole = get(sent.header("location"));
+  EXPECT_EQ(json(whole)["options"]["times"], times);
+  EXPECT_EQ(whole.header("etag"), sent.header("etag"));
+  EXPECT_EQ(json(sent)["options"]["times"], times);
+}
+
+}  // namespace
+}  // namespace voxeld::api

@@ -1,0 +1,107 @@
+// A tenant's limits over HTTP.
+#include <string>
+
+#include "server/jobs/key_file.h"
+#include "tests/unit/api/api_server_fixture.h"
+
+namespace voxeld::api {
+namespace {
+
+class LimitsTest : public ServerTest {
+ protected:
+  // A line of a request's head.
+  std::string add(const std::string& tenant, const TenantLimits& limits) {
+    const KeySecret secret = make_key_secret();
+    EXPECT_TRUE(change_keys(dir_.path() / "data", [&](KeyList& keys) -> Status {
+      ApiKey key;
+      key.id = secret.id;
+      key.tenant = tenant;
+      key.secret_hash = secret.hash();
+      key.limits = limits;
+      keys.push_back(key);
+      return {};
+    }));
+    return "Authorization: Bearer " + secret.text() + "\r\n";
+  }
+  static TenantLimits bytes(int64_t most) {
+    TenantLimits limits;
+    limits.bytes = most;
+    return limits;
+  }
+};
+
+TEST_F(LimitsTest, who_asks_too_often_is_told_when_to_come_back) {
+  TenantLimits limits;
+  limits.requests_per_minute = 60;
+  const std::string lab = add("lab", limits), studio = add("studio", {});
+  const HttpAnswer first = get("/v1/jobs", lab);
+  EXPECT_EQ(first.status, 200);
+  EXPECT_EQ(first.header("ratelimit-policy"), "\"requests\";q=2;w=2");
+  EXPECT_EQ(first.header("ratelimit"), "\"requests\";r=1;t=1");
+  EXPECT_EQ(first.header("retry-after"), "");
+  HttpAnswer refused = get("/v1/jobs", lab);
+  for (int i = 0; i < 3 && refused.status == 200; ++i) refused = get("/v1/jobs", lab);
+  EXPECT_EQ(refused.status, 429);
+  EXPECT_EQ(refused.code(), "too-many-requests");
+  EXPECT_EQ(refused.header("retry-after"), "1");
+  EXPECT_NE(refused.body.find("at most 1/s"), std::string::npos);
+  const HttpAnswer other = get("/v1/jobs", studio);
+  EXPECT_EQ(other.status, 200);
+  EXPECT_EQ(other.header("ratelimit"), "");
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(admin("/livez").status, 200);
+}
+
+TEST_F(LimitsTest, an_upload_over_the_quota_is_refused_before_its_body) {
+  const std::string lab = add("lab", bytes(100'000));
+  EXPECT_EQ(request("POST", "/v1/assets", lab, std::string(70'000, 'x')).status, 201);
+  for (const auto& [length, status] : {std::pair{"30001", 507}, std::pair{"100001", 413}}) {
+    HttpClient client(server_->port());
+    ASSERT_TRUE(client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nContent-Length: " +
+                            std::string(length) + "\r\n" + lab + "\r\n"));  // and no body
+    const auto answer = client.receive();
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(answer->status, status);
+    EXPECT_EQ(answer->code(), status == 507 ? "quota-exceeded" : "payload-too-large");
+    EXPECT_NE(answer->body.find("beside 70000 used"), std::string::npos) << answer->body;
+  }
+  EXPECT_EQ(request("POST", "/v1/assets", lab, std::string(30'000, 'y')).status, 201);
+}
+
+TEST_F(LimitsTest, a_chunked_upload_is_refused_when_it_gets_too_long) {
+  const std::string lab = add("lab", bytes(10));
+  EXPECT_EQ(request("POST", "/v1/assets", lab, "1234567").status, 201);
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n" +
+                          lab + "\r\n3\r\nabc\r\n5\r\ndefgh\r\n"));
+  const auto answer = client.receive();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 507);
+  EXPECT_EQ(answer->code(), "quota-exceeded");
+}
+
+TEST_F(LimitsTest, a_tenant_is_told_its_limits_and_what_it_uses) {
+  TenantLimits limits = bytes(1000);
+  limits.queued_jobs = 1;
+  limits.cells = 5;
+  const std::string lab = add("lab", limits);
+  const std::string asset = json(request("POST", "/v1/assets", lab, "1234567")).value("id", "");
+  const std::string job = R"({"kind":"voxelize","asset":")" + asset + R"("})";
+  EXPECT_EQ(request("POST", "/v1/jobs", lab, job).status, 202);
+  const HttpAnswer full =
+      request("POST", "/v1/jobs", lab,
+              R"({"kind":"voxelize","asset":")" + asset + R"(","options":{"size":9}})");
+  EXPECT_EQ(full.status, 429);
+  EXPECT_EQ(full.code(), "too-many-requests");
+  EXPECT_NE(full.header("retry-after"), "");
+  const nlohmann::json me = json(get("/v1/me", lab));
+  EXPECT_EQ(me["tenant"], "lab");
+  EXPECT_EQ(me["admin"], false);
+  EXPECT_TRUE(me["limits"]["requests_per_minute"].is_null());
+  EXPECT_EQ(me["limits"]["bytes"], 1000);
+  EXPECT_EQ(me["limits"]["cells"], 5);
+  EXPECT_EQ(me["usage"]["bytes"], 7);
+  EXPECT_EQ(me["usage"]["queued_jobs"], 1);
+}
+
+}  // namespace
+}  // namespace voxeld::api

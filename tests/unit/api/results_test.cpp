@@ -1,0 +1,148 @@
+// The bytes of finished jobs: whole, in parts, and when the client has them already.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "server/base/file.h"
+#include "tests/unit/api/api_server_fixture.h"
+
+namespace voxeld::api {
+namespace {
+
+const std::string kResult = "0123456789abcdefghij";
+
+class ResultsTest : public ServerTest {
+ protected:
+  void SetUp() override {
+    ServerTest::SetUp();
+    job_ = finished_job(kResult);
+    result_ = job_ + "/result";
+  }
+  std::string job_, result_;
+};
+
+TEST_F(ResultsTest, a_result_comes_with_what_made_it) {
+  const HttpAnswer answer = get(result_);
+  EXPECT_EQ(answer.status, 200);
+  EXPECT_EQ(answer.body, kResult);
+  EXPECT_EQ(answer.header("content-type"), "application/x-npy");
+  EXPECT_EQ(answer.header("content-disposition"), "inline; filename=\"result.npy\"");
+  EXPECT_EQ("/v1/jobs/" + answer.header("x-voxeld-job"), job_);
+  EXPECT_EQ("\"" + answer.header("x-voxeld-grid") + "\"", answer.header("etag"));
+  EXPECT_EQ(answer.header("x-voxeld-meta"), R"({"voxel_count":7})");
+  EXPECT_EQ(answer.header("x-voxeld-warnings"), "missing-texture");
+  EXPECT_NE(answer.header("server-timing").find("parse;dur=1.500, voxelize;dur=2.500"),
+            std::string::npos)
+      << answer.header("server-timing");
+  EXPECT_EQ(answer.header("cache-status"), "voxeld; fwd=miss");
+}
+
+TEST_F(ResultsTest, head_tells_the_length_of_a_result) {
+  const HttpAnswer answer = request("HEAD", result_);
+  EXPECT_EQ(answer.status, 200);
+  EXPECT_EQ(answer.header("content-length"), std::to_string(kResult.size()));
+}
+
+TEST_F(ResultsTest, ranges_are_parts_of_the_result) {
+  const HttpAnswer part = get(result_, "Range: bytes=10-12\r\n");
+  EXPECT_EQ(part.status, 206);
+  EXPECT_EQ(part.body, "abc");
+  EXPECT_EQ(part.header("content-range"), "bytes 10-12/20");
+  EXPECT_EQ(part.header("content-length"), "3");
+  EXPECT_EQ(part.header("content-type"), "application/x-npy");
+  EXPECT_EQ(get(result_, "Range: bytes=-3\r\n").body, "hij");
+  EXPECT_EQ(get(result_, "Range: bytes=18-99\r\n").body, "ij");
+}
+
+TEST_F(ResultsTest, a_range_outside_is_not_satisfiable) {
+  const HttpAnswer answer = get(result_, "Range: bytes=20-\r\n");
+  EXPECT_EQ(answer.status, 416);
+  EXPECT_EQ(answer.code(), "range-not-satisfiable");
+  EXPECT_EQ(answer.header("content-range"), "bytes */20");
+}
+
+TEST_F(ResultsTest, a_download_goes_on_only_with_the_same_content) {
+  const std::string etag = get(result_).header("etag");
+  const std::string range = "Range: bytes=10-\r\nIf-Range: ";
+  EXPECT_EQ(get(result_, range + etag + "\r\n").body, "abcdefghij");
+  EXPECT_EQ(get(result_, range + "\"other\"\r\n").body, kResult);
+}
+
+TEST_F(ResultsTest, a_client_that_has_the_result_gets_304_and_no_bytes) {
+  const std::string etag = get(result_).header("etag");
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(result_, "If-None-Match: " + etag + "\r\n"));
+  const auto answer = client.receive(/*has_body=*/false);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 304);
+  EXPECT_EQ(answer->header("etag"), etag);
+  EXPECT_EQ(answer->header("content-length"), "");
+  ASSERT_TRUE(client.send_get(result_, "If-None-Match: \"other\"\r\n"));
+  EXPECT_EQ(client.receive()->body, kResult);
+}
+
+TEST_F(ResultsTest, a_format_that_is_not_known_is_an_invalid_option) {
+  const HttpAnswer answer = get(result_ + "?format=stl");
+  EXPECT_EQ(answer.status, 400);
+  EXPECT_EQ(answer.code(), "invalid-option");
+}
+
+TEST_F(ResultsTest, a_type_that_no_format_has_is_not_acceptable) {
+  const HttpAnswer answer = get(result_, "Accept: text/html\r\n");
+  EXPECT_EQ(answer.status, 406);
+  EXPECT_EQ(answer.code(), "not-acceptable");
+  EXPECT_EQ(answer.detail(), "Accept names no format of this result");
+}
+
+TEST_F(ResultsTest, equal_work_is_answered_from_the_cache) {
+  const HttpAnswer again = post_job();
+  EXPECT_EQ(again.status, 200);
+  EXPECT_EQ(json(again).value("cached", false), true);
+}
+
+TEST_F(ResultsTest, a_result_that_vanished_from_the_store_is_gone) {
+  const std::string blob = get(result_).header("x-voxeld-grid");
+  ASSERT_TRUE(blobs().remove(blob));
+  EXPECT_EQ(get(result_).code(), "gone");
+}
+
+TEST_F(ResultsTest, a_grid_that_is_no_container_is_told_so_and_its_bytes_still_come) {
+  const std::string grid = "/v1/grids/" + get(result_).header("x-voxeld-grid");
+  const HttpAnswer answer = get(grid, "Range: bytes=0-3\r\n");
+  EXPECT_EQ(answer.status, 206);
+  EXPECT_EQ(answer.body, "0123");
+  EXPECT_EQ(get(grid + "/tiles").status / 100, 4);
+  EXPECT_EQ(get(grid + "/tiles/0").status / 100, 4);
+  EXPECT_EQ(get("/v1/grids/sha256-0/tiles").code(), "not-found");
+}
+
+class UnfinishedTest : public ServerTest {};
+
+TEST_F(UnfinishedTest, the_result_of_a_job_that_waits_is_a_conflict) {
+  const HttpAnswer answer = get("/v1/jobs/" + submit() + "/result");
+  EXPECT_EQ(answer.status, 409);
+  EXPECT_EQ(answer.code(), "conflict");
+}
+
+TEST_F(UnfinishedTest, the_result_of_a_cancelled_job_is_its_problem) {
+  const std::string path = "/v1/jobs/" + submit();
+  EXPECT_EQ(request("DELETE", path).status, 200);
+  const HttpAnswer answer = get(path + "/result");
+  EXPECT_EQ(answer.status, 409);
+  EXPECT_EQ(answer.code(), "cancelled");
+}
+
+TEST_F(UnfinishedTest, the_result_of_a_failed_job_is_its_problem) {
+  const std::string path = "/v1/jobs/" + submit();
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  ASSERT_TRUE(worker.fail(*task, {ErrorCode::kMalformedMesh, "bunny.ply line 3", "a", "b"}));
+  const HttpAnswer answer = get(path + "/result");
+  EXPECT_EQ(answer.status, 422);
+  EXPECT_EQ(answer.code(), "malformed-mesh");
+  EXPECT_EQ(answer.detail(), "bunny.ply line 3");
+}
+
+}  // namespace
+}  // namespace voxeld::api
