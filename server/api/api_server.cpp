@@ -34,10 +34,10 @@ class HttpApiServer final : public ApiServer {
         guard_(config.origins, config.listen),
         admin_guard_(config.origins, config.admin_listen),
         access_(keys, secrets),
-        api_{jobs, access_, config_, WaitLimit(config.connections_max)},
+        api_{jobs, access_, WaitLimit(config.connections_max)},
         metrics_(registry),
         process_metrics_(registry),
-        router_(public_routes(api_)),
+        router_(public_routes(api_, config.upload_bytes_max)),
         admin_router_(admin_routes(jobs, keys, registry, [this] { refresh_metrics(); })) {}
   ~HttpApiServer() override { (void)stop(0); }
 

@@ -63,7 +63,10 @@ Reply Router::dispatch(Request& request) const {
     const Route& route = routes_[i];
     if (!matches(segments_[i], path, &request.path_parameters)) continue;
     request.route = route.path;
-    if (takes(route, method)) return route.handler(request);
+    if (takes(route, method)) {
+      request.body_bytes_max = route.body.bytes_max;
+      return route.handler(request);
+    }
     allowed.push_back(route.method);
     if (route.method == "GET") allowed.emplace_back("HEAD");
   }

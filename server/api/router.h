@@ -2,6 +2,7 @@
 // it takes.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -25,11 +26,16 @@ enum class Work {
   kNew,
 };
 
-// The body that a request brings.
 enum class BodyKind {
   kNone,
-  kJson,    // application/json of at most limits::kJsonBodyBytesMax
-  kUpload,  // a file of at most --upload-bytes-max
+  kJson,    // application/json
+  kUpload,  // a file
+};
+
+// The body that a request brings; more bytes are payload-too-large.
+struct BodyRule {
+  BodyKind kind = BodyKind::kNone;
+  int64_t bytes_max = 0;
 };
 
 using RouteHandler = std::function<Reply(Request&)>;
@@ -38,7 +44,7 @@ struct Route {
   std::string method, path;  // path of openapi.yaml: "/v1/jobs/{id}"
   RouteHandler handler;
   Work work = Work::kNone;
-  BodyKind body = BodyKind::kNone;
+  BodyRule body = {};
   Audience audience = Audience::kTenants;
 };
 
@@ -52,8 +58,8 @@ class Router {
   // The route of a request, HEAD by GET; null if there is none. Segments are compared one by one,
   // "{}" matches any one that is not empty; there are no regular expressions.
   const Route* find(const Head& head) const;
-  // Runs the handler of the request's route and sets `route` and `path_parameters`. Responds to
-  // OPTIONS with Allow, and to unknown paths and methods with 404 and 405.
+  // Runs the handler of the request's route; sets `route`, `path_parameters` and `body_bytes_max`.
+  // Responds to OPTIONS with Allow, and to unknown paths and methods with 404 and 405.
   Reply dispatch(Request& request) const;
   const std::vector<Route>& routes() const { return routes_; }
 

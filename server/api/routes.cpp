@@ -4,27 +4,27 @@
 
 namespace voxeld::api {
 
-std::vector<Route> public_routes(Api& api) {
+std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max) {
   const auto on = [&api](Reply (*handler)(Request&, Api&)) {
     return [&api, handler](Request& request) { return handler(request, api); };
   };
-  constexpr auto kJson = BodyKind::kJson;
-  constexpr auto kUpload = BodyKind::kUpload;
-  constexpr auto kNoBody = BodyKind::kNone;
+  const BodyRule no_body;
+  const BodyRule json{BodyKind::kJson, limits::kJsonBodyBytesMax};
+  const BodyRule upload{BodyKind::kUpload, upload_bytes_max};
   constexpr auto kMayStart = Work::kMayStart;
   constexpr auto kNew = Work::kNew;
   constexpr auto kAnyone = Audience::kAnyone;
   // clang-format off
   return {
-      {"GET", "/", on(get_index), Work::kNone, kNoBody, kAnyone},
-      {"GET", "/openapi.json", on(get_openapi), Work::kNone, kNoBody, kAnyone},
-      {"POST", "/v1/voxelize", on(voxelize), kNew, kUpload},
-      {"POST", "/v1/render", on(render), kNew, kUpload},
-      {"POST", "/v1/assets", on(post_asset), kNew, kUpload},
+      {"GET", "/", on(get_index), Work::kNone, no_body, kAnyone},
+      {"GET", "/openapi.json", on(get_openapi), Work::kNone, no_body, kAnyone},
+      {"POST", "/v1/voxelize", on(voxelize), kNew, upload},
+      {"POST", "/v1/render", on(render), kNew, upload},
+      {"POST", "/v1/assets", on(post_asset), kNew, upload},
       {"GET", "/v1/assets", on(list_assets)},
       {"GET", "/v1/assets/{id}", on(get_asset), kMayStart},
       {"DELETE", "/v1/assets/{id}", on(delete_asset)},
-      {"POST", "/v1/jobs", on(post_job), kNew, kJson},
+      {"POST", "/v1/jobs", on(post_job), kNew, json},
       {"GET", "/v1/jobs", on(list_jobs)},
       {"GET", "/v1/jobs/{id}", on(get_job)},
       {"DELETE", "/v1/jobs/{id}", on(cancel_job)},

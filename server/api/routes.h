@@ -8,7 +8,7 @@
 
 namespace voxeld::api {
 
-// In the order of openapi.yaml, which a test compares them with. `api` must outlive them.
-std::vector<Route> public_routes(Api& api);
+// A test compares them with openapi.yaml. `api` must outlive them.
+std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max);
 
 }  // namespace voxeld::api

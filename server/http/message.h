@@ -75,6 +75,7 @@ struct Request {
   std::string key_id;             // API key of the request; empty if none is needed
   std::optional<RateState> rate;  // set if the tenant's requests are limited
   bool is_negotiated = false;     // Accept has chosen among formats
+  int64_t body_bytes_max = 0;     // of the route
   // Resumes this request's Wait or PieceBody from any thread.
   std::shared_ptr<Waker> waker;
 

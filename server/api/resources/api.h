@@ -8,7 +8,6 @@
 
 #include "proto/job.h"
 #include "server/api/access.h"
-#include "server/api/api_server.h"
 #include "server/api/http_types.h"
 #include "server/api/wait_limit.h"
 #include "server/jobs/job_service.h"
@@ -18,7 +17,6 @@ namespace voxeld::api {
 struct Api {
   JobService& jobs;
   const Access& access;
-  const ApiServerConfig& config;
   WaitLimit waits;
   std::atomic<int> event_streams{0};
   // The server drains: event streams end, and long polls are answered at once.

@@ -110,7 +110,7 @@ Reply post_job(Request& request, Api& api) {
   if (const Status known = check_media_type(request); !known) {
     return problem(request, known.error());
   }
-  return TextBody{limits::kJsonBodyBytesMax, [&api](Request& asking, const std::string& text) {
+  return TextBody{request.body_bytes_max, [&api](Request& asking, const std::string& text) {
                     return submit_job(asking, api, text);
                   }};
 }

@@ -125,14 +125,14 @@ Result<Asset> put_bundle(const Request& request, Api& api, Announced& announced,
   return api.jobs.put_bundle(request.caller, blob, announced.filename, files);
 }
 
-Reply receive_bundle(Api& api, Announced announced, Then then) {
-  const int64_t bytes_max = std::min(api.config.upload_bytes_max, limits::kJsonBodyBytesMax);
+Reply receive_bundle(const Request& request, Api& api, Announced announced, Then then) {
+  const int64_t bytes_max = std::min(request.body_bytes_max, limits::kJsonBodyBytesMax);
   auto shared = std::make_shared<Announced>(std::move(announced));
-  return TextBody{
-      bytes_max, [&api, shared, then = std::move(then)](Request& request, const std::string& text) {
-        const auto asset = put_bundle(request, api, *shared, text);
-        return registered(request, std::move(*shared), asset, then);
-      }};
+  return TextBody{bytes_max,
+                  [&api, shared, then = std::move(then)](Request& asking, const std::string& text) {
+                    const auto asset = put_bundle(asking, api, *shared, text);
+                    return registered(asking, std::move(*shared), asset, then);
+                  }};
 }
 
 // Writes a file into the store.
@@ -178,7 +178,7 @@ class FileSink final : public BodySink {
 };
 
 Result<Reply> receive_file(const Request& request, Api& api, Announced announced, Then then) {
-  const int64_t bytes_max = api.config.upload_bytes_max;
+  const int64_t bytes_max = request.body_bytes_max;
   // A body over the limit of all uploads is refused as that, whatever the caller's quota.
   const bool is_plain = request.head.coding == http::ContentCoding::kNone;
   const int64_t asked = is_plain ? std::min(request.head.content_length.value_or(0), bytes_max) : 0;
@@ -200,7 +200,8 @@ Result<Reply> receive(Request& request, Api& api, Then then) {
     VOXELD_TRY(check_media_type(type));
   }
   VOXELD_ASSIGN(announced.place, api.waits.take(request.caller.tenant()));
-  if (type == kBundleMediaType) return receive_bundle(api, std::move(announced), std::move(then));
+  if (type == kBundleMediaType)
+    return receive_bundle(request, api, std::move(announced), std::move(then));
   announced.filename = name_with_format(std::move(announced.filename), type);
   return receive_file(request, api, std::move(announced), std::move(then));
 }

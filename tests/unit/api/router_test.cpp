@@ -99,7 +99,7 @@ TEST(Router, a_path_of_8_kilobytes_is_looked_up_like_any_other) {
 struct Table : public ::testing::Test {
   // No handler is called, so that none needs the API.
   alignas(Api) std::array<std::byte, sizeof(Api)> storage{};
-  const std::vector<Route> routes = public_routes(reinterpret_cast<Api&>(storage));
+  const std::vector<Route> routes = public_routes(reinterpret_cast<Api&>(storage), 1000);
   const nlohmann::json document = nlohmann::json::parse(openapi_json());
 
   const nlohmann::json& operation(const Route& route) const {
@@ -142,11 +142,12 @@ TEST_F(Table, takes_the_bodies_of_openapi_yaml) {
   for (const Route& route : routes) {
     const auto& documented = operation(route);
     const bool has_body = documented.contains("requestBody");
-    EXPECT_EQ(route.body != BodyKind::kNone, has_body) << route.method << " " << route.path;
+    EXPECT_EQ(route.body.kind != BodyKind::kNone, has_body) << route.method << " " << route.path;
+    EXPECT_EQ(route.body.bytes_max > 0, has_body) << route.path;
     if (!has_body) continue;
     const auto& content = resolved(documented.at("requestBody")).at("content");
     const bool is_json = content.size() == 1 && content.contains("application/json");
-    EXPECT_EQ(route.body == BodyKind::kJson, is_json) << route.path;
+    EXPECT_EQ(route.body.kind == BodyKind::kJson, is_json) << route.path;
   }
 }
 
