@@ -5,7 +5,7 @@
 namespace voxeld {
 namespace {
 
-// The sort key of a column's crossings. A column has few, so they are sorted by insertion.
+// The sort key of a column's crossings. Most columns have few, for which insertion is fastest.
 uint32_t height_key(Crossing c) {
   return c >> 16 & 0x7fffu;
 }
