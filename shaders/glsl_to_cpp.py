@@ -86,9 +86,9 @@ def translate(text):
     text = re.sub(r"layout\s*\([^)]*\)\s*out\s+(\w+)\s+(\w+)\s*;", r"\1 \2{};", text)
     text = re.sub(r"\b(?:inout|out)\s+(\w+)\s+(\w+)", r"\1& \2", text)
     text = re.sub(r"([(,]\s*)in\s+(\w+)\s+(\w+)", r"\1\2 \3", text)
-    # Members of a struct need no prototypes.
+    # Prototypes are removed, because members of a struct need none.
     text = re.sub(r"^\w+ \w+\([^()]*\);\n", "", text, flags=re.M)
-    # Constants of the file; those of functions are indented.
+    # Constants at file scope become static members. Those of functions are indented and stay.
     text = re.sub(r"^const\s+(\w+)\s+(\w+)\s*=", r"static inline const \1 \2 =", text, flags=re.M)
     text = re.sub(r"(?<![\w.])(\d+\.\d*(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+|\.\d+)(?![\w.])", r"\1f",
                   text)
@@ -97,7 +97,7 @@ def translate(text):
 
 def struct_text(entry, name):
     text = translate(without_comments(resolve(entry, set())))
-    # Bindings first, so that they can be given by name and the rest have their defaults.
+    # Bindings come first, so that they can be given by name and the rest keep their defaults.
     binding = re.compile(r"^const \w+[&*] ?\w+;\n?", flags=re.M)
     structs = re.compile(r"^struct \w+ \{.*?^\};\n?", flags=re.M | re.S)
     defines = re.compile(r"^#define .*\n?", flags=re.M)

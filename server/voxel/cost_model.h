@@ -10,9 +10,8 @@ namespace voxeld {
 
 // The quantities of a request that decide how long a pipeline takes.
 struct Workload {
-  double tiles = 0;  // tiles that triangles reach
-  // after clipping; one triangle counts once for each tile that its box reaches
-  double triangles = 0;
+  double tiles = 0;      // tiles that triangles reach
+  double triangles = 0;  // after clipping; counted once for each tile that its box reaches
   // Columns that triangles' boxes cover: for each triangle the product of the two longest of
   // (extent in voxels + 1). A triangle smaller than a voxel counts a little over 1.
   double columns = 0;

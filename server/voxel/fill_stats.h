@@ -10,7 +10,7 @@
 namespace voxeld {
 
 struct FillStats {
-  // the rule that was used; kAuto only for its mixture of rules, see `reason`
+  // The rule that was used. It is kAuto only for that rule's mixture, see `reason`.
   Sign sign = Sign::kAuto;
   std::string reason;  // why `auto` chose it, or "asked for"
   // Edges at which the snapped mesh does not close; set only for sign auto and winding.

@@ -23,16 +23,16 @@
 #define BATCH_SMALL 5      // uvec2 per work item for 32-bit integers; layout below
 #define BATCH_LARGE 6      // uvec2 per work item for wider ones
 #define BATCH_COUNTS 7     // BatchCounts
-// Of batch_touch instead of BATCH_SMALL and BATCH_LARGE.
+// Binding of batch_touch, in place of BATCH_SMALL and BATCH_LARGE.
 #define BATCH_ITEMS 5
-// Of the brick passes, beside BATCH_MASKS and BATCH_COUNTS.
+// Bindings of the brick passes, besides BATCH_MASKS and BATCH_COUNTS.
 #define BATCH_BRICK_BITS 0  // uint per 32 bricks of a slot: occupied ones
 #define BATCH_BRICK_RANKS \
   1                      // uint per 32 bricks of a slot: occupied bricks of the slot before them
 #define BATCH_TILES 2    // BatchTile per slot
 #define BATCH_MORTONS 3  // uint per occupied brick, ascending within a tile
 #define BATCH_BRICKS 5   // 16 uints per occupied brick
-// Of the octree passes, beside BATCH_MASKS.
+// Bindings of the octree passes, besides BATCH_MASKS.
 #define OCTREE_BRICKS 0  // uint per brick of a slot; layout below
 #define OCTREE_PLACES 1  // uvec2 per brick of a slot: bytes where its nodes of 4 and 2 cells begin
 #define OCTREE_TILES 2   // OctreeTile per slot
@@ -41,8 +41,8 @@
 // Uniform buffer.
 #define BATCH_PARAMS 0
 
-// What octree_bricks says of a brick: any voxel, all voxels, how many nodes of 4 and of 2 cells
-// with voxels its stream has, and its byte.
+// The summary of a brick by octree_bricks: any voxel, all voxels, the number of nodes of 4 and of 2
+// cells with voxels in its stream, and its byte.
 #define OCTREE_ANY 1u
 #define OCTREE_FULL 2u
 #define OCTREE_NODES4_SHIFT 2
@@ -57,7 +57,7 @@
 #define BATCH_TILE_BRICKS 32768
 #define BATCH_TILE_BRICK_WORDS 1024
 #define BATCH_SCAN_SIZE 256  // invocations of batch_scan, which takes a tile in one group
-// More groups than this in x are folded into y; OpenGL has 65,535 on each axis.
+// More groups than this in x are folded into y, because OpenGL has 65,535 on each axis.
 #define BATCH_FOLD 32768
 
 // A work item: x = triangle; y as VOXELIZE_ITEM_... in voxelize.h, and the slot from here on.
@@ -78,7 +78,8 @@ struct BatchParams {
   ivec4 tiles[BATCH_SLOTS_MAX];  // xyz: the tile's first cell in the grid; w unused
 };
 
-// x, y, z: arguments of an indirect dispatch. The first two lines are reset for each window.
+// Counts of a batch; x, y, z are arguments of an indirect dispatch. The first two lines are reset
+// for each window.
 struct BatchCounts {
   uint small_count, small_x, small_y, small_z;
   uint large_count, large_x, large_y, large_z;

@@ -118,7 +118,9 @@ class SmallLines {
     set_up_plane(p[0]);
   }
 
-  // n| <= 2^24 and corners are within 17 cells of the first one. If a centre is inside, heights are at most 18 * 2^24; elsewhere they may wrap around. 512 times the constant has 35 bits, so it is kept as 512 * high + low.
+  // With |n| <= 2^24 and corners within 17 cells of the first one, heights are at most 18 * 2^24 if
+  // a centre is inside; elsewhere they may wrap around. 512 times the constant has 35 bits, so it
+  // is kept as 512 * high + low.
   void set_up_plane(const IntLanes (&p)[3]) {
     IntLanes high{}, low{};
     for (int c = 0; c < 3; ++c) {

@@ -11,7 +11,7 @@ namespace voxeld {
 namespace {
 
 constexpr uint8_t kAllParts = 64;
-// of a block of 64^3 cells, which is what one finer tile covers
+// Bricks of a block of 64^3 cells, which is what one finer tile covers.
 constexpr uint32_t kBlockBricks = 512;
 constexpr size_t kBrickCells = 512;
 static_assert(kCoverageParts * kCoverageParts * kCoverageParts == kAllParts);

@@ -107,7 +107,7 @@ class Flood {
   // A tile of the flood. Without touched cells it is reached as a whole and has no parts.
   struct Tile {
     bool reached = false;
-    // per brick: kFree, kReached, or an index into mixed
+    // One per brick: kFree, kReached, or an index into mixed.
     std::unique_ptr<std::vector<int32_t>> places;
     std::vector<Mixed> mixed;
   };

@@ -11,7 +11,7 @@
 
 namespace voxeld {
 
-// along a side of a tile
+// Bricks along a side of a tile.
 inline constexpr int kTileBricks = limits::kTileSide / limits::kBrickSide;
 inline constexpr size_t kTileBrickCount = size_t{kTileBricks} * kTileBricks * kTileBricks;
 

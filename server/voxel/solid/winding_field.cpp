@@ -151,7 +151,7 @@ bool WindingField::add_change(const Triangle& triangle, const glm::dvec3& at, do
   const double area = 0.5 * glm::length(glm::cross(b - a, c - a));
   change.by_area +=
       area * half_diagonal / (2 * std::numbers::pi * to_triangle * to_triangle * to_triangle);
-  // > 0, because the edge is part of the triangle
+  // The rim is part of the triangle, so to_rim > 0.
   const double to_rim = distance_to_segment(a, b) - half_diagonal;
   change.by_rim += half_diagonal / (4 * std::numbers::pi) *
                    std::min(glm::length(b - a) / to_rim, std::numbers::pi) / to_rim;
