@@ -29,7 +29,7 @@
 #define SOLID_SLICES_HIGH 1
 
 #define SOLID_GROUP_SIZE 64       // invocations of a work group
-#define SOLID_TILE_CELLS 256      // to a side
+#define SOLID_TILE_CELLS 256      // along a side
 #define SOLID_TILE_COLUMNS 65536  // column = v * 256 + u
 #define SOLID_SLAB_CELLS 32       // cells along w that are counted at a time
 #define SOLID_COLUMN_WORDS 8      // of the bits of a column

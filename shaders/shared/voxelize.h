@@ -20,7 +20,7 @@
 #define VOXELIZE_TEXTURE 0
 
 #define VOXELIZE_GROUP_SIZE 64     // invocations of a work group
-#define VOXELIZE_TILE_CELLS 256    // to a side
+#define VOXELIZE_TILE_CELLS 256    // along a side
 #define VOXELIZE_BLOCK_COLUMNS 16  // the most columns along a side of a work item
 
 // A work item: x = triangle, y = its columns in the plane across the triangle's dominant axis.

@@ -1,11 +1,11 @@
-// Parameters, bindings and lists of the passes that find the occupied cells of a batch of tiles
-// with nothing prepared per triangle on the CPU, read by C++ and GLSL. The passes, in order:
+// Parameters, bindings and lists of the passes that find the occupied cells of a batch of tiles,
+// for C++ and GLSL. The CPU prepares nothing per triangle. The passes, in order:
 //   batch_classify  clears the masks; pairs of a triangle and a tile -> work items, in two lists
 //   batch_touch     work items -> bits of the masks; once for each list
 //   batch_bricks    masks -> which bricks are occupied
 //   batch_scan      -> how many are before each
 //   batch_gather    -> the occupied bricks alone
-// And the tiles' octrees, breadth first, as proto/grid_format.h has them:
+// Passes for the tiles' octrees, breadth first, in the format of proto/grid_format.h:
 //   octree_bricks   masks -> what each brick adds to the levels below it
 //   octree_levels   -> where each level and each brick begins, and the levels down to the bricks
 //   octree_leaves   -> the levels of 4 and of 2 cells
@@ -52,7 +52,7 @@
 #define BATCH_GROUP_SIZE 64       // invocations of a work group, and pairs of one
 #define BATCH_SLOTS_MAX 64        // tiles of a batch: 6 bits of a work item
 #define BATCH_CLEAR_VECTORS 1024  // uvec4 of the masks that one group of batch_classify clears
-#define BATCH_BLOCK_COLUMNS 8     // to a side of a work item: 64 columns of at most 257 cells
+#define BATCH_BLOCK_COLUMNS 8     // along a side of a work item: 64 columns of at most 257 cells
 #define BATCH_TILE_MASK_WORDS 524288
 #define BATCH_TILE_BRICKS 32768
 #define BATCH_TILE_BRICK_WORDS 1024
@@ -73,7 +73,7 @@ struct BatchParams {
   uint large_capacity;
   uint slot_count;
   uint brick_capacity;           // occupied bricks that fit, as with work items
-  uint has_full_nodes;           // octrees: 1 where voxels have no attributes
+  uint has_full_nodes;           // octrees: 1 if voxels have no attributes
   uint octree_words;             // octrees: words that fit
   ivec4 tiles[BATCH_SLOTS_MAX];  // xyz: the tile's first cell in the grid; w unused
 };
