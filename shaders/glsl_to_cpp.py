@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""Turns an entry point and the files that it includes into a C++ struct: one text of a pass for
-GL and for the CPU.
+"""Turns an entry point and the files that it includes into a C++ struct, so that GL and the CPU
+share one text of a pass.
 
     glsl_to_cpp.py ENTRY NAME OUTPUT
 
-OUTPUT is to be included inside a namespace that uses voxeld::glsl (shaders/glsl_float.h), once for
-each set of macros that the entry point knows. struct NAME is then one invocation: an aggregate
-whose first members are the blocks and buffers, in the order of the entry point, to be given by
-name; then gl_FragCoord, globals and outputs; main() runs it.
+OUTPUT must be included inside a namespace that uses voxeld::glsl (shaders/glsl_float.h), once for
+each set of macros that the entry point knows. struct NAME is then one invocation. Its first members
+are the blocks and buffers in the order of the entry point, which callers initialize by name. Then
+come gl_FragCoord, globals and outputs; main() runs the invocation.
 
-Understood is what the entry points need: uniform blocks with one struct, readonly buffers with one
-array, out variables, out and inout parameters, swizzles that are read, constructors of structs.
-Anything else that C++ spells otherwise does not compile, so nothing is translated wrongly in
-silence.
+The translator supports only what the entry points need: uniform blocks with one struct, readonly
+buffers with one array, out variables, out and inout parameters, swizzles that are read, and
+constructors of structs. Other GLSL that C++ spells differently does not compile, so nothing is
+silently translated wrongly.
 """
 import pathlib
 import re

@@ -20,7 +20,7 @@ shared uint sums2[BATCH_SCAN_SIZE];
 // Starts of the levels of 256, 128, ... 2 cells, then the end.
 shared uint level_first[9];
 
-const uint kBricks = 128u;  // of one invocation: two nodes of 32 cells
+const uint kBricks = 128u;  // bricks per invocation: two nodes of 32 cells
 
 bool bit_of(uint word, uint n) { return ((word >> (n & 31u)) & 1u) != 0u; }
 uint byte_of(uint word, uint n) { return (word >> (8u * (n & 3u))) & 255u; }

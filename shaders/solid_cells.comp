@@ -18,7 +18,7 @@ layout(std430, binding = SOLID_DISAGREE) buffer Disagree { uint disagree[]; };
 #endif
 
 const uint kRuns = 32768u;        // invocations of a tile
-const uint kBlockWords = 8192u;   // of 64^3 cells
+const uint kBlockWords = 8192u;   // words of a block of 64^3 cells
 
 // Spreads to every third bit.
 uint spread_bits(uint v) {

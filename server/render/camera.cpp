@@ -130,8 +130,8 @@ Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
 Footprint pixel_footprint(const PictureRays& rays, int width, int height,
                           const glm::dvec3& voxel_size) {
   const double longest = std::max(voxel_size.x, std::max(voxel_size.y, voxel_size.z));
-  // A point in the middle of the near plane or halfway to the far plane (in clip depth, because the
-  // far plane may be at infinity), and one a pixel away from it.
+  // A point of the image in the near plane, or halfway to the far plane. Halfway in clip depth,
+  // because the far plane may be at infinity.
   const auto at = [&](double depth, double x, double y) {
     const auto on = [&](const glm::dvec4(&plane)[3]) {
       return plane[0] + x * plane[1] + y * plane[2];

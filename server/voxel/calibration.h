@@ -41,8 +41,8 @@ struct CalibrationKey {
 
 struct PipelineCosts {
   Pipeline pipeline = Pipeline::kCpu;
-  CostModel occupancy;   // of grids without colours and normals
-  CostModel attributes;  // of grids with them
+  CostModel occupancy;   // for grids without colours and normals
+  CostModel attributes;  // for grids with colours or normals
 };
 
 struct DeviceCalibration {

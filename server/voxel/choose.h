@@ -15,7 +15,7 @@ namespace voxeld {
 struct PipelineDecision {
   Pipeline pipeline = Pipeline::kCpu;
   std::string reason;
-  std::optional<double> predicted_ms;  // of the passes; only from a calibration
+  std::optional<double> predicted_ms;  // time of the passes; only from a calibration
 };
 
 // The device and its calibration, or why it has none. A calibration that is not found and has an

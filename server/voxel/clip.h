@@ -10,7 +10,7 @@ namespace voxeld {
 
 struct ClipCorner {
   glm::dvec3 p_grid{0.0};
-  std::array<double, 3> weights{};  // of the original triangle's vertices; sum 1
+  std::array<double, 3> weights{};  // weights of the original triangle's vertices; sum 1
 };
 
 // A convex polygon; empty if count < 3.

@@ -21,7 +21,7 @@ struct SkinnedFrames {
   const SkinTable& table;
   size_t triangle_count = 0;
   Rule rule = Rule::kTouch;
-  Pipeline pipeline = Pipeline::kCompute;  // of the frames' surface
+  Pipeline pipeline = Pipeline::kCompute;  // makes the frames' surface
 };
 
 struct SkinFrame {

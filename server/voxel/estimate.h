@@ -50,9 +50,9 @@ int64_t mesh_bytes(const Scene& scene);
 // Bytes of a sparse result with all cells occupied: the upper bound of every result.
 int64_t dense_result_bytes(const GridSpec& spec, const WantedChannels& channels);
 
-// An upper estimate of the sparse result's bytes, at most those of the dense one. It assumes that a
-// triangle touches at most (a + 2)(b + 2) columns in its two longer directions, and in each of them
-// four cells, or as many as the triangle is deep.
+// An upper estimate of the sparse result's bytes, at most those of the dense one. A triangle is
+// taken to touch at most (a + 2)(b + 2) columns in its two longer directions. In each column it
+// touches four cells, or as many as the triangle is deep.
 int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
 
 // Bytes that fill=solid and shell need in addition to the surface, whose result_bytes() are

@@ -39,7 +39,7 @@ class TexelAxis {
 
   struct Pair {
     int first, second;  // texels
-    double fraction;    // of the second
+    double fraction;    // weight of the second texel
   };
   Pair at(double w0, double w1, double w2) const {
     const double t = w0 * corners_[0] + w1 * corners_[1] + w2 * corners_[2];

@@ -9,7 +9,7 @@ namespace voxeld {
 
 struct NearestPoint {
   double squared = 0;                 // squared distance, in the corners' unit squared
-  glm::ivec3 weights{1 << 24, 0, 0};  // of the corners, sum 2^24
+  glm::ivec3 weights{1 << 24, 0, 0};  // weights of the corners, sum 2^24
 };
 
 // The nearest point of a closed triangle, which may be a segment or a point, as README.md defines

@@ -17,7 +17,7 @@ constexpr size_t kVoxelGrain = 1 << 13;
 constexpr std::array<double, 3> kToLight = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0};
 constexpr double kAmbient = 0.2, kDiffuse = 0.8, kSpecular = 0.25;  // exponent 16
 
-// The weight of a surface as large as a cell's face, across its dominant axis: 16 lattice points.
+// The weight of a surface as large as a cell's face, across its dominant axis.
 constexpr uint64_t kFaceWeight = uint64_t{16} * 256;
 
 struct Unit {

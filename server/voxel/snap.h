@@ -25,7 +25,7 @@ int32_t snap_coordinate(double p_grid, int dim);
 
 struct SnappedTriangle {
   std::array<uint32_t, 3> vertices;  // indices into SnappedMesh::vertices, as in the file
-  uint32_t part;                     // of the scene
+  uint32_t part;                     // index in the scene
 };
 
 // A vertex that clipping or splitting made. Its attributes are the weighted means of the triangle's

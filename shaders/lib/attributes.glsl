@@ -13,12 +13,12 @@ struct AttributeTriangle {
   ivec2 edge0, edge1, edge2;
   int64_t edge_rest0, edge_rest1, edge_rest2;
   int slope_i, slope_j;        // 2^-24 cells per column
-  int64_t depth;               // of the plane at the corner of column (0, 0), 2^-24 cells
+  int64_t depth;               // depth of the plane at the corner of column (0, 0), 2^-24 cells
   ivec2 form1, form2;          // linear forms of corner 1's and corner 2's weight
   int64_t rest1, rest2;        // their constants, in 1/512 of a cell
   int64_t limit;               // the value at which a form gives weight 1
   int64_t reciprocal;          // floor(2^58 / limit)
-  ivec2 box_min, box_max;      // of the projection, 1/512 of a cell
+  ivec2 box_min, box_max;      // box of the projection, 1/512 of a cell
   uint factor;                 // factor of the area: 256 |n| / |n_dominant|
 };
 

@@ -23,7 +23,7 @@ struct TouchTriangle {
   ivec3 xy0, xy1, xy2;
   ivec3 yz0, yz1, yz2;       // the same over (j, k)
   ivec3 zx0, zx1, zx2;       // the same over (k, i)
-  TOUCH_INT3 normal;         // of the plane, normal.z >= 0; zero for degenerate triangles
+  TOUCH_INT3 normal;         // normal of the plane, normal.z >= 0; zero for degenerate triangles
   TOUCH_INT plane;           // s = normal.(i, j, k - base_z) + plane
   int base_z;                // lowest cell of the bounding box
   TOUCH_INT above, below;    // the plane meets the cell iff s + above >= 0 and s - below <= 0

@@ -14,7 +14,8 @@
 #define ATTRIBUTE_UVS 11        // per corner u, v: int, 2^-ATTRIBUTE_UV_BITS of the texture's side
 #define ATTRIBUTE_NORMALS 17    // per corner X | Y << 16 and Z: n * 32767 + 32768
 #define ATTRIBUTE_ALTITUDE 23   // the triangle's least altitude in the texture, see the README
-#define ATTRIBUTE_WEIGHT 24  // weight of a triangle within one cell; 0: points of the lattice count
+// Weight of a triangle within one cell; 0: the area in each cell counts.
+#define ATTRIBUTE_WEIGHT 24
 #define ATTRIBUTE_WORDS 25
 
 // Flags: bits 0..8 the area factor, 256 |n| / |n_dominant|, 0 for triangles without area;

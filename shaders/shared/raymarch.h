@@ -48,7 +48,7 @@
 
 // The largest share of the face in an estimated normal, at voxels of 8 pixels and more.
 #define RAYMARCH_FACE_SHARE 0.6f
-#define RAYMARCH_LIGHT_RADIUS 0.04f  // of the key light, as a fraction of its distance: 2.3 degrees
+#define RAYMARCH_LIGHT_RADIUS 0.04f  // radius as a fraction of the light's distance: 2.3 degrees
 #define RAYMARCH_OCCLUSION_RAYS 16   // per pixel, shared by its samples; at least 4 per sample
 #define RAYMARCH_SHADOW_RAYS 8       // per pixel, shared by its samples; at least 2 per sample
 // Steps after which a secondary ray counts as meeting nothing.

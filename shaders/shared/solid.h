@@ -32,7 +32,7 @@
 #define SOLID_TILE_CELLS 256      // along a side
 #define SOLID_TILE_COLUMNS 65536  // column = v * 256 + u
 #define SOLID_SLAB_CELLS 32       // cells along w that are counted at a time
-#define SOLID_COLUMN_WORDS 8      // of the bits of a column
+#define SOLID_COLUMN_WORDS 8      // words that hold the bits of a column
 
 // Bits of a tile: bit w & 31 of word (w >> 5) * SOLID_TILE_COLUMNS + column.
 // Counts of a slab: int (w & 31) * SOLID_TILE_COLUMNS + column.
@@ -65,7 +65,7 @@ struct SolidParams {
   int cell_last;
   int is_lowest;  // crossings below cell_first count as at cell_first
   uint carry_slot;
-  uint slab;           // of the tile
+  uint slab;           // number of the slab in the tile
   int has_thresholds;  // 0: all are 1
   uint padding0, padding1, padding2;
 };

@@ -84,8 +84,8 @@ struct BatchCounts {
   uint small_count, small_x, small_y, small_z;
   uint large_count, large_x, large_y, large_z;
   uint small_needed, large_needed;  // largest counts of all windows
-  uint item_count;                  // of all windows
-  uint brick_count;                 // of all tiles
+  uint item_count;                  // sum over all windows
+  uint brick_count;                 // sum over all tiles
 };
 
 struct BatchTile {

@@ -42,7 +42,7 @@ class CpuPipeline final : public TilePipeline {
   CpuAttributes attributes_;
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;
-  std::vector<uint32_t> mask_, word_offsets_;  // of the current tile
+  std::vector<uint32_t> mask_, word_offsets_;  // scratch of the current tile
 };
 
 }  // namespace voxeld

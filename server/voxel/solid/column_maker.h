@@ -66,7 +66,7 @@ class ColumnMaker {
   void apply_thresholds(const InsidePlan& plan, const glm::ivec3& tile, int brick_y, int brick_z,
                         const BrickRow* wanted, BrickRow& rows);
 
-  SweepZ parity_;                    // of the mesh, or of the changes of nonzero
+  SweepZ parity_;                    // sweeps the mesh, or the changes of nonzero
   std::unique_ptr<SweepZ> winding_;  // the state is: winding number of mesh and cones > 0
   std::unique_ptr<Axes> axes_;
   const SparseTile* surface_ = nullptr;  // the tile's surface, set only if the axes vote
@@ -74,7 +74,7 @@ class ColumnMaker {
   std::vector<Crossing> crossings_, changes_;
   TileCrossings parity_crossings_, winding_crossings_;
   ColumnWinding column_winding_;
-  Thresholds thresholds_;  // of the tile
+  Thresholds thresholds_;  // those of the tile
 };
 
 }  // namespace voxeld

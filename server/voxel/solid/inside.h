@@ -16,7 +16,7 @@ namespace voxeld {
 
 // The surface's cells, for statistics that count only cells beside the surface.
 struct SurfaceTiles {
-  std::span<const SparseTile> tiles;  // of the grid, in any order
+  std::span<const SparseTile> tiles;  // the grid's, in any order
 
   // nullptr if the tile has no surface.
   const SparseTile* find(const glm::ivec3& coord) const;

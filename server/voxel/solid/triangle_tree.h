@@ -69,7 +69,7 @@ class TriangleTree {
 };
 
 struct TriangleTree::Candidates {
-  std::vector<Boxes> boxes;         // of four triangles each
+  std::vector<Boxes> boxes;         // one per four triangles
   std::vector<uint32_t> triangles;  // in the same order
 };
 
