@@ -180,7 +180,7 @@ class EglBackend final : public Context {
   explicit EglBackend(const Egl& egl) : egl_(egl) {}
   ~EglBackend() override { close(); }
 
-  // Errors name what failed; the caller tries the next platform.
+  // The error names what failed; the caller then tries the next platform.
   Status open(const DeviceId& device, EGLDisplay display, std::string_view platform) {
     display_ = display;
     EGLint major = 0, minor = 0;
