@@ -24,8 +24,8 @@ layout(binding = VOXELIZE_TEXTURE) uniform usampler2D image;
 
 uint linear_from_srgb8(uint value) { return linear_from_srgb[value]; }
 uvec4 fetch_texel(ivec2 at, int level) { return texelFetch(image, at, level); }
-// Not textureSize(image, level): llvmpipe of Mesa 22.3.6 takes the level of the first invocation
-// for its whole SIMD group (seen as wrong texels on triangles of different levels).
+// textureSize(image, level) is avoided: llvmpipe of Mesa 22.3.6 takes the level of the first
+// invocation for its whole SIMD group (seen as wrong texels on triangles of different levels).
 ivec2 level_size(int level) { return max(textureSize(image, 0) >> level, ivec2(1)); }
 #endif
 

@@ -1,5 +1,5 @@
-// Third pass of a batch: a bit for each brick of the masks that has a voxel. One invocation per
-// brick, two words per group.
+// Third pass of a batch: sets a bit for each brick of the masks that has a voxel. One invocation
+// per brick, two words per group.
 #include "shared/voxelize_batch.h"
 
 layout(local_size_x = BATCH_GROUP_SIZE) in;

@@ -1,6 +1,6 @@
 // First pass of a batch: clears the masks, culls pairs of a triangle and a tile, and splits the
-// rest into work items of up to 8x8 columns, which go to the list of small triangles or to that of
-// large ones. Places in the lists are taken by one atomic operation for each group and list.
+// rest into work items of up to 8x8 columns. Items go to the list of small or of large triangles.
+// One atomic operation per group and list reserves their places.
 #include "shared/voxelize.h"
 #include "shared/voxelize_batch.h"
 #include "lib/touch.glsl"
@@ -17,7 +17,7 @@ layout(std430, binding = BATCH_LARGE) writeonly buffer Large { uvec2 large_items
 layout(std140, binding = BATCH_PARAMS) uniform Params { BatchParams params; };
 #include "lib/batch_vertex.glsl"
 
-// Of the group: items of each list, and where they go; pairs with more blocks than bits.
+// State of the group: items of each list, where they go, and pairs with more blocks than bits.
 shared uint small_items_of_group, large_items_of_group, small_base, large_base;
 shared uint wide_count;
 shared uint wide_pairs[BATCH_GROUP_SIZE];
@@ -30,7 +30,7 @@ struct Work {
   TouchTriangle t;
   ivec2 first, last;  // columns, inclusive
   ivec2 block_first;  // in blocks
-  ivec2 blocks;       // 0 where the triangle misses the tile
+  ivec2 blocks;       // 0 if the triangle misses the tile
 };
 
 Work work_of(uint triangle, uint slot) {
@@ -53,7 +53,7 @@ Work work_of(uint triangle, uint slot) {
   return work;
 }
 
-// Columns of block number n, inclusive: i, j of the first and of the last.
+// Columns of block n, inclusive: i, j of the first and of the last.
 ivec4 columns_of(Work work, int n) {
   ivec2 block = work.block_first + ivec2(n % work.blocks.x, n / work.blocks.x);
   ivec2 first = block * BATCH_BLOCK_COLUMNS;
@@ -64,7 +64,7 @@ bool edge_leaves(ivec3 edge, ivec4 c) {
   return edge.x * (edge.x > 0 ? c.z : c.x) + edge.y * (edge.y > 0 ? c.w : c.y) + edge.z >= 0;
 }
 
-// Conservative: work items are tested exactly.
+// A conservative test of a block; the exact test is per work item.
 bool may_touch(TouchTriangle t, ivec4 c) {
   if (!edge_leaves(t.xy0, c) || !edge_leaves(t.xy1, c) || !edge_leaves(t.xy2, c)) return false;
   if (touch_is_zero(t.normal.z)) return true;
@@ -96,7 +96,7 @@ void clear_masks(uint group) {
   }
 }
 
-// Blocks that may be touched, of at most 32.
+// The blocks that may be touched, of at most 32.
 uint blocks_of(Work work) {
   int count = work.blocks.x * work.blocks.y;
   if (count <= 1) return uint(count);
@@ -107,12 +107,12 @@ uint blocks_of(Work work) {
   return bits;
 }
 
-// The whole group takes one pair of many blocks.
+// Splits one pair of many blocks; the whole group works on it.
 void split_wide(uint pair, uint slot) {
   uint lane = gl_LocalInvocationIndex;
   Work work = work_of(pairs[pair], slot);
   int count = work.blocks.x * work.blocks.y;
-  // At most 1024 blocks: 16 for each invocation.
+  // There are at most 1024 blocks, 16 for each invocation.
   uint bits = 0u;
   for (int n = 0; n < 16; ++n) {
     int block = int(lane) + n * BATCH_GROUP_SIZE;

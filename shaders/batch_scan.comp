@@ -1,6 +1,6 @@
 // Fourth pass of a batch: one group per tile counts its occupied bricks before every word of brick
-// bits (a prefix sum; Hillis & Steele 1986 over the group) and takes their place among those of the
-// batch.
+// bits (a prefix sum; Hillis & Steele 1986 over the group). It then reserves their place among the
+// bricks of the batch.
 #include "shared/voxelize_batch.h"
 
 layout(local_size_x = BATCH_SCAN_SIZE) in;
@@ -11,7 +11,7 @@ layout(std430, binding = BATCH_COUNTS) buffer Counts { BatchCounts counts; };
 
 shared uint sums[BATCH_SCAN_SIZE];
 
-const uint kWords = uint(BATCH_TILE_BRICK_WORDS / BATCH_SCAN_SIZE);  // of one invocation
+const uint kWords = uint(BATCH_TILE_BRICK_WORDS / BATCH_SCAN_SIZE);  // words per invocation
 
 void main() {
   uint slot = gl_WorkGroupID.x;

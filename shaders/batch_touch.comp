@@ -1,7 +1,7 @@
-// Second pass of a batch, once for each list: one invocation per work item sets the bits of the
-// cells that a triangle occupies in a block of columns. BATCH_OF_LARGE takes the list of large
-// triangles; TOUCH_INT and TOUCH_INT3 choose the integers of the plane test (lib/touch_int.glsl).
-// RULE_THIN, RULE_CENTER: of the touched cells those that it occupies by that rule.
+// Second pass of a batch, run once for each list: one invocation per work item sets the bits of the
+// cells that a triangle occupies in a block of columns. BATCH_OF_LARGE selects the list of large
+// triangles. TOUCH_INT and TOUCH_INT3 are the integers of the plane test (lib/touch_int.glsl).
+// RULE_THIN, RULE_CENTER: only those touched cells that the triangle occupies by that rule.
 #include "shared/voxelize.h"
 #include "shared/voxelize_batch.h"
 #include "lib/touch.glsl"
@@ -10,7 +10,7 @@
 #if defined(RULE_THIN) || defined(RULE_CENTER)
 #define HAS_CROSSHAIR
 #include "lib/crosshair.glsl"
-Crosshair crosshair;  // of the triangle at hand
+Crosshair crosshair;  // of the current triangle
 #endif
 
 layout(local_size_x = BATCH_GROUP_SIZE) in;
@@ -22,11 +22,11 @@ layout(std430, binding = BATCH_COUNTS) readonly buffer Counts { BatchCounts coun
 layout(std140, binding = BATCH_PARAMS) uniform Params { BatchParams params; };
 #include "lib/batch_vertex.glsl"
 
-// Bits of two words are gathered and written once: a row of cells along a triangle mostly stays in
-// two, one above the other.
+// Bits of two words are gathered and written once. A row of cells along a triangle mostly stays
+// within two words, one above the other.
 uint word0 = 0u, bits0 = 0u, word1 = 0u, bits1 = 0u;
 int item_axis;
-uint mask_first;  // word
+uint mask_first;  // first word of the slot's mask
 
 void visit_cell(int i, int j, int k) {
 #ifdef HAS_CROSSHAIR

@@ -1,6 +1,6 @@
-# Two uses. Included: voxeld_embed_shaders(<target> files...) makes a library with the text of the
-# files. Run with cmake -P (OUTPUT, ROOT and FILES separated by commas): writes that library's
-# source file.
+# This file has two uses. If included, voxeld_embed_shaders(<target> files...) makes a library with
+# the text of the files. If run with cmake -P (OUTPUT, ROOT and FILES separated by commas), it
+# writes that library's source file.
 
 function(voxeld_embed_shaders target)
   set(output ${CMAKE_CURRENT_BINARY_DIR}/embedded.cpp)
@@ -18,7 +18,7 @@ function(voxeld_embed_shaders target)
 endfunction()
 
 if(CMAKE_SCRIPT_MODE_FILE)
-  # A raw string literal needs no escapes; its delimiter stands in no shader.
+  # A raw string literal needs no escapes. Its delimiter occurs in no shader.
   set(entries "")
   string(REPLACE "," ";" FILES "${FILES}")
   foreach(file IN LISTS FILES)

@@ -1,4 +1,4 @@
-// What GLSL has built in, for shader libraries that are compiled as C++.
+// GLSL built-ins for shader libraries that are compiled as C++.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ using glm::uint;
 using glm::uvec3;
 using std::int64_t;
 
-// The high word of a product; lib/touch_int.glsl has it for GLSL.
+// The high word of a product. For GLSL, lib/touch_int.glsl defines it.
 inline uint umul_high(uint a, uint b) {
   return static_cast<uint>(uint64_t{a} * b >> 32);
 }

@@ -1,5 +1,5 @@
-// What GLSL has built in for entry points that glsl_to_cpp.py turns into C++: besides glsl.h
-// vectors of floats, matrices, and swizzles, which are written value->*xyz there.
+// GLSL built-ins for entry points that glsl_to_cpp.py turns into C++. In addition to glsl.h these
+// are float vectors, matrices, and swizzles, which are written value->*xyz there.
 #pragma once
 
 #include <glm/exponential.hpp>
@@ -62,7 +62,7 @@ using glm::vec2;
 using glm::vec3;
 using glm::vec4;
 
-// Components of a vector, by their places.
+// A swizzle: the places of a vector's components.
 template <int... kPlaces>
 struct Swizzle {};
 

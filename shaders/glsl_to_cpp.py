@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""Turns an entry point and the files that it includes into a C++ struct: one text of a pass for
-GL and for the CPU.
+"""Turns an entry point and the files that it includes into a C++ struct, so that GL and the CPU
+share one text of a pass.
 
     glsl_to_cpp.py ENTRY NAME OUTPUT
 
-OUTPUT is to be included inside a namespace that uses voxeld::glsl (shaders/glsl_float.h), once for
-each set of macros that the entry point knows. struct NAME is then one invocation: an aggregate
-whose first members are the blocks and buffers, in the order of the entry point, to be given by
-name; then gl_FragCoord, globals and outputs; main() runs it.
+OUTPUT must be included inside a namespace that uses voxeld::glsl (shaders/glsl_float.h), once for
+each set of macros that the entry point knows. struct NAME is then one invocation. Its first members
+are the blocks and buffers in the order of the entry point, which callers initialize by name. Then
+come gl_FragCoord, globals and outputs; main() runs the invocation.
 
-Understood is what the entry points need: uniform blocks with one struct, readonly buffers with one
-array, out variables, out and inout parameters, swizzles that are read, constructors of structs.
-Anything else that C++ spells otherwise does not compile, so nothing is translated wrongly in
-silence.
+The translator supports only what the entry points need: uniform blocks with one struct, readonly
+buffers with one array, out variables, out and inout parameters, swizzles that are read, and
+constructors of structs. Other GLSL that C++ spells differently does not compile, so nothing is
+silently translated wrongly.
 """
 import pathlib
 import re
@@ -86,9 +86,9 @@ def translate(text):
     text = re.sub(r"layout\s*\([^)]*\)\s*out\s+(\w+)\s+(\w+)\s*;", r"\1 \2{};", text)
     text = re.sub(r"\b(?:inout|out)\s+(\w+)\s+(\w+)", r"\1& \2", text)
     text = re.sub(r"([(,]\s*)in\s+(\w+)\s+(\w+)", r"\1\2 \3", text)
-    # Members of a struct need no prototypes.
+    # Prototypes are removed, because members of a struct need none.
     text = re.sub(r"^\w+ \w+\([^()]*\);\n", "", text, flags=re.M)
-    # Constants of the file; those of functions are indented.
+    # Constants at file scope become static members. Those of functions are indented and stay.
     text = re.sub(r"^const\s+(\w+)\s+(\w+)\s*=", r"static inline const \1 \2 =", text, flags=re.M)
     text = re.sub(r"(?<![\w.])(\d+\.\d*(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+|\.\d+)(?![\w.])", r"\1f",
                   text)
@@ -97,7 +97,7 @@ def translate(text):
 
 def struct_text(entry, name):
     text = translate(without_comments(resolve(entry, set())))
-    # Bindings first, so that they can be given by name and the rest have their defaults.
+    # Bindings come first, so that they can be given by name and the rest keep their defaults.
     binding = re.compile(r"^const \w+[&*] ?\w+;\n?", flags=re.M)
     structs = re.compile(r"^struct \w+ \{.*?^\};\n?", flags=re.M | re.S)
     defines = re.compile(r"^#define .*\n?", flags=re.M)

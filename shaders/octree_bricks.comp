@@ -1,4 +1,4 @@
-// First pass of the octrees of a batch: what each brick has, for the counts of the levels. One
+// First pass of the octrees of a batch: summarizes each brick for the counts of the levels. One
 // invocation per brick.
 #include "shared/voxelize_batch.h"
 
@@ -20,7 +20,7 @@ void main() {
   if (brick >= params.slot_count * uint(BATCH_TILE_BRICKS)) return;
   uint byte = 0u, nodes4 = 0u, nodes2 = 0u, all_bits = 0xffffffffu;
   for (uint n = 0u; n < 4u; ++n) {
-    // Two nodes of 4 cells.
+    // Each vector is two nodes of 4 cells.
     uvec4 words = masks[4u * brick + n];
     all_bits &= words.x & words.y & words.z & words.w;
     byte |= ((words.x | words.y) != 0u ? 1u : 0u) << (2u * n);

@@ -11,7 +11,7 @@ layout(std140, binding = BATCH_PARAMS) uniform Params { BatchParams params; };
 
 uvec2 place;
 
-// Half a node of 4 cells: four nodes of 2 cells. Gives the bits of those with voxels.
+// Writes half a node of 4 cells, i.e. four nodes of 2 cells. Returns the bits of those with voxels.
 uint put_nodes2(uint word) {
   uint bits = 0u;
   for (uint n = 0u; n < 4u; ++n) {
@@ -34,7 +34,7 @@ void main() {
   uint group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x;
   uint brick = group * uint(BATCH_GROUP_SIZE) + gl_LocalInvocationIndex;
   if (brick >= params.slot_count * uint(BATCH_TILE_BRICKS)) return;
-  // A brick in a full node is full, too.
+  // A brick in a full node is itself full, so it is skipped too.
   uint found = bricks[brick];
   if ((found & OCTREE_ANY) == 0u || (found & OCTREE_FULL) != 0u) return;
   place = places[brick];

@@ -1,6 +1,7 @@
-// Second pass of the octrees of a batch: one group per tile reduces bricks to nodes of 16 to 256
-// cells by OR (has voxels) and AND (is full), finds by prefix sums where each level begins and
-// where each brick's nodes stand in the levels below it, and writes the levels down to the bricks.
+// Second pass of the octrees of a batch, one group per tile. It reduces bricks to nodes of 16 to
+// 256 cells by OR (has voxels) and AND (is full). Prefix sums then give the start of each level,
+// and of each brick's nodes in the levels below it. Finally it writes the levels down to the
+// bricks.
 #include "shared/voxelize_batch.h"
 
 layout(local_size_x = BATCH_SCAN_SIZE) in;
@@ -13,18 +14,18 @@ layout(std140, binding = BATCH_PARAMS) uniform Params { BatchParams params; };
 
 // Bits of the nodes of 32 cells (512), 64 cells (64) and 128 cells (8), in Morton order.
 shared uint any32[16], full32[16], any64[2], full64[2], any128, full128;
-// Nodes of 32, 16, 8 and 4 cells, and of 2, of the invocations so far.
+// Sums over the invocations so far: nodes of 32, 16, 8 and 4 cells, and of 2.
 shared uvec4 sums[BATCH_SCAN_SIZE];
 shared uint sums2[BATCH_SCAN_SIZE];
-// Where the levels of 256, 128, ... 2 cells begin; the end.
+// Starts of the levels of 256, 128, ... 2 cells, then the end.
 shared uint level_first[9];
 
-const uint kBricks = 128u;  // of one invocation: two nodes of 32 cells
+const uint kBricks = 128u;  // bricks per invocation: two nodes of 32 cells
 
 bool bit_of(uint word, uint n) { return ((word >> (n & 31u)) & 1u) != 0u; }
 uint byte_of(uint word, uint n) { return (word >> (8u * (n & 3u))) & 255u; }
 
-// A node of 16 cells: bits 0..7 its byte, bit 8 whether it is full.
+// A node of 16 cells: bits 0..7 are its byte, bit 8 is set if it is full.
 uint node16(uint first_brick) {
   uint node = 256u;
   for (uint n = 0u; n < 8u; ++n) {
@@ -50,7 +51,7 @@ void reduce(uint lane, uint first_brick) {
   }
 }
 
-// The levels above, and the places of their bytes from level_first[0] = 0 on.
+// Reduces the levels above, and places their bytes from level_first[0] = 0 on.
 void reduce_top() {
   for (uint n = 0u; n < 64u; ++n) {
     if (byte_of(any32[n >> 2], n) != 0u) any64[n >> 5] |= 1u << (n & 31u);
@@ -70,7 +71,7 @@ void reduce_top() {
   level_first[3] = level_first[2] + nodes64;
 }
 
-// A full node has byte 0 and nothing below it, whose parents are then full, too.
+// Writes the top levels. A full node has byte 0 and nothing below it.
 void write_top(uint first) {
   if (any128 == 0u) return;
   put_byte(first, full128 == 255u ? 0u : any128);
@@ -85,8 +86,8 @@ void write_top(uint first) {
   }
 }
 
-// Counts the nodes below 64 cells of this invocation; with `writes`, puts them from `at` (32, 16, 8
-// and 4 cells) and `at2` on.
+// Counts the nodes of this invocation below 64 cells. If `writes`, it writes them, from `at` (32,
+// 16, 8 and 4 cells) and `at2` on.
 void visit(uint lane, uint first_brick, bool writes, inout uvec4 at, inout uint at2) {
   for (uint n = 0u; n < 2u; ++n) {
     uint node = 2u * lane + n;

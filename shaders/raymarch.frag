@@ -1,8 +1,8 @@
-// Ray march through a sparse grid, see lib/march.glsl. With RAYMARCH_HITS the pass answers which
-// voxel each pixel's ray hits first; otherwise it draws. Then RAYMARCH_ATTRIBUTES, RAYMARCH_SMOOTH
-// and RAYMARCH_LIGHT, each 0 or 1, say whether voxels have colours or normals, whether normals are
-// estimated, and whether there is ambient occlusion or a shadow: software drivers execute what
-// stands behind a condition even where no invocation meets it.
+// Ray march through a sparse grid, see lib/march.glsl. With RAYMARCH_HITS the pass returns the
+// voxel that each pixel's ray hits first; otherwise it renders. Then RAYMARCH_ATTRIBUTES (voxels
+// have colours or normals), RAYMARCH_SMOOTH (normals are estimated) and RAYMARCH_LIGHT (there is
+// ambient occlusion or a shadow) are 0 or 1. They are defines, because software drivers execute
+// code behind a condition even if no invocation takes it.
 #include "shared/raymarch.h"
 #include "lib/dda.glsl"
 #include "lib/dda_brick.glsl"
@@ -31,7 +31,7 @@ MarchGrid march_grid() {
   return MarchGrid(params.box_low.xyz, params.box_high.xyz, params.tile_dims.xyz);
 }
 
-// A picture's ray before it meets the grid, in grid space.
+// A pixel's ray before it meets the grid, in grid space.
 struct EyeRay {
   dvec3 origin, direction;  // the longest component of the direction is 1
   double t_first, t_last;   // from the near to the far plane, on the kept side of the section
@@ -39,7 +39,7 @@ struct EyeRay {
 
 dvec4 both(vec4 high, vec4 low) { return dvec4(high) + dvec4(low); }
 
-// The ray through a position of the picture in pixels. From homogeneous points, so a far plane at
+// The ray through a position of the image in pixels. It uses homogeneous points, so a far plane at
 // infinity works.
 EyeRay picture_ray(vec2 pixel) {
   vec2 at = pixel / vec2(params.picture.xy) * 2.0 - 1.0;
@@ -83,9 +83,9 @@ struct Sight {
   bool on_section;  // the ray starts on the section plane, inside the voxel
 };
 
-// Distances along a ray from which on cubes of 2, 4, 8 and 32 voxels are narrower than 0.7 pixels.
+// Distances along a ray from which cubes of 2, 4, 8 and 32 voxels are narrower than 0.7 pixels.
 vec4 levels_by_footprint(RayStart start) {
-  // With room for the samples of a pixel, which are half of one apart.
+  // 0.7 leaves room for the samples of a pixel, which are half a pixel apart.
   vec4 side = vec4(2.0, 4.0, 8.0, 32.0) / 0.7;
   float grows = params.footprint.y * length(start.ray.direction * params.voxel_size.xyz) /
                 params.voxel_size.w;
@@ -113,7 +113,7 @@ Sight look(vec2 pixel) {
   return sight;
 }
 
-// The face through which the ray came in; of the ray's longest axis where it began inside.
+// The face through which the ray entered; if it began inside, that of the ray's longest axis.
 int sight_face(Sight sight) {
   int axis = sight.found.axis;
   if (axis < 0) axis = dda_longest_axis(sight.start.ray.direction);
@@ -135,8 +135,8 @@ layout(location = 0) out vec4 out_color;
 
 vec3 voxel_scale() { return params.voxel_size.xyz / params.voxel_size.w; }
 
-// The last estimate of this pixel. Its other samples that hit the same voxel or one next to it take
-// the same: estimating is expensive on software drivers.
+// The last estimate of this pixel. Other samples that hit the same voxel or an adjacent one use it
+// too, because estimating is expensive on software drivers.
 ivec3 last_cell = ivec3(-0x10000);
 int last_level = 0;
 vec3 last_normal = vec3(0.0);
@@ -153,14 +153,14 @@ vec3 estimated_normal(March found) {
 }
 #endif
 
-// Unit vector towards the eye: stored or estimated, and then nearer to the face's where voxels are
-// large in the picture.
+// Unit normal towards the eye, stored or estimated. An estimate is mixed with the face's normal if
+// voxels are large in the image.
 vec3 smooth_normal(March found, vec3 face, vec3 to_eye) {
 #if RAYMARCH_ATTRIBUTES
   if (has(RAYMARCH_HAS_NORMAL)) {
     vec3 stored = march_stored_normal(found);
-    // Opposite normals of a thin wall may have cancelled out: then the face's serves. Meshes are
-    // seen from both sides.
+    // Opposite normals of a thin wall may have cancelled out; then the face's is used. Meshes are
+    // visible from both sides.
     vec3 normal = dot(stored, stored) > 0.01 ? normalize(stored) : face;
     return dot(normal, to_eye) < 0.0 ? -normal : normal;
   }
@@ -176,12 +176,12 @@ vec3 smooth_normal(March found, vec3 face, vec3 to_eye) {
 }
 
 #if RAYMARCH_LIGHT
-// A section's cut face is open to all light: what stood before it is gone.
+// Light on a hit. A section's cut face gets all light, because the voxels in front of it are gone.
 Exposure exposure_of(Sight sight, vec3 face, vec3 normal, int sample_index, int sample_count) {
   Exposure exposure = Exposure(1.0, 1.0);
   if (sight.found.axis < 0) return exposure;
-  // Small voxels pass for a smooth surface, which their steps must not darken: rays start above
-  // them.
+  // Small voxels stand for a smooth surface, which their steps must not darken. Rays therefore
+  // start above them.
   float as_cubes = params.light_world.w / RAYMARCH_FACE_SHARE;
   // Behind a crest the normal towards the eye may point into the surface.
   vec3 upward = dot(normal, face) > 0.0 ? normalize(mix(normal, face, as_cubes)) : face;
@@ -219,7 +219,7 @@ vec3 shade(Sight sight, int sample_index, int sample_count) {
 #endif
   vec3 face = face_normal(sight_face(sight));
   if (sight.on_section) {
-    // A plane's normal goes with the inverse of the scale from grid to world.
+    // A plane's normal scales with the inverse of the scale from grid to world.
     face = normalize(params.section.xyz / params.voxel_size.xyz);
   }
   vec3 to_eye = -normalize(sight.start.ray.direction * params.voxel_size.xyz);
@@ -246,7 +246,8 @@ void main() {
       hits += 1.0;
     }
   }
-  // Grid over background, both opaque or not, in linear light; the target takes straight alpha.
+  // The grid over the background, either of which may be transparent, in linear light. The target
+  // takes straight alpha.
   float coverage = hits / float(count);
   float back = params.background.a * (1.0 - coverage);
   float alpha = coverage + back;

@@ -1,4 +1,4 @@
-// One triangle that covers the picture; the scissor box chooses the block that is drawn.
+// One triangle that covers the image. The scissor box selects the block to render.
 void main() {
   gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }

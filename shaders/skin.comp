@@ -1,8 +1,8 @@
 // Moves the vertices of a frame to its pose (skin_vertices() of server/scene/skin_table.h) and
-// snaps them (steps 1 and 2 of server/voxel/README.md), an invocation each. The CPU's operations on
-// doubles in the CPU's order, so that all bits are the CPU's; what stands elsewhere than in a cell
-// of the grid is reported and left to the CPU.
-// SKIN_POINT_PER_INFLUENCE: MD5; else points are those of vertices, and SKIN_MORPHS moves them.
+// snaps them (steps 1 and 2 of server/voxel/README.md). One invocation per vertex. It does the
+// CPU's operations on doubles in the CPU's order, so that all bits are equal. Vertices outside the
+// grid's cells are reported and left to the CPU. SKIN_POINT_PER_INFLUENCE: points per influence
+// (MD5); otherwise points are per vertex, and SKIN_MORPHS moves them.
 #include "shared/skin.h"
 #include "lib/divide.glsl"
 
@@ -93,7 +93,7 @@ dvec3 skinned(uint vertex) {
 }
 #endif
 
-// Comparisons of what may be no number are for the bits: a compiler may turn them round.
+// Values that may be NaN are compared by their bits, because a compiler may invert a comparison.
 bool is_at_most(double a, double limit) {
   uvec2 bits = unpackDouble2x32(abs(a)), most = unpackDouble2x32(limit);
   return bits.y < most.y || (bits.y == most.y && bits.x <= most.x);
@@ -132,7 +132,7 @@ int snapped(double p, int dim) {
 }
 
 ivec3 snapped(dvec3 p, ivec3 dims) {
-  // As far as any grid reaches: what is no number is not.
+  // The limit exceeds every grid; NaN fails the comparison.
   if (!are_at_most(p, double(32768))) return ivec3(OUTSIDE, 0, 0);
   dvec3 last = dvec3(dims) + dvec3(1.0);
   if (any(lessThan(p, dvec3(-1.0))) || any(greaterThan(p, last))) return ivec3(OUTSIDE, 0, 0);

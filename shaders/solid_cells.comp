@@ -1,6 +1,7 @@
-// The bits of columns become a tile's mask in Morton order, words of 4x4x2 cells. One invocation
-// makes 16, one above the other, of which most are empty or full. SOLID_VOTE: two of three axes,
-// and the cells on which they disagree. SOLID_MIX: where they do, the cells of SOLID_VOLUME_Z.
+// Converts the bits of columns to a tile's mask in Morton order, words of 4x4x2 cells. One
+// invocation makes 16 words, one above the other, because most are empty or full. SOLID_VOTE:
+// majority of the three axes, and the cells on which they disagree. SOLID_MIX: where they disagree,
+// the cells of SOLID_VOLUME_Z.
 #include "shared/solid.h"
 
 layout(local_size_x = SOLID_GROUP_SIZE) in;
@@ -17,9 +18,9 @@ layout(std430, binding = SOLID_DISAGREE) buffer Disagree { uint disagree[]; };
 #endif
 
 const uint kRuns = 32768u;        // invocations of a tile
-const uint kBlockWords = 8192u;   // of 64^3 cells
+const uint kBlockWords = 8192u;   // words of a block of 64^3 cells
 
-// To every third bit.
+// Spreads to every third bit.
 uint spread_bits(uint v) {
   v = (v | (v << 8)) & 0x00f00fu;
   v = (v | (v << 4)) & 0x0c30c3u;
@@ -30,7 +31,7 @@ uint spread_bits(uint v) {
 uint place_x(int x) { return uint((x & 1) | ((x & 2) << 2)); }
 uint place_y(int y) { return uint(((y & 1) << 1) | ((y & 2) << 3)); }
 
-// Cells beyond the grid are not inside.
+// Removes cells outside the grid.
 uint grid_cells(ivec3 base) {
   ivec3 left = params.cells.xyz - base;
   if (all(greaterThanEqual(left, ivec3(4, 4, 2)))) return ~0u;
@@ -80,13 +81,13 @@ uint cells_along_y(ivec3 base) {
 }
 #endif
 
-// Most words say what others have said already.
+// Sets flags. Most words set flags that are already set, so a read saves the atomic.
 void note(uint flag, uint cells) {
   uint news = (cells != 0u ? 1u : 0u) | (cells != ~0u ? 2u : 0u);
   if ((flags[flag] & news) != news) atomicOr(flags[flag], news);
 }
 
-// Whether 32 cells of 4x4 columns along z are all outside (0) or all inside (1); 2: neither.
+// State of 32 cells of 4x4 columns along z: 0: all outside, 1: all inside, 2: mixed.
 int uniform_along_z(ivec3 base) {
   int at = (base.z >> 5) * SOLID_TILE_COLUMNS + base.y * SOLID_TILE_CELLS + base.x;
   uint any = 0u, all = ~0u;

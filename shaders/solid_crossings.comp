@@ -1,7 +1,7 @@
-// Pipeline compute: one invocation per work item finds where the columns of a block cross a
-// triangle (Schwarz & Seidel 2010, "Fast parallel surface and solid voxelization on GPUs", whose
-// threads flip all cells below with a word each; here one bit flips, and solid_scan.comp does the
-// rest). SOLID_COUNT: signs are added up instead.
+// Pipeline compute: one invocation per work item finds the crossings of a block's columns with a
+// triangle. In Schwarz & Seidel 2010, "Fast parallel surface and solid voxelization on GPUs",
+// threads flip all cells below, a word each. Here one bit flips, and solid_scan.comp does the rest.
+// SOLID_COUNT: signs are added up instead.
 #include "shared/solid.h"
 #include "shared/voxelize.h"
 #include "lib/crossings.glsl"

@@ -1,7 +1,7 @@
-// One step of sign=flood: what the outside reaches goes on along one axis, both ways, through all
-// free cells of a row. Bits run along x: cell (x, y, z) is bit x & 31 of word
-// (z * cells.y + y) * words_x + x / 32; those beyond the grid's end in x are free. Steps along x, y
-// and z follow each other until none changes anything.
+// One step of sign=flood: extends the reached cells along one axis, both ways, through all free
+// cells of a row. Bits run along x: cell (x, y, z) is bit x & 31 of word (z * cells.y + y) *
+// words_x + x / 32. Bits beyond the grid's end in x are free. Steps along x, y and z alternate
+// until none changes anything.
 #include "shared/solid.h"
 
 layout(local_size_x = SOLID_GROUP_SIZE) in;
@@ -18,7 +18,7 @@ void reach(int word, uint cells) {
   has_changed = true;
 }
 
-// Bits go up, or down, through free ones: 1, 2, 4, ... at a time (Kogge & Stone 1973).
+// Extends bits up, or down, through free ones by 1, 2, 4, ... at a time (Kogge & Stone 1973).
 uint spread_up(uint cells, uint through) {
   for (int shift = 1; shift < 32; shift *= 2) {
     cells |= through & (cells << shift);
@@ -51,7 +51,7 @@ void flood_row(int first) {
   }
 }
 
-// `count` words, `step` apart.
+// Floods `count` words that are `step` apart.
 void flood_line(int first, int step, int count) {
   uint carry = ~0u;
   for (int n = 0; n < count; ++n) {

@@ -1,4 +1,4 @@
-// Marks crossings that the CPU found: those of triangles that reach too far for 64 bits.
+// Marks crossings that the CPU found, which are those of triangles too large for 64 bits.
 #include "shared/solid.h"
 
 layout(local_size_x = SOLID_GROUP_SIZE) in;

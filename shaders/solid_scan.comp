@@ -1,8 +1,9 @@
-// From crossings to cells, a column each: prefix XOR over the bits of the column's words, with what
-// lies below the tile, to be carried to the next (Eisemann & Decoret 2008 have their fragments flip
-// whole columns instead). SOLID_SLICES: and the cells of the slice map, where fragments did.
-// SOLID_COUNT: one slab of sums of signs becomes one word of each column: cells whose sum is not 0
-// (SOLID_NONZERO), or is at least their threshold.
+// Converts crossings to cells, one column per invocation: a prefix XOR over the bits of the
+// column's words, starting with the state below the tile, which is carried to the next tile. (In
+// Eisemann & Decoret 2008 fragments flip whole columns instead.) SOLID_SLICES: also XORs the cells
+// of the slice map, which fragments flipped. SOLID_COUNT: a slab of sums of signs becomes one word
+// of each column. Its cells are those whose sum is not 0 (SOLID_NONZERO), or is at least their
+// threshold.
 #include "shared/solid.h"
 
 layout(local_size_x = SOLID_GROUP_SIZE) in;
@@ -21,7 +22,7 @@ bool is_inside(int sum, int threshold) {
 #endif
 }
 
-// Of 8 cells of the column; SOLID_MIXED and more where they differ.
+// The threshold of 8 cells of the column; SOLID_MIXED and more if they differ.
 int brick_threshold(int column, int brick) {
   return params.has_thresholds == 0
              ? 1
@@ -94,7 +95,7 @@ void scan_column(int column) {
 #ifdef SOLID_SLICES
   state ^= 0u - (slices[SOLID_COLUMN_WORDS - 1] >> 31);
 #endif
-  // The word's other bits are other invocations'.
+  // An atomic, because other invocations own the word's other bits.
   if ((state & 1u) != below) atomicXor(carries[place], 1u << (column & 31));
 }
 #endif

@@ -1,5 +1,5 @@
-// Slice map: the fragment of a column flips all cells above the triangle's crossing; the logical
-// operation XOR of the framebuffer does it (Eisemann & Decoret 2008).
+// Slice map: the fragment of a column flips all cells above the triangle's crossing, by the logical
+// operation XOR of the framebuffer (Eisemann & Decoret 2008).
 #include "shared/solid.h"
 #include "lib/crossings.glsl"
 

@@ -1,6 +1,6 @@
-// Slice map: the triangle as seen along its columns, so dilated that every column whose centre its
-// projection covers gets one fragment, and one only, because a triangle is one primitive, or two
-// that share an edge. Fragments are candidates: the fragment shader tests exactly.
+// Slice map: the triangle as seen along its columns, dilated so that every column whose centre it
+// covers gets a fragment. It gets only one, because a triangle is one primitive, or two that share
+// an edge. Fragments are candidates: the fragment shader tests exactly.
 #include "shared/solid.h"
 
 layout(triangles) in;
@@ -14,12 +14,13 @@ in Corner {
 
 flat out uint triangle;
 
-// Far above the rounding of the vertices: by float here, 2^-10 of a pixel after the mitre, and to
-// the rasterizer's grid (1/16 pixel at worst, OpenGL 4.5).
+// The dilation, far above the rounding of the vertices: that of float here, 2^-10 of a pixel after
+// the mitre, and that of the rasterizer's grid (1/16 pixel at worst, OpenGL 4.5).
 const float kReach = 0.125;
-// Rectangles of at most this many columns are drawn as such.
+// Rectangles of at most this many columns are drawn as rectangles.
 const int kSmallColumns = 16;
-// Altitude over longest side below which mitres grow too long: a sliver, drawn as a rectangle.
+// Ratio of altitude to longest side below which mitres grow too long. Such slivers are drawn as
+// rectangles.
 const float kSliver = 0.05;
 
 void emit(vec2 p) {
@@ -28,7 +29,8 @@ void emit(vec2 p) {
   EmitVertex();
 }
 
-// Where the sides along unit vectors `before` and `after`, both moved outwards, meet near p.
+// The point near p where the sides along unit vectors `before` and `after`, both moved outwards,
+// meet.
 vec2 dilated(vec2 p, vec2 before, vec2 after, float outward) {
   vec2 n_before = vec2(before.y, -before.x) * outward;
   vec2 n_after = vec2(after.y, -after.x) * outward;
@@ -57,7 +59,7 @@ void main() {
     a = dilated(a, ca, ab, outward);
     b = dilated(b, ab, bc, outward);
     c = dilated(c, bc, ca, outward);
-    // What the viewport clips would be several primitives, with corners that a driver rounds.
+    // Clipping by the viewport would give several primitives, with corners that a driver rounds.
     is_rectangle = any(lessThan(min(a, min(b, c)), vec2(0.0))) ||
                    any(greaterThan(max(a, max(b, c)), vec2(SOLID_TILE_CELLS)));
   }

@@ -1,9 +1,9 @@
-// Pipeline raster, both passes: turns the triangle so that it is seen along its dominant axis, and
-// dilates it so that every column that it touches gets a fragment (conservative rasterization;
-// Hasselgren, Akenine-Moller & Ohlsson 2005, GPU Gems 2 chapter 42, with half the pixel's diagonal
-// as the thesis does). Fragments are candidates only: the fragment shader clips them to the
-// bounding box and tests exactly, so that nothing depends on how a driver rounds. Each column gets
-// one fragment at most per triangle, because a triangle is one primitive, or two that share an
+// Pipeline raster, both passes: rotates the triangle so that it is seen along its dominant axis,
+// and dilates it so that every column that it touches gets a fragment. This is conservative
+// rasterization (Hasselgren, Akenine-Moller & Ohlsson 2005, GPU Gems 2 chapter 42), with half the
+// pixel's diagonal as in the thesis. Fragments are only candidates: the fragment shader clips them
+// to the bounding box and tests exactly, so that a driver's rounding does not matter. Each column
+// gets at most one fragment per triangle, because a triangle is one primitive, or two that share an
 // edge.
 #include "shared/voxelize.h"
 #include "lib/touch.glsl"
@@ -20,13 +20,15 @@ in Corner {
 flat out uint triangle;
 flat out int axis;
 
-// Half the pixel's diagonal, and a margin far above the rounding of the vertices: by float here
-// (2^-10 of a pixel after the mitre) and to the rasterizer's grid (1/16 pixel at worst, OpenGL
-// 4.5).
+// Half the pixel's diagonal, plus a margin far above the rounding of the vertices: that of float
+// here (2^-10 of a pixel after the mitre) and that of the rasterizer's grid (1/16 pixel at worst,
+// OpenGL 4.5).
 const float kReach = 0.70710678 + 0.1;
-// Rectangles of at most this many columns are drawn as such: no more fragments than dilation gives.
+// Rectangles of at most this many columns are drawn as rectangles; dilation would give as many
+// fragments.
 const int kSmallColumns = 16;
-// Altitude over longest side below which mitres grow too long: a sliver, drawn as a rectangle.
+// Ratio of altitude to longest side below which mitres grow too long. Such slivers are drawn as
+// rectangles.
 const float kSliver = 0.05;
 
 int chosen_axis;
@@ -38,8 +40,8 @@ void emit(vec2 p) {
   EmitVertex();
 }
 
-// Where the sides along unit vectors `before` and `after`, both moved outwards, meet near p.
-// outward: +1 or -1 by orientation.
+// The point near p where the sides along unit vectors `before` and `after`, both moved outwards,
+// meet. outward: +1 or -1 by orientation.
 vec2 dilated(vec2 p, vec2 before, vec2 after, float outward) {
   vec2 n_before = vec2(before.y, -before.x) * outward;
   vec2 n_after = vec2(after.y, -after.x) * outward;

@@ -1,7 +1,7 @@
 // Pipeline compute: one invocation per work item sets the bits of the cells that a triangle touches
-// in a block of columns. TOUCH_INT and TOUCH_INT3 choose the integers of the plane test; with
+// in a block of columns. TOUCH_INT and TOUCH_INT3 are the integers of the plane test. With
 // TOUCH_ROWS every triangle lies in one row of cells, all of which it touches. With RULE_THIN or
-// RULE_CENTER, only of those that it occupies by that rule.
+// RULE_CENTER, only cells that it occupies by that rule are set.
 #include "shared/voxelize.h"
 #include "lib/touch.glsl"
 #include "lib/touch_item.glsl"
@@ -9,7 +9,7 @@
 #if defined(RULE_THIN) || defined(RULE_CENTER)
 #define HAS_CROSSHAIR
 #include "lib/crosshair.glsl"
-Crosshair crosshair;  // of the triangle at hand
+Crosshair crosshair;  // of the current triangle
 #endif
 
 layout(local_size_x = VOXELIZE_GROUP_SIZE) in;
@@ -18,7 +18,7 @@ layout(std430, binding = VOXELIZE_ITEMS) readonly buffer Items { uvec2 items[]; 
 layout(std430, binding = VOXELIZE_MASK) buffer Mask { uint mask[]; };
 layout(std140, binding = VOXELIZE_PARAMS) uniform Params { VoxelizeParams params; };
 
-// Bits of one word are gathered and written once: neighbouring cells mostly share a word.
+// Bits of one word are gathered and written once, because neighbouring cells mostly share a word.
 uint pending_word = 0u;
 uint pending_bits = 0u;
 int item_axis;

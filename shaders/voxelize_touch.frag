@@ -1,13 +1,13 @@
-// Pipeline raster: the fragment of a column walks the depth range of the triangle's plane and sets
-// the bits of the cells that pass the exact test, and with RULE_THIN or RULE_CENTER the rule's
-// test, too.
+// Pipeline raster: the fragment of a column walks the depth range of the triangle's plane. It sets
+// the bits of the cells that pass the exact test and, with RULE_THIN or RULE_CENTER, the rule's
+// test.
 #include "shared/voxelize.h"
 #include "lib/touch.glsl"
 #include "lib/touch_mask.glsl"
 #if defined(RULE_THIN) || defined(RULE_CENTER)
 #define HAS_CROSSHAIR
 #include "lib/crosshair.glsl"
-Crosshair crosshair;  // of the triangle at hand
+Crosshair crosshair;  // of the current triangle
 #endif
 
 layout(std430, binding = VOXELIZE_TRIANGLES) readonly buffer Triangles { int triangles[]; };

@@ -1,7 +1,7 @@
-// Pipeline compute on software drivers, triangles of some tiles that are at most 16 voxels wide: an
-// invocation has a triangle, and goes through the words of its tile's mask that its box reaches.
-// Software drivers do memory accesses lane by lane and arithmetic for all lanes at once, so a
-// triangle is read by two loads, and each word is written at most once.
+// Pipeline compute on software drivers, for triangles at most 16 voxels wide. An invocation has one
+// triangle and goes through the words of its tile's mask that its box reaches. Software drivers
+// access memory lane by lane but compute on all lanes at once. A triangle is therefore read by two
+// loads, and each word is written at most once.
 #define TOUCH_INT int
 #define TOUCH_INT3 ivec3
 #include "shared/voxelize.h"
@@ -17,8 +17,8 @@ layout(std140, binding = VOXELIZE_PARAMS) uniform Params { VoxelizeParams params
 
 int field(uint word, int shift, int bits) { return int(word >> uint(shift)) & ((1 << bits) - 1); }
 
-// Digits of the number of a word of 4x4x2 cells in the mask that each of its coordinates has. Less
-// the mask of all of them is one more, modulo.
+// Digits that each coordinate has in the number of a 4x4x2 word of the mask. Subtracting such a
+// mask and masking again adds one to the coordinate.
 #define WORD_X_DIGITS (TILE_MORTON_X >> 5u)
 #define WORD_Y_DIGITS (TILE_MORTON_X >> 4u)
 #define WORD_Z_DIGITS (TILE_MORTON_X >> 3u)
@@ -58,8 +58,8 @@ void main() {
   ivec3 word = first;
   uvec3 first_digits = words_digits(first);
   uvec3 digits = first_digits;
-  // Where the next word stands is known before it is made: LLVM does what only an atomic needs lane
-  // by lane, with the atomic.
+  // The next word's place is computed before the word. Otherwise LLVM would compute it lane by lane
+  // together with the atomic that alone needs it.
   uint at = mask_first | digits.x | digits.y | digits.z;
   for (int n = size.x * size.y * size.z; n > 0; --n) {
     uint bits = touch_word(t, word * ivec3(4, 4, 2) - box);

@@ -53,7 +53,7 @@ bool has_timer_queries(const GlApi& gl, bool is_software) {
   if (is_software && workaround_enabled(Workaround::kTimerQueryZero)) return false;
   GLint bits = 0;
   gl.GetQueryiv(GL_TIME_ELAPSED, GL_QUERY_COUNTER_BITS, &bits);
-  return bits >= 30;  // 30 bits of nanoseconds are one second, more than any pass may take
+  return bits >= 30;  // 30 bits of nanoseconds are one second, the limit of a pass
 }
 
 void read_limits(const GlApi& gl, DeviceInfo& info) {
@@ -118,7 +118,7 @@ Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) 
     memory_source_ = MemorySource::kNvx;
   } else if (has_extension(gl_, "GL_ATI_meminfo")) {
     memory_source_ = MemorySource::kAti;
-    ati_bytes_at_start_ = memory().bytes_free;  // it does not tell the total
+    ati_bytes_at_start_ = memory().bytes_free;  // the extension does not report the total
   }
   info_.has_timer_queries = has_timer_queries(gl_, info_.is_software);
   read_limits(gl_, info_);
@@ -133,7 +133,7 @@ Status Context::finish_setup(const DeviceId& device, const GetGlProc& get_proc) 
 }
 
 MemoryInfo Context::memory() const {
-  // GL_NVX_gpu_memory_info (2013), GL_ATI_meminfo (2009); in KiB.
+  // GL_NVX_gpu_memory_info (2013) and GL_ATI_meminfo (2009), both in KiB.
   constexpr GLenum kNvxDedicated = 0x9047, kNvxCurrentAvailable = 0x9049, kAtiTextureFree = 0x87FC;
   constexpr int64_t kKibi = 1024;
   if (is_lost_ || memory_source_ == MemorySource::kNone) return {};
@@ -149,7 +149,7 @@ MemoryInfo Context::memory() const {
 }
 
 Status Context::check(std::string_view where) const {
-  // Each error of the robustness extension is told once; whoever asks again shall hear it again.
+  // The robustness extension reports each error once, but later callers must get it too.
   if (is_lost_) {
     return Error{ErrorCode::kDeviceUnavailable,
                  std::string(where) + ": " + device_name(info_.device) + " (" + info_.renderer +
@@ -158,7 +158,7 @@ Status Context::check(std::string_view where) const {
   }
   const GLenum error = gl_.GetError();
   if (error == GL_NO_ERROR) return {};
-  // Errors queue up; the first is the cause, the others must not be blamed on a later pass. A lost
+  // Errors queue up. The first is the cause; the others must not be blamed on a later pass. A lost
   // context reports GL_CONTEXT_LOST for ever, so the loop is bounded.
   for (int i = 0; i < 16 && gl_.GetError() != GL_NO_ERROR; ++i) {
   }

@@ -1,5 +1,5 @@
-// A headless OpenGL 4.5 core context on one device, with its own function table, so that EGL and
-// OSMesa live in one process. Bound to the thread that created it.
+// A headless OpenGL 4.5 core context on one device. It has its own function table, so that EGL and
+// OSMesa can exist in one process. Bound to the thread that created it.
 #pragma once
 
 #include <memory>
@@ -12,18 +12,18 @@
 
 namespace voxeld::gpu {
 
-// 0, 0: the driver does not tell.
+// Device memory. 0, 0 if the driver does not report it.
 struct MemoryInfo {
   int64_t bytes_total = 0, bytes_free = 0;
 };
 
 class Context {
  public:
-  // Leaves the context current on the calling thread. Changes the environment while a Mesa driver
-  // loads and restores it, so call it before other threads start.
-  // Errors: device-unavailable with what failed (library, device, version);
-  // egl:N refuses a software renderer unless it is what N names; a second kind of Mesa EGL driver
-  // in one process is refused, because Mesa reads its choice of driver once.
+  // Creates a context and leaves it current on the calling thread. While a Mesa driver loads, the
+  // environment is changed and then restored, so call this before other threads start. egl:N
+  // refuses a software renderer unless N names one. A second kind of Mesa EGL driver in one process
+  // is refused, because Mesa reads its choice of driver once. Errors: device-unavailable with what
+  // failed (library, device, version).
   static Result<std::unique_ptr<Context>> create(const DeviceId& device);
   virtual ~Context() = default;
   Context(const Context&) = delete;
@@ -33,23 +33,23 @@ class Context {
   const GlApi& gl() const { return gl_; }
   const DeviceInfo& info() const { return info_; }
 
-  // Needed only where one thread holds several contexts. Errors: device-unavailable.
+  // Needed only if one thread holds several contexts. Errors: device-unavailable.
   virtual Status make_current() const = 0;
 
-  // VOXELD_GL_DEBUG=1 in the environment makes debug contexts: driver messages go to the log.
+  // True if VOXELD_GL_DEBUG=1 in the environment; driver messages then go to the log.
   bool is_debug() const { return is_debug_; }
 
-  // Aborts (CHECK) on a GL error in debug contexts; otherwise returns internal / device-unavailable
-  // with the error's name and `where`. Call at the end of a pass, not after every call. A context
-  // that was lost once stays lost.
+  // Checks for a GL error: aborts (CHECK) in debug contexts, otherwise returns internal or
+  // device-unavailable with the error's name and `where`. Call it at the end of a pass, not after
+  // every call. A context that was lost stays lost.
   Status check(std::string_view where) const;
 
-  // Of the whole device, by GL_NVX_gpu_memory_info or GL_ATI_meminfo.
+  // Memory of the whole device, by GL_NVX_gpu_memory_info or GL_ATI_meminfo.
   MemoryInfo memory() const;
 
  protected:
   Context() = default;
-  // Fills gl_ and info_ and checks the baseline, for the backends. The context must be current.
+  // Fills gl_ and info_ and checks the baseline. For the backends; the context must be current.
   Status finish_setup(const DeviceId& device, const GetGlProc& get_proc);
 
   GlApi gl_{};

@@ -33,7 +33,7 @@ struct Egl {
 #define VOXELD_EGL_MEMBER(type, name) type name = nullptr;
   VOXELD_EGL_FUNCTIONS(VOXELD_EGL_MEMBER)
 #undef VOXELD_EGL_MEMBER
-  // Extensions; null where the library does not have them.
+  // Extensions; null if the library lacks them.
   PFNEGLQUERYDEVICESEXTPROC QueryDevicesEXT = nullptr;
   PFNEGLQUERYDEVICESTRINGEXTPROC QueryDeviceStringEXT = nullptr;
 };
@@ -59,7 +59,7 @@ std::string_view or_empty(const char* text) {
   return text == nullptr ? "" : text;
 }
 
-// Never closed: drivers keep threads and thread-local state.
+// The library is never closed, because drivers keep threads and thread-local state.
 Result<Egl> load_egl() {
   void* handle = ::dlopen("libEGL.so.1", RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) {
@@ -119,8 +119,8 @@ std::vector<FoundDevice> find_devices(const Egl& egl) {
   return found;
 }
 
-// Mesa reads which driver to load from the environment and keeps the answer, and the displays, for
-// the life of the process.
+// The kind of Mesa driver in this process. Mesa reads it from the environment once, and keeps it
+// and the displays for the life of the process.
 enum class MesaChoice { kNone, kByDevice, kLlvmpipe, kZink };
 
 std::mutex g_mesa_mutex;
@@ -180,7 +180,7 @@ class EglBackend final : public Context {
   explicit EglBackend(const Egl& egl) : egl_(egl) {}
   ~EglBackend() override { close(); }
 
-  // Errors name what failed; the caller tries the next platform.
+  // The error names what failed; the caller then tries the next platform.
   Status open(const DeviceId& device, EGLDisplay display, std::string_view platform) {
     display_ = display;
     EGLint major = 0, minor = 0;
@@ -198,8 +198,8 @@ class EglBackend final : public Context {
   }
 
   Status make_current() const override {
-    // libEGL answers at once when it thinks that the context is current already; an OSMesa context
-    // that was bound in between goes behind its back. Unbinding first makes it bind.
+    // libEGL returns at once if it believes that the context is already current. It does not notice
+    // an OSMesa context that was bound in between. Unbinding first forces it to bind.
     egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     if (!egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_)) {
       return failed(info_.device, "current context", "eglMakeCurrent");
@@ -250,7 +250,7 @@ class EglBackend final : public Context {
     if (egl_.GetCurrentContext() == context_) {
       egl_.MakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
     }
-    // The display stays initialized: other contexts of the process share it.
+    // The display stays initialized, because other contexts of the process share it.
     egl_.DestroyContext(display_, context_);
     context_ = EGL_NO_CONTEXT;
   }
@@ -281,7 +281,7 @@ Result<std::vector<Candidate>> candidates(const DeviceId& device,
                    "device platform"});
     return all;
   }
-  // Zink is chosen by the surfaceless platform alone; the software device always loads llvmpipe.
+  // Only the surfaceless platform selects Zink; the software device always loads llvmpipe.
   if (device.kind == DeviceKind::kLavapipe) return std::vector{kSurfaceless};
   for (const FoundDevice& one : found) {
     if (one.about.is_software) {
@@ -292,7 +292,7 @@ Result<std::vector<Candidate>> candidates(const DeviceId& device,
   return all;
 }
 
-// Whether the driver that came is the one that was asked for.
+// Checks that the loaded driver is the requested one.
 Status check_renderer(const DeviceId& device, const DeviceInfo& info,
                       const std::vector<FoundDevice>& found) {
   const bool is_zink = info.renderer.find("zink") != std::string::npos;

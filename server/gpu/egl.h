@@ -1,5 +1,5 @@
-// Contexts through EGL, which is opened at run time: egl:N on the N-th device of EGL's enumeration,
-// llvmpipe and lavapipe (Zink) on Mesa's software device.
+// Contexts through EGL, which is loaded at run time. egl:N is the N-th device of EGL's enumeration;
+// llvmpipe and lavapipe (Zink) use Mesa's software device.
 #pragma once
 
 #include <memory>
@@ -11,18 +11,18 @@
 
 namespace voxeld::gpu {
 
-// `device` is kEgl, kLlvmpipe or kLavapipe. Errors: device-unavailable.
+// Creates a context; `device` is kEgl, kLlvmpipe or kLavapipe. Errors: device-unavailable.
 Result<std::unique_ptr<Context>> create_egl_context(const DeviceId& device);
 
-// What EGL's device enumeration says, without opening any.
+// A device as EGL's enumeration describes it, without opening it.
 struct EglDevice {
-  std::string description;  // renderer or device file, as far as EGL tells
+  std::string description;  // renderer or device file, if EGL reports one
   bool is_software = false;
 };
-// Errors: device-unavailable (no libEGL, no EGL_EXT_device_enumeration).
+// Lists EGL's devices. Errors: device-unavailable (no libEGL, no EGL_EXT_device_enumeration).
 Result<std::vector<EglDevice>> enumerate_egl_devices();
 
-// Shared with the other backend.
+// Shared with the OSMesa backend.
 bool gl_debug_wanted();
 bool is_software_renderer(std::string_view renderer);
 

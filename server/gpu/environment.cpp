@@ -12,8 +12,8 @@ void set_mesa_software_environment(ScopedEnvironment& environment) {
       workaround_enabled(Workaround::kLpVectorWidth512)) {
     environment.unset("LP_NATIVE_VECTOR_WIDTH");
   }
-  // The Vulkan loader's layers look for a Wayland display and complain on stderr without a folder
-  // to look in; no socket is in this one.
+  // The Vulkan loader's layers look for a Wayland display and complain on stderr if there is no
+  // folder to look in. This one has no socket.
   if (std::getenv("XDG_RUNTIME_DIR") == nullptr) environment.set("XDG_RUNTIME_DIR", "/nonexistent");
 }
 

@@ -1,4 +1,4 @@
-// Environment variables that hold while a driver loads, and no longer.
+// Environment variables that are set only while a driver loads.
 #pragma once
 
 #include <cstdlib>
@@ -8,9 +8,9 @@
 
 namespace voxeld::gpu {
 
-// Sets and unsets variables, and puts back what was there when it goes out of scope, so that a
-// driver's settings leak neither to another device nor to child processes. Not thread-safe, like
-// the environment itself.
+// Sets and unsets variables and restores them at the end of the scope. A driver's settings then
+// leak neither to another device nor to child processes. Not thread-safe, like the environment
+// itself.
 class ScopedEnvironment {
  public:
   ScopedEnvironment() = default;
@@ -46,7 +46,7 @@ class ScopedEnvironment {
   std::vector<Saved> saved_;
 };
 
-// Variables that every Mesa software driver needs; see workarounds.h.
+// Sets the variables that every Mesa software driver needs; see workarounds.h.
 void set_mesa_software_environment(ScopedEnvironment& environment);
 
 }  // namespace voxeld::gpu

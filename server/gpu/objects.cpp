@@ -63,7 +63,7 @@ Result<Buffer> Buffer::create(const Context& context, size_t bytes, std::string_
   buffer.context_ = &context;
   buffer.bytes_ = bytes;
   gl.CreateBuffers(1, &buffer.id_);
-  // OpenGL has no empty storage and clears whole words only; nothing may read the padding.
+  // OpenGL has no empty storage and clears only whole words. Nothing may read the padding.
   const auto storage_bytes = static_cast<GLsizeiptr>((std::max<size_t>(bytes, 1) + 15) / 16 * 16);
   gl.NamedBufferStorage(buffer.id_, storage_bytes, nullptr, flags);
   label_object(context, GL_BUFFER, buffer.id_, label);
@@ -147,7 +147,7 @@ void Buffer::bind_indirect() const {
 
 Status ensure_size(Buffer& buffer, const Context& context, size_t bytes, std::string_view label) {
   if (buffer.id() != 0 && buffer.size_bytes() >= bytes) return {};
-  buffer = Buffer();  // the old one goes first: both need not fit at once
+  buffer = Buffer();  // freed first, so that both need not fit at once
   VOXELD_ASSIGN(buffer, Buffer::create(context, bytes, label));
   return {};
 }
@@ -175,7 +175,7 @@ Result<Texture2D> Texture2D::create_rgba8ui(const Context& context, int width, i
   texture.levels_ = levels;
   gl.CreateTextures(GL_TEXTURE_2D, 1, &texture.id_);
   gl.TextureStorage2D(texture.id_, levels, GL_RGBA8UI, width, height);
-  // Integer textures are complete with nearest filters alone.
+  // Integer textures are complete only with nearest filters.
   gl.TextureParameteri(texture.id_, GL_TEXTURE_MIN_FILTER,
                        levels > 1 ? GL_NEAREST_MIPMAP_NEAREST : GL_NEAREST);
   gl.TextureParameteri(texture.id_, GL_TEXTURE_MAG_FILTER, GL_NEAREST);

@@ -1,5 +1,5 @@
-// Move-only GL objects with direct state access; id 0 is empty. They keep a pointer to their
-// Context, which must outlive them.
+// Move-only GL objects with direct state access; id 0 is empty. They point to their Context, which
+// must outlive them.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +14,8 @@
 
 namespace voxeld::gpu {
 
-// A buffer's memory, to read and write, until unmap() or the end of this object. The device must
-// not use the buffer meanwhile, nor may the buffer end.
+// A buffer's memory, readable and writable until unmap() or the end of this object. Until then the
+// device must not use the buffer, and the buffer must not be destroyed.
 class BufferMapping {
  public:
   BufferMapping(const Context& context, uint32_t buffer, std::span<uint8_t> bytes)
@@ -28,12 +28,12 @@ class BufferMapping {
   std::span<T> as() const {
     return {reinterpret_cast<T*>(bytes_.data()), bytes_.size() / sizeof(T)};
   }
-  // Errors: device-unavailable when the driver lost the contents.
+  // Errors: device-unavailable if the driver lost the contents.
   Status unmap();
 
  private:
   const Context* context_;
-  uint32_t buffer_;  // 0: not mapped any more
+  uint32_t buffer_;  // 0: no longer mapped
   std::span<uint8_t> bytes_;
 };
 
@@ -41,10 +41,10 @@ class BufferMapping {
 class Buffer {
  public:
   Buffer() = default;
-  // Zeroed. Errors: grid-too-large when over ssbo_bytes_max, device-unavailable when the driver is
-  // out of memory.
+  // Creates a zeroed buffer. Errors: grid-too-large if over ssbo_bytes_max, device-unavailable if
+  // the driver is out of memory.
   static Result<Buffer> create(const Context& context, size_t bytes, std::string_view label);
-  // The same with memory for map(): that of the machine, on software drivers where it always is.
+  // The same with memory for map(): host memory, which software drivers always use.
   static Result<Buffer> create_mappable(const Context& context, size_t bytes,
                                         std::string_view label);
   ~Buffer();
@@ -53,7 +53,7 @@ class Buffer {
 
   uint32_t id() const { return id_; }
   size_t size_bytes() const { return bytes_; }
-  // offset + data.size() <= size_bytes().
+  // offset_bytes + data.size() must be <= size_bytes().
   void upload(size_t offset_bytes, std::span<const uint8_t> data);
   template <typename T>
   void upload(size_t offset_bytes, std::span<const T> data) {
@@ -72,7 +72,7 @@ class Buffer {
   void bind_storage(uint32_t binding) const;
   void bind_storage(uint32_t binding, size_t offset_bytes, size_t bytes) const;
   void bind_uniform(uint32_t binding) const;
-  // For Program::dispatch_indirect().
+  // Binds the buffer for Program::dispatch_indirect().
   void bind_indirect() const;
 
  private:
@@ -83,14 +83,15 @@ class Buffer {
   size_t bytes_ = 0;
 };
 
-// Makes `buffer` at least `bytes` large, keeping it when it is; contents are lost when it grows.
+// Makes `buffer` at least `bytes` large. A buffer that is large enough is left alone; the contents
+// are lost if it grows.
 Status ensure_size(Buffer& buffer, const Context& context, size_t bytes, std::string_view label);
 // The same by create_mappable().
 Status ensure_mappable(Buffer& buffer, const Context& context, size_t bytes,
                        std::string_view label);
 
-// RGBA8UI with all mips, sampled by texelFetch alone (filtering by hand is the same on all
-// drivers).
+// An RGBA8UI texture with all mips. It is only read by texelFetch, because filtering in the shader
+// is the same on all drivers.
 class Texture2D {
  public:
   Texture2D() = default;
@@ -103,7 +104,7 @@ class Texture2D {
   int width() const { return width_; }
   int height() const { return height_; }
   int levels() const { return levels_; }
-  // rgba.size() == 4 * w * h of that level.
+  // rgba.size() must be 4 * w * h of that level.
   void upload_level(int level, std::span<const uint8_t> rgba);
   void bind(uint32_t unit) const;
 
@@ -113,7 +114,7 @@ class Texture2D {
   int width_ = 0, height_ = 0, levels_ = 0;
 };
 
-// An RGBA8 colour target, or no attachment at all for passes that only write storage.
+// An RGBA8 colour target, or no attachment for passes that only write storage.
 class Framebuffer {
  public:
   Framebuffer() = default;
@@ -124,9 +125,9 @@ class Framebuffer {
   ~Framebuffer();
   Framebuffer(Framebuffer&& other) noexcept;
   Framebuffer& operator=(Framebuffer&& other) noexcept;
-  // Binds it and sets the viewport to its whole size.
+  // Binds the framebuffer and sets the viewport to its whole size.
   void bind() const;
-  // A target of four 32-bit integers per pixel, for passes that answer questions.
+  // A target of four 32-bit integers per pixel, for passes that return data instead of colours.
   static Result<Framebuffer> create_rgba32i(const Context& context, int width, int height,
                                             std::string_view label);
   // Bottom row first, 4 bytes per pixel.

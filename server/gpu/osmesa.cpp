@@ -10,7 +10,8 @@
 namespace voxeld::gpu {
 namespace {
 
-// From GL/osmesa.h (OSMesa 11.2 and later), which the packages that voxeld needs do not install.
+// Constants of GL/osmesa.h (OSMesa 11.2 and later), which the packages that voxeld needs do not
+// install.
 constexpr int kOsmesaFormat = 0x22;
 constexpr int kOsmesaDepthBits = 0x30;
 constexpr int kOsmesaProfile = 0x33;
@@ -39,7 +40,7 @@ Error unavailable(std::string what) {
   return Error{ErrorCode::kDeviceUnavailable, "osmesa: " + std::move(what), "", ""};
 }
 
-// Never closed: Mesa keeps thread-local state that outlives any context.
+// The library is never closed, because Mesa keeps thread-local state that outlives any context.
 Result<OsmesaLibrary> load_library() {
   OsmesaLibrary library;
   library.handle = ::dlopen("libOSMesa.so.8", RTLD_NOW | RTLD_LOCAL);
@@ -101,7 +102,7 @@ class OsmesaBackend final : public Context {
   }
 
  private:
-  // OSMesa insists on a window buffer; every pass draws to a framebuffer object of its own.
+  // OSMesa requires a window buffer, but every pass draws to its own framebuffer object.
   static constexpr size_t kWindowSide = 16;
   OsmesaLibrary library_;
   OsmesaContext context_ = nullptr;

@@ -1,4 +1,4 @@
-// A context through OSMesa (Mesa without a window system), opened at run time.
+// A context through OSMesa (Mesa without a window system), loaded at run time.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// How long each pass took.
+// Measurement of the time that each pass takes.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 
 namespace voxeld::gpu {
 
-// GPU time of named passes by timer queries; falls back to wall time around glFinish where queries
-// always return 0 (workaround timer_query_zero). Passes do not nest.
+// GPU time of named passes by timer queries. If queries always return 0 (workaround
+// timer_query_zero), it measures wall time around glFinish. Passes must not nest.
 class PassTimer {
  public:
   explicit PassTimer(const Context& context);
@@ -34,7 +34,7 @@ class PassTimer {
   const Context* context_;
   Stopwatch wall_;
   std::string running_;           // name of the pass between begin() and end()
-  std::vector<Pending> pending_;  // ended, result not read yet; timer queries only
+  std::vector<Pending> pending_;  // ended, but result not read yet; timer queries only
   StageTimes times_;
 };
 

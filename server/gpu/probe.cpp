@@ -1,5 +1,5 @@
-// Probing devices in child processes: a driver may crash or hang while it loads, and Mesa keeps its
-// first choice of driver for the life of a process, so no two can be tried in one.
+// Probing of devices in child processes. A driver may crash or hang while it loads. Mesa keeps its
+// first choice of driver for the life of a process, so two cannot be tried in one.
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -12,7 +12,7 @@ namespace {
 
 using nlohmann::json;
 
-// More devices than this in one machine are not probed.
+// The most EGL devices that are probed.
 constexpr int kEglDevicesMax = 16;
 
 DeviceInfo info_from_json(const DeviceId& device, const json& object) {
@@ -41,7 +41,7 @@ DeviceInfo info_from_json(const DeviceId& device, const json& object) {
 
 struct ProbeOutcome {
   DeviceProbe probe;
-  int egl_device_count = -1;  // that EGL enumerates; -1: the child did not say
+  int egl_device_count = -1;  // devices that EGL enumerates; -1: the child did not say
 };
 
 ProbeOutcome probe_one(const std::string& self_executable, const DeviceId& device,
@@ -77,7 +77,7 @@ ProbeOutcome probe_one(const std::string& self_executable, const DeviceId& devic
 std::vector<DeviceProbe> probe_devices(const std::string& self_executable,
                                        std::chrono::milliseconds timeout_each) {
   std::vector<DeviceProbe> probes;
-  // egl:0 is probed in any case, so that its reason tells why there is no hardware.
+  // egl:0 is always probed, so that its reason tells why there is no hardware.
   int egl_device_count = kEglDevicesMax;
   for (int index = 0; index == 0 || index < egl_device_count; ++index) {
     ProbeOutcome outcome = probe_one(self_executable, {DeviceKind::kEgl, index}, timeout_each);
@@ -85,7 +85,7 @@ std::vector<DeviceProbe> probe_devices(const std::string& self_executable,
       egl_device_count = std::min(outcome.egl_device_count, kEglDevicesMax);
     }
     probes.push_back(std::move(outcome.probe));
-    // A child that cannot even be started would not start for the next number either.
+    // If this child could not be started, the next would not start either.
     if (outcome.egl_device_count < 0 && index > 0 && !probes.back().works) break;
   }
   for (const DeviceKind kind :

@@ -1,4 +1,4 @@
-// The child's side of probing: opens one device and describes it.
+// The child process of a probe: it opens one device and describes it.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -33,7 +33,7 @@ json info_json(const DeviceInfo& info) {
           {"loop_iterations_max", info.loop_iterations_max}};
 }
 
-// On a line of its own: drivers may have written before it.
+// Prints the object on a line of its own, because drivers may have written before it.
 void print_line(const json& object) {
   const std::string line =
       "\n" + object.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";

@@ -1,4 +1,4 @@
-// probe_device_main() of a build without GL.
+// probe_device_main() in a build without GL.
 #include <cstdio>
 
 #include "server/gpu/device.h"

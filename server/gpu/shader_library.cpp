@@ -33,7 +33,7 @@ Error driver_error(std::string what, std::string_view log) {
       ""};
 }
 
-// Deletes shaders that were attached or that a failed stage leaves behind.
+// Deletes shaders at the end of the scope: attached ones, and those that a failed stage leaves.
 struct ShaderList {
   const GlApi& gl;
   std::vector<uint32_t> ids;

@@ -1,6 +1,6 @@
-// Shaders: sources embedded at build time (or read from --shader-dir), #include resolved, compiled
-// into programs and kept. Parameters go through uniform buffers: default-block uniforms are stale
-// on Zink over lavapipe.
+// Shader programs: sources embedded at build time (or read from --shader-dir), with #include
+// resolved, compiled and cached. Parameters go through uniform buffers, because default-block
+// uniforms are stale on Zink over lavapipe.
 #pragma once
 
 #include <cstdint>
@@ -26,10 +26,11 @@ class Program {
   Program& operator=(Program&& other) noexcept;
   uint32_t id() const { return id_; }
   void use() const;
-  // Work groups in x; more than dispatch_groups_max are folded into y: the shader takes
-  // group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x and checks its count.
+  // Runs the given number of work groups in x. More than dispatch_groups_max are folded into y: the
+  // shader computes group = gl_WorkGroupID.x + gl_WorkGroupID.y * gl_NumWorkGroups.x and checks it
+  // against its count.
   void dispatch(int64_t groups) const;
-  // Three words of the buffer that Buffer::bind_indirect() has bound: work groups in x, y, z.
+  // Reads work groups in x, y, z from three words of the buffer that Buffer::bind_indirect() bound.
   void dispatch_indirect(size_t offset_bytes) const;
 
  private:
@@ -38,23 +39,23 @@ class Program {
 };
 
 struct ShaderStage {
-  std::string file;  // "voxelize_touch.comp"; the stage is the extension: comp vert geom frag
+  std::string file;  // "voxelize_touch.comp"; the extension is the stage: comp vert geom frag
 };
 
 class ShaderLibrary {
  public:
-  // Empty directory: the embedded sources.
+  // shader_dir: empty means the embedded sources.
   explicit ShaderLibrary(const Context& context, std::string shader_dir = "");
 
-  // Compiles, or returns the program made before from the same files and defines, to which NO_INT64
-  // (shader_source.h) is added on devices without 64-bit integers. The pointer stays
-  // valid as long as the library. Errors: internal with the driver's log, its line numbers mapped
-  // back to "lib/dda.glsl:17".
+  // Compiles a program, or returns the cached one of the same files and defines. NO_INT64
+  // (shader_source.h) is added on devices without 64-bit integers. The pointer stays valid as long
+  // as the library. Errors: internal with the driver's log, its line numbers mapped back to
+  // "lib/dda.glsl:17".
   Result<const Program*> get(std::vector<ShaderStage> stages, const Defines& defines = {});
 
-  // Builds every program anew from the sources as they are now, and takes the new ones only when
-  // all of them build: a mistake in a shader that is being edited keeps the old picture. The
-  // pointers from get() stay valid. Call between jobs. Errors: as get().
+  // Rebuilds every program from the current sources. The new programs are used only if all of them
+  // build, so a mistake in a shader under edit leaves the old ones in place. Pointers from get()
+  // stay valid. Call between jobs. Errors: as get().
   Status reload();
 
   // Source with #include expanded, as the compiler gets it. Public for tests.

@@ -9,7 +9,7 @@
 namespace voxeld::gpu {
 namespace {
 
-// 4.50 is the baseline.
+// OpenGL 4.5, the baseline.
 constexpr std::string_view kVersion = "#version 450 core";
 constexpr std::string_view kInt64 = "#extension GL_ARB_gpu_shader_int64 : require";
 
@@ -72,7 +72,7 @@ class Resolver {
   }
 
   Status add_include(std::string_view target, size_t index, int number) {
-    if (target.starts_with('<')) {  // of the C++ part of a shared header
+    if (target.starts_with('<')) {  // in the C++ part of a shared header
       append({}, index, number);
       return {};
     }
@@ -89,7 +89,7 @@ class Resolver {
     }
     const std::string from = out.files[index];
     if (Status status = add_file(name); !status.ok()) {
-      // Only a file that cannot be read is told with the place that asks for it.
+      // Only a file that cannot be read is reported with the place that includes it.
       if (out.files.back() != name) return status;
       return error_at(from, number, "cannot include " + name + ": " + status.error().detail);
     }
@@ -99,7 +99,7 @@ class Resolver {
   const ShaderReader& read_;
 };
 
-// Reads "<number>" at the head of `text` and drops it.
+// Parses "<number>" at the head of `text` and removes it.
 std::optional<size_t> take_number(std::string_view& text) {
   size_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);

@@ -1,5 +1,5 @@
-// Every driver workaround, in one list. Each has a greppable name, a paragraph that says what was
-// seen and how to see it again, and a switch: VOXELD_WORKAROUNDS=-name,-other turns them off.
+// The list of all driver workarounds. Each has a greppable name, a paragraph on the symptom and how
+// to reproduce it, and a switch: VOXELD_WORKAROUNDS=-name,-other turns them off.
 #pragma once
 
 #include <span>
@@ -8,27 +8,28 @@
 namespace voxeld::gpu {
 
 enum class Workaround {
-  // loop_iterations_65535. Mesa 22.3.6, llvmpipe, softpipe, OSMesa and lavapipe: gallivm stops a
-  // shader silently after 65,535 loop iterations in total, over all its loops, per SIMD group; what
-  // the rest of the loop would have written is missing and no error is raised. Seen by voxelizing a
-  // mesh of 5,110 triangles at 1024 cells with one invocation per triangle: 6,364 voxels are lost.
-  // On: DeviceInfo::loop_iterations_max = 65535, and passes split their work to stay below.
+  // loop_iterations_65535. Mesa 22.3.6, llvmpipe, softpipe, OSMesa and lavapipe: gallivm silently
+  // stops a shader after 65,535 loop iterations in total, over all its loops, per SIMD group. The
+  // rest of the loop writes nothing and no error is raised. To reproduce: voxelize a mesh of 5,110
+  // triangles at 1024 cells with one invocation per triangle; 6,364 voxels are lost. If on:
+  // DeviceInfo::loop_iterations_max = 65535, and passes split their work to stay below.
   kLoopIterations65535,
 
   // zink_stale_uniforms. Mesa 22.3.6, Zink over lavapipe: a compute dispatch sees default-block
-  // uniforms of an earlier dispatch (99% of a grid wrong); uniform buffers are right. No pass of
-  // voxeld uses default-block uniforms, which is the actual cure and cannot be switched off. On:
-  // ZINK_INLINE_UNIFORMS=0 is set as well while the driver loads, so that a program that a
-  // developer tries out behaves.
+  // uniforms of an earlier dispatch (99% of a grid wrong); uniform buffers are right. The actual
+  // cure is that no pass of voxeld uses default-block uniforms; it cannot be switched off. If on:
+  // ZINK_INLINE_UNIFORMS=0 is also set while the driver loads, so that a developer's experiments
+  // behave.
   kZinkStaleUniforms,
 
   // timer_query_zero. Mesa 22.3.6, llvmpipe and OSMesa: GL_TIME_ELAPSED queries exist, have counter
-  // bits and always give 0. On: PassTimer takes wall time around glFinish on software drivers.
+  // bits and always return 0. If on: PassTimer measures wall time around glFinish on software
+  // drivers.
   kTimerQueryZero,
 
   // lp_vector_width_512. Mesa 22.3.6, llvmpipe with LP_NATIVE_VECTOR_WIDTH=512 in the environment:
-  // shaders run 40% slower and the ray march crashes in generated code. On: the variable is taken
-  // out of the environment before a Mesa software driver is loaded, where it asks for 512.
+  // shaders run 40% slower and the ray march crashes in generated code. If on: a value of 512 is
+  // removed from the environment before a Mesa software driver is loaded.
   kLpVectorWidth512,
 };
 
@@ -38,12 +39,13 @@ struct WorkaroundInfo {
   std::string_view summary;  // one sentence, for `voxeld doctor`
 };
 
-// In the order of the enum.
+// All workarounds, in the order of the enum.
 std::span<const WorkaroundInfo> all_workarounds();
 
-// Whether `list` (the form of VOXELD_WORKAROUNDS: "-name" items separated by commas) leaves it on.
+// True if `list` leaves the workaround on. list: "-name" items separated by commas, as in
+// VOXELD_WORKAROUNDS.
 bool workaround_enabled(Workaround workaround, std::string_view list);
-// The same by the environment of the process.
+// The same for the list in the environment of the process.
 bool workaround_enabled(Workaround workaround);
 
 }  // namespace voxeld::gpu

@@ -1,4 +1,4 @@
-// What the kinds of animated pictures have in common, and sheets.
+// The parts that all animated formats share, and contact sheets.
 #include "server/render/animated_picture.h"
 
 #include <algorithm>
@@ -11,14 +11,15 @@
 namespace voxeld {
 namespace {
 
-constexpr uint32_t kDurationMax = 65'535;  // both formats have 16 bits
+constexpr uint32_t kDurationMax = 65'535;  // both formats store 16 bits
 
 }  // namespace
 
 std::vector<uint32_t> whole_durations(const std::vector<double>& durations_s, double parts_per_s,
                                       uint32_t least) {
   std::vector<uint32_t> whole;
-  double end = 0.0, shown = 0.0;  // parts
+  // Times in parts. Rounding the running end, not each duration, keeps the total length right.
+  double end = 0.0, shown = 0.0;
   for (const double duration_s : durations_s) {
     end += std::max(duration_s, 0.0) * parts_per_s;
     const double wanted = std::floor(end - shown + 0.5);

@@ -1,4 +1,4 @@
-// Several pictures as one: animated GIF and PNG, and sheets of pictures beside each other.
+// Several images in one file: animated GIF and PNG, and contact sheets.
 #pragma once
 
 #include <array>
@@ -13,42 +13,41 @@
 
 namespace voxeld {
 
-// Writes pictures to a file as they come; what they show loops for ever.
+// Writes images to a file as they come. The animation loops for ever.
 class AnimationWriter {
  public:
   virtual ~AnimationWriter() = default;
 
-  // As many pictures as were told, all of one size. Errors: internal with the words of the file
-  // system or the library.
+  // Adds an image. There must be as many as durations, all of one size. Errors: internal with the
+  // words of the file system or the library.
   virtual Status add(const Picture& picture) = 0;
-  // Once after the last picture.
+  // Called once after the last image.
   virtual Status finish() = 0;
 };
 
-// durations_s: how long each picture is seen, at least one. GIF counts in 1/100 s and PNG in
-// 1/1000 s: what rounding takes from a picture the next ones get, so that the whole keeps its
-// length; programs show a GIF's pictures for no less than 1/50 s.
-//
-// GIF by OpenImageIO: up to 256 colours a picture, dithered; without alpha, so that what is not
-// opaque lies over white. Errors: unsupported-feature in a build without OpenImageIO, internal.
+// An animated GIF by OpenImageIO: up to 256 colours an image, dithered. GIF has no alpha, so
+// transparent pixels are blended with white. durations_s: display time of each image; at least one.
+// GIF counts in 1/100 s and PNG in 1/1000 s. Rounding errors are carried to the next images, so
+// that the total length is right. Programs show a GIF's images for at least 1/50 s. Errors:
+// unsupported-feature in a build without OpenImageIO, internal.
 Result<std::unique_ptr<AnimationWriter>> write_gif(const std::filesystem::path& path,
                                                    const std::vector<double>& durations_s);
-// Animated PNG (W3C PNG, third edition, 11.3.4): streams of encode_png() in frames of their own.
-// Errors: those of encode_png(), internal.
+// An animated PNG (W3C PNG, third edition, 11.3.4): streams of encode_png(), each in a frame of its
+// own. Errors: those of encode_png(), internal.
 Result<std::unique_ptr<AnimationWriter>> write_apng(const std::filesystem::path& path,
                                                     const std::vector<double>& durations_s);
 
-// Durations in whole parts of a second, each at least `least`.
+// Durations in whole fractions of a second, each at least `least`.
 std::vector<uint32_t> whole_durations(const std::vector<double>& durations_s, double parts_per_s,
                                       uint32_t least);
 
-// Where the pictures of a sheet stand: row by row from the top left.
+// The layout of a sheet: images row by row from the top left.
 struct SheetLayout {
   int columns = 1, rows = 1;
-  int width = 1, height = 1;  // pixels, of one picture
+  int width = 1, height = 1;  // size of one image, in pixels
 };
-// columns: 0 for as many as rows, or one more. Errors: invalid-option for a sheet of more than
-// limits::kSheetSideMax pixels to a side.
+// columns: 0 means as many as rows, or one more. Errors: invalid-option if the sheet exceeds
+// limits::kSheetSideMax pixels a side.
 Result<SheetLayout> sheet_layout(size_t count, int columns, int width, int height);
 // An empty sheet of that layout.
 Picture begin_sheet(const SheetLayout& layout, const std::array<uint8_t, 4>& background);

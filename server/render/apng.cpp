@@ -1,13 +1,13 @@
-// Animated PNG: the streams of ordinary PNGs, wrapped again.
+// Animated PNG: the streams of ordinary PNGs in other chunks.
 //
-//   signature, IHDR and what else stands before the first picture's IDAT
-//   acTL  u32 pictures, u32 rounds (0: for ever)
-//   per picture
+//   signature, IHDR and the other chunks before the first image's IDAT
+//   acTL  u32 images, u32 rounds (0: for ever)
+//   per image
 //     fcTL  u32 number, width, height, x, y; u16 delay, u16 its denominator; u8 dispose, u8 blend
 //     IDAT of the first, fdAT (u32 number, then the same stream) of the others
 //   IEND
 //
-// Numbers count fcTL and fdAT chunks together, from 0; all numbers are big-endian.
+// Numbers count fcTL and fdAT chunks together, from 0. All numbers are big-endian.
 #include <fcntl.h>
 
 #include <array>
@@ -68,7 +68,7 @@ void put_chunk(std::vector<uint8_t>& out, std::string_view type, std::span<const
   put_u32(out, crc_of(std::span(out).subspan(begin)));
 }
 
-// An encoded picture in its parts.
+// The parts of an encoded image.
 struct PngParts {
   std::vector<uint8_t> front;                     // signature and chunks before the stream
   std::vector<std::span<const uint8_t>> streams;  // data of IDAT chunks
@@ -130,7 +130,8 @@ class ApngWriter final : public AnimationWriter {
     put_u32(control, 0);
     put_u16(control, durations_[added_]);
     put_u16(control, kPartsPerSecond);
-    control.insert(control.end(), {0, 0});  // the next one replaces it, alpha and all
+    // dispose and blend: the next image replaces this one, alpha included.
+    control.insert(control.end(), {0, 0});
     put_chunk(out, "fcTL", control);
   }
 
@@ -146,7 +147,7 @@ class ApngWriter final : public AnimationWriter {
   UniqueFd fd_;
   std::vector<uint32_t> durations_;
   size_t added_ = 0;
-  uint32_t number_ = 0;  // of the next fcTL or fdAT
+  uint32_t number_ = 0;  // number of the next fcTL or fdAT
 };
 
 }  // namespace

@@ -11,7 +11,8 @@
 namespace voxeld {
 namespace {
 
-// A little more than the bounding sphere, so that no corner is cut by the near or far plane.
+// The depth range is slightly larger than the bounding sphere, so that the near and far plane cut
+// no corner.
 constexpr double kDepthMargin = 1.01;
 
 glm::dmat4 from_row_major(const std::array<double, 16>& rows) {
@@ -24,7 +25,7 @@ glm::dmat4 from_row_major(const std::array<double, 16>& rows) {
   return matrix;
 }
 
-// Orthonormal, right-handed; also at the poles, where "up" is taken as the limit.
+// An orthonormal, right-handed view. At the poles "up" is the limit.
 glm::dmat4 view_from_world(double azimuth, double elevation, const glm::dvec3& eye) {
   const double sa = std::sin(azimuth), ca = std::cos(azimuth);
   const double se = std::sin(elevation), ce = std::cos(elevation);
@@ -58,7 +59,7 @@ Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_
   const double elevation = glm::radians(options.elevation_deg);
   const bool is_perspective = options.projection == Projection::kPerspective;
   const double half_angle = glm::radians(0.5 * kFieldOfViewDeg);
-  // A sphere fills the angle where its tangents are the sides of the frustum.
+  // A sphere fills the angle if the sides of the frustum are tangent to it.
   const double distance = is_perspective ? radius / std::sin(half_angle) : 2.0 * radius;
   const glm::dvec3 back(std::sin(azimuth) * std::cos(elevation), std::sin(elevation),
                         std::cos(azimuth) * std::cos(elevation));
@@ -95,7 +96,7 @@ Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
   for (int column = 0; column < 4; ++column) {
     for (int row = 0; row < 4; ++row) {
       const double wanted = column == row ? 1.0 : 0.0;
-      // NaN and infinity fail this as well.
+      // The comparison also fails for NaN and infinity.
       if (!(std::abs(product[column][row] - wanted) < 1e-3)) {
         return Error{ErrorCode::kInvalidOption, "matrix cannot be inverted",
                      "an invertible clip_from_world of moderate numbers", "a singular matrix"};
@@ -115,7 +116,7 @@ Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
     const glm::dvec4 p = world_from_grid * at(x, y, z, 1);
     return glm::dvec3(p) / p.w;
   };
-  // Points away from the planes, where a perspective far plane may be at infinity.
+  // Points inside the frustum are used, because a perspective far plane may be at infinity.
   const glm::dvec3 middle = world_at(0, 0, 0);
   rays.to_eye = glm::normalize(world_at(0, 0, -1) - middle);
   rays.right = glm::normalize(world_at(1e-3, 0, 0) - middle);
@@ -129,8 +130,8 @@ Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
 Footprint pixel_footprint(const PictureRays& rays, int width, int height,
                           const glm::dvec3& voxel_size) {
   const double longest = std::max(voxel_size.x, std::max(voxel_size.y, voxel_size.z));
-  // Of the middle of the near plane and halfway to the far plane (in clip depth: that may be at
-  // infinity), and one pixel away from it.
+  // A point of the image in the near plane, or halfway to the far plane. Halfway in clip depth,
+  // because the far plane may be at infinity.
   const auto at = [&](double depth, double x, double y) {
     const auto on = [&](const glm::dvec4(&plane)[3]) {
       return plane[0] + x * plane[1] + y * plane[2];

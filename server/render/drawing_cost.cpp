@@ -18,7 +18,7 @@ void DrawingCost::add(const SparseTile& tile) {
   tile_bytes_ += tile_bytes(tile);
 }
 
-// Four bricks or more of a surface share a block's table; a tile has no more tables than blocks.
+// At least four bricks of a surface share a block's table. A tile has no more tables than blocks.
 size_t DrawingCost::node_bytes() const {
   const size_t blocks =
       std::min(bricks_ / 4 + full_ + tiles_, tiles_ * size_t{RAYMARCH_TILE_ENTRIES});

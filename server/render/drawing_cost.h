@@ -1,4 +1,4 @@
-// What a grid takes of memory to be drawn, counted tile by tile before anything is made of it.
+// The memory that drawing a grid takes, counted tile by tile before anything is allocated.
 #pragma once
 
 #include <cstddef>
@@ -8,16 +8,16 @@
 
 namespace voxeld {
 
-// What one picture may take of memory.
+// Memory limits of one render.
 struct PictureLimits {
-  size_t bytes_max = size_t{768} << 20;  // tiles and the renderer's tables
-  size_t table_bytes_max = SIZE_MAX;     // of one table; see Renderer::table_bytes_max()
+  size_t bytes_max = size_t{768} << 20;  // for tiles and the renderer's tables
+  size_t table_bytes_max = SIZE_MAX;     // for each single table; see Renderer::table_bytes_max()
 };
 
 // Bytes of a brick in the renderer's largest table.
 inline constexpr size_t kDrawnBrickBytes = 80;
 
-// Tiles and the tables that they become (packed_grid.h).
+// Counts tiles and the tables that they become (packed_grid.h).
 class DrawingCost {
  public:
   void add(const SparseTile& tile);

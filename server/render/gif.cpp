@@ -1,5 +1,5 @@
-// Animated GIF by OpenImageIO, which knows one delay for all pictures; the delays of each are put
-// into the file afterwards (GIF89a specification, 23: graphic control extension).
+// Animated GIF by OpenImageIO, which supports a single delay for all images. The delay of each is
+// written into the file afterwards (GIF89a specification, 23: graphic control extension).
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
@@ -16,13 +16,13 @@ namespace voxeld {
 namespace {
 
 constexpr double kPartsPerSecond = 100.0;
-constexpr uint32_t kLeastParts = 2;  // what is less, programs show for 1/10 s
+constexpr uint32_t kLeastParts = 2;  // programs show shorter delays for 1/10 s
 
 Error gif_error(std::string what) {
   return Error{ErrorCode::kInternal, "encoding GIF: " + std::move(what), "", ""};
 }
 
-// Over white, opaque.
+// The image over white, opaque.
 std::vector<uint8_t> opaque(const Picture& picture) {
   std::vector<uint8_t> rgba = picture.rgba;
   for (size_t i = 0; i < rgba.size(); i += 4) {
@@ -35,7 +35,7 @@ std::vector<uint8_t> opaque(const Picture& picture) {
   return rgba;
 }
 
-// Byte offset after the sub-blocks that begin at `at`; size() where they do not end.
+// Byte offset after the sub-blocks that begin at `at`; size() if they do not end.
 size_t after_sub_blocks(std::span<const uint8_t> gif, size_t at) {
   while (at < gif.size() && gif[at] != 0) at += size_t{gif[at]} + 1;
   return std::min(at + 1, gif.size());
@@ -45,7 +45,7 @@ size_t color_table_bytes(uint8_t flags) {
   return (flags & 0x80u) != 0 ? size_t{3} << ((flags & 7u) + 1u) : 0;
 }
 
-// Sets the delay of each graphic control extension, in their order. Returns how many there are.
+// Sets the delays of the graphic control extensions, in their order. Returns their number.
 size_t set_delays(std::span<uint8_t> gif, std::span<const uint32_t> delays) {
   constexpr size_t kHeaderBytes = 13, kDescriptorBytes = 10;
   if (gif.size() < kHeaderBytes) return 0;

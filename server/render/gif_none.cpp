@@ -1,4 +1,4 @@
-// write_gif() of a build without OpenImageIO.
+// write_gif() in a build without OpenImageIO.
 #include "server/render/animated_picture.h"
 
 namespace voxeld {

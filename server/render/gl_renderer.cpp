@@ -12,12 +12,12 @@
 namespace voxeld {
 namespace {
 
-// Loop iterations of a ray besides its steps: the sample loop, the rank of the voxel in its brick's
-// mask and the mean of eight voxels, for colour and normal, and the neighbourhood (octants of which
-// each may ask for eight entries) and squarings of the estimated normal.
+// Loop iterations of a ray besides its steps. They are the sample loop; for colour and normal, the
+// rank of the voxel in its brick's mask and the mean of eight voxels; and the estimated normal: its
+// neighbourhood (octants, each of up to eight entries) and squarings.
 constexpr int kShadingSteps = 1 + 2 * (17 + 8) + 27 * 9 + 3;
 
-// Loop iterations of all rays that a hit sends on, at most.
+// The most loop iterations of all secondary rays of a hit.
 int64_t light_steps_max(const RenderOptions& options, int samples_per_side) {
   const int samples = samples_per_side * samples_per_side;
   const auto rays = [&](int per_pixel, int per_sample) {
@@ -40,7 +40,7 @@ struct GlRenderer::Impl {
   RenderQuality quality;
   gpu::VertexArray vertices;
   gpu::Buffer params, nodes, bricks, colors, normals;
-  PackedGrid grid;  // what was uploaded, without its tables
+  PackedGrid grid;  // the uploaded grid, without its tables
 
   Result<int> samples_per_side(const RenderOptions& options) const;
   gpu::Defines variant(const RenderOptions& options) const;
@@ -147,7 +147,7 @@ void set_state(const gpu::GlApi& gl) {
   gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
-// GL's rows start at the bottom.
+// Reverses the order of rows, because GL's start at the bottom.
 template <typename T>
 void flip_rows(std::vector<T>& rows, int height) {
   const auto row = static_cast<std::ptrdiff_t>(rows.size()) / height;

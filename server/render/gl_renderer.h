@@ -10,7 +10,7 @@
 
 namespace voxeld {
 
-// Belongs to its context's thread.
+// A renderer on a GL context. Only the context's thread may use it.
 class GlRenderer final : public Renderer {
  public:
   GlRenderer(gpu::Context& context, gpu::ShaderLibrary& shaders);

@@ -8,7 +8,7 @@
 namespace voxeld {
 namespace {
 
-// 16-bit linear light of an sRGB byte.
+// 16-bit linear light of each sRGB byte.
 std::array<uint32_t, 256> make_linear() {
   std::array<uint32_t, 256> table{};
   for (size_t i = 0; i < table.size(); ++i) {
@@ -21,7 +21,7 @@ std::array<uint32_t, 256> make_linear() {
 
 const std::array<uint32_t, 256> kLinear = make_linear();
 
-// The byte whose linear light is nearest.
+// The sRGB byte with the nearest linear light.
 uint32_t srgb_byte(uint32_t linear) {
   const auto above = std::lower_bound(kLinear.begin(), kLinear.end(), linear);
   if (above == kLinear.begin()) return 0;

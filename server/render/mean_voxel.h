@@ -1,5 +1,5 @@
-// Means of colours and normals in the form that the ray march reads, for cubes of voxels that are
-// drawn as one.
+// Means of colours and normals, in the form that the ray march reads. Cubes of voxels that are
+// drawn as one use them.
 #pragma once
 
 #include <cstdint>
@@ -13,11 +13,11 @@ constexpr uint32_t pack_normal(int8_t x, int8_t y, int8_t z) {
          uint32_t{static_cast<uint8_t>(z)} << 16;
 }
 
-// sRGB words R | G << 8 | B << 16 | A << 24; the mean is taken in linear light and is opaque. 0
-// where there are none.
+// The mean of sRGB words R | G << 8 | B << 16 | A << 24, taken in linear light and opaque. 0 if
+// `colors` is empty.
 uint32_t mean_color(std::span<const uint32_t> colors);
 
-// Of packed normals; shorter than 127 where they point in different directions.
+// The mean of packed normals. It is shorter than 127 if they point in different directions.
 uint32_t mean_normal(std::span<const uint32_t> normals);
 
 }  // namespace voxeld

@@ -39,7 +39,7 @@ bool is_empty(uint32_t entry) {
   return entry < RAYMARCH_FULL;
 }
 
-// Calls visit(p) for the cells of a box from 0, x fastest.
+// Calls visit(p) for the cells of a box that starts at 0, x fastest.
 template <typename Visit>
 void for_each_cell(const glm::ivec3& dims, Visit&& visit) {
   glm::ivec3 p;
@@ -50,9 +50,9 @@ void for_each_cell(const glm::ivec3& dims, Visit&& visit) {
   }
 }
 
-// Writes into the empty entries of a table how large the aligned empty cube around each is: a cube
-// of twice the side is empty where its eight halves are. What lies outside the table counts as
-// empty: only the grid's own has sides that are no powers of two, and beyond it nothing follows.
+// Writes into the empty entries of a table the size of the aligned empty cube around each. A cube
+// of twice the side is empty if its eight halves are. Cells outside the table count as empty: only
+// the grid's own table has sides that are no powers of two, and nothing follows it.
 void mark_empty_cubes(std::span<uint32_t> table, const glm::ivec3& dims, uint32_t entry_shift) {
   for (uint32_t& entry : table) {
     if (is_empty(entry)) entry = entry_shift;
@@ -64,7 +64,7 @@ void mark_empty_cubes(std::span<uint32_t> table, const glm::ivec3& dims, uint32_
     for_each_cell(cubes, [&](const glm::ivec3& cube) {
       const glm::ivec3 low = cube * (2 * half), size = glm::min(dims - low, glm::ivec3(2 * half));
       bool empty = true;
-      // Its halves are empty where their first entries were raised to their size.
+      // A half is empty if its first entry was raised to the half's size.
       for_each_cell((size + (half - 1)) / half, [&](const glm::ivec3& p) {
         empty = empty && table[linear_index(low + p * half, dims)] == entry_shift - 1;
       });
@@ -145,7 +145,7 @@ class Packer {
     packed_.occupied_max = glm::max(packed_.occupied_max, high);
   }
 
-  // By the voxels of one brick; a brick inside the box costs nothing.
+  // Grows the occupied box by the voxels of one brick. A brick inside the box costs nothing.
   void grow_box(const BrickMask& mask, const glm::ivec3& base) {
     if (glm::all(glm::greaterThanEqual(base, packed_.occupied_min)) &&
         glm::all(glm::lessThanEqual(base + limits::kBrickSide, packed_.occupied_max))) {
@@ -190,7 +190,7 @@ class Packer {
     return tile_table_ + linear_index(brick / kBricksPerSide, glm::ivec3(kBlocksPerSide));
   }
 
-  // Entry of a brick, whose block gets a table where it has none.
+  // The entry of a brick. Its block gets a table if it has none.
   uint32_t& brick_entry(const glm::ivec3& brick) {
     const size_t entry = block_entry(brick);
     if (packed_.nodes[entry] == 0) {
@@ -201,7 +201,7 @@ class Packer {
     return packed_.nodes[table + linear_index(brick % kBricksPerSide, glm::ivec3(kBricksPerSide))];
   }
 
-  // Marks are made at the largest parts of the tree that the node covers.
+  // Marks a full node, at the largest parts of the tree that it covers.
   void add_full(const FullNode& node) {
     const glm::ivec3 first = decoded(node.brick_morton);
     const int side = 1 << node.level;
@@ -286,10 +286,10 @@ class Packer {
   }
 
   const Grid& grid_;
-  const std::optional<Channel> ids_;  // what is drawn as a colour for each id
+  const std::optional<Channel> ids_;  // the channel of ids that are drawn as colours
   PackedGrid& packed_;
-  glm::ivec3 tile_base_{0};  // first cell of the tile at hand
-  size_t tile_table_ = 0;    // offset of its table
+  glm::ivec3 tile_base_{0};  // first cell of the current tile
+  size_t tile_table_ = 0;    // offset of the tile's table
   size_t bricks_done_ = 0;
   bool has_full_ = false;
 };

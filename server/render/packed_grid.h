@@ -1,4 +1,4 @@
-// A grid as the ray march reads it: tables that are uploaded as they are.
+// A grid as the ray march reads it, in tables that are uploaded unchanged.
 #pragma once
 
 #include <array>
@@ -13,24 +13,25 @@ namespace voxeld {
 
 struct PackedGrid {
   GridSpec spec;
-  glm::ivec3 tile_dims{0};  // tiles of 256^3 voxels to each side
-  // Contents: shaders/shared/raymarch.h.
+  glm::ivec3 tile_dims{0};  // number of tiles of 256^3 voxels along each side
+  // Layout: shaders/shared/raymarch.h.
   std::vector<uint32_t> nodes;
   std::vector<uint32_t> bricks;
   bool has_color = false, has_normal = false;
   std::vector<uint32_t> colors;   // empty without colours
   std::vector<uint32_t> normals;  // empty without normals
-  // Cells [occupied_min, occupied_max) hold all voxels; the whole grid when there are none.
+  // Cells [occupied_min, occupied_max) contain all voxels; the whole grid if there are none.
   glm::ivec3 occupied_min{0}, occupied_max{0};
-  // Mean colour of the voxels that have one, for those in full nodes, which have none; only where
-  // there are both.
+  // Colour for voxels of full nodes, which have none: the mean of the voxels that have one. Set
+  // only if the grid has both kinds.
   std::optional<std::array<uint8_t, 3>> full_color;
-  uint64_t attribute_count = 0;  // voxels that have colours and normals, where the grid has them
+  uint64_t attribute_count = 0;  // number of voxels with colours and normals, if the grid has those
 };
 
-// A grid with labels or materials and no colours is drawn in a colour for each id: id_color().
-// Memory grows with the occupied bricks, not with the grid's volume. Errors: grid-too-large when
-// 2^32 voxels or more have attributes, or tables of 2^30 entries or more were needed.
+// Packs a grid. A grid with labels or materials but no colours gets a colour for each id:
+// id_color(). Memory grows with the occupied bricks, not with the grid's volume. Errors:
+// grid-too-large if 2^32 voxels or more have attributes, or a table would need 2^30 entries or
+// more.
 Result<PackedGrid> pack_grid(const Grid& grid);
 
 }  // namespace voxeld

@@ -1,4 +1,4 @@
-// Pictures are drawn block by block, which bounds how long the next request to cancel waits.
+// Rendering block by block, which bounds the time until a cancel takes effect.
 #pragma once
 
 #include <algorithm>
@@ -8,10 +8,10 @@
 
 namespace voxeld {
 
-// Pixels to a side.
+// Pixels along a side of a block.
 inline constexpr int kPictureBlockSide = 512;
 
-// Calls draw(x, y, width, height) -> Status for each block. Errors: cancelled when `progress` says
+// Calls draw(x, y, width, height) -> Status for each block. Errors: cancelled if `progress` returns
 // false; those of draw.
 template <typename Draw>
 Status for_each_block(int width, int height, const BlockProgress& progress, Draw&& draw) {

@@ -25,9 +25,9 @@ Result<std::vector<uint8_t>> encode_png(const Picture& picture) {
     if (output == nullptr) return png_error(OIIO::geterror());
     OIIO::ImageSpec spec(picture.width, picture.height, 4, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
-    // Straight alpha, as PNG stores it; otherwise OpenImageIO divides by alpha once more.
+    // PNG stores straight alpha. Without this OpenImageIO divides by alpha once more.
     spec.attribute("oiio:UnassociatedAlpha", 1);
-    // Half the time of the default 6 for 3% more bytes on pictures of voxels.
+    // Level 4 takes half the time of the default 6, for 3% more bytes on images of voxels.
     spec.attribute("png:compressionLevel", 4);
     if (!output->set_ioproxy(&proxy)) return png_error("OpenImageIO writes PNG to files alone");
     if (!output->open("picture.png", spec) ||

@@ -1,4 +1,4 @@
-// encode_png() of a build without OpenImageIO.
+// encode_png() in a build without OpenImageIO.
 #include "server/render/render.h"
 
 namespace voxeld {

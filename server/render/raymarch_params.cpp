@@ -9,8 +9,8 @@
 namespace voxeld {
 namespace {
 
-// Rays of ambient occlusion end at this part of the diagonal of the occupied box, but no nearer
-// than so many voxels.
+// Length of ambient occlusion rays, as a fraction of the diagonal of the occupied box, and its
+// minimum in voxels.
 constexpr double kOcclusionLength = 0.06;
 constexpr double kOcclusionVoxelsMin = 6.0;
 
@@ -19,7 +19,7 @@ shared::vec4 to_vec4(const glm::dvec4& v) {
           static_cast<float>(v.w)};
 }
 
-// The digits that a float has no room for.
+// The digits for which a float has no room.
 shared::vec4 low_part(const glm::dvec4& v) {
   return to_vec4(v - glm::dvec4(glm::vec4(v)));
 }
@@ -34,15 +34,15 @@ double linear_from_srgb(uint8_t value) {
   return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
 }
 
-// world plane -> grid plane.
+// Converts a world plane to a grid plane.
 glm::dvec4 section_in_grid(const std::array<double, 4>& plane, const GridSpec& spec) {
   const glm::dvec3 normal(plane[0], plane[1], plane[2]);
   return {normal * spec.voxel_size, glm::dot(normal, spec.origin_world) + plane[3]};
 }
 
-// How much of the hit face is mixed into a normal that is estimated from the neighbourhood, by the
-// width of a voxel in pixels: voxels of a few pixels shade as a smooth surface, larger ones show
-// that they are cubes.
+// The share of the hit face's normal in a normal that is estimated from the neighbourhood. It grows
+// with the width of a voxel in pixels: voxels of a few pixels shade as a smooth surface, larger
+// ones look like cubes.
 double face_share(double voxel_pixels) {
   const double t = std::clamp((voxel_pixels - 2.0) / 6.0, 0.0, 1.0);
   return RAYMARCH_FACE_SHARE * t * t * (3.0 - 2.0 * t);
@@ -50,7 +50,7 @@ double face_share(double voxel_pixels) {
 
 }  // namespace
 
-// Every step crosses one plane between cells of the occupied box for good, and a ray crosses each
+// Every step crosses a plane between cells of the occupied box, and a ray crosses each plane only
 // once.
 int ray_steps_max(const PackedGrid& grid) {
   const glm::ivec3 size = grid.occupied_max - grid.occupied_min;
@@ -88,7 +88,8 @@ Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const Ren
   const glm::dvec3 voxel = grid.spec.voxel_size;
   const double voxel_max = std::max(voxel.x, std::max(voxel.y, voxel.z));
   block.voxel_size = to_vec4(glm::dvec4(voxel, voxel_max));
-  // Over the viewer's right shoulder, so that what is seen is lit and still has relief.
+  // The light comes over the viewer's right shoulder, so that visible faces are lit and still show
+  // relief.
   block.light_world =
       to_vec4(glm::dvec4(glm::normalize(rays.to_eye + 0.45 * rays.right + 0.65 * rays.up),
                          face_share(voxel_max / rays.world_per_pixel(options.width))));

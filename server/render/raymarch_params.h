@@ -1,4 +1,4 @@
-// What every ray march needs to know of a picture, whatever runs it.
+// The parameters of a ray march, which the GL and the CPU renderer share.
 #pragma once
 
 #include "proto/options.h"
@@ -9,23 +9,24 @@
 
 namespace voxeld {
 
-// More steps than any ray through the grid can take.
+// An upper bound of the steps that a ray through the grid takes.
 int ray_steps_max(const PackedGrid& grid);
 
-// What the ray march leaves out where a picture does not need it; shaders/raymarch.frag.
+// The parts of the ray march that an image needs; the others are compiled out
+// (shaders/raymarch.frag).
 struct RaymarchVariant {
   bool attributes = false;  // voxels have colours or normals
   bool smooth = false;      // normals are estimated
-  bool light = false;       // there is ambient occlusion or a shadow
+  bool light = false;       // ambient occlusion or a shadow is on
 };
 RaymarchVariant raymarch_variant(const PackedGrid& grid, const RenderOptions& options);
 
-// Rays along each side of a pixel, before limits of a device: what was asked for, or what suits a
-// picture of this size.
+// Rays along each side of a pixel, before a device's limits: the requested number, or one that
+// suits the image's size.
 int wanted_samples(const RenderOptions& options, const RenderQuality& quality);
 
-// Camera, light and dimensions of a picture. `samples`: along each side of a pixel. The tables of
-// `grid` are not read. Errors: invalid-option for a matrix that cannot be inverted.
+// Camera, light and dimensions of an image. samples: rays along each side of a pixel. The tables of
+// `grid` are not read. Errors: invalid-option if the matrix cannot be inverted.
 Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const RenderOptions& options,
                                                int samples);
 

@@ -16,13 +16,14 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kTriangleGrain = 1 << 12;
-// A sliver is longer than 2 voxels and thinner than a quarter of one, in the projection: its
+// A sliver is longer than 2 voxels and thinner than a quarter of one, in the projection. Its
 // attributes vary along its longest side alone.
 constexpr int64_t kSliverLength = 512;  // 1/256 voxel
 constexpr int64_t kSliverAltitude = 64;
 constexpr double kUvFraction = 1 << ATTRIBUTE_UV_BITS;
-constexpr double kUvMax = 2047.0;  // periods of a texture; what is beyond has the colour there
-// Of an altitude, 1/8 texel, and two thirds of it: taps reach 3/2 texels of their level far.
+constexpr double kUvMax = 2047.0;  // periods of a texture; coordinates beyond are clamped to it
+// Altitudes are stored in units of 1/8 texel and scaled by two thirds, because taps reach 3/2
+// texels of their level.
 constexpr double kAltitudeFraction = 16.0 / 3.0;
 constexpr double kAltitudeMax = 65535.0;
 
@@ -31,7 +32,8 @@ uint32_t fraction16(double c) {
   return c > 0.0 ? static_cast<uint32_t>(std::floor(std::min(c, 1.0) * 65535.0 + 0.5)) : 0u;
 }
 
-// A component of a unit vector; never 0, so that a mean of equal ones is exact.
+// A component of a unit vector, biased by 32768. It is never 0, so that a mean of equal components
+// is exact.
 uint32_t biased16(double n) {
   const double clamped = n >= -1.0 && n <= 1.0 ? n : (n > 1.0 ? 1.0 : n < -1.0 ? -1.0 : 0.0);
   return static_cast<uint32_t>(std::floor(clamped * 32767.0 + 0.5) + 32768.0);
@@ -59,7 +61,7 @@ Measure measure_of(const glm::ivec3& d01, const glm::ivec3& d02, const glm::ivec
   Measure longest{ATTRIBUTE_FORM_01, squared(d01)};
   if (squared(d02) > longest.size) longest = {ATTRIBUTE_FORM_02, squared(d02)};
   if (squared(d12) > longest.size) longest = {ATTRIBUTE_FORM_12, squared(d12)};
-  // Above 2^27 the altitude is larger for any length, and the square would not fit.
+  // Above 2^27 the altitude exceeds the limit for any length, and the square would overflow.
   const bool is_thin =
       area < (int64_t{1} << 27) && area * area < kSliverAltitude * kSliverAltitude * longest.size;
   if (area == 0 || (is_thin && longest.size > kSliverLength * kSliverLength)) return longest;
@@ -78,7 +80,7 @@ uint32_t wrap_code(Wrap wrap) {
   return ATTRIBUTE_WRAP_MIRROR;
 }
 
-// Whole periods that are taken off, so that coordinates start within the first.
+// Whole periods to subtract, so that coordinates start within the first.
 double period_below(Wrap wrap, double least) {
   if (wrap == Wrap::kRepeat) return std::floor(least);
   if (wrap == Wrap::kMirror) return 2.0 * std::floor(least / 2.0);
@@ -86,7 +88,7 @@ double period_below(Wrap wrap, double least) {
 }
 
 uint32_t uv_word(double u) {
-  // Written so that NaN becomes 0.
+  // The comparisons are written so that NaN becomes 0.
   const double bounded = u >= -kUvMax ? std::min(u, kUvMax) : (u < 0.0 ? -kUvMax : 0.0);
   return static_cast<uint32_t>(static_cast<int32_t>(std::floor(bounded * kUvFraction + 0.5)));
 }
@@ -189,9 +191,9 @@ std::array<AttributeRecords::Corner, 3> AttributeRecords::corners_of(
   return corners;
 }
 
-// The level of which one texel is about as large as one voxel: the texture's density is the larger
-// singular value of the map from the snapped triangle to texels, s; the level is the least l with
-// s <= 2^(l + 1/2).
+// The level of which one texel is about as large as one voxel. The texture's density s is the
+// larger singular value of the map from the snapped triangle to texels. The level is the least l
+// with s <= 2^(l + 1/2).
 int AttributeRecords::level_of(const SnappedTriangle& triangle, const Image& image) const {
   const auto& vertices = triangle.vertices;
   const std::array<glm::ivec3, 3> q = {mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]],
@@ -221,8 +223,8 @@ int AttributeRecords::level_of(const SnappedTriangle& triangle, const Image& ima
   return level;
 }
 
-// Corners that stand at one place share the mean of their attributes: a place has one colour, and
-// which of them comes first does not matter.
+// Corners at the same position share the mean of their attributes. A position then has one colour,
+// whichever of the corners comes first.
 void AttributeRecords::merge_equal(const std::array<glm::ivec3, 3>& q,
                                    std::array<Corner, 3>& corners) {
   const auto set_mean = [&](size_t first, size_t last) {
@@ -267,7 +269,7 @@ void AttributeRecords::find_levels(int texture_side_max) {
                                               std::vector<ImageLevels>(scene_.images.size()));
   parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
     for (size_t t = begin; t < end; ++t) {
-      // color=nearest asks for the colour of a point.
+      // color=nearest needs the colour of a point, not of the whole triangle.
       const auto& vertices = mesh_.triangles[t].vertices;
       if (mode_ != ColorMode::kNearest &&
           is_in_one_cell(mesh_.vertices[vertices[0]], mesh_.vertices[vertices[1]],
@@ -386,7 +388,7 @@ void AttributeRecords::write_normals(const MeshPart& part, Corner* corners, bool
   }
 }
 
-// All corners get the mean of their normals.
+// Gives all corners the mean of their normals.
 void AttributeRecords::flatten_normals(uint32_t* words) {
   std::array<uint32_t, 3> sums{};
   for (size_t i = 0; i < 3; ++i) {

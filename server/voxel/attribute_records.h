@@ -1,5 +1,5 @@
-// The words of shared/attributes.h for each triangle: what the attribute pass needs to know of its
-// corners, computed once per triangle and window. Definition: README.md.
+// Attribute words of each triangle (shared/attributes.h): the corner values that the attribute pass
+// reads. They are computed once per triangle and window. README.md defines them.
 #pragma once
 
 #include <array>
@@ -18,18 +18,18 @@
 
 namespace voxeld {
 
-// Channels that are summed; their order in the sums is weight, R G B, alpha, normal X Y Z.
+// Channels that are summed. Their order in the sums is weight, R G B, alpha, normal X Y Z.
 struct AttributeChannels {
   bool color = false;
-  bool alpha = false;  // only with color: some colour is not opaque
+  bool alpha = false;  // only with color: at least one colour is not opaque
   bool normal = false;
   uint32_t count() const {
     return 1u + (color ? 3u : 0u) + (color && alpha ? 1u : 0u) + (normal ? 3u : 0u);
   }
 };
 
-// Levels of an image that triangles sample: from the largest that the device holds to the coarsest
-// that a triangle wants.
+// Mip levels of an image that triangles sample: from the largest that the device can hold to the
+// coarsest that a triangle needs.
 struct ImageLevels {
   int first = 16, last = -1;  // last < first: none
   bool used() const { return first <= last; }
@@ -37,9 +37,9 @@ struct ImageLevels {
 
 class AttributeRecords {
  public:
-  // All must outlive it. texture_side_max: texels; larger levels are passed over. flat: colours of
-  // the same scene from an earlier frame, or null; used where the mesh is whole, as numbers of
-  // triangles stay the same then.
+  // All arguments must outlive this object. texture_side_max is in texels; larger levels are
+  // skipped. flat: colours of the same scene from an earlier frame, or null. They are used only if
+  // the mesh is whole, because only then do triangles keep their numbers.
   AttributeRecords(const Scene& scene, const SnappedMesh& mesh, const glm::dmat4& world_from_file,
                    ColorMode mode, AttributeChannels channels, int texture_side_max,
                    FlatColors* flat);
@@ -47,19 +47,19 @@ class AttributeRecords {
   AttributeRecords& operator=(const AttributeRecords&) = delete;
 
   const std::vector<ImageLevels>& image_levels() const { return image_levels_; }
-  // To add levels that other frames sample.
+  // Mutable, so that levels which other frames sample can be added.
   std::vector<ImageLevels>& image_levels() { return image_levels_; }
-  // Whether a triangle has one colour, texture included.
+  // True if the triangle has a single colour, texture included.
   bool has_flat_color(uint32_t triangle) const {
     return !levels_.empty() && levels_[triangle] == kFlatLevel;
   }
   const std::array<uint16_t, 4>& flat_color(uint32_t triangle) const {
     return flat_->linear16[triangle];
   }
-  // ATTRIBUTE_WORDS per triangle of the window that was filled from `triangles`.
+  // Writes ATTRIBUTE_WORDS per triangle of the window that was filled from `triangles`.
   void fill(std::span<const uint32_t> triangles, const TileWindow& window,
             std::vector<uint32_t>& words) const;
-  // The same for one triangle, whose corners q are in `order` and whose dominant axis is `axis`.
+  // Writes the words of one triangle. Its corners q are in `order`; its dominant axis is `axis`.
   // words: ATTRIBUTE_WORDS zeros.
   void write(uint32_t triangle, const std::array<glm::ivec3, 3>& q, int axis,
              const CornerOrder& order, std::span<uint32_t> words) const;
@@ -67,9 +67,9 @@ class AttributeRecords {
  private:
   static constexpr uint8_t kFlatLevel = 255;
 
-  // Of one corner; weighted means for corners that clipping made.
+  // The attributes of one corner. Corners that clipping made have weighted means.
   struct Corner {
-    glm::dvec3 p_world{0.0}, normal_world{0.0};  // only where normals are wanted
+    glm::dvec3 p_world{0.0}, normal_world{0.0};  // set only if normals are wanted
     glm::dvec4 color{1.0};
     glm::dvec2 uv{0.0};
   };
@@ -94,19 +94,19 @@ class AttributeRecords {
   bool is_mirrored_;                   // the transform turns faces inside out
   ColorMode mode_;
   AttributeChannels channels_;
-  // Per SnappedMesh::triangles: the coarsest level to sample, counted from the full image, or
-  // kFlatLevel. Empty where colours are no one's.
+  // Coarsest level to sample, counted from the full image, or kFlatLevel; one per
+  // SnappedMesh::triangles. Empty if colours are not wanted.
   std::vector<uint8_t> levels_;
   std::vector<ImageLevels> image_levels_;  // per image of the scene
   FlatColors own_flat_;
-  FlatColors* flat_;  // of triangles with kFlatLevel
+  FlatColors* flat_;  // colours of the triangles with kFlatLevel
 };
 
-// The weight of a triangle whose corners q stand in one cell: its area, 4096 for a cell's face, at
-// least 1. 0 where they do not.
+// The weight of a triangle whose corners q all lie in one cell: its area, at least 1. The face of a
+// cell counts 4096. Returns 0 if the corners lie in several cells.
 uint32_t one_cell_weight(const std::array<glm::ivec3, 3>& q);
 
-// Whether the scene has colours that are not opaque.
+// True if any colour of the scene is not opaque.
 bool has_transparency(const Scene& scene);
 
 }  // namespace voxeld

@@ -15,7 +15,7 @@ namespace {
 constexpr size_t kTriangleGrain = 1 << 15;
 constexpr int kTileShift = limits::kSubVoxelBits + std::countr_zero(unsigned{limits::kTileSide});
 
-// Tiles that a triangle's box reaches, both ends included.
+// The tiles that a triangle's box reaches, both ends included.
 struct TileSpan {
   glm::ivec3 first, last;
 };
@@ -39,7 +39,7 @@ uint32_t tile_number(const glm::ivec3& tile, const glm::ivec3& tile_dims) {
   return static_cast<uint32_t>((tile.z * tile_dims.y + tile.y) * tile_dims.x + tile.x);
 }
 
-// The tile that each vertex stands in, or the nearest one.
+// The tile of each vertex, or the nearest tile if the vertex is outside all.
 RawVector<uint32_t> tiles_of_vertices(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   RawVector<uint32_t> tiles(mesh.vertices.size());
   const glm::ivec3 last = tile_dims - 1;
@@ -69,8 +69,8 @@ void for_each_tile(const TileSpan& span, const glm::ivec3& tile_dims, const Visi
 
 }  // namespace
 
-// A counting sort: counts per tile and chunk, offsets, then every chunk writes its own places. Most
-// triangles reach one tile, the one that all their vertices stand in.
+// A counting sort: counts per tile and chunk, then offsets, then every chunk writes its own range.
+// Most triangles reach a single tile, the one that holds all their vertices.
 TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   const auto tile_count = static_cast<size_t>(tile_dims.x) * static_cast<size_t>(tile_dims.y) *
                           static_cast<size_t>(tile_dims.z);

@@ -17,7 +17,7 @@ struct TileBin {
   std::span<const uint32_t> triangles;  // indices into SnappedMesh::triangles, ascending
 };
 
-// Move-only: the bins point into it.
+// Triangles by tile. Move-only, because the bins point into it.
 class TileBins {
  public:
   TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims);

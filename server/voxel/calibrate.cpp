@@ -12,9 +12,9 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kRuns = 3;
-// Runs that take longer are not repeated: what disturbs them is small beside them.
+// Runs that take longer are not repeated, because disturbances are small beside them.
 constexpr double kLongRunMs = 150;
-// Cases that are measured whatever they take: fewer give no model.
+// Cases that are measured however long they take, because fewer give no model.
 constexpr size_t kCasesMin = 6;
 
 constexpr std::array<std::string_view, 4> kShared = {"place", "snap", "levels", "bin"};
@@ -39,7 +39,7 @@ VoxelizeOptions options_of(const CalibrationCase& one, Pipeline pipeline, bool a
   return options;
 }
 
-// The time of what differs between pipelines.
+// Runs once and returns the time without the passes that all pipelines share.
 Result<CostSample> run_once(Voxelizer& voxelizer, const Scene& scene,
                             const VoxelizeOptions& options) {
   VoxelizeStats stats;
@@ -68,7 +68,7 @@ Result<CostSample> median_run(Voxelizer& voxelizer, const Scene& scene,
 
 Status measure(Voxelizer& voxelizer, Pipeline pipeline, bool attributes, double seconds_max,
                std::vector<CalibrationMeasurement>& measurements) {
-  // Compiles programs and allocates buffers.
+  // A warm-up run, which compiles programs and allocates buffers.
   const CalibrationCase& first = calibration_cases().front();
   VOXELD_TRY(run_once(voxelizer, calibration_scene(first, attributes),
                       options_of(first, pipeline, attributes)));
@@ -85,7 +85,8 @@ Status measure(Voxelizer& voxelizer, Pipeline pipeline, bool attributes, double 
 
 }  // namespace
 
-// The first six are the least that tells the terms apart, small to large.
+// The cases run from small to large. The first six are the least that tells the terms of the model
+// apart.
 const std::vector<CalibrationCase>& calibration_cases() {
   static const std::vector<CalibrationCase> cases = {
       {64, 4, 200},   {64, 0.4, 8000},    {128, 30, 30},      {256, 1.5, 6000},   {512, 6, 2000},
@@ -100,7 +101,7 @@ Scene calibration_scene(const CalibrationCase& one, bool attributes) {
   scene.format = "generated";
   MeshPart part;
   const int across = std::clamp(static_cast<int>(one.size / one.edge) - 1, 1, 1 << 12);
-  // Sheets a few voxels apart, each a grid of `across`^2 squares, until there are enough.
+  // Sheets a few voxels apart, each a grid of `across`^2 squares, until there are enough triangles.
   int left = (one.triangle_count + 1) / 2;
   for (int sheet = 0; left > 0; ++sheet) {
     const int rows = std::min(across, (left + across - 1) / across);
@@ -131,7 +132,8 @@ Result<std::vector<CalibrationMeasurement>> measure_pipelines(
   for (const Pipeline pipeline : pipelines) {
     for (const bool attributes : {false, true}) {
       const Status measured = measure(voxelizer, pipeline, attributes, seconds_max, measurements);
-      // Devices without DeviceTraits::has_int64 refuse attributes, and are never chosen for them.
+      // Devices without DeviceTraits::has_int64 refuse attributes and are never chosen for them, so
+      // they need no measurement.
       const bool is_refused = attributes && pipeline != Pipeline::kCpu && !measured &&
                               measured.error().code == ErrorCode::kUnsupportedFeature;
       if (!is_refused) VOXELD_TRY(measured);

@@ -17,7 +17,8 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-// What is wrong with a file, thrown as far as the parse functions.
+// A format error in a calibration file. It is thrown only within this file; the parse functions
+// catch it.
 struct Malformed {
   std::string where, expected, got;
 };
@@ -115,7 +116,7 @@ json device_json(const DeviceCalibration& device) {
           {"pipelines", pipelines}};
 }
 
-// Parses text and calls read(json), which throws Malformed.
+// Parses text, calls read(json) and turns a thrown Malformed into an error.
 template <typename Read>
 auto parse_with(std::string_view text, const Read& read) -> Result<decltype(read(json()))> {
   const json object = json::parse(text, nullptr, /*allow_exceptions=*/false);
@@ -144,7 +145,7 @@ std::vector<DeviceCalibration> devices_from(const json& object) {
   return devices;
 }
 
-// The first thing that differs, for a sentence.
+// The first member that differs, as words for an error message.
 std::string difference(const CalibrationKey& was, const CalibrationKey& is) {
   if (was.renderer != is.renderer) return "another renderer: " + was.renderer;
   if (was.driver != is.driver) return "another driver: " + was.driver;

@@ -1,4 +1,4 @@
-// Measurements of a device's pipelines, and the file that keeps them.
+// The calibration of a device's pipelines, and the file that stores it.
 //
 //   {"version": 1,
 //    "devices": [{"device": "llvmpipe",
@@ -10,7 +10,7 @@
 //                                              "column_ns": …, "error": …},
 //                                "attributes": {…}}, …]}, …]}
 //
-// One entry for each device; a new measurement of the device replaces it.
+// The file has one entry for each device; a new measurement of the device replaces it.
 #pragma once
 
 #include <filesystem>
@@ -25,12 +25,12 @@
 namespace voxeld {
 
 inline constexpr int kCalibrationVersion = 1;
-// In the data directory.
+// The file's name in the data directory.
 inline constexpr std::string_view kCalibrationFileName = "calibration.json";
-// A file above this is not read: it is none of ours.
+// Larger files are rejected unread: no calibration file gets near this size.
 inline constexpr size_t kCalibrationBytesMax = size_t{1} << 20;
 
-// What must be as it was, so that measurements still tell.
+// A calibration is valid only while these match.
 struct CalibrationKey {
   std::string renderer, driver;  // as the driver gives them
   std::string cpu;               // cpu_model()
@@ -41,8 +41,8 @@ struct CalibrationKey {
 
 struct PipelineCosts {
   Pipeline pipeline = Pipeline::kCpu;
-  CostModel occupancy;   // of grids without colours and normals
-  CostModel attributes;  // of grids with them
+  CostModel occupancy;   // for grids without colours and normals
+  CostModel attributes;  // for grids with colours or normals
 };
 
 struct DeviceCalibration {
@@ -51,27 +51,28 @@ struct DeviceCalibration {
   std::string date;  // "2026-11-21", UTC
   std::vector<PipelineCosts> pipelines;
 
-  // Null where the pipeline was not measured.
+  // Null if the pipeline was not measured.
   const CostModel* model(Pipeline pipeline, bool attributes) const;
 };
 
-// As above. Errors: internal with what is wrong, where, expected and got.
+// Readers and writers of the format above. Errors: internal, with the fault, its place, and the
+// expected and actual value.
 Result<std::vector<DeviceCalibration>> parse_calibrations(std::string_view text);
 Result<DeviceCalibration> parse_calibration(std::string_view text);
 std::string calibrations_text(const std::vector<DeviceCalibration>& devices);
 std::string calibration_text(const DeviceCalibration& device);
 
-// A file that does not exist has no devices. Errors: as parse_calibrations(), naming the file.
+// A missing file is an empty list. Errors: as parse_calibrations(), naming the file.
 Result<std::vector<DeviceCalibration>> read_calibrations(const std::filesystem::path& path);
-// Replaces the file in one step: readers see the old or the new one. Makes the folder.
+// Replaces the file atomically: readers see the old or the new one. Creates the folder.
 Status write_calibrations(const std::filesystem::path& path,
                           const std::vector<DeviceCalibration>& devices);
 
-// Of a device: its measurements, or why there are none that tell.
+// The calibration of a device, or the reason why there is no valid one.
 struct CalibrationLookup {
   bool found = false;
   DeviceCalibration calibration;
-  bool is_unreadable = false;  // the file is broken
+  bool is_unreadable = false;  // the file exists but does not parse
   std::string why_not;  // "not calibrated", "calibrated for another driver", the file's error
 };
 CalibrationLookup find_calibration(const std::filesystem::path& path, const std::string& device,

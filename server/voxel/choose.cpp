@@ -13,12 +13,12 @@ struct Prediction {
   double ms;
 };
 
-// Whether the device's pipelines cannot run it.
+// True if the device's pipelines cannot run the request.
 bool needs_cpu(const ChoiceContext& context, bool attributes) {
   return context.device == nullptr || (attributes && !context.device->has_int64);
 }
 
-// Ascending by time.
+// Predictions of the pipelines that can run the request, fastest first.
 std::vector<Prediction> predictions(const ChoiceContext& context, const Workload& work,
                                     bool attributes) {
   std::vector<Prediction> found;

@@ -1,4 +1,5 @@
-// Which pipeline runs a request. It decides how long that takes, never a bit of the result.
+// The choice of the pipeline that runs a request. It decides how long the request takes, never a
+// bit of its result.
 #pragma once
 
 #include <optional>
@@ -14,25 +15,26 @@ namespace voxeld {
 struct PipelineDecision {
   Pipeline pipeline = Pipeline::kCpu;
   std::string reason;
-  std::optional<double> predicted_ms;  // of the passes, from a calibration
+  std::optional<double> predicted_ms;  // time of the passes; only from a calibration
 };
 
-// Of the device: found or why not. Empty text and not found: nobody asked.
+// The device and its calibration, or why it has none. A calibration that is not found and has an
+// empty `why_not` was never looked up.
 struct ChoiceContext {
-  const DeviceTraits* device = nullptr;  // null: no GL context, pipeline cpu alone
+  const DeviceTraits* device = nullptr;  // null: no GL context, only pipeline cpu
   const CalibrationLookup& calibration;
 };
 
-// What the request names. Nothing for `auto`.
+// The pipeline that the request names; nullopt for `auto`.
 std::optional<Pipeline> asked_pipeline(PipelineChoice asked);
 
-// `auto`: the pipeline with the least predicted time where the device is calibrated; else cpu on
-// software drivers and without GL, compute on hardware. The reason tells the predictions, or how
-// to get them.
+// Chooses the pipeline. For `auto` on a calibrated device that is the one with the least predicted
+// time. Without a calibration it is cpu on software drivers and without GL, compute on hardware.
+// The reason names the predictions, or how to get them.
 PipelineDecision decide_pipeline(PipelineChoice asked, const ChoiceContext& context,
                                  const Workload& work, bool attributes);
 
-// "8.1 ms", "0.25 ms", "1200 ms": two digits that count, no more.
+// "8.1 ms", "0.25 ms", "1200 ms": at most two significant digits.
 std::string milliseconds_text(double ms);
 
 }  // namespace voxeld

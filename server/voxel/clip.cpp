@@ -10,7 +10,8 @@ bool comes_first(const glm::dvec3& a, const glm::dvec3& b) {
   return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
 }
 
-// Where the edge crosses p[axis] = plane; one end lies on each side.
+// The point where the edge crosses p[axis] = plane. One end lies on each side. The ends are sorted
+// first, so that neighbours compute the same bits.
 ClipCorner crossing(ClipCorner a, ClipCorner b, int axis, double plane) {
   if (comes_first(b.p_grid, a.p_grid)) std::swap(a, b);
   const double t = (plane - a.p_grid[axis]) / (b.p_grid[axis] - a.p_grid[axis]);
@@ -21,7 +22,7 @@ ClipCorner crossing(ClipCorner a, ClipCorner b, int axis, double plane) {
   return c;
 }
 
-// Keeps sign * p[axis] <= sign * plane.
+// Keeps the part with sign * p[axis] <= sign * plane.
 ClipPolygon clip_plane(const ClipPolygon& polygon, int axis, double plane, double sign) {
   ClipPolygon out;
   for (size_t i = 0; i < polygon.count; ++i) {

@@ -10,19 +10,20 @@ namespace voxeld {
 
 struct ClipCorner {
   glm::dvec3 p_grid{0.0};
-  std::array<double, 3> weights{};  // of the original triangle's vertices; sum 1
+  std::array<double, 3> weights{};  // weights of the original triangle's vertices; sum 1
 };
 
-// Convex; empty when count < 3.
+// A convex polygon; empty if count < 3.
 struct ClipPolygon {
   static constexpr size_t kCornersMax = 9;  // 3, and one more for each of 6 planes
   std::array<ClipCorner, kCornersMax> corners{};
   size_t count = 0;
 };
 
-// The part of the triangle inside the closed box, in its orientation. Sutherland & Hodgman 1974,
-// "Reentrant polygon clipping"; here the new point of an edge is computed from its end points in
-// one fixed order, so that neighbours that share the edge get the same point, bit for bit.
+// The part of the triangle inside the closed box, in the triangle's orientation (Sutherland &
+// Hodgman 1974, "Reentrant polygon clipping"). Unlike there, the new point of an edge is computed
+// from its end points in one fixed order. Neighbours that share the edge therefore get the same
+// point, bit for bit.
 ClipPolygon clip_triangle(const std::array<glm::dvec3, 3>& p_grid, const glm::dvec3& box_min,
                           const glm::dvec3& box_max);
 

@@ -13,7 +13,7 @@ constexpr size_t kTrianglesRead = 1 << 12;
 constexpr size_t kTerms = 4;
 using Terms = std::array<double, kTerms>;
 
-// In the units of CostModel's numbers, so that the model is their dot product.
+// Terms in the units of CostModel's numbers, so that the model is their dot product.
 Terms terms_of(const Workload& work) {
   return {1.0, work.tiles, 1e-6 * work.triangles, 1e-6 * work.columns};
 }
@@ -24,8 +24,8 @@ double dot(const Terms& a, const Terms& b) {
   return sum;
 }
 
-// Least squares with the terms of `used` (a bit each) and the rest 0, by normal equations and
-// Gauss-Jordan elimination with pivots. False where they are singular.
+// Least squares with only the terms of `used` (one bit each); the others are 0. It solves the
+// normal equations by Gauss-Jordan elimination with pivoting. Returns false if they are singular.
 bool solve(std::span<const Terms> rows, unsigned used, Terms& solution) {
   std::vector<size_t> columns;
   for (size_t i = 0; i < kTerms; ++i) {
@@ -36,7 +36,7 @@ bool solve(std::span<const Terms> rows, unsigned used, Terms& solution) {
   for (const Terms& row : rows) {
     for (size_t i = 0; i < n; ++i) {
       for (size_t j = 0; j < n; ++j) m[i][j] += row[columns[i]] * row[columns[j]];
-      m[i][n] += row[columns[i]];  // every row's right side is 1
+      m[i][n] += row[columns[i]];  // the right side of every row is 1
     }
   }
   for (size_t i = 0; i < n; ++i) {
@@ -63,8 +63,8 @@ double squared_error(std::span<const Terms> rows, const Terms& solution) {
   return sum;
 }
 
-// There are only 2^4 choices of terms that are not 0; the best of those whose solution has no
-// negative term is the least squares under that condition.
+// Tries all 2^4 choices of nonzero terms. The best solution without a negative term is the least
+// squares under that condition.
 Terms non_negative_least_squares(std::span<const Terms> rows) {
   Terms best{};
   double best_error = squared_error(rows, best);
@@ -125,7 +125,7 @@ Result<CostModel> fit_cost_model(std::span<const CostSample> samples) {
     return Error{ErrorCode::kInternal, "too few measurements for a cost model",
                  "at least " + std::to_string(kTerms), std::to_string(samples.size())};
   }
-  std::vector<Terms> rows;  // divided by what was measured: errors count relative to it
+  std::vector<Terms> rows;  // divided by the measured time, so that errors are relative
   for (const CostSample& sample : samples) {
     if (!(sample.ms > 0) || !std::isfinite(sample.ms)) {
       return Error{ErrorCode::kInternal, "a measured time is no time", "more than 0 ms",

@@ -1,4 +1,4 @@
-// What a pipeline costs, as a few numbers that are fitted to measurements.
+// A cost model of a pipeline: a few numbers that are fitted to measurements.
 #pragma once
 
 #include <span>
@@ -8,23 +8,24 @@
 
 namespace voxeld {
 
-// What of a request decides how long a pipeline takes.
+// The quantities of a request that decide how long a pipeline takes.
 struct Workload {
-  double tiles = 0;      // that triangles reach
-  double triangles = 0;  // after clipping, once for each tile that the box reaches
-  // Columns that triangles' boxes cover: the product of the two longest of (extent in voxels + 1),
-  // summed. A triangle smaller than a voxel counts a little over 1.
+  double tiles = 0;      // tiles that triangles reach
+  double triangles = 0;  // after clipping; counted once for each tile that its box reaches
+  // Columns that triangles' boxes cover: for each triangle the product of the two longest of
+  // (extent in voxels + 1). A triangle smaller than a voxel counts a little over 1.
   double columns = 0;
 };
 
-// `bins`: of all triangles of the mesh. Reads some thousand triangles, evenly spread.
+// Estimates the workload from a few thousand evenly spread triangles. bins: those of all triangles
+// of the mesh.
 Workload estimate_workload(const SnappedMesh& mesh, std::span<const TileBin> bins);
 
-// Milliseconds of a request: job_ms + tile_ms tiles + triangle_ns triangles + column_ns columns.
-// No term is negative, so larger requests never cost less.
+// Milliseconds of a request: job_ms + tile_ms tiles + triangle_ns triangles + column_ns columns. No
+// term is negative, so a larger request never costs less.
 struct CostModel {
   double job_ms = 0, tile_ms = 0, triangle_ns = 0, column_ns = 0;
-  // Of what was fitted: the median of |predicted - measured| / measured.
+  // The median of |predicted - measured| / measured over the fitted samples.
   double error = 0;
 
   double predict_ms(const Workload& work) const;
@@ -35,8 +36,8 @@ struct CostSample {
   double ms = 0;  // measured, > 0
 };
 
-// The least squares of relative errors. Errors: internal with fewer than four samples or one that
-// is not a positive number.
+// Minimizes the squares of relative errors. Errors: internal if there are fewer than four samples
+// or a value is not a positive number.
 Result<CostModel> fit_cost_model(std::span<const CostSample> samples);
 
 }  // namespace voxeld

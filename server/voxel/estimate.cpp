@@ -17,7 +17,7 @@ constexpr size_t kTriangleGrain = 1 << 15;
 
 constexpr int kBrickBits = limits::kSubVoxelBits + std::countr_zero(unsigned{limits::kBrickSide});
 
-// Cubes of 2^bits q to a side that one triangle can touch.
+// The most cubes of 2^bits q a side that one triangle can touch.
 int64_t touched_max(const glm::ivec3& extent_q, int bits) {
   const int64_t x = (extent_q.x >> bits) + 2, y = (extent_q.y >> bits) + 2,
                 z = (extent_q.z >> bits) + 2;
@@ -109,8 +109,8 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
 int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
                    int64_t surface_bytes, int threads) {
   if (options.fill == Fill::kSurface && !options.channel_distance) return 0;
-  // An upper bound of crossings: columns that the boxes of triangles reach, along one axis or
-  // three.
+  // An upper bound of the crossings: the columns that the boxes of triangles reach, along one axis
+  // or three.
   const bool votes = options.sign == Sign::kAuto || options.sign == Sign::kMajority;
   std::vector<int64_t> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
   parallel_chunks(
@@ -123,7 +123,8 @@ int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const Voxelize
           const glm::i64vec3 cells = glm::i64vec3(extent >> limits::kSubVoxelBits) + int64_t{1};
           sums[chunk] += cells.x * cells.y;
           if (votes) sums[chunk] += cells.y * cells.z + cells.z * cells.x;
-          // Slabs of 32 cells that a device bins it to, beside the first: a third of a crossing.
+          // A device also bins the triangle to each slab of 32 cells after the first. That costs a
+          // third of a crossing.
           sums[chunk] +=
               cells.z / 96 * (cells.x / limits::kTileSide + 1) * (cells.y / limits::kTileSide + 1);
         }
@@ -134,12 +135,12 @@ int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const Voxelize
   const glm::ivec3 tiles = spec.tile_dims();
   const int64_t per_thread = (votes ? 4 : 2) * kVolumeBytes + tiles.z * kTileBytes;
   int64_t bytes = 2 * surface_bytes + crossings * kCrossingBytes + threads * per_thread;
-  // Floods and shells look bricks up: 4 or 8 bytes for each of a tile that holds surface.
+  // Floods and shells look up bricks: 4 or 8 bytes for each brick of a tile with surface.
   if (options.sign == Sign::kFlood || options.fill == Fill::kShell) {
     const int64_t tile_count = int64_t{tiles.x} * tiles.y * tiles.z;
     bytes += tile_count * (int64_t{8} << 15) + 3 * surface_bytes;
   }
-  // On its way to a device and back, a layer of tiles of the bits of a grid.
+  // A layer of tiles of the grid's bits, which is transferred to a device and back.
   if (options.sign == Sign::kFlood) {
     bytes += std::min(spec.cell_count() / 4, int64_t{128} << 20);
   }

@@ -1,4 +1,4 @@
-// What a fill found out about the mesh.
+// Statistics of a fill, e.g. how well the mesh closes.
 #pragma once
 
 #include <cstdint>
@@ -10,12 +10,14 @@
 namespace voxeld {
 
 struct FillStats {
-  Sign sign = Sign::kAuto;  // that was taken; never kAuto, except kAuto's mixture: see `reason`
-  std::string reason;       // why `auto` took it, or "asked for"
-  // Edges at which the snapped mesh does not close, where it was looked at (sign auto and winding).
+  // The rule that was used. It is kAuto only for that rule's mixture, see `reason`.
+  Sign sign = Sign::kAuto;
+  std::string reason;  // why `auto` chose it, or "asked for"
+  // Edges at which the snapped mesh does not close; set only for sign auto and winding.
   std::optional<int64_t> boundary_edges;
-  // Of the cells that parity along at least one axis finds inside, the share on which the three
-  // axes disagree and that are not surface. 0 for closed meshes; unset where it was not looked at.
+  // The share of ambiguous cells among those that parity finds inside along at least one axis. A
+  // cell is ambiguous if the three axes disagree and it is not surface. 0 for closed meshes; unset
+  // if it was not measured.
   std::optional<double> ambiguous_fraction;
 };
 

@@ -10,7 +10,7 @@
 namespace voxeld {
 namespace {
 
-// Coordinates beyond this many periods are taken to be at it; their fraction is lost anyway.
+// Coordinates are clamped to this many periods. Beyond it their fraction has no precision left.
 constexpr double kPeriodsMax = 1 << 14;
 
 int wrapped(int texel, int size, Wrap wrap) {
@@ -20,13 +20,13 @@ int wrapped(int texel, int size, Wrap wrap) {
   return in_period < size ? in_period : period - 1 - in_period;
 }
 
-// Whole periods that are taken off.
+// Whole periods to subtract.
 double periods_below(double least, Wrap wrap) {
   if (wrap == Wrap::kClamp) return 0.0;
   return wrap == Wrap::kRepeat ? std::floor(least) : 2.0 * std::floor(least / 2.0);
 }
 
-// One axis of a triangle in a texture: texels from the centre of texel 0, of the corners.
+// One axis of a triangle in a texture. Corners are in texels from the centre of texel 0.
 class TexelAxis {
  public:
   TexelAxis(std::array<double, 3> u, int size, Wrap wrap) : size_(size), wrap_(wrap) {
@@ -39,7 +39,7 @@ class TexelAxis {
 
   struct Pair {
     int first, second;  // texels
-    double fraction;    // of the second
+    double fraction;    // weight of the second texel
   };
   Pair at(double w0, double w1, double w2) const {
     const double t = w0 * corners_[0] + w1 * corners_[1] + w2 * corners_[2];
@@ -53,10 +53,10 @@ class TexelAxis {
   int size_;
   Wrap wrap_;
   std::array<double, 3> corners_{};
-  bool is_inside_ = false;  // no tap leaves the image
+  bool is_inside_ = false;  // no tap leaves the image, so none wraps
 };
 
-// Of 65535, in linear light.
+// The bilinear sample in linear light, 65535 for 1.
 glm::dvec4 bilinear(const Image& image, const TexelAxis::Pair& x, const TexelAxis::Pair& y) {
   const auto& linear = linear16_from_srgb8();
   const auto width = static_cast<size_t>(image.width);
@@ -97,14 +97,15 @@ std::array<uint16_t, 4> rounded(const glm::dvec4& of_65535) {
 
 std::array<uint16_t, 4> mean_color(std::array<FlatCorner, 3> corners, const Material* material,
                                    const Image* texture) {
-  // NaN would have no place in an order.
+  // NaN is replaced, because the sort below needs an order.
   for (FlatCorner& corner : corners) {
     for (int c = 0; c < 2; ++c) corner.uv[c] = std::isnan(corner.uv[c]) ? 0.0 : corner.uv[c];
     for (int c = 0; c < 4; ++c) {
       corner.color[c] = corner.color[c] > 0.0 ? std::min(corner.color[c], 1.0) : 0.0;
     }
   }
-  // One order for all files: sums of doubles depend on it.
+  // The corners are sorted because sums of doubles depend on their order, and the order in the file
+  // must not matter.
   std::ranges::sort(corners, {}, [](const FlatCorner& c) {
     return std::tuple(c.uv.x, c.uv.y, c.color.r, c.color.g, c.color.b, c.color.a);
   });
@@ -115,7 +116,7 @@ std::array<uint16_t, 4> mean_color(std::array<FlatCorner, 3> corners, const Mate
   const TexelAxis y({a.uv.y, b.uv.y, c.uv.y}, texture->height, material->wrap_v);
   glm::dvec4 sum(0.0);
   for (int i = 0; i < n; ++i) {
-    // Centroids of the upright and of the inverted parts of row i.
+    // Centroids of the upright and of the inverted triangles of row i.
     for (int j = 0; j < 2 * (n - i) - 1; ++j) {
       const double shift = j % 2 == 0 ? 1.0 / 3.0 : 2.0 / 3.0;
       const int pair = j / 2;

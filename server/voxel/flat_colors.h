@@ -1,5 +1,5 @@
-// The mean colour of a triangle, for triangles that lie within one voxel: their texture is
-// averaged over their own area, and over nothing else.
+// The mean colours of triangles that lie within one voxel. The texture is averaged over the
+// triangle's own area and nothing else.
 #pragma once
 
 #include <array>
@@ -13,8 +13,8 @@
 
 namespace voxeld {
 
-// Mean colours by triangle, from one frame of a scene to the next: they do not depend on where the
-// vertices are.
+// Mean colours by triangle. They stay valid from one frame of a scene to the next, because they do
+// not depend on the positions of vertices.
 struct FlatColors {
   std::vector<std::array<uint16_t, 4>> linear16;
   std::vector<uint8_t> known;  // 0: not computed yet
@@ -25,18 +25,20 @@ struct FlatColors {
   }
 };
 
-// Taps along a side of a flat triangle. More texels than 2 between two taps are not read: the
-// standard error of the mean is then an eighth of the texels' standard deviation.
+// The most taps along a side of a flat triangle. Up to this count taps are at most 2 texels apart;
+// longer sides skip texels. The standard error of the mean is then an eighth of the texels'
+// standard deviation.
 inline constexpr int kFlatTapsMax = 8;
 
-// Linear light, not multiplied with the texture; taken within [0, 1].
+// A corner's colour in linear light, before the texture, clamped to [0, 1].
 struct FlatCorner {
   glm::dvec2 uv{0.0};
   glm::dvec4 color{1.0};
 };
 
-// The mean of colour times texture over the triangle, 16 bits: the centroids of n^2 equal parts,
-// bilinear at full resolution. `corners` in any order. texture: the material's image, or null.
+// The mean of colour times texture over the triangle, as 16 bits per component. It samples the
+// centroids of n^2 equal parts, bilinear at full resolution. `corners` may be in any order.
+// texture: the material's image, or null.
 std::array<uint16_t, 4> mean_color(std::array<FlatCorner, 3> corners, const Material* material,
                                    const Image* texture);
 

@@ -6,7 +6,7 @@
 namespace voxeld {
 namespace {
 
-// Fills and distances look at the mesh on the CPU.
+// True if only the surface is wanted. Fills and distances need the mesh on the CPU.
 bool is_surface(const VoxelizePlan& plan) {
   return plan.options.fill == Fill::kSurface && !plan.channels.grid.distance;
 }
@@ -21,7 +21,7 @@ void read_positions(const DeviceSkin& device, const SkinTable& table, Scene& sce
 
 Result<bool> may_skin_frames(DeviceSkin* device, const SharedFrames& frames,
                              const VoxelizePlan& plan, Pipeline pipeline) {
-  // A mesh that is not whole left the grid or is split: so will the next one, as a rule.
+  // A mesh that is not whole has left the grid or is split. The next frame's usually is too.
   if (device == nullptr || !frames.posed() || !plan.mesh.is_whole || !is_surface(plan) ||
       plan.channels.summed.normal) {
     return false;
@@ -44,7 +44,8 @@ Result<bool> skin_frame(DeviceSkin* device, const SharedFrames& frames, bool wan
   if (!stands_in_cells) return false;
   Stopwatch watch;
   const bool reads = wants_vertices || has_attributes;
-  // Of the frame before: nothing may take them for this one's.
+  // The vertices are still the previous frame's. They are cleared if none are read, so that nothing
+  // can take them for this frame's.
   plan.mesh.vertices.resize(reads ? table.vertex_count() : 0);
   if (reads) device->read_vertices(plan.mesh.vertices);
   if (has_attributes) read_positions(*device, table, *posed->scene);

@@ -1,5 +1,5 @@
-// Which id has the largest sum of weights in a voxel: channels of ids, e.g. of materials. README.md
-// defines it. Ids come in ascending order, each with its sums, so the first of equal ones stays.
+// The id with the largest sum of weights in each voxel, for channels of ids such as materials
+// (defined in README.md). Ids are added in ascending order, so the smallest id wins a tie.
 #pragma once
 
 #include <algorithm>
@@ -13,12 +13,12 @@
 
 namespace voxeld {
 
-// A channel and what it says of each part of the scene: an id, or 0. Channel colour: where the
-// colour is that of the id with the largest sum.
+// A channel and the id, or 0, that it gives each part of the scene. Channel colour: the ids decide
+// whose colour a voxel gets.
 struct IdChannel {
   Channel channel = Channel::kMaterial;
   std::vector<uint16_t> part_ids;
-  // There are more than a device should make a pass for each: the CPU finishes what it made.
+  // There are too many ids for one device pass each, so the CPU finishes the device's tiles.
   bool is_wide = false;
 
   uint16_t id_of(const SnappedMesh& mesh, uint32_t triangle) const {
@@ -26,7 +26,7 @@ struct IdChannel {
   }
 };
 
-// The ids of triangles, ascending, each once.
+// The ids of `triangles`, ascending, without duplicates.
 inline std::vector<uint16_t> distinct_ids(const IdChannel& channel, const SnappedMesh& mesh,
                                           std::span<const uint32_t> triangles) {
   std::vector<uint16_t> ids;
@@ -39,7 +39,7 @@ inline std::vector<uint16_t> distinct_ids(const IdChannel& channel, const Snappe
   return ids;
 }
 
-// The tile's samples of a channel of ids.
+// The tile's samples of an id channel.
 inline std::vector<uint16_t>& id_samples(SparseTile& tile, Channel channel) {
   return channel == Channel::kLabel ? tile.label : tile.material;
 }
@@ -48,7 +48,8 @@ class IdFold {
  public:
   void begin(size_t voxels) { best_.assign(voxels, 0); }
 
-  // weight(voxel): the sum over the triangles with this id. Writes `ids` where it is the largest.
+  // Writes `ids` where this id has the largest sum so far. weight(voxel): the sum over the
+  // triangles with this id.
   template <typename Weight>
   void add(uint16_t id, const Weight& weight, std::span<uint16_t> ids) {
     for (size_t voxel = 0; voxel < best_.size(); ++voxel) {

@@ -13,7 +13,7 @@ namespace {
 
 constexpr size_t kRowGrain = 64;
 
-// RGB linear light and alpha, 16 bits each.
+// Linear RGB and alpha, 16 bits each.
 using Texel = std::array<uint16_t, 4>;
 
 struct LinearLevel {

@@ -15,7 +15,7 @@ int weight24(double share) {
   return static_cast<int>(std::floor(std::clamp(share, 0.0, 1.0) * kOne + 0.5));
 }
 
-// To the points a + t (b - a), 0 <= t <= 1, where a and b are the corners `from` and `to`.
+// The nearest of the points a + t (b - a), 0 <= t <= 1. a and b are the corners `from` and `to`.
 NearestPoint nearest_on_side(const std::array<glm::dvec3, 3>& corners, int from, int to) {
   const glm::dvec3& a = corners[static_cast<size_t>(from)];
   const glm::dvec3 along = corners[static_cast<size_t>(to)] - a;
@@ -31,7 +31,8 @@ NearestPoint nearest_on_side(const std::array<glm::dvec3, 3>& corners, int from,
 }  // namespace
 
 NearestPoint nearest_point(const std::array<glm::dvec3, 3>& corners) {
-  // Twice the areas of the triangles of the origin and a side, exact; their sum is the triangle's.
+  // Twice the areas of the triangles between the origin and each side, exact. Their sum is the
+  // triangle's.
   const std::array<glm::dvec3, 3> sides = {glm::cross(corners[1], corners[2]),
                                            glm::cross(corners[2], corners[0]),
                                            glm::cross(corners[0], corners[1])};
@@ -47,7 +48,7 @@ NearestPoint nearest_point(const std::array<glm::dvec3, 3>& corners) {
     point.weights.x = (1 << 24) - point.weights.y - point.weights.z;
     return point;
   }
-  // The nearest point lies on a side that the origin is beyond.
+  // The nearest point lies on a side whose outer half-plane holds the origin.
   constexpr std::array<std::array<int, 3>, 3> kSides = {{{0, 1, 2}, {0, 2, 1}, {1, 2, 0}}};
   NearestPoint least;
   least.squared = 1e300;

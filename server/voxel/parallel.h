@@ -1,4 +1,4 @@
-// Splits loops over triangles, vertices or voxels among a few threads.
+// Loops over triangles, vertices or voxels that are split among a few threads.
 #pragma once
 
 #include <algorithm>
@@ -8,20 +8,20 @@
 
 namespace voxeld {
 
-// More threads than this give nothing: the loops are bound by memory.
+// The most threads of one loop. More gain nothing, because memory bandwidth bounds the loops.
 inline constexpr size_t kVoxelThreadsMax = 8;
 
-// How many chunks parallel_chunks() makes of `count` elements: as many as there are threads, but
-// none smaller than `grain`; at least 1.
+// Number of chunks that parallel_chunks() makes of `count` elements: one per thread, but none
+// smaller than `grain`; at least 1.
 inline size_t chunk_count(size_t count, size_t grain) {
-  // Asked once: the question can cost more than a small loop.
+  // Read once, because hardware_concurrency() can cost more than a small loop.
   static const size_t threads =
       std::clamp<size_t>(std::thread::hardware_concurrency(), 1, kVoxelThreadsMax);
   return std::clamp<size_t>(count / std::max<size_t>(grain, 1), 1, threads);
 }
 
-// Calls body(chunk, begin, end) for consecutive parts of [0, count), each on a thread of its own
-// (the last on the caller's), and waits. Chunk numbers ascend with begin.
+// Calls body(chunk, begin, end) for consecutive parts of [0, count) and waits for all. Each part
+// has its own thread; the last runs on the caller's. Chunk numbers ascend with begin.
 template <typename Body>
 void parallel_chunks(size_t count, size_t grain, const Body& body) {
   const size_t chunks = chunk_count(count, grain);

@@ -20,13 +20,13 @@ std::string_view plural_of(LabelKind kind) {
   return "groups";
 }
 
-// Where requests name what has too many.
+// The option of the request that has too many ids, for the error message.
 std::string_view asked_by(Channel channel) {
   if (channel == Channel::kColor) return "color: dominant: ";
   return channel == Channel::kLabel ? "labels: " : "channels: material: ";
 }
 
-// The index of what a part belongs to; -1: nothing.
+// The index of the part's mesh, node, material or group; -1: none.
 int64_t index_of(const MeshPart& part, LabelKind kind) {
   switch (kind) {
     case LabelKind::kMesh:

@@ -1,5 +1,5 @@
-// What channels of ids number: materials, meshes, nodes or groups of the file. README.md says which
-// id a voxel has.
+// The ids of materials, meshes, nodes or groups of a file, as channels of ids store them. README.md
+// defines which id a voxel has.
 #pragma once
 
 #include <cstddef>
@@ -13,15 +13,15 @@
 
 namespace voxeld {
 
-// Ids of this many are few enough for a device to sum each on its own; see IdChannel::is_wide.
+// The most ids that a device sums in separate passes; see IdChannel::is_wide.
 inline constexpr size_t kIdsOnDeviceMax = 16;
 
-// The names of ids 1, 2, …, as the file gives them; not all are in a grid.
+// The names of ids 1, 2, … as the file gives them. A grid need not contain every one of them.
 std::vector<std::string> id_names(const Scene& scene, LabelKind kind);
 
-// The id of each part: for channel material, for channel label, what of `labels`, and for channel
-// colour, as color=dominant needs them, the materials. Errors: invalid-option for more than 16 bits
-// of ids, or parts that the file's limit has merged.
+// The id of each part. Channel label numbers what `labels` says. Channel material numbers
+// materials, and so does channel colour, for color=dominant. Errors: invalid-option if ids exceed
+// 16 bits, or if the file's limit has merged parts.
 Result<IdChannel> id_channel(const Scene& scene, Channel channel, LabelKind labels);
 
 }  // namespace voxeld

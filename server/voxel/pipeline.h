@@ -1,4 +1,4 @@
-// The ways to the same bytes.
+// The pipelines that voxelize. All of them give the same bytes.
 #pragma once
 
 #include <string_view>

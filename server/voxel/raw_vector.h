@@ -1,5 +1,5 @@
-// Vectors whose new elements are not set: each thread then writes, and so maps, its own part of a
-// large array first.
+// A vector whose new elements are not initialized. Threads can then each write their own part of a
+// large array first, which also maps its pages.
 #pragma once
 
 #include <memory>
@@ -27,7 +27,7 @@ struct DefaultInitAllocator : std::allocator<T> {
   }
 };
 
-// resize() leaves new elements as they are: every one must be written before it is read.
+// resize() leaves new elements uninitialized: each must be written before it is read.
 template <typename T>
 using RawVector = std::vector<T, DefaultInitAllocator<T>>;
 

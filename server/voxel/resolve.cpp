@@ -12,12 +12,12 @@ namespace {
 
 constexpr size_t kVoxelGrain = 1 << 13;
 
-// Phong 1975, "Illumination for computer generated pictures", with a white directional light from
-// above and in front, seen from the front (+z), as the thesis bakes it into its grids.
+// Phong 1975, "Illumination for computer generated pictures". The light is white and directional,
+// from above and in front; the viewer is at the front (+z). The thesis bakes this into its grids.
 constexpr std::array<double, 3> kToLight = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0};
 constexpr double kAmbient = 0.2, kDiffuse = 0.8, kSpecular = 0.25;  // exponent 16
 
-// Of a surface as large as a cell's face, across its dominant axis: 16 lattice points.
+// The weight of a surface as large as a cell's face, across its dominant axis.
 constexpr uint64_t kFaceWeight = uint64_t{16} * 256;
 
 struct Unit {
@@ -26,15 +26,15 @@ struct Unit {
 };
 
 struct Shade {
-  double scale, add;  // of linear light
+  double scale, add;  // applied to linear light
 };
 
 Shade phong(Unit n) {
-  // Faces that cancel out have no direction: they are lit as if they looked at the viewer.
+  // Faces that cancel out have no normal. They are lit as if they faced the viewer.
   if (!n.valid) n = {0.0, 0.0, 1.0, true};
   const double toward = n.x * kToLight[0] + n.y * kToLight[1] + n.z * kToLight[2];
   if (toward <= 0.0) return {kAmbient, 0.0};
-  // z of the light's mirror image about n: its cosine with the viewer.
+  // z of the light's mirror image about n, which is its cosine with the viewer.
   const double mirrored = std::max(0.0, 2.0 * toward * n.z - kToLight[2]);
   const double squared = mirrored * mirrored;
   const double fourth = squared * squared;
@@ -42,7 +42,7 @@ Shade phong(Unit n) {
   return {kAmbient + kDiffuse * toward, kSpecular * (eighth * eighth)};
 }
 
-// Sums of a voxel in two halves.
+// A voxel's sums, stored in two halves.
 class SplitSums {
  public:
   SplitSums(std::span<const uint32_t> sums, std::span<const uint32_t> carries, size_t at)
@@ -68,7 +68,7 @@ Unit mean_normal(const Sums& sums, size_t first, uint64_t weight) {
     v[c] = static_cast<double>(static_cast<int64_t>(sums[first + c] - (weight << 15)));
   }
   const double length = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-  // Shorter than a thousandth: what is left of faces that cancel is rounding.
+  // A mean shorter than a thousandth is only the rounding that cancelled faces leave.
   if (length < 32.767 * static_cast<double>(weight)) return {};
   return {v[0] / length, v[1] / length, v[2] / length, true};
 }

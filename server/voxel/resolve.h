@@ -1,4 +1,5 @@
-// Integer sums of the attribute pass -> the colours and normals of a tile. Definition: README.md.
+// Conversion of the attribute pass's integer sums into the colours and normals of a tile, as
+// README.md defines them.
 #pragma once
 
 #include <cstdint>
@@ -12,16 +13,16 @@ namespace voxeld {
 
 struct ResolveOptions {
   AttributeChannels channels;
-  bool shaded = false;  // bake Phong shading into the colour; needs channels.normal
+  bool shaded = false;  // bakes Phong shading into the colour; needs channels.normal
   ChannelSet write{};
 };
 
-// sums, carries: channels.count() words per voxel, lower and upper halves; carries may be empty:
-// all are 0. Writes voxels [voxel_first, …) of `tile`, whose channels have their full size.
+// Writes voxels [voxel_first, …) of `tile`, whose channels have their full size. sums, carries: the
+// lower and upper halves of channels.count() sums per voxel. Empty carries mean that all are 0.
 void resolve_voxels(std::span<const uint32_t> sums, std::span<const uint32_t> carries,
                     const ResolveOptions& options, size_t voxel_first, SparseTile& tile);
 
-// The same of whole sums, on the caller's thread alone.
+// The same for 64-bit sums. It uses only the caller's thread.
 void resolve_voxels(std::span<const uint64_t> sums, const ResolveOptions& options,
                     size_t voxel_first, SparseTile& tile);
 

@@ -26,7 +26,7 @@ const WantedChannels& SharedFrames::channels(const Scene& scene, const VoxelizeO
 Status SharedFrames::move_vertices() {
   if (!posed_ || posed_->is_moved) return {};
   FrameVertices vertices;
-  // Of the bind pose it takes what stays: the scene has that at all times.
+  // The properties that do not move are read from the bind pose, which the scene always holds.
   VOXELD_TRY(skin_vertices(*posed_->table, *posed_->scene, *posed_->pose, vertices));
   swap_vertices(vertices, *posed_->scene);
   posed_->is_moved = true;

@@ -1,5 +1,5 @@
-// What the frames of one scene have in common, from one call of Voxelizer::voxelize() to the next:
-// vertices move, everything else stays.
+// State that the frames of one scene share, from one Voxelizer::voxelize() to the next. Between
+// frames only vertices move.
 #pragma once
 
 #include <cstdint>
@@ -15,36 +15,38 @@
 
 namespace voxeld {
 
-// What moves a frame's vertices; all must outlive the voxelizing of the frame.
+// The data that moves a frame's vertices. All of it must outlive the voxelizing of the frame.
 struct PosedScene {
   const SkinTable* table = nullptr;
   const Pose* pose = nullptr;
-  Scene* scene = nullptr;  // the one that is voxelized
-  bool is_moved = false;   // its vertices stand there already
+  Scene* scene = nullptr;  // the scene that is voxelized
+  bool is_moved = false;   // its vertices are already moved
 };
 
-// For calls with one scene, of which positions and normals alone change, and the same options. A
-// frame's grid has the bytes that it would have without it. One thread.
+// State for calls with one scene and the same options, between which only positions and normals
+// change. A frame's grid has the same bytes as without it. Not thread-safe.
 class SharedFrames {
  public:
-  // Where all grids lie, in place of what the request's placement gives for each.
+  // spec: the place of every frame's grid. It replaces the request's placement, which would differ
+  // by frame.
   explicit SharedFrames(const GridSpec& spec);
 
   const GridSpec& spec() const { return spec_; }
-  // Looked up once: whether anything is transparent takes a look at all texels.
+  // Computed once, because the test for transparency reads all texels.
   const WantedChannels& channels(const Scene& scene, const VoxelizeOptions& options);
 
-  // Before each frame, where more than its vertices is known. The table is that of all frames.
+  // Set before each frame if the pose behind its vertices is known. All frames have the same table.
   void set_pose(const PosedScene& posed) { posed_ = posed; }
   const std::optional<PosedScene>& posed() const { return posed_; }
-  // Whether the vertices of the next frame are expected to be moved by a device, and the CPU need
-  // not move them before. False until a frame has been voxelized.
+  // True if a device is expected to move the next frame's vertices, so that the CPU need not. False
+  // until a frame has been voxelized.
   bool device_moves() const { return device_moves_; }
   void set_device_moves(bool moves) { device_moves_ = moves; }
-  // Moves the vertices by the CPU, where they are not moved yet. Errors: those of skin_vertices().
+  // Moves the vertices on the CPU unless they are already moved. Errors: those of skin_vertices().
   Status move_vertices();
 
-  // Of the last frame that was planned on the CPU. Those that a device plans follow it.
+  // The pipeline of the last frame that was planned on the CPU. Frames that a device plans use it
+  // too.
   struct Choice {
     PipelineDecision decision;
     Workload work;
@@ -52,19 +54,19 @@ class SharedFrames {
   const std::optional<Choice>& choice() const { return choice_; }
   void set_choice(Choice choice) { choice_ = std::move(choice); }
 
-  // The mesh of the frame before, for its memory and for triangles that are still right.
+  // The previous frame's mesh, for its memory and for triangles that are still valid.
   SnappedMesh take_mesh() { return std::exchange(mesh_, {}); }
   void keep_mesh(SnappedMesh mesh) { mesh_ = std::move(mesh); }
-  // Names the scene's triangles, and what its vertices follow, among all that a process makes.
-  // Never 0.
+  // Names the scene's triangles and skinning uniquely in the process. Never 0.
   uint64_t mesh_key() const { return mesh_key_; }
 
-  // Colours of triangles, as frames find them.
+  // Flat colours of triangles, filled in as frames need them.
   FlatColors& flat_colors() { return flat_colors_; }
-  // Adds the levels that a frame samples to those of the frames before it, in both places.
+  // Unites the levels that a frame samples with those of earlier frames; both sets become the
+  // union.
   void unite_levels(std::vector<ImageLevels>& of_frame);
-  // Names the scene's images at these levels, among all that a process makes: pipelines keep what
-  // they made of them as long as it stays the same. Never 0.
+  // Names the scene's images at these levels uniquely in the process. Pipelines keep their textures
+  // while this key stays the same. Never 0.
   uint64_t textures_key() const { return textures_key_; }
 
  private:

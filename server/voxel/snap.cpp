@@ -18,10 +18,10 @@ namespace {
 
 constexpr size_t kVertexGrain = 1 << 13;
 constexpr size_t kTriangleGrain = 1 << 14;
-// Rounding of the placement must not lose a face on the grid's box; in voxels.
+// Tolerance in voxels: rounding of the placement must not lose a face on the grid's box.
 constexpr double kBoundaryTolerance = 1.0 / 4096;
 
-// The doubles of step 1, for many vertices.
+// Step 1 in doubles, for many vertices.
 class WorldFromFile {
  public:
   explicit WorldFromFile(const glm::dmat4& matrix)
@@ -37,22 +37,24 @@ class WorldFromFile {
 };
 
 bool inside_box(const glm::dvec3& p, const glm::ivec3& dims) {
-  // NaN is outside. Without short cuts: a few comparisons are cheaper than a branch that misses.
+  // NaN is outside. No short-circuit, because a few comparisons are cheaper than a mispredicted
+  // branch.
   int outside = 0;
   for (int c = 0; c < 3; ++c) outside |= int{!(p[c] >= -1.0)} | int{!(p[c] <= dims[c] + 1.0)};
   return outside == 0;
 }
 
-// std::floor is a call where the instruction set has no rounding. |x| < 2^31.
+// A substitute for std::floor, which is a function call if the instruction set has no rounding. |x|
+// < 2^31.
 int32_t floor_to_int(double x) {
   const auto truncated = static_cast<int32_t>(x);
   return truncated - (truncated > x ? 1 : 0);
 }
 
-// snap_coordinate(), to be inlined.
+// snap_coordinate(), defined here so that it is inlined.
 int32_t snapped(double p_grid, int dim) {
   const int32_t q = floor_to_int(p_grid * kSubVoxelsPerVoxel);
-  // Rounding of clipped points may leave the box by its last bit.
+  // Rounding can put clipped points outside the box by the last bit.
   const int32_t in_box = std::clamp(q, -kSubVoxelsPerVoxel, (dim + 1) * kSubVoxelsPerVoxel);
   const bool below = p_grid < 0.0 && p_grid >= -kBoundaryTolerance;
   const bool above = p_grid >= dim && p_grid <= dim + kBoundaryTolerance;
@@ -67,12 +69,12 @@ bool splits_edges(const GridSpec& spec) {
   return std::max({spec.dims.x, spec.dims.y, spec.dims.z}) > kUnsplitGridSide;
 }
 
-// What one chunk of one part's triangles becomes. Vertex numbers from the mesh's file_vertex_count
-// on count from the chunk's own first clipped vertex.
+// The output of one chunk of a part's triangles. Vertex numbers from the mesh's file_vertex_count
+// on are relative to the chunk's own first clipped vertex.
 struct ChunkOutput {
-  SnappedTriangle* whole = nullptr;     // where triangles that stay whole go
-  size_t whole_count = 0;               // at most as many as the chunk has
-  std::vector<SnappedTriangle> pieces;  // of others
+  SnappedTriangle* whole = nullptr;     // destination of triangles that stay whole
+  size_t whole_count = 0;               // at most the number of the chunk's triangles
+  std::vector<SnappedTriangle> pieces;  // pieces of the other triangles
   std::vector<ClippedVertex> clipped;
   std::vector<glm::ivec3> clipped_q;
   bool not_finite = false;
@@ -97,7 +99,7 @@ class TriangleSnapper {
         splits_(splits_edges(spec)),
         bytes_max_(bytes_max) {}
 
-  // Triangles of vertices that all stand in cells of the grid.
+  // For a chunk whose vertices are all in cells of the grid.
   void run_inside(size_t first, size_t last, ChunkOutput& out) const {
     for (size_t t = first; t < last; ++t) {
       const uint32_t* index = &part_.indices[3 * t];
@@ -118,7 +120,7 @@ class TriangleSnapper {
       if (clips || (splits_ && may_be_long(a, b, c))) {
         add_pieces(vertices, out);
       } else {
-        // Written in any case: the next one takes the place of one that is far.
+        // Written without a branch. A triangle that misses the box is overwritten by the next one.
         out.whole[out.whole_count] = {vertices, part_index_};
         out.whole_count += touches_box(a, b, c) ? 1 : 0;
       }
@@ -142,7 +144,7 @@ class TriangleSnapper {
     return misses == 0;
   }
 
-  // What clipping and splitting leave of a triangle.
+  // Adds the pieces that clipping and splitting leave of a triangle.
   void add_pieces(const std::array<uint32_t, 3>& vertices, ChunkOutput& out) const {
     std::array<glm::dvec3, 3> p_grid;
     for (size_t i = 0; i < 3; ++i) {
@@ -190,7 +192,8 @@ class TriangleSnapper {
   size_t bytes_max_;
 };
 
-// Returns whether all vertices stand in cells of the grid: then no triangle misses or leaves it.
+// Snaps a part's vertices. Returns true if all are in cells of the grid: then no triangle misses or
+// leaves it.
 bool snap_vertices(const MeshPart& part, const WorldFromFile& world_from_file, const GridSpec& spec,
                    glm::ivec3* out) {
   std::atomic<bool> all_in_cells = true;
@@ -264,7 +267,7 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
   return {};
 }
 
-// 1 for each vertex of the part that triangles use.
+// 1 for each vertex of the part that a triangle uses, else 0.
 std::vector<uint8_t> used_vertices(const MeshPart& part) {
   std::vector<uint8_t> used(part.positions.size());
   parallel_chunks(part.indices.size(), 4 * kTriangleGrain, [&](size_t, size_t begin, size_t end) {

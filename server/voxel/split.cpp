@@ -13,7 +13,7 @@ bool is_long(const ClipCorner& a, const ClipCorner& b) {
   return std::max({d.x, d.y, d.z}) > kEdgeCellsMax;
 }
 
-// The same whatever the order of a and b: sums of two numbers are.
+// The middle of an edge. Addition commutes exactly, so the order of a and b does not matter.
 ClipCorner middle(const ClipCorner& a, const ClipCorner& b) {
   ClipCorner m;
   m.p_grid = (a.p_grid + b.p_grid) * 0.5;
@@ -26,20 +26,21 @@ bool comes_first(const ClipCorner& a, const ClipCorner& b) {
          std::tie(b.p_grid.x, b.p_grid.y, b.p_grid.z);
 }
 
-// Triangle t with its corners turned so that its edge `edge`, from corner `edge` to the next,
-// becomes the first.
+// Triangle t with its corners rotated so that edge `edge`, from corner `edge` to the next, becomes
+// edge 0.
 SplitTriangle turned(const SplitTriangle& t, size_t edge) {
   return {t[edge], t[(edge + 1) % 3], t[(edge + 2) % 3]};
 }
 
-// Edge 0 is long.
+// Halves a triangle of which only edge 0 is long.
 void halve(const SplitTriangle& t, std::vector<SplitTriangle>& out) {
   const ClipCorner m = middle(t[0], t[1]);
   out.push_back({t[0], m, t[2]});
   out.push_back({m, t[1], t[2]});
 }
 
-// Edges 0 and 1 are long. Of the two ways to cut the rest, the ends of edge 2 decide.
+// Cuts a triangle of which edges 0 and 1 are long. The remaining quad can be cut in two ways; the
+// ends of edge 2 decide which.
 void cut_corner(const SplitTriangle& t, std::vector<SplitTriangle>& out) {
   const ClipCorner m0 = middle(t[0], t[1]), m1 = middle(t[1], t[2]);
   out.push_back({m0, t[1], m1});
@@ -63,7 +64,7 @@ void quarter(const SplitTriangle& t, std::vector<SplitTriangle>& out) {
 }  // namespace
 
 void split_triangle(const SplitTriangle& triangle, std::vector<SplitTriangle>& out) {
-  // A stack: halves come to an end after as many steps as an edge can be halved.
+  // A stack of open triangles. It empties because an edge can be halved only so often.
   std::vector<SplitTriangle> open = {triangle};
   while (!open.empty()) {
     const SplitTriangle t = open.back();

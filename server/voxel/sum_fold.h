@@ -1,5 +1,5 @@
-// The sums of the id that has the largest sum of weights in a voxel: color=dominant. README.md
-// defines it. Ids come in ascending order, as to IdFold.
+// The attribute sums of the id with the largest sum of weights in a voxel: color=dominant, defined
+// in README.md. Ids are added in ascending order, as for IdFold.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@ class SumFold {
   SumFold(size_t voxels, const AttributeChannels& channels)
       : stride_(channels.count()), best_(voxels * stride_) {}
 
-  // sum(i): of the triangles with this id, channels.count() per voxel, the weight first.
+  // sum(i): sums of the triangles with this id, channels.count() per voxel, the weight first.
   template <typename Sum>
   void add(const Sum& sum) {
     for (size_t first = 0; first < best_.size(); first += stride_) {
@@ -31,7 +31,7 @@ class SumFold {
   std::vector<uint64_t> best_;
 };
 
-// What of `options` is resolved from the sums of one id, and what from those of all.
+// The part of `options` that the sums of the dominant id resolve: colour alone.
 inline ResolveOptions dominant_part(ResolveOptions options) {
   options.write = {.color = options.write.color};
   return options;

@@ -1,5 +1,5 @@
-// The mask of a tile: a bit for each cell in Morton order, as proto/sparse_tile.h has it in a
-// brick.
+// The mask of a tile: one bit per cell in Morton order, the order of a brick in
+// proto/sparse_tile.h.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +12,10 @@ namespace voxeld {
 inline constexpr size_t kTileMaskBytes =
     size_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide / 8;
 inline constexpr size_t kTileMaskWords = kTileMaskBytes / 4;
-// A block of 64^3 cells is a contiguous part of the mask.
+// Words of a block of 64^3 cells, which is a contiguous part of the mask.
 inline constexpr size_t kBlockMaskWords = kTileMaskWords / 64;
 
-// Calls visit(first_word, word_count) for the maximal runs of set blocks.
+// Calls visit(first_word, word_count) for each maximal run of set blocks.
 template <typename Visit>
 void for_each_block_run(uint64_t blocks, const Visit& visit) {
   for (size_t block = 0; block < 64;) {

@@ -1,5 +1,5 @@
-// What the pipelines have in common: tiles of a planned request in, sparse tiles out, and the same
-// bytes from each.
+// The interface of the pipelines: tiles of a planned request in, sparse tiles out. Every pipeline
+// gives the same bytes.
 #pragma once
 
 #include <algorithm>
@@ -30,8 +30,8 @@
 
 namespace voxeld {
 
-// A request after placing and snapping: what every tile of it is made from. Stays where it is until
-// end_job().
+// A request after placing and snapping, from which every tile is made. Its address must not change
+// before end_job().
 struct VoxelizePlan {
   const Scene& scene;
   const VoxelizeOptions& options;
@@ -40,21 +40,21 @@ struct VoxelizePlan {
   glm::dmat4 world_from_file{1.0};
   SnappedMesh mesh{};
   std::vector<int> part_images{};             // part_image() of every part that is sampled, else -1
-  std::vector<IdChannel> ids{};               // of the grid's channels that hold ids
-  std::optional<AttributeRecords> records{};  // where channels.any()
-  // SharedFrames::textures_key(): levels of images that were made for the same one serve this job
-  // too, and stay for the next one. 0: they are this job's alone.
+  std::vector<IdChannel> ids{};               // one per id channel of the grid
+  std::optional<AttributeRecords> records{};  // set if channels.any()
+  // SharedFrames::textures_key(). Textures that were made for the same key serve this job and stay
+  // for the next. 0: the textures are this job's alone.
   uint64_t textures_key = 0;
-  // SharedFrames::mesh_key() where the mesh is whole: its triangles are those of all such jobs. 0:
-  // they are this job's alone.
+  // SharedFrames::mesh_key() if the mesh is whole: all jobs with this key have the same triangles.
+  // 0: the triangles are this job's alone.
   uint64_t mesh_key = 0;
-  // The device has the vertices already (DeviceSkin); the mesh's stand here only where the CPU
-  // wants them.
+  // The device already has the vertices (DeviceSkin). `mesh` has current ones only if the CPU needs
+  // them.
   bool has_device_vertices = false;
 
-  // Whether anything comes of the sums over all triangles; ids have sums of their own.
+  // True if the sums over all triangles are used. Channels of ids have sums of their own.
   bool needs_sums() const { return channels.summed.count() > 1 || channels.grid.coverage; }
-  // Whether run_tiles() of a device leaves something to CpuPipeline::finish_tiles().
+  // True if run_tiles() of a device leaves work to CpuPipeline::finish_tiles().
   bool finishes_on_cpu() const {
     return channels.nearest || std::ranges::any_of(ids, &IdChannel::is_wide);
   }
@@ -68,43 +68,44 @@ struct VoxelizePlan {
 
 struct VoxelizeStats {
   Pipeline pipeline = Pipeline::kCompute;
-  std::string pipeline_reason;  // why `auto` took it
-  Workload work;                // what `auto` predicts from
+  std::string pipeline_reason;  // why `auto` chose it
+  Workload work;                // the input of the prediction of `auto`
   int64_t triangles = 0;        // after clipping to the grid's box
-  int64_t tiles = 0;            // that triangles reach
+  int64_t tiles = 0;            // tiles that triangles reach
   int64_t work_items = 0;
   int64_t device_bytes_peak = 0;
-  // To hardware's pipeline compute: vertices or what moves them, triangles, numbers of triangles.
+  // Bytes that pipeline compute uploads to hardware: vertices or poses, triangles, and lists of
+  // triangle numbers.
   int64_t mesh_bytes_uploaded = 0;
-  std::optional<FillStats> fill;  // of solids and shells
+  std::optional<FillStats> fill;  // only for solids and shells
   StageTimes passes;              // milliseconds by pass: snap bin upload occupancy attributes …
 };
 
 struct DeviceTraits {
   bool is_software = true;
-  int texture_side_max = limits::kImageSideMax;  // larger levels of a texture are passed over
+  int texture_side_max = limits::kImageSideMax;  // larger levels of a texture are skipped
   bool has_int64 = true;                         // in shaders; attributes need them
 };
 
-// Keeps programs and scratch memory from job to job. One thread.
+// A pipeline. It keeps programs and scratch memory from job to job. Not thread-safe.
 class TilePipeline {
  public:
   virtual ~TilePipeline() = default;
 
   // The plan and the statistics must outlive the job.
   virtual Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) = 0;
-  // Appends the tiles of `bins` that are not empty, in their order. Devices leave channels
-  // of wide ids and colours of nearest points 0 (VoxelizePlan::finishes_on_cpu()).
+  // Appends the nonempty tiles of `bins`, in their order. Devices leave channels of wide ids and
+  // colours of nearest points at 0 (VoxelizePlan::finishes_on_cpu()).
   virtual Status run_tiles(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) = 0;
-  // Frees what only the job needed; also after an error.
+  // Frees what only this job needed. Called after an error too.
   virtual void end_job() = 0;
-  // Frees what the job kept for the next one of the same frames.
+  // Frees what a job kept for the next frame.
   virtual void end_frames() {}
 
-  // Bytes on the device at the peak, textures at the levels that are used not counted.
+  // Peak bytes on the device, without the texture levels that are sampled.
   virtual int64_t device_bytes(const Scene& scene, const WantedChannels& channels) const = 0;
   virtual DeviceTraits traits() const = 0;
-  // Tiles to hand to run_tiles() at a time: the step of progress and cancelling.
+  // Tiles per call of run_tiles(): the granularity of progress and cancelling.
   virtual size_t batch_tiles() const { return 1; }
 };
 

@@ -1,5 +1,5 @@
-// Where the tiles of a grid go as they are made: into a Grid, or to a file when the grid is larger
-// than memory.
+// The destination of a grid's tiles as they are made: a Grid, or a file if the grid is larger than
+// memory.
 #pragma once
 
 #include <utility>
@@ -15,18 +15,18 @@ class TileSink {
  public:
   virtual ~TileSink() = default;
 
-  // Called once before the first tile: the grid's place and channels, without tiles.
+  // Called once before the first tile. `grid` has the place and the channels, but no tiles.
   virtual Status begin(const Grid& grid) = 0;
-  // Canonical tiles that are not empty, in ascending Morton order of coord over all calls.
+  // Takes canonical nonempty tiles, in ascending Morton order of coord over all calls.
   virtual Status add(std::vector<SparseTile> tiles) = 0;
-  // Whether tiles stay in memory, so that all of them have to fit.
+  // True if tiles stay in memory, so that all of them must fit.
   virtual bool keeps_tiles() const = 0;
 
-  // Of surfaces, whose tiles are final when they come, after begin(): a sink that has the tiles of
-  // the first n of so many steps from an earlier attempt returns n; the first tiles that are added
-  // come after them. Equal requests have equal steps.
+  // Called after begin(), for surfaces only, because their tiles are final at once. A sink that has
+  // the tiles of the first n of `steps` steps from an earlier attempt returns n. The first tiles
+  // added then follow those. Equal requests have equal steps.
   virtual Result<size_t> resume(size_t /*steps*/) { return size_t{0}; }
-  // All tiles of the first so many steps were added.
+  // Called when all tiles of the first `steps_done` steps were added.
   virtual Status reached(size_t /*steps_done*/) { return {}; }
 };
 

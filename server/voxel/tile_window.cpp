@@ -24,14 +24,15 @@ bool comes_first(const glm::ivec3& a, const glm::ivec3& b) {
   return a.z < b.z;
 }
 
-// The triangles of an image are one run, because the mesh is grouped by image.
+// Finds the run of each image. An image's triangles are contiguous, because the mesh is grouped by
+// image.
 void find_image_runs(const SnappedMesh& mesh, std::span<const uint32_t> triangles,
                      std::span<const int> part_images, TileWindow& window) {
   window.image_runs.clear();
   const auto image_at = [&](size_t i) { return part_images[mesh.triangles[triangles[i]].part]; };
   for (size_t first = 0; first < triangles.size();) {
     const int image = image_at(first);
-    // Images ascend, so the run's end is found by bisection.
+    // Images ascend, so bisection finds the run's end.
     size_t low = first, high = triangles.size();
     while (low + 1 < high) {
       const size_t middle = low + (high - low) / 2;
@@ -42,7 +43,7 @@ void find_image_runs(const SnappedMesh& mesh, std::span<const uint32_t> triangle
   }
 }
 
-// Counting sort of all chunks' items by key; fills items and ranges.
+// Counting sort of all chunks' items by key. Fills items and ranges.
 void sort_items(const std::vector<ChunkItems>& chunks, TileWindow& window) {
   const size_t images = window.image_runs.size();
   const size_t keys = kTouchClassCount * images * kItemCostBuckets;

@@ -16,14 +16,14 @@
 namespace voxeld {
 namespace {
 
-// Between steps before the first tile, each of which goes over the whole mesh: others have the
-// device, and a cancel is heard.
+// Called between the preparing steps, each of which scans the whole mesh. The callback can lend the
+// device to other tasks there, and can cancel.
 Status between_steps(const TileProgress& progress) {
   if (!progress || progress(0, 0)) return {};
   return Error{ErrorCode::kCancelled, "the job was cancelled while it was prepared", "", ""};
 }
 
-// Progress over the tiles of the surface and the columns of tiles that are filled after them.
+// Progress over the tiles of the surface, then over the columns of tiles that are filled.
 class Steps {
  public:
   Steps(const TileProgress& progress, size_t tiles, size_t columns)
@@ -44,7 +44,7 @@ class Steps {
   const size_t tiles_, total_;
 };
 
-// What has to be folded, in the order of the channels.
+// The id channels to compute, in the order of the channels.
 Result<std::vector<IdChannel>> id_channels(const Scene& scene, const VoxelizeOptions& options,
                                            const ChannelSet& channels) {
   std::vector<IdChannel> list;
@@ -59,10 +59,11 @@ Result<std::vector<IdChannel>> id_channels(const Scene& scene, const VoxelizeOpt
   return list;
 }
 
-// Tiles as the pipeline made them, and how many bins are done with them.
+// Receives tiles as the pipeline makes them. `done`: the number of bins that are finished.
 using TakeTiles = std::function<Status(std::vector<SparseTile>, size_t done)>;
 
-// Tiles are handed over as they come, from those of bin `done` on. `finisher`: of a device.
+// Runs the bins from `done` on and hands tiles over as they come. finisher: completes a device's
+// tiles on the CPU; null if there is nothing to complete.
 Status run_tiles(TilePipeline& pipeline, CpuPipeline* finisher, const VoxelizePlan& plan,
                  std::span<const TileBin> bins, size_t done, const Steps& steps,
                  VoxelizeStats& stats, const TakeTiles& take) {
@@ -81,7 +82,7 @@ Status run_tiles(TilePipeline& pipeline, CpuPipeline* finisher, const VoxelizePl
   }
 }
 
-// Fills look at the whole surface, and so do the signs of distances.
+// True if the whole surface is needed at once: for fills, and for the signs of distances.
 bool needs_all_tiles(const VoxelizeOptions& options, const WantedChannels& channels) {
   return options.fill != Fill::kSurface || channels.grid.distance;
 }
@@ -96,14 +97,14 @@ struct Voxelizer::Impl {
         cpu(cpu_threads) {}
 
   std::unique_ptr<TilePipeline> device;
-  DeviceInside* device_inside;  // null where the device finds no inside
-  DeviceSkin* device_skin;      // null where it moves no vertices
+  DeviceInside* device_inside;  // null: the device cannot find insides
+  DeviceSkin* device_skin;      // null: the device cannot move vertices
   CpuPipeline cpu;
   int64_t host_bytes_max = default_host_bytes_max();
   CalibrationLookup calibration;
 
   DeviceTraits traits() const { return device ? device->traits() : DeviceTraits(); }
-  // Null where a device is needed and missing.
+  // Null if the pipeline needs a device and there is none.
   TilePipeline* pipeline(Pipeline which) { return which == Pipeline::kCpu ? &cpu : device.get(); }
   PipelineDecision decide(PipelineChoice asked, const Workload& work,
                           const WantedChannels& channels) const;
@@ -111,29 +112,29 @@ struct Voxelizer::Impl {
   Status plan_job(const Scene& scene, const VoxelizeOptions& options, SharedFrames* frames,
                   bool keeps_tiles, const TileProgress& progress, VoxelizePlan& plan,
                   VoxelizeStats& stats) const;
-  // The plan's mesh, of vertices that the device or the CPU moves where they are a frame's.
-  // Vertices that the device moved are there where `wants_vertices`.
+  // Makes the plan's mesh. The device or the CPU first moves the vertices of a frame. If
+  // `wants_vertices`, vertices that the device moved are read back.
   Status snap_mesh(SharedFrames* frames, int64_t bytes_max, bool wants_vertices, VoxelizePlan& plan,
                    VoxelizeStats& stats) const;
-  // Which pipeline makes the surface of the bins.
+  // Chooses the pipeline that makes the surface of the bins.
   Result<Pipeline> choose(const VoxelizePlan& plan, std::span<const TileBin> bins,
                           SharedFrames* frames, VoxelizeStats& stats) const;
-  // The plan's tiles.
+  // Makes the plan's tiles and hands them to the sink.
   Status run_plan(const VoxelizePlan& plan, SharedFrames* frames, TileSink& sink,
                   const TileProgress& progress, VoxelizeStats& stats);
-  // One job of the pipeline, from bin `first` on. `take` gets the tiles as they come.
+  // Runs one job of the pipeline, from bin `first` on. `take` gets the tiles as they come.
   Status run_surface(TilePipeline& pipeline, const VoxelizePlan& plan,
                      std::span<const TileBin> bins, size_t first, const Steps& steps,
                      VoxelizeStats& stats, const TakeTiles& take);
   Status run_solid(TilePipeline& pipeline, const VoxelizePlan& plan, const TileBins& bins,
                    TileSink& sink, const TileProgress& progress, VoxelizeStats& stats);
-  // What fills beside a surface by this pipeline; null: the CPU does, always where it was `auto` on
-  // a software driver, which would run shaders on the same cores.
+  // The device that fills inside a surface from pipeline `which`; null: the CPU fills. `auto` on a
+  // software driver fills on the CPU, because the driver would run shaders on the same cores.
   DeviceInside* inside_of(Pipeline which, PipelineChoice asked) const {
     const bool is_slow = asked == PipelineChoice::kAuto && traits().is_software;
     return which == Pipeline::kCpu || is_slow ? nullptr : device_inside;
   }
-  // An upper estimate of what the machine's memory must hold.
+  // An upper estimate of the job's host memory.
   int64_t job_bytes(const Scene& scene, const SnappedMesh& mesh, const Placed& placed,
                     const VoxelizeOptions& options, const WantedChannels& channels) const;
 };
@@ -158,7 +159,7 @@ PipelineDecision Voxelizer::Impl::decide(PipelineChoice asked, const Workload& w
   return decide_pipeline(asked, {device ? &of_device : nullptr, calibration}, work, channels.any());
 }
 
-// A pipeline that this device does not have is refused before any work.
+// Refuses, before any work, a pipeline that this device does not have.
 Status Voxelizer::Impl::check_asked(PipelineChoice asked) const {
   const auto named = asked_pipeline(asked);
   if (!named || *named == Pipeline::kCpu || device != nullptr) return {};
@@ -168,14 +169,14 @@ Status Voxelizer::Impl::check_asked(PipelineChoice asked) const {
                "pipeline=cpu or auto", std::string(pipeline_name(*named))};
 }
 
-// Where the grid lies: as the mesh does, or as all frames.
+// Places the grid: by the mesh, or where all frames lie.
 Result<Placed> place(const Scene& scene, const VoxelizeOptions& options,
                      const SharedFrames* frames) {
   if (frames == nullptr) return place_scene(scene, options);
   return Placed{world_from_file(options.placement), frames->spec()};
 }
 
-// From the scene to snapped triangles, and whether the result will fit.
+// Snaps the scene's triangles and checks that the result will fit.
 Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& options,
                                  SharedFrames* frames, bool keeps_tiles,
                                  const TileProgress& progress, VoxelizePlan& plan,
@@ -188,7 +189,7 @@ Status Voxelizer::Impl::plan_job(const Scene& scene, const VoxelizeOptions& opti
   VOXELD_TRY(check_host_bytes(placed.spec, mesh_bytes(scene), host_bytes_max));
   if (plan.channels.volume) VOXELD_TRY(check_coverage_dims(placed.spec.dims));
   const int64_t bytes_left = host_bytes_max - mesh_bytes(scene);
-  // A close estimate takes its time, and matters only to grids that might not fit.
+  // A close estimate takes time, so it is made only for grids that might not fit.
   const bool fills = needs_all_tiles(options, plan.channels);
   const bool estimates =
       keeps_tiles && (fills || dense_result_bytes(placed.spec, plan.channels) > bytes_left);
@@ -265,7 +266,7 @@ Status Voxelizer::Impl::run_surface(TilePipeline& pipeline, const VoxelizePlan& 
   return done;
 }
 
-// The surface's tiles, all of them; then what is inside.
+// Makes all of the surface's tiles, then fills the inside.
 Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const VoxelizePlan& plan,
                                   const TileBins& bins, TileSink& sink,
                                   const TileProgress& progress, VoxelizeStats& stats) {

@@ -9,25 +9,26 @@
 namespace voxeld {
 namespace {
 
-// Extent of small triangles: one item of at most as many columns as large ones get, or of 5. 32
-// bits hold TOUCH_SMALL_EXTENT of shaders/lib/touch.glsl, which is more.
+// Extent of small triangles, in 1/256 voxel. A small triangle is one item, with at most as many
+// columns as a large item, or 5 a side. It stays below TOUCH_SMALL_EXTENT of
+// shaders/lib/touch.glsl, which 32 bits hold.
 constexpr int kSmallExtentMin = 1024;
 int small_extent(const ItemSizes& sizes) {
   return std::max(kSmallExtentMin, (sizes.block_columns - 1) * kSubVoxelsPerVoxel);
 }
-// Columns to a side of an item whose columns may be as deep as the tile (triangles without area):
-// 8 * 8 * 257 iterations stay below the 65,535 that software drivers run.
+// Columns along a side of an item whose columns may be as deep as the tile (triangles without
+// area). 8 * 8 * 257 iterations stay below the 65,535 that software drivers run.
 constexpr int kDeepBlockColumns = 8;
 constexpr int kBlockShift = 6;  // blocks of 64 cells, TileWindow::blocks
 
-// 512 times the largest of n * (x - vertex) over a cell that begins at 0; see touch_reach().
+// 512 times the largest of n * (x - vertex) over the cell that begins at 0; see touch_reach().
 int64_t reach(int64_t n, int q) {
   const int64_t f = q & 255;
   return n >= 0 ? n * (511 - 2 * f) : -n * (2 * f + 1);
 }
 
 // Edge functions of the projection and the plane, as in shaders/lib/touch.glsl, over blocks of
-// columns: conservative, because the shader tests again.
+// columns. It is conservative: the shader tests each column again.
 class BlockTest {
  public:
   BlockTest(const std::array<glm::ivec3, 3>& q, int axis) {
@@ -57,8 +58,8 @@ class BlockTest {
 
   bool has_area() const { return normal_[2] != 0; }
 
-  // False when no column of [i0, i1] x [j0, j1] meets the projection, or the plane leaves the
-  // cells [k0, k1] aside; otherwise narrows k0 and k1.
+  // False if no column of [i0, i1] x [j0, j1] meets the projection, or the plane misses the cells
+  // [k0, k1]. Otherwise narrows k0 and k1.
   bool may_touch(int i0, int j0, int i1, int j1, int& k0, int& k1) const {
     for (const Edge& e : edges_) {
       if (e.a * (e.a > 0 ? i1 : i0) + e.b * (e.b > 0 ? j1 : j0) + e.c < 0) return false;
@@ -94,7 +95,7 @@ struct ItemMaker::Target {
 
 void ItemMaker::push(const Target& target, const Rectangle& r) {
   const int columns = (r.i1 - r.i0 + 1) * (r.j1 - r.j0 + 1);
-  // Steps of 1 up to 16 columns, then of 16.
+  // Cost buckets: one for each count up to 16 columns, then one per 16.
   const int cost = columns <= 16 ? columns - 1 : 14 + (columns + 15) / 16;
   const int words = r.i0 | r.j0 << VOXELIZE_ITEM_J_SHIFT | (r.i1 - r.i0) << VOXELIZE_ITEM_NI_SHIFT |
                     (r.j1 - r.j0) << VOXELIZE_ITEM_NJ_SHIFT |

@@ -1,4 +1,4 @@
-// Splits a triangle's rectangle of columns into work items: inside of tile_window.cpp.
+// Splitting of a triangle's rectangle of columns into work items. Internal to tile_window.cpp.
 #pragma once
 
 #include <array>
@@ -12,7 +12,8 @@
 
 namespace voxeld {
 
-// Items of one class and image are sorted by cost, so that the lanes of a SIMD group do alike.
+// Items of one class and image are sorted into this many classes of cost, so that the lanes of a
+// SIMD group have equal work.
 inline constexpr size_t kItemCostBuckets = 32;
 
 struct PendingItem {
@@ -31,13 +32,14 @@ class ItemMaker {
   ItemMaker(const glm::ivec3& cell_max, const ItemSizes& sizes, size_t image_runs)
       : cell_max_(cell_max), sizes_(sizes), image_runs_(image_runs) {}
 
-  // q: corners in the tile's coordinates. Adds no item where the triangle surely misses.
+  // Adds the items of a triangle; none if it surely touches no cell. q: corners in the tile's
+  // coordinates.
   void add(const std::array<glm::ivec3, 3>& q, int axis, uint32_t triangle, size_t image_run,
            ChunkItems& out) const;
 
  private:
-  struct Target;  // where the items of one triangle go
-  // Columns, inclusive.
+  struct Target;  // destination of one triangle's items
+  // A rectangle of columns; both ends are inclusive.
   struct Rectangle {
     int i0, j0, i1, j1;
   };

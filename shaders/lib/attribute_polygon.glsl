@@ -1,5 +1,6 @@
-// Convex polygons in a column of cells, seen along the column, in integers: what a triangle and a
-// cell have in common. Points have x and y from 0 to 4096, in 2^-12 cells from the column's corner.
+// Convex polygons in a column of cells, seen along the column, in integers: the intersection of a
+// triangle with a cell. Points have x and y from 0 to 4096, in 2^-12 cells from the column's
+// corner.
 
 // A square clipped by five lines has at most 9 corners.
 #define CELL_POLYGON_MAX 9
@@ -27,7 +28,8 @@ int line_value(ivec3 line, uint point) {
   return line.x * p.x + line.y * p.y + line.z;
 }
 
-// Where a side from a point inside to one outside leaves; rounded to the nearest 2^-12 cell.
+// The point where a side leaves, from a point inside to one outside. It is rounded to the nearest
+// 2^-12 cell.
 uint line_cut(uint inside, uint outside, int value_inside, int value_outside) {
   uint part = uint(value_inside), whole = part + uint(-value_outside);
   int shift = max(findMSB(whole) - 17, 0);
@@ -37,9 +39,9 @@ uint line_cut(uint inside, uint outside, int value_inside, int value_outside) {
   return uint(at.x) | (uint(at.y) << 16);
 }
 
-// Keeps where the line's value is at least 0. Sutherland & Hodgman 1974. Values of a line in the
-// column are less than 2^30 either way. Where rounding makes a polygon not quite convex, what would
-// be a tenth corner is left out.
+// Keeps the part where the line's value is at least 0 (Sutherland & Hodgman 1974). Values of a line
+// in the column are below 2^30 in size. If rounding makes a polygon slightly concave, a tenth
+// corner would arise; it is dropped.
 CellPolygon clip_polygon(CellPolygon polygon, ivec3 line) {
   if (line.z + CELL_POLYGON_SIDE * (min(line.x, 0) + min(line.y, 0)) >= 0) return polygon;
   CellPolygon kept;
@@ -65,7 +67,8 @@ CellPolygon clip_polygon(CellPolygon polygon, ivec3 line) {
   return kept;
 }
 
-// Of triangle number n of the fan about point 0, n = 1 .. count - 2; 2^25 is a cell's face.
+// Twice the area of triangle n of the fan about point 0, n = 1 .. count - 2. A cell's face has
+// 2^25.
 uint twice_fan_area(CellPolygon polygon, int n) {
   ivec2 p = polygon_point(polygon.points[0]);
   ivec2 a = polygon_point(polygon.points[n]) - p, b = polygon_point(polygon.points[n + 1]) - p;
@@ -78,7 +81,7 @@ uint twice_polygon_area(CellPolygon polygon) {
   return sum;
 }
 
-// twice_area: of the polygon, not 0.
+// twice_area: the polygon's, not 0.
 ivec2 polygon_centroid(CellPolygon polygon, uint twice_area) {
   int shift = max(findMSB(twice_area) - 16, 0);
   ivec2 p = polygon_point(polygon.points[0]);

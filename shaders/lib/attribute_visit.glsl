@@ -1,19 +1,19 @@
 // Adds a triangle's attributes to the sums of every cell that it touches: the visitor of
 // lib/touch_columns.glsl for the attribute passes of both pipelines. ATTRIBUTE_COLOR,
-// ATTRIBUTE_ALPHA, ATTRIBUTE_NORMAL and ATTRIBUTE_TEXTURE, each 0 or 1, choose the channels; their
+// ATTRIBUTE_ALPHA, ATTRIBUTE_NORMAL and ATTRIBUTE_TEXTURE, each 0 or 1, choose the channels. Their
 // order is weight, colour R G B, alpha, normal X Y Z.
 #define ATTRIBUTE_CHANNELS \
   (1 + 3 * ATTRIBUTE_COLOR + ATTRIBUTE_COLOR * ATTRIBUTE_ALPHA + 3 * ATTRIBUTE_NORMAL)
 
 // The including file defines these.
-uint attribute_word(int word);                          // of the triangle at hand
+uint attribute_word(int word);                          // of the current triangle
 bool find_voxel(int i, int j, int k, out uint voxel);   // false: in another window, or not occupied
 void add_to_sum(uint voxel, uint channel, uint value);
 uint linear_from_srgb8(uint value);                     // 16 bits
 uvec4 fetch_texel(ivec2 at, int level);
 ivec2 level_size(int level);
 
-// Of the triangle at hand; read once, because it is visited cell by cell.
+// Attributes of the current triangle. They are read once, because it is visited cell by cell.
 AttributeTriangle visited;
 uint visited_flags;
 uvec4 corner_color0, corner_color1, corner_color2;
@@ -37,7 +37,8 @@ uvec4 linear_texel(ivec2 at, int level) {
                texel.w * 257u);
 }
 
-// Bilinear, in linear light: 8 bits of fraction on each axis, so that 65535 * 65536 fits.
+// Bilinear sample in linear light. The fraction has 8 bits on each axis, so that 65535 * 65536
+// fits.
 uvec4 sample_tap(ivec3 weights, int level_max) {
   int level = tap_level(weights, visited_altitude, level_max);
   uint wrap_u = (visited_flags >> ATTRIBUTE_WRAP_U_SHIFT) & 3u;
@@ -57,14 +58,14 @@ uvec4 sample_tap(ivec3 weights, int level_max) {
   return sum >> 16;
 }
 
-// Whether one tap is enough for a place whose size texels of `level` have: bilinear sampling
-// reaches over all of it with texels half as large, too.
+// True if one tap suffices for a place as large as a texel of `level`: with texels half as large,
+// bilinear sampling still covers it.
 bool tap_fits(ivec3 weights, int level) {
   return tap_level(weights, visited_altitude, level) + 1 >= level;
 }
 
-// The mean over a triangle of a polygon's fan, a, b and c at its corners: one tap where that is
-// enough, else one for each quarter.
+// The mean over a triangle of a polygon's fan with corners a, b and c: one tap if that suffices,
+// else one for each quarter.
 uvec4 sample_fan(ivec3 a, ivec3 b, ivec3 c, uint twice_area, int level_max) {
   int level = part_level(twice_area, level_max);
   ivec3 centre = centre_weights(a, b, c);
@@ -74,8 +75,8 @@ uvec4 sample_fan(ivec3 a, ivec3 b, ivec3 c, uint twice_area, int level_max) {
           sample_tap(middle_weights(c, centre), level - 1) + 2u) >> 2;
 }
 
-// The mean over what a triangle and a cell have in common: one tap where that is enough, else that
-// of the triangles of its fan, by area.
+// The mean over the intersection of a triangle and a cell: one tap if that suffices, else the mean
+// over the triangles of its fan, weighted by area.
 uvec4 sample_texture(ivec3 weights, int i, int j, CellPolygon polygon, uint twice_area) {
   int level_max = int(visited_flags >> ATTRIBUTE_LEVEL_SHIFT) & 15;
   if (twice_area == 0u) return sample_tap(weights, level_max);
@@ -148,7 +149,7 @@ uvec4 read_color(int word) {
 uvec3 read_normal(int word) { return read_color(word).xyz; }
 ivec2 read_uv(int word) { return ivec2(int(attribute_word(word)), int(attribute_word(word + 1))); }
 
-// v: corners, swizzled.
+// Reads the words of the current triangle. v: corners, swizzled.
 void read_attributes(ivec3 v0, ivec3 v1, ivec3 v2) {
   visited_flags = attribute_word(ATTRIBUTE_FLAGS);
   visited_weight = attribute_word(ATTRIBUTE_WEIGHT);

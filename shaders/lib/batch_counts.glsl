@@ -1,13 +1,13 @@
-// Takes places in the lists of a batch and keeps the arguments of the dispatches over them.
+// Reservation of places in the lists of a batch, and the arguments of the dispatches over them.
 layout(std430, binding = BATCH_COUNTS) buffer Counts { BatchCounts counts; };
 
-// Groups of a dispatch over `items`: x, y.
+// Work groups of a dispatch over `items`: x, y.
 uvec2 batch_dispatch(uint items) {
   uint groups = (items + uint(BATCH_GROUP_SIZE) - 1u) / uint(BATCH_GROUP_SIZE);
   return uvec2(min(groups, uint(BATCH_FOLD)), (groups + uint(BATCH_FOLD) - 1u) / uint(BATCH_FOLD));
 }
 
-// Place of the first of `count` items.
+// Reserves `count` items and returns the place of the first.
 uint take_small(uint count, uint capacity) {
   if (count == 0u) return 0u;
   uint first = atomicAdd(counts.small_count, count);

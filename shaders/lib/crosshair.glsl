@@ -1,16 +1,16 @@
-// Which of the cells that a triangle touches it occupies by rule thin or center: where the lines
-// through cells' centres meet it, by exact integers. server/voxel/README.md says what that means;
+// The cells that a triangle occupies by rule thin or center: those in which lines through cells'
+// centres meet it, tested in exact integers. server/voxel/README.md defines the rules;
 // tests/unit/voxel compiles this file as C++.
 //
 // Positions and TOUCH_INT are those of lib/touch.glsl. RULE_CENTER: only lines along z of the
-// swizzled frame, the triangle's dominant axis, and centres on a common side belong to one of the
-// two triangles; otherwise lines along all axes, and closed triangles.
+// swizzled frame, which is the triangle's dominant axis, and centres on a common side belong to one
+// of the two triangles. Otherwise: lines along all axes, and closed triangles.
 
-// A triangle as lines along one axis see it. Turned cyclically so that this axis is z; lines run
-// through centres of columns (i, j), at 512 i + 256 where corners stand at 2 q + 1.
+// A triangle as seen by lines along one axis, rotated cyclically so that this axis is z. Lines run
+// through centres of columns (i, j), at 512 i + 256; corners are at 2 q + 1.
 struct LinesAlong {
   ivec3 v0, v1, v2;
-  ivec3 edge0, edge1, edge2;  // (a, b, c): a*i + b*j + c >= 0 where the centre is inside
+  ivec3 edge0, edge1, edge2;  // (a, b, c): a*i + b*j + c >= 0 iff the centre is inside
   TOUCH_INT3 normal;          // normal.z >= 0
   TOUCH_INT plane;            // s = normal.(i, j, k) + plane <= 0 iff depth >= k
 };
@@ -22,8 +22,8 @@ struct Crosshair {
 #endif
 };
 
-// Edge function of the edge from (x, y) along (dx, dy), at centres: a 512th of an integer, rounded
-// down. An edge with a = 0 runs between centres.
+// The function of the edge from (x, y) along (dx, dy), at centres: divided by 512 and rounded down.
+// An edge with a = 0 runs between centres.
 ivec3 line_edge(int x, int y, int dx, int dy, int side) {
   int a = -dy * side;
   int b = dx * side;
@@ -34,8 +34,8 @@ ivec3 line_edge(int x, int y, int dx, int dy, int side) {
   return ivec3(a, b, (sum >> 9) - a * (x >> 8) - b * (y >> 8));
 }
 
-// 512 times n.(centre - vertex) of the vertex's cell, for centres of its floor;
-// a 512th, rounded up.
+// n.(centre - vertex) for the centre of the floor of the vertex's cell. It is 512 times that,
+// divided by 512 and rounded up.
 TOUCH_INT line_reach(TOUCH_INT3 n, ivec3 v) {
   ivec3 m = ivec3(255 - 2 * (v.x & 255), 255 - 2 * (v.y & 255), -(2 * (v.z & 255) + 1));
   if (touch_is_negative(n.x)) m.x = -m.x;
@@ -48,7 +48,7 @@ TOUCH_INT line_reach(TOUCH_INT3 n, ivec3 v) {
   return touch_plus(sum, touch_int(rest >> 9));
 }
 
-// Vertices turned. The sums are no larger than those of touch_setup().
+// Sets up a triangle with rotated vertices. The sums are no larger than those of touch_setup().
 LinesAlong lines_along(ivec3 v0, ivec3 v1, ivec3 v2) {
   LinesAlong t;
   ivec3 d0 = v1 - v0;
@@ -59,7 +59,7 @@ LinesAlong lines_along(ivec3 v0, ivec3 v1, ivec3 v2) {
   n.y = touch_det(d0.z, d1.x, d0.x, d1.z);
   n.z = touch_det(d0.x, d1.y, d0.y, d1.x);
   int side = touch_is_negative(n.z) ? -1 : 1;
-  // By a product: llvmpipe of Mesa 22.3.6 negates 64-bit integers wrongly under a condition.
+  // A product, because llvmpipe of Mesa 22.3.6 negates 64-bit integers wrongly under a condition.
   n.x = touch_times(n.x, side);
   n.y = touch_times(n.y, side);
   n.z = touch_times(n.z, side);
@@ -78,13 +78,13 @@ LinesAlong lines_along(ivec3 v0, ivec3 v1, ivec3 v2) {
 }
 
 #ifndef RULE_CENTER
-// Bit 0: the edge from p to e passes x = i + 1/2 at depth k or more; bit 1: below depth k + 1.
-// Where a centre lies on a triangle that is seen edge-on, every edge that passes x passes there.
+// Bit 0: the edge from p to e passes x = i + 1/2 at depth k or more; bit 1: below depth k + 1. If a
+// centre lies on a triangle that is seen edge-on, every edge that passes x passes there.
 int edge_on_ends(ivec3 p, ivec3 e, int i, int k) {
   int x = 512 * i + 256;
   if (((2 * p.x + 1 - x) ^ (2 * e.x + 1 - x)) >= 0) return 0;  // both on one side
-  // Signs in 32 bits: negated under a condition as 64-bit integers, dx and dz come out wrong on
-  // llvmpipe of Mesa 22.3.6 (seen as wrong cells of edge-on triangles).
+  // Signs are applied in 32 bits. As 64-bit integers, negated under a condition, dx and dz come out
+  // wrong on llvmpipe of Mesa 22.3.6 (seen as wrong cells of edge-on triangles).
   int side = e.x > p.x ? 1 : -1;
   int dx = side * (e.x - p.x);
   int dz = side * (e.z - p.z);
@@ -96,8 +96,7 @@ int edge_on_ends(ivec3 p, ivec3 e, int i, int k) {
 }
 #endif
 
-// Whether the half-open segment of cell (i, j, k) along z that runs through its centre meets the
-// triangle.
+// True if the half-open segment along z through the centre of cell (i, j, k) meets the triangle.
 bool line_meets(LinesAlong t, ivec3 cell) {
   if (((t.edge0.x * cell.x + t.edge0.y * cell.y + t.edge0.z) |
        (t.edge1.x * cell.x + t.edge1.y * cell.y + t.edge1.z) |
@@ -120,7 +119,7 @@ bool line_meets(LinesAlong t, ivec3 cell) {
          !touch_is_negative(touch_plus(s, touch_minus(t.normal.z, touch_int(1))));
 }
 
-// Vertices swizzled, as for touch_setup().
+// Sets up a triangle with swizzled vertices, as for touch_setup().
 Crosshair crosshair_setup(ivec3 v0, ivec3 v1, ivec3 v2) {
   Crosshair c;
   c.z = lines_along(v0, v1, v2);
@@ -131,7 +130,7 @@ Crosshair crosshair_setup(ivec3 v0, ivec3 v1, ivec3 v2) {
   return c;
 }
 
-// Whether the triangle occupies a cell, which it touches.
+// True if the triangle occupies a cell, which it must touch.
 bool crosshair_meets(Crosshair c, ivec3 cell) {
 #ifdef RULE_CENTER
   return line_meets(c.z, cell);

@@ -1,9 +1,9 @@
 // Traversal of a uniform grid by a ray, after Amanatides & Woo, "A Fast Voxel Traversal Algorithm
-// for Ray Tracing" (1987), with three differences. Distances are computed from the integer cell
-// each time instead of being added up, so nothing drifts over thousands of cells; one step may
-// leave an aligned block of 2^n cells to a side, whose neighbour cell is found by clamping the
-// position into the block, with no epsilon; and positions are relative to the cell that the ray
-// starts in, so that single precision serves grids of any size.
+// for Ray Tracing" (1987), with three differences. First, distances are computed from the integer
+// cell each time instead of being summed, so nothing drifts over thousands of cells. Second, one
+// step may leave an aligned block of 2^n cells a side. The neighbour cell is found by clamping the
+// position into the block, with no epsilon. Third, positions are relative to the cell in which the
+// ray starts, so that single precision serves grids of any size.
 
 const float DDA_FAR = 3.0e38f;
 
@@ -16,18 +16,18 @@ struct GridRay {
   ivec3 positive;  // 1 where direction > 0, else 0
 };
 
-// Where a ray begins among cells [low, high).
+// The start of a ray among cells [low, high).
 struct RayStart {
   GridRay ray;
-  bool meets;   // false: it passes them
-  ivec3 cell;   // its first
-  int axis;     // of the face that it comes in through; -1: it begins inside
-  float t_max;  // it ends here
-  float t_skipped;  // length, in the same units, from the point that the caller gave to t = 0
+  bool meets;   // false: the ray misses them
+  ivec3 cell;   // the first cell
+  int axis;     // axis of the face through which it enters; -1: it begins inside
+  float t_max;  // the ray's end
+  float t_skipped;  // length from the caller's point to t = 0, in the same units
 };
 
-// Axes below 1e-9 of the longest count as parallel: over the 10^4 cells of a ray it would not move
-// by 1/1000 of a cell there. `direction` is not zero.
+// Makes a ray. Axes below 1e-9 of the longest count as parallel: over the 10^4 cells of a ray, the
+// ray would not move by 1/1000 of a cell on them. `direction` must not be zero.
 GridRay dda_ray(ivec3 base, vec3 origin, vec3 direction) {
   vec3 size = abs(direction);
   direction /= max(size.x, max(size.y, size.z));
@@ -46,17 +46,18 @@ int dda_longest_axis(vec3 direction) {
   return size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
 }
 
-// Where a ray that begins among the cells [low, high) leaves them. What dda_leave_block() gives is
-// less than that if and only if its cell is one of them: both are quotients of the same numbers.
+// The distance at which a ray that begins among the cells [low, high) leaves them.
+// dda_leave_block() gives less than that if and only if its cell is one of them, because both are
+// quotients of the same numbers.
 float dda_leave_box(GridRay ray, ivec3 low, ivec3 high) {
   ivec3 plane = mix(low, high, equal(ray.positive, ivec3(1)));
   vec3 t = mix((vec3(plane - ray.base) - ray.origin) * ray.inverse, vec3(DDA_FAR), ray.parallel);
   return min(t.x, min(t.y, t.z));
 }
 
-// The part of a ray inside the box of cells [low, high), from t_first to t_last at most. In double
-// precision, because a camera may stand far away from the first cell; the longest component of
-// `direction` is 1.
+// The part of a ray inside the box of cells [low, high), at most from t_first to t_last. It uses
+// double precision, because a camera may be far away from the first cell. The longest component of
+// `direction` must be 1.
 RayStart dda_start(dvec3 origin, dvec3 direction, double t_first, double t_last, ivec3 low,
                    ivec3 high) {
   dvec3 none = dvec3(0.0f), far = dvec3(DDA_FAR);
@@ -88,14 +89,14 @@ RayStart dda_start(dvec3 origin, dvec3 direction, double t_first, double t_last,
   return start;
 }
 
-// A step: where a ray goes on beyond an aligned block.
+// A step: the point at which a ray continues beyond an aligned block.
 struct DdaStep {
-  ivec3 cell;  // its first cell there
-  int axis;    // of the face between the two
-  float t;     // where that is
+  ivec3 cell;  // its first cell beyond the block
+  int axis;    // axis of the face between the two
+  float t;     // distance at that face
 };
 
-// From the aligned block of 2^shift cells to a side around `cell`.
+// Steps out of the aligned block of 2^shift cells a side around `cell`.
 DdaStep dda_leave_block(GridRay ray, int shift, ivec3 cell) {
   ivec3 low = (cell >> shift) << shift;
   ivec3 plane = low + (ray.positive << shift);
@@ -111,7 +112,7 @@ DdaStep dda_leave_block(GridRay ray, int shift, ivec3 cell) {
   return next;
 }
 
-// 0..5 for -x +x -y +y -z +z: the face of the cell that the ray came in through.
+// The face of the cell through which the ray came in: 0..5 for -x +x -y +y -z +z.
 int dda_face(GridRay ray, int axis) {
   ivec3 is_axis = ivec3(equal(ivec3(axis), ivec3(0, 1, 2)));
   ivec3 on_high_side = is_axis * (1 - ray.positive);

@@ -1,17 +1,16 @@
 // The direction in which a cloud of points is thinnest, from its moments.
 
-// Sums over points: how many, of their coordinates, of their squares (xx, yy, zz) and of their
-// products (xy, xz, yz).
+// Sums over points: their number, coordinates, squares (xx, yy, zz) and products (xy, xz, yz).
 struct Moments {
   float count;
   vec3 sum, squares, products;
 };
 
-// Unit eigenvector of the smallest eigenvalue of the points' covariance matrix. Surface normals by
-// principal components: Hoppe et al., "Surface Reconstruction from Unorganized Points" (1992). The
-// matrix is 3x3 and only one vector is wanted, so instead of solving for eigenvalues the adjugate,
-// whose dominant eigenvector is the one, is squared three times.
-// Zero vector: the points lie in a line or all directions are alike.
+// Unit eigenvector of the smallest eigenvalue of the points' covariance matrix: surface normals by
+// principal components (Hoppe et al., "Surface Reconstruction from Unorganized Points", 1992). The
+// matrix is 3x3 and only one vector is needed, so eigenvalues are not solved for. Instead the
+// adjugate, whose dominant eigenvector is the same vector, is squared three times. Zero vector: the
+// points lie in a line, or all directions are alike.
 vec3 thinnest_direction(Moments m) {
   vec3 mean = m.sum / m.count;
   vec3 d = m.squares / m.count - mean * mean;

@@ -1,24 +1,24 @@
-// A ray's way through the tree of shared/raymarch.h: one flat loop, every iteration of which is one
-// step over a cell or an empty cube, so a SIMD group takes as many as its longest ray, and
+// A ray's march through the tree of shared/raymarch.h, in one flat loop. Every iteration is one
+// step over a cell or an empty cube. A SIMD group takes as many steps as its longest ray, and
 // `steps_max` bounds that (workaround loop_iterations_65535).
 
 struct March {
   bool hit;
-  ivec3 cell;  // the ray's first cell in what it hit
-  int axis;    // of the face that it came in through; -1: it began inside
+  ivec3 cell;  // the ray's first cell in the hit cube
+  int axis;    // axis of the face through which it entered; -1: it began inside
   float t;
-  int level;   // what it hit is a cube of 2^level cells
+  int level;   // the hit cube has 2^level cells a side
   uint part;   // as in MarchNode
 };
 
-// Distances from which on a ray takes cubes of 2, 4, 8 and 32 cells for occupied when any of their
-// cells is.
+// The level of cubes that a ray tests at distance t. level_t: distances from which a ray takes
+// cubes of 2, 4, 8 and 32 cells for occupied if any of their cells is.
 int march_level(vec4 level_t, float t) {
   if (t < level_t.x) return 0;
   return t >= level_t.w ? 5 : 1 + int(t >= level_t.y) + int(t >= level_t.z);
 }
 
-// `cell` is one of the grid's.
+// Marches from `cell`, which must be one of the grid's.
 March march(MarchGrid grid, GridRay ray, ivec3 cell, float t_max, vec4 level_t, int steps_max) {
   March found;
   found.hit = false;
@@ -27,7 +27,7 @@ March march(MarchGrid grid, GridRay ray, ivec3 cell, float t_max, vec4 level_t, 
   found.t = 0.0f;
   found.level = 0;
   found.part = MARCH_NO_PART;
-  // What was looked up last, and where: looking up costs more than the rest of a step.
+  // The last lookup and its place are cached, because a lookup costs more than the rest of a step.
   ivec3 block_at = ivec3(-1), brick_at = ivec3(-1);
   uint block_entry = 0u, entry = 0u;
   DdaStep at;

@@ -1,13 +1,14 @@
-// Colours and stored normals of what a ray hit; of cubes of several voxels their mean.
+// Colours and stored normals of a hit; cubes of several voxels have their mean.
 
 // The including file defines these: words of the buffers.
 uint color_word(uint index);
 uint normal_word(uint index);
 
-// Most voxels that a mean is taken of; where a cube has more, every second, third, ... of them.
+// The most voxels over which a mean is taken. If a cube has more, only every second, third, ... one
+// counts.
 const int MARCH_MEAN_VOXELS = 8;
 
-// The voxels of the hit cube of 1, 2^3 or 4^3 cells: they follow each other in storage order.
+// The voxels of a hit cube of 1, 2^3 or 4^3 cells, which are consecutive in storage order.
 struct VoxelRun {
   uint first;
   int count;
@@ -30,14 +31,14 @@ VoxelRun march_voxels(March found) {
   return run;
 }
 
-// Number of the i-th of `taken` voxels of a run: spread over it, at places by Gray code, because
+// Number of the i-th of `taken` voxels, spread over a run. Gray code varies the places, because
 // storage order has a pattern that a regular choice would repeat.
 uint march_run_voxel(VoxelRun run, int i, int taken) {
   int apart = run.count / taken;
   return run.first + uint(i * run.count / taken + (i ^ (i >> 1)) % apart);
 }
 
-// Linear light; `of_full` of voxels in full nodes.
+// The colour in linear light. of_full: the colour of voxels in full nodes.
 vec3 march_color(March found, vec3 of_full) {
   if (found.part == MARCH_NO_PART) return of_full;
   if (found.level >= 5) {
@@ -55,12 +56,12 @@ vec3 march_color(March found, vec3 of_full) {
 }
 
 vec3 normal_of_word(uint word) {
-  // Bytes are shifted up to the sign.
+  // The shift to the top and back sign-extends each byte.
   ivec3 bytes = ivec3(int(word << 24), int(word << 16), int(word << 8)) >> 24;
   return vec3(bytes) / 127.0f;
 }
 
-// Not a unit vector; (0,0,0) where there is none.
+// The stored normal, not a unit vector; (0,0,0) if there is none.
 vec3 march_stored_normal(March found) {
   if (found.part == MARCH_NO_PART) return vec3(0.0f);
   if (found.level >= 5) {

@@ -1,12 +1,13 @@
-// Ambient occlusion and soft shadows: more rays through the tree from a point on a surface.
+// Ambient occlusion and soft shadows, by secondary rays through the tree from a point on a surface.
 
-// A point from which light is looked for.
+// A point whose light is sampled.
 struct LitPoint {
-  ivec3 cell;   // the first that rays pass
-  vec3 origin;  // from its min corner, in cells
+  ivec3 cell;   // the first cell of its rays
+  vec3 origin;  // relative to its min corner, in cells
 };
 
-// From the point towards a world direction, for voxels with sides `scale` times the longest.
+// A ray from the point towards a world direction. scale: the sides of a voxel over the longest of
+// them.
 GridRay light_ray(LitPoint point, vec3 direction_world, vec3 scale) {
   return dda_ray(point.cell, point.origin, direction_world / scale);
 }
@@ -37,21 +38,21 @@ vec2 light_disc(int index, int count) {
   return radius * vec2(cos(angle), sin(angle));
 }
 
-// The march of such a ray takes ever larger cubes for occupied the further it gets: after
-// `cells_per_level` times their side, but from the start those that the eye sees.
+// Distances from which a secondary ray takes cubes of the four levels for occupied:
+// `cells_per_level` times their side. Levels that the eye sees count from the start.
 vec4 light_levels(int level, float cells_per_level) {
   vec4 begin = cells_per_level * vec4(2.0f, 4.0f, 8.0f, 32.0f);
   return mix(begin, vec4(-1.0f), greaterThanEqual(ivec4(level), ivec4(1, 2, 3, 5)));
 }
 
-// The point, `offset` longest voxel sides off the surface along `normal` (world), and never in the
-// cell that was hit or beyond its face.
+// The point `offset` longest voxel sides off the surface along `normal` (world). It is never in the
+// hit cell or beyond its face.
 LitPoint light_point(March found, GridRay eye, vec3 face, vec3 normal, float offset, vec3 scale) {
   ivec3 outward = ivec3(face);
   vec3 at = eye.origin + eye.direction * found.t - vec3(found.cell - eye.base);
   at += normal / scale * offset;
   ivec3 cell = ivec3(floor(at));
-  // Axes of the face: at least one cell outward; others: as it comes.
+  // The face's axis: at least one cell outward. Other axes are unchanged.
   cell = mix(cell, max(cell, outward), equal(outward, ivec3(1)));
   cell = mix(cell, min(cell, outward), equal(outward, ivec3(-1)));
   LitPoint point;
@@ -60,8 +61,8 @@ LitPoint light_point(March found, GridRay eye, vec3 face, vec3 normal, float off
   return point;
 }
 
-// Where the plane (of grid space) cuts the rest of a ray away, or DDA_FAR: a little before it, so
-// that voxels that begin at the plane are not met.
+// The distance at which the plane (of grid space) cuts off the rest of a ray, or DDA_FAR. It is
+// slightly shortened, so that the ray does not meet voxels that begin at the plane.
 float light_section(vec4 section, GridRay ray) {
   vec3 normal = vec3(section.x, section.y, section.z);
   float at = dot(normal, vec3(ray.base) + ray.origin) + section.w;
@@ -69,9 +70,9 @@ float light_section(vec4 section, GridRay ray) {
   return per_t > 0.0f ? max(-at / per_t - 0.02f, 0.0f) : DDA_FAR;
 }
 
-// Share of the light from all around the normal that reaches the point, 0..1, by rays first, first
-// + stride, ... of `count` with the density of Lambert's cosine. What is `length` longest voxel
-// sides away does not count, what is nearer counts the more.
+// The share, 0..1, of the light from all around the normal that reaches the point. It is sampled by
+// rays first, first + stride, ... of `count`, with the density of Lambert's cosine. Hits `length`
+// longest voxel sides away do not count; nearer ones count more.
 float light_open(MarchGrid grid, LitPoint point, vec3 normal, vec3 scale, vec4 section, int level,
                  float length, int first, int stride, int count) {
   vec3 tangent = light_tangent(normal), other = cross(normal, tangent);
@@ -93,8 +94,8 @@ float light_open(MarchGrid grid, LitPoint point, vec3 normal, vec3 scale, vec4 s
   return 1.0f - blocked / max(rays, 1.0f);
 }
 
-// Share of a light that reaches the point, 0..1. Seen from there it is a disc around `to_light`
-// whose radius is that part of its distance.
+// The share, 0..1, of a light that reaches the point. Seen from there the light is a disc around
+// `to_light`; `radius` is a fraction of its distance.
 float light_shadow(MarchGrid grid, LitPoint point, vec3 to_light, float radius, vec3 scale,
                    vec4 section, int level, int first, int stride, int count) {
   vec3 tangent = light_tangent(to_light), other = cross(to_light, tangent);

@@ -1,16 +1,15 @@
-// Direction of the surface through a voxel, from what is occupied around it.
+// The direction of the surface through a voxel, from the occupied voxels around it.
 
-// Moments of the occupied cubes of 2^level cells within two cubes to each side of the one around
-// `cell`, in cubes from its place. Two is the least that tells slopes of 1:5 apart.
+// Moments of the occupied cubes of 2^level cells, up to two cubes on each side of the one around
+// `cell`, in cubes relative to it. Two is the least that distinguishes slopes of 1:5.
 //
-// The 5^3 cubes lie in 3^3 octants of 2^3. In an octant with its corner at p, the cube i stands at
-// p + (i & 1, i >> 1 & 1, i >> 2), so the moments are sums of bit counts: that of x*y over an
-// octant is n*p.x*p.y + ny*p.x + nx*p.y + nxy, where n, nx, ny, nxy count the bits with 1, x, y,
-// x*y = 1.
+// The 5^3 cubes lie in 3^3 octants of 2^3. In an octant with its corner at p, cube i is at p + (i &
+// 1, i >> 1 & 1, i >> 2), so the moments are sums of bit counts. The moment of x*y over an octant
+// is n*p.x*p.y + ny*p.x + nx*p.y + nxy, where n, nx, ny, nxy count the bits with 1, x, y, x*y = 1.
 Moments march_moments(MarchGrid grid, ivec3 cell, int level) {
   ivec3 middle = cell >> level;
   ivec3 first = (middle - 2) >> 1;
-  // What was looked up last, and where.
+  // The last lookup and its place are cached.
   ivec3 block_at = ivec3(-1), brick_at = ivec3(-1);
   uint tile_entry = 0u, block_entry = 0u, entry = 0u;
   int count = 0;
@@ -41,7 +40,7 @@ Moments march_moments(MarchGrid grid, ivec3 cell, int level) {
     } else {
       bits = march_octants_of_table(level == 3 ? block_entry : tile_entry, at, level);
     }
-    // What stands three cubes away is not asked for.
+    // Cubes that are three away are excluded.
     if (p.x == -3) bits &= 0xaau;
     if (p.y == -3) bits &= 0xccu;
     if (p.z == -3) bits &= 0xf0u;
@@ -65,8 +64,8 @@ Moments march_moments(MarchGrid grid, ivec3 cell, int level) {
   return moments;
 }
 
-// World space, either side; zero where the voxels form no surface. `scale`: sides of a voxel over
-// the longest of them.
+// The normal in world space, pointing to either side; zero if the voxels form no surface. scale:
+// sides of a voxel over the longest of them.
 vec3 march_estimated_normal(MarchGrid grid, ivec3 cell, int level, vec3 scale) {
   Moments moments = march_moments(grid, cell, level);
   moments.sum *= scale;

@@ -11,9 +11,10 @@ struct MarchGrid {
 
 const uint MARCH_NO_PART = 0xffffffffu;
 
-// What stands at a cell.
+// The part of the tree at a cell.
 struct MarchNode {
-  int empty_shift;  // log2 of the side of the aligned empty cube around it; -1: it is occupied
+  // Log2 of the side of the aligned empty cube around the cell; -1: it is occupied.
+  int empty_shift;
   uint part;  // number of its brick (level 5: offset of its block's table), or MARCH_NO_PART
 };
 
@@ -34,8 +35,8 @@ uint march_brick_entry(uint block_entry, ivec3 cell) {
   return node_word((block_entry & ~RAYMARCH_CHILD) + uint(slot.x + 4 * slot.y + 16 * slot.z));
 }
 
-// The entry of the smallest part of the tree around the cell: its tile, block or brick, but nothing
-// below blocks where `stop_at_blocks`.
+// The entry of the smallest part of the tree around the cell: its tile, block or brick. If
+// `stop_at_blocks`, it is never a brick.
 uint march_entry(MarchGrid grid, ivec3 cell, bool stop_at_blocks) {
   uint entry = march_tile_entry(grid, cell);
   if (march_is_child(entry)) {
@@ -45,20 +46,20 @@ uint march_entry(MarchGrid grid, ivec3 cell, bool stop_at_blocks) {
   return entry;
 }
 
-// The cell in its brick's mask; `level` 0, 1 or 2 asks about the cube of 2^level cells around it.
+// Tests the cell in its brick's mask. Level 0, 1 or 2 selects the cube of 2^level cells around it.
 int march_empty_shift_in_brick(uint brick, ivec3 cell, int level) {
   int bit = dda_brick_bit(cell.x, cell.y, cell.z);
   uint word = brick * uint(RAYMARCH_BRICK_WORDS) + uint(bit >> 5);
   uint half_node = brick_word(word);
   if (level == 0 && (half_node >> (bit & 31) & 1u) != 0u) return -1;
   if ((half_node >> (bit & 24) & 255u) != 0u) return level == 0 ? 0 : -1;
-  // The other half of the cube of 4^3 is the word's neighbour.
+  // The other half of the cube of 4^3 is in the adjacent word.
   if (half_node != 0u || brick_word(word ^ 1u) != 0u) return level == 2 ? -1 : 1;
   return 2;
 }
 
-// Level 0 asks about the cell; 1, 2, 3, 5 about the aligned cube of 2^level cells around it, which
-// counts as occupied where any of its cells is.
+// Level 0 tests the cell. 1, 2, 3, 5 test the aligned cube of 2^level cells around it, which counts
+// as occupied if any of its cells is.
 MarchNode march_node_of_entry(uint entry, ivec3 cell, int level) {
   MarchNode node;
   node.part = MARCH_NO_PART;
@@ -72,8 +73,8 @@ MarchNode march_node_of_entry(uint entry, ivec3 cell, int level) {
   return node;
 }
 
-// Number of a voxel in storage order: its brick's first, plus how many bits of the mask stand
-// before its own.
+// Number of a voxel in storage order: its brick's first, plus the number of mask bits before its
+// own.
 uint march_voxel_number(uint brick, int bit) {
   uint first = brick * uint(RAYMARCH_BRICK_WORDS);
   uint count = brick_word(first + uint(RAYMARCH_BRICK_FIRST));
@@ -84,14 +85,14 @@ uint march_voxel_number(uint brick, int bit) {
   return count;
 }
 
-// Bit i: byte i of the word is not 0.
+// Bit i is set if byte i of the word is not 0.
 uint march_any_bytes(uint word) {
   uint high = ((word & 0x7f7f7f7fu) + 0x7f7f7f7fu) | word;
   return (high >> 7 & 1u) | (high >> 14 & 2u) | (high >> 21 & 4u) | (high >> 28 & 8u);
 }
 
-// Which of the 2^3 cubes of 2^level cells in the aligned cube of 2^(level+1) cells around `cell`
-// are occupied: bit x | y << 1 | z << 2. From the cell's brick entry; level 0, 1 or 2.
+// The occupied ones of the 2^3 cubes of 2^level cells in the aligned cube of 2^(level+1) cells
+// around `cell`: bit x | y << 1 | z << 2. entry: the cell's brick; level: 0, 1 or 2.
 uint march_octants_in_brick(uint entry, ivec3 cell, int level) {
   if (!march_is_child(entry)) return (entry & RAYMARCH_FULL) != 0u ? 255u : 0u;
   uint first = (entry & ~RAYMARCH_CHILD) * uint(RAYMARCH_BRICK_WORDS);
@@ -102,7 +103,8 @@ uint march_octants_in_brick(uint entry, ivec3 cell, int level) {
   return march_any_bytes(brick_word(half_node)) | march_any_bytes(brick_word(half_node + 1u)) << 4;
 }
 
-// The same at level 3, bricks of a block, or 5, blocks of a tile: from the entry of block or tile.
+// The same at level 3 (bricks of a block) or 5 (blocks of a tile). entry: that of the block or
+// tile.
 uint march_octants_of_table(uint entry, ivec3 cell, int level) {
   if (!march_is_child(entry)) return (entry & RAYMARCH_FULL) != 0u ? 255u : 0u;
   uint octants = 0u;

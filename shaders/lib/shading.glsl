@@ -1,6 +1,6 @@
-// Light on a voxel, in linear light RGB.
+// Shading of a voxel, in linear light RGB.
 
-// IEC 61966-2-1.
+// Conversion from sRGB (IEC 61966-2-1).
 vec3 linear_from_srgb(vec3 c) {
   return mix(pow((c + 0.055f) / 1.055f, vec3(2.4f)), c / 12.92f,
              lessThanEqual(c, vec3(0.04045f)));
@@ -12,12 +12,12 @@ vec3 srgb_from_linear(vec3 c) {
              lessThanEqual(c, vec3(0.0031308f)));
 }
 
-// R | G << 8 | B << 16 in sRGB -> linear light.
+// Converts R | G << 8 | B << 16 in sRGB to linear light.
 vec3 rgb_of_word(uint word) {
   return linear_from_srgb(vec3(uvec3(word, word >> 8, word >> 16) & 255u) / 255.0f);
 }
 
-// Of voxels without colours: a warm light grey, sRGB 214 205 192.
+// The colour of voxels without colours: a warm light grey, sRGB 214 205 192.
 const vec3 SHADING_NEUTRAL = vec3(0.672f, 0.610f, 0.527f);
 
 vec3 face_normal(int face) {
@@ -25,14 +25,14 @@ vec3 face_normal(int face) {
   return (face % 2 == 0) ? -axis : axis;
 }
 
-// How much light there is, each 0..1.
+// The amount of light that reaches a point, each 0..1.
 struct Exposure {
-  float open;  // of what comes from all sides
-  float lit;   // of what the key light gives
+  float open;  // share of the light from all sides
+  float lit;   // share of the key light
 };
 
-// Each direction of faces has a brightness of its own, independent of camera and light, so that
-// colours can be compared from picture to picture: top 1, bottom 0.5, sides 0.78 and 0.64.
+// Flat shading: each direction of faces has a fixed brightness, independent of camera and light.
+// Colours can therefore be compared between images: top 1, bottom 0.5, sides 0.78 and 0.64.
 float flat_light(vec3 normal, Exposure exposure) {
   vec3 weight = normal * normal;
   float light =
@@ -40,10 +40,10 @@ float flat_light(vec3 normal, Exposure exposure) {
   return light * exposure.open * mix(0.6f, 1.0f, exposure.lit);
 }
 
-// Phong, "Illumination for Computer Generated Pictures" (1975), with a key light, a weaker light
-// from the opposite side of the camera, and ambient light that is brighter from above. Unit
-// vectors; `normal` faces the eye. Corners that little light reaches from all sides get less of the
-// key light too: some of what bounces off the surface comes from there.
+// Phong shading ("Illumination for Computer Generated Pictures", 1975) with a key light, a weaker
+// light from the opposite side of the camera, and ambient light that is brighter from above. All
+// vectors are unit vectors; `normal` faces the eye. Occluded corners also get less key light,
+// because part of it stands for light that bounces off the surface.
 vec3 phong_light(vec3 albedo, vec3 normal, vec3 to_eye, vec3 to_light, Exposure exposure) {
   float key = max(dot(normal, to_light), 0.0f);
   float fill = max(dot(normal, normalize(2.0f * dot(to_light, to_eye) * to_eye - to_light)), 0.0f);

@@ -1,6 +1,6 @@
-// Marks a crossing in the volume of a tile, or of a slab of it. The including file has `params`.
-// Parity: the bit of the first cell above flips. SOLID_COUNT: its count changes by the sign, and
-// its bit tells that.
+// Marking of a crossing in the volume of a tile, or of a slab of it. The including file has
+// `params`. Parity: the bit of the first cell above flips. SOLID_COUNT: the count of that cell
+// changes by the sign, and its bit says that it has one.
 layout(std430, binding = SOLID_VOLUME) buffer Volume { uint volume[]; };
 #ifdef SOLID_COUNT
 layout(std430, binding = SOLID_COUNTS) buffer Counts { int counts[]; };

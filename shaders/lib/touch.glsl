@@ -1,41 +1,42 @@
-// Which cells of a tile a triangle touches, exactly: the plane test and the three 2D projections of
-// Schwarz & Seidel 2010, "Fast parallel surface and solid voxelization on GPUs", in integers.
-// server/voxel/README.md says what touching means; tests/unit/voxel compiles this file as C++.
+// The cells of a tile that a triangle touches, exactly: the plane test and the three 2D projections
+// of Schwarz & Seidel 2010, "Fast parallel surface and solid voxelization on GPUs", in integers.
+// server/voxel/README.md defines touching; tests/unit/voxel compiles this file as C++.
 //
-// Vertices are integers q in 1/256 voxel and stand at q + 1/2, so that none lies on a cell's
-// boundary 256 k. All is relative to the tile's min corner and swizzled: z is the triangle's
+// Vertices are integers q in 1/256 voxel and are at q + 1/2, so that none lies on a cell's boundary
+// 256 k. All positions are relative to the tile's min corner and swizzled: z is the triangle's
 // dominant axis, and a column (i, j) is a stack of cells along it.
 //
 // TOUCH_INT (lib/touch_int.glsl) is the integer of the plane test: int for triangles up to
 // TOUCH_SMALL_EXTENT wide, else int64_t or two words (at most 2^51). Everything else fits int up to
 // 2048 cells: an edge function is twice the area of a triangle in the grid's box, over 256.
 #include "shaders/lib/touch_int.glsl"
-// In 1/256 voxel, on each axis. Then |normal| <= 2^24 on each axis (twice the area of a projection,
-// which is in the box), and over the triangle's own 17 cells, from which heights are counted, sums
-// are below 3 * 17 * 2^24 + 3 * 2^24 < 2^30.
+// The largest extent of a small triangle, in 1/256 voxel on each axis. |normal| is then <= 2^24 on
+// each axis (twice the area of a projection, which is in the box). Heights are counted over the
+// triangle's own 17 cells, where sums are below 3 * 17 * 2^24 + 3 * 2^24 < 2^30.
 #define TOUCH_SMALL_EXTENT 4096
 // Margin for float estimates, in cells; they err by less than 1/500, see touch_row_span.
 #define TOUCH_MARGIN 0.0078125
 
 struct TouchTriangle {
   ivec3 cell_min, cell_max;  // cells of the bounding box that are inside the tile, inclusive
-  ivec3 xy0, xy1, xy2;       // (a, b, c): a*i + b*j + c >= 0 where the edge leaves the cell alone
+  // (a, b, c): a*i + b*j + c >= 0 unless the edge separates the cell from the triangle.
+  ivec3 xy0, xy1, xy2;
   ivec3 yz0, yz1, yz2;       // the same over (j, k)
   ivec3 zx0, zx1, zx2;       // the same over (k, i)
-  TOUCH_INT3 normal;         // of the plane, normal.z >= 0; zero for degenerate triangles
+  TOUCH_INT3 normal;         // normal of the plane, normal.z >= 0; zero for degenerate triangles
   TOUCH_INT plane;           // s = normal.(i, j, k - base_z) + plane
   int base_z;                // lowest cell of the bounding box
   TOUCH_INT above, below;    // the plane meets the cell iff s + above >= 0 and s - below <= 0
   float inverse_z;           // 1 / normal.z, or 0
 };
 
-// Axis a comes to z; cyclic, so that orientation is kept.
+// Rotates axes so that axis a becomes z. The rotation is cyclic, which keeps the orientation.
 ivec3 touch_swizzle(ivec3 v, int axis) {
   return axis == 2 ? v : (axis == 0 ? ivec3(v.y, v.z, v.x) : ivec3(v.z, v.x, v.y));
 }
 
-// The axis in which the normal is largest: z before x before y. A triangle without area takes the
-// axis in which it is shortest, so that a column holds few of its cells.
+// The axis in which the normal is largest; z wins ties over x, and x over y. A triangle without
+// area takes the axis in which it is shortest, so that a column holds few of its cells.
 int touch_dominant_axis(ivec3 v0, ivec3 v1, ivec3 v2) {
   ivec3 d0 = v1 - v0;
   ivec3 d1 = v2 - v1;
@@ -52,8 +53,8 @@ int touch_dominant_axis(ivec3 v0, ivec3 v1, ivec3 v2) {
   return touch_is_negative(touch_minus(x, y)) ? 1 : 0;
 }
 
-// 512 times the largest of n * (x - vertex) over the cell's side that begins at 0, for a vertex at
-// f + 1/2 of 256 within its cell: never negative, so that >> 9 rounds down.
+// 512 times the largest of n * (x - vertex) over the cell's side that begins at 0. The vertex is at
+// f + 1/2 of 256 within its cell. The result is never negative, so that >> 9 rounds down.
 int touch_reach(int n, int f) { return n >= 0 ? n * (511 - 2 * f) : -n * (2 * f + 1); }
 // The same for the three axes of n together, >> 9, with no product wider than n.
 TOUCH_INT touch_reach_of_plane(TOUCH_INT3 n, ivec3 f, bool is_negated) {
@@ -78,7 +79,8 @@ ivec3 touch_edge(int x, int y, int dx, int dy, int side) {
   return ivec3(a, b, c - a * (x >> 8) - b * (y >> 8));
 }
 
-// Vertices swizzled; cell_last: last cell of the tile inside the grid, swizzled.
+// Sets up a triangle. Vertices are swizzled; cell_last: last cell of the tile inside the grid,
+// swizzled.
 TouchTriangle touch_setup(ivec3 v0, ivec3 v1, ivec3 v2, ivec3 cell_last) {
   TouchTriangle t;
   ivec3 low = min(v0, min(v1, v2));
@@ -104,7 +106,7 @@ TouchTriangle touch_setup(ivec3 v0, ivec3 v1, ivec3 v2, ivec3 cell_last) {
   t.zx0 = touch_edge(v0.z, v0.x, d0.z, d0.x, side_y);
   t.zx1 = touch_edge(v1.z, v1.x, d1.z, d1.x, side_y);
   t.zx2 = touch_edge(v2.z, v2.x, d2.z, d2.x, side_y);
-  // By a product: llvmpipe of Mesa 22.3.6 negates 64-bit integers wrongly under a condition.
+  // A product, because llvmpipe of Mesa 22.3.6 negates 64-bit integers wrongly under a condition.
   n.x = touch_times(n.x, side_z);
   n.y = touch_times(n.y, side_z);
   n.z = touch_times(n.z, side_z);
@@ -119,13 +121,13 @@ TouchTriangle touch_setup(ivec3 v0, ivec3 v1, ivec3 v2, ivec3 cell_last) {
   return t;
 }
 
-// Whether the projection of the triangle along z meets the column.
+// True if the projection of the triangle along z meets the column.
 bool touch_column(TouchTriangle t, int i, int j) {
   return ((t.xy0.x * i + t.xy0.y * j + t.xy0.z) | (t.xy1.x * i + t.xy1.y * j + t.xy1.z) |
           (t.xy2.x * i + t.xy2.y * j + t.xy2.z)) >= 0;
 }
 
-// Whether the projections along x and y meet the cell's.
+// True if the projections along x and y meet the cell's.
 bool touch_sides(TouchTriangle t, int i, int j, int k) {
   return ((t.yz0.x * j + t.yz0.y * k + t.yz0.z) | (t.yz1.x * j + t.yz1.y * k + t.yz1.z) |
           (t.yz2.x * j + t.yz2.y * k + t.yz2.z) | (t.zx0.x * k + t.zx0.y * i + t.zx0.z) |
@@ -137,9 +139,9 @@ TOUCH_INT touch_height(TouchTriangle t, int i, int j) {
 }
 
 // First and last cell of a column that the plane meets, exactly. s = touch_height; low and high:
-// touch_low() and touch_high() of s, which err by less than the margin (they are quotients of two
-// rounded numbers, at most 3 * 2050 in size: 3 roundings of 2^-24, of 2^-23 in two words). Then the
-// first cell is the estimate's or the one after it, and an integer comparison decides.
+// touch_low() and touch_high() of s. These err by less than the margin: they are quotients of two
+// rounded numbers, at most 3 * 2050 in size, with 3 roundings of 2^-24 (2^-23 in two words). The
+// first cell is then the estimate's or the one after it, and an integer comparison decides.
 ivec2 touch_depth(TouchTriangle t, TOUCH_INT s, float low, float high) {
   if (touch_is_zero(t.normal.z)) return ivec2(t.cell_min.z, t.cell_max.z);
   int first = int(ceil(low - TOUCH_MARGIN));
@@ -157,8 +159,8 @@ float touch_high(TouchTriangle t, TOUCH_INT s) {
   return touch_float(touch_minus(t.below, s)) * t.inverse_z;
 }
 
-// One bound of touch_row_span: the columns where a*i + rest >= 0, within [first, last]. May take in
-// a column too many, never one too few: the quotient is at most 4096 in size and errs by 2^-10.
+// Narrows the span of touch_row_span to the columns where a*i + rest >= 0. The result may have one
+// column too many, never one too few: the quotient is at most 4096 in size and errs by 2^-10.
 ivec2 touch_span_of_edge(ivec2 span, int a, int rest) {
   if (a == 0) return span;
   float at = clamp(-float(rest) / float(a), -4096.0f, 4096.0f);
@@ -166,7 +168,7 @@ ivec2 touch_span_of_edge(ivec2 span, int a, int rest) {
                : ivec2(span.x, min(span.y, int(floor(at + TOUCH_MARGIN))));
 }
 
-// Columns of row j that can pass touch_column, so that loops skip the rest of the rectangle.
+// Columns of row j that can pass touch_column. Loops need not visit the rest of the rectangle.
 ivec2 touch_row_span(TouchTriangle t, int j, int first, int last) {
   ivec2 span = ivec2(first, last);
   span = touch_span_of_edge(span, t.xy0.x, t.xy0.y * j + t.xy0.z);

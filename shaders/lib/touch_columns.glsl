@@ -1,9 +1,9 @@
-// Visits what a triangle touches in a block of columns, for every pass over (triangle, cell) pairs.
-// The including file defines the two functions that are declared here.
+// A visit of the cells that a triangle touches in a block of columns, for every pass over
+// (triangle, cell) pairs. The including file must define the two functions that are declared here.
 
-// Column (i, j) will be visited; s = touch_height(t, i, j).
+// Called before the cells of column (i, j); s = touch_height(t, i, j).
 void begin_column(TouchTriangle t, int i, int j);
-// The triangle touches cell (i, j, k) of the column begun last; k ascends.
+// Called for each touched cell (i, j, k) of the current column; k ascends.
 void visit_cell(int i, int j, int k);
 
 // low, high: estimates for touch_depth.
@@ -16,7 +16,7 @@ void visit_column(TouchTriangle t, int i, int j, TOUCH_INT s, float low, float h
   }
 }
 
-// Columns [first, last] in both directions.
+// Visits columns [first, last] in both directions.
 void visit_block(TouchTriangle t, ivec2 first, ivec2 last) {
   float slope = -touch_float(t.normal.x) * t.inverse_z;
   for (int j = first.y; j <= last.y; ++j) {

@@ -1,9 +1,10 @@
-// The integer of the plane test, TOUCH_INT, by what the triangle needs and the device has; the same
-// results from each:
+// TOUCH_INT, the integer of the plane test, chosen by the triangle's size and the device's
+// abilities. All give the same results:
 //   int        triangles up to TOUCH_SMALL_EXTENT wide; sums wrap around where a step is too large
 //   int64_t    every triangle; GL_ARB_gpu_shader_int64
 //   TouchWide  every triangle; two 32-bit words, for devices without that extension: NO_INT64
-// TOUCH_INT3 has three of them. Functions instead of operators, because TouchWide has none.
+// TOUCH_INT3 has three of them. There are functions instead of operators, because TouchWide can
+// have none.
 #if defined(NO_INT64) && !defined(TOUCH_INT)
 #define TOUCH_INT TouchWide
 #define TOUCH_INT3 TouchWide3
@@ -46,7 +47,7 @@ TouchWide touch_minus(TouchWide a, TouchWide b) {
   r.high = a.high - b.high - (a.low < b.low ? 1u : 0u);
   return r;
 }
-// Modulo 2^64: a negative factor is 2^32 more as a word.
+// A product modulo 2^64. As a word, a negative factor is 2^32 too large, which is subtracted.
 TouchWide touch_times(TouchWide a, int b) {
   TouchWide r;
   r.low = a.low * uint(b);
@@ -59,14 +60,14 @@ TouchWide touch_amount(TouchWide a) {
   if (touch_is_negative(a)) a = touch_minus(touch_int(0), a);
   return a;
 }
-// Of the amount, so that the two rounded words never cancel out.
+// Converts the absolute value, so that the two rounded words never cancel out.
 float touch_float(TouchWide a) {
   TouchWide b = touch_amount(a);
   float amount = float(b.high) * 4294967296.0f + float(b.low);
   return touch_is_negative(a) ? -amount : amount;
 }
 int touch_low9(TouchWide a) { return int(a.low & 511u); }
-// Not negative.
+// a >> 9, for a that is not negative.
 TouchWide touch_shifted9(TouchWide a) {
   TouchWide r;
   r.low = (a.low >> 9u) | (a.high << 23u);
@@ -98,7 +99,7 @@ int64_t touch_shifted9(int64_t a) { return a >> 9; }
 #endif
 
 TOUCH_INT touch_negated(TOUCH_INT a) { return touch_minus(touch_int(0), a); }
-// a b - c d
+// The determinant a b - c d.
 TOUCH_INT touch_det(int a, int b, int c, int d) {
   return touch_minus(touch_times(touch_int(a), b), touch_times(touch_int(c), d));
 }

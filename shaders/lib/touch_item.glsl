@@ -1,7 +1,7 @@
 // Work items of pipeline compute; the layout of the packed form is in shared/voxelize.h.
 
 struct WorkItem {
-  uint triangle;      // in the window
+  uint triangle;      // number in the window
   int axis;           // dominant
   ivec2 first, last;  // columns, inclusive
 };
@@ -16,8 +16,8 @@ WorkItem unpack_item(uvec2 words) {
   return item;
 }
 
-// Deals `groups` out in turn to the two halves of a dispatch: software drivers give each thread one
-// contiguous part, and items are sorted by cost, so this evens their work out.
+// Deals groups alternately to the two halves of a dispatch. Software drivers give each thread one
+// contiguous part, and items are sorted by cost, so this balances their work.
 uint dealt_group(uint group, uint groups) {
   uint first_half = (groups + 1u) / 2u;
   return group < first_half ? 2u * group : 2u * (group - first_half) + 1u;

@@ -3,14 +3,14 @@
 
 #define TILE_MORTON_X 0x249249u
 
-// Every third bit, from the low 8 bits.
+// Spreads the low 8 bits to every third bit.
 uint tile_spread(uint v) {
   v = (v | (v << 8)) & 0x00f00fu;
   v = (v | (v << 4)) & 0x0c30c3u;
   return (v | (v << 2)) & TILE_MORTON_X;
 }
 
-// Morton code of swizzled cell (i, j, k): z of the swizzled frame is axis 0, 1 or 2 of the tile.
+// Morton code of swizzled cell (i, j, k). Its z is axis 0, 1 or 2 of the tile.
 uint tile_morton(int i, int j, int k, int axis) {
   uint x = tile_spread(uint(i)), y = tile_spread(uint(j)), z = tile_spread(uint(k));
   return axis == 2 ? (x | (y << 1) | (z << 2))

@@ -1,23 +1,23 @@
-// Which of the 4x4x2 cells of one word of the mask a small triangle touches: all 32 by sums and
-// signs alone, with neither loops over what it touches nor branches, in which the lanes of a SIMD
-// group would go different ways. lib/touch.glsl, whose TOUCH_INT is int here, says what is summed.
+// The 4x4x2 cells of one mask word that a small triangle touches, all 32 at once by sums and signs.
+// There are no branches, and no loops over touched cells, in which the lanes of a SIMD group would
+// diverge. lib/touch.glsl explains the sums; its TOUCH_INT is int here.
 //
 // Cell (x, y, z) of the word is bit x0 + 2 y0 + 4 z0 + 8 x1 + 16 y1 (lib/touch_mask.glsl), x0 the
-// lowest digit of x. Cells may lie up to 3 outside of the triangle's own 17 (1 along z), so heights
+// lowest digit of x. Cells may lie up to 3 outside the triangle's own 17 (1 along z), so heights
 // stay below 2^24 * (19 + 19 + 17 + 6) < 2^30 in size.
 
-// Of the cell's bit in the word.
+// The place of the cell's bit in the word.
 int word_place(int x, int y, int z) {
   return (x & 1) + 2 * (y & 1) + 4 * z + 8 * (x >> 1) + 16 * (y >> 1);
 }
 
-// `bits` where one of the numbers is negative, else 0.
+// Returns `bits` if one of the numbers is negative, else 0.
 uint word_negative(ivec3 v, uint bits) { return uint((v.x | v.y | v.z) >> 31) & bits; }
 uint word_outside(int at, int first, int last, uint bits) {
   return uint(((at - first) | (last - at)) >> 31) & bits;
 }
 
-// Cells outside of the box.
+// Cells outside the box.
 uint word_beyond_box(TouchTriangle t, ivec3 cell) {
   uint bits = 0u;
   for (int i = 0; i < 4; ++i) {
@@ -30,7 +30,7 @@ uint word_beyond_box(TouchTriangle t, ivec3 cell) {
   return bits;
 }
 
-// Cells whose projection along one axis an edge leaves aside. Three edges side by side.
+// Cells whose projection along one axis is beyond an edge. The three edges are handled as a vector.
 uint word_beside_xy(TouchTriangle t, ivec3 cell) {
   ivec3 a = ivec3(t.xy0.x, t.xy1.x, t.xy2.x);
   ivec3 b = ivec3(t.xy0.y, t.xy1.y, t.xy2.y);
@@ -98,7 +98,8 @@ uint word_off_plane(TouchTriangle t, ivec3 cell) {
   return bits;
 }
 
-// The word whose first cell is `cell`, in the coordinates of the triangle's setup, unswizzled.
+// The touched cells of the word whose first cell is `cell`, in the coordinates of the triangle's
+// setup, unswizzled.
 uint touch_word(TouchTriangle t, ivec3 cell) {
   return ~(word_beyond_box(t, cell) | word_beside_xy(t, cell) | word_beside_yz(t, cell) |
            word_beside_zx(t, cell) | word_off_plane(t, cell));

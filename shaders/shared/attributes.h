@@ -1,11 +1,11 @@
-// The attribute pass: words of a triangle and channels of the sums, read by C++ (server/voxel) and
-// GLSL. What the numbers mean: server/voxel/README.md.
+// The attribute pass: the words of a triangle and the channels of the sums, for C++ (server/voxel)
+// and GLSL. server/voxel/README.md defines the numbers.
 #ifdef __cplusplus
 #pragma once
 #endif
 #include "shaders/shared/voxelize.h"
 
-// Words of one triangle. "Corner" 0..2 is in ascending order of position.
+// The words of one triangle. Corners 0..2 are in ascending order of position.
 #define ATTRIBUTE_SLOPE_I 0     // int: depth of the plane per column in i, 2^-24 cells
 #define ATTRIBUTE_SLOPE_J 1     // int: the same in j
 #define ATTRIBUTE_RECIPROCAL 2  // 64 bits, low word first: floor(2^57 / area), see the README
@@ -14,7 +14,8 @@
 #define ATTRIBUTE_UVS 11        // per corner u, v: int, 2^-ATTRIBUTE_UV_BITS of the texture's side
 #define ATTRIBUTE_NORMALS 17    // per corner X | Y << 16 and Z: n * 32767 + 32768
 #define ATTRIBUTE_ALTITUDE 23   // the triangle's least altitude in the texture, see the README
-#define ATTRIBUTE_WEIGHT 24     // of a triangle within one cell; 0: points of the lattice count
+// Weight of a triangle within one cell; 0: the area in each cell counts.
+#define ATTRIBUTE_WEIGHT 24
 #define ATTRIBUTE_WORDS 25
 
 // Flags: bits 0..8 the area factor, 256 |n| / |n_dominant|, 0 for triangles without area;
@@ -42,6 +43,6 @@
 #define ATTRIBUTE_WEIGHT_BITS 24  // fraction of a corner's weight
 #define ATTRIBUTE_UV_BITS 20      // fraction of a texture coordinate
 
-// Storage buffers besides those of voxelize.h. Sums are 64 bits, in two buffers, so that the upper
-// words need no traffic while nothing carries.
+// Storage buffers besides those of voxelize.h. Sums have 64 bits in two buffers, so that the upper
+// words cause no traffic unless a sum carries.
 #define ATTRIBUTES_CARRIES 7  // word 0: not 0 if any sum carried; then the upper words of the sums

@@ -46,12 +46,12 @@
 #define RAYMARCH_BRICK_NORMAL 19  // mean, in the form of RAYMARCH_NORMALS
 #define RAYMARCH_BRICK_WORDS 20
 
-// Most that the face is mixed into a normal that is estimated: voxels of 8 pixels and more.
+// The largest share of the face in an estimated normal, at voxels of 8 pixels and more.
 #define RAYMARCH_FACE_SHARE 0.6f
-#define RAYMARCH_LIGHT_RADIUS 0.04f  // of the key light, as a part of its distance: 2.3 degrees
-#define RAYMARCH_OCCLUSION_RAYS 16   // of a pixel, shared by its samples; at least 4 of a sample
-#define RAYMARCH_SHADOW_RAYS 8       // of a pixel, shared by its samples; at least 2 of a sample
-// Steps after which such a ray is taken to meet nothing.
+#define RAYMARCH_LIGHT_RADIUS 0.04f  // radius as a fraction of the light's distance: 2.3 degrees
+#define RAYMARCH_OCCLUSION_RAYS 16   // per pixel, shared by its samples; at least 4 per sample
+#define RAYMARCH_SHADOW_RAYS 8       // per pixel, shared by its samples; at least 2 per sample
+// Steps after which a secondary ray counts as meeting nothing.
 #define RAYMARCH_OCCLUSION_STEPS 64
 #define RAYMARCH_SHADOW_STEPS 512
 
@@ -64,15 +64,15 @@
 
 VOXELD_SHARED_BEGIN
 
-// All of grid space unless said otherwise: one unit is one voxel, the grid's min corner is the
-// origin. What rays begin with has twice the digits of a float: the value is that of the member and
-// that of the same name with _low, added.
+// Parameters of an image. Everything is in grid space unless said otherwise: one unit is one voxel,
+// and the grid's min corner is the origin. Values from which rays start have twice the digits of a
+// float: the value is the member plus the one with suffix _low.
 struct RaymarchParams {
   // Homogeneous point of the near (z = -1) and far (z = 1) plane under clip position x, y:
   // at_0 + x * at_x + y * at_y.
   vec4 near_0, near_x, near_y;
   vec4 far_0, far_x, far_y;
-  vec4 section;  // plane a,b,c,d: what has a*x+b*y+c*z+d > 0 is cut away
+  vec4 section;  // plane a,b,c,d: points with a*x+b*y+c*z+d > 0 are cut away
   vec4 near_0_low, near_x_low, near_y_low;
   vec4 far_0_low, far_x_low, far_y_low;
   vec4 section_low;
@@ -81,10 +81,10 @@ struct RaymarchParams {
   vec4 background;   // linear light RGB, straight alpha
   vec4 full_color;   // linear light RGB of voxels in full nodes, which have no colours; w: share
                      // of it, 0 or 1, the rest is neutral
-  // Voxels (of the largest side) to a pixel: x at the near plane, y more for each voxel of distance
-  // from it; z: length of rays of ambient occlusion in voxels; w unused.
+  // Voxels (of the largest side) that a pixel spans: x at the near plane, plus y per voxel of
+  // distance from it. z: length of ambient occlusion rays in voxels; w unused.
   vec4 footprint;
-  ivec4 box_low;    // cells [box_low, box_high) hold all voxels, xyz; w: most steps of a ray
+  ivec4 box_low;    // cells [box_low, box_high) hold all voxels, xyz; w: the most steps of a ray
   ivec4 box_high;   // w: samples along each side of a pixel, 1 or more
   ivec4 tile_dims;  // tiles of the grid, xyz; w unused
   ivec4 picture;    // x, y: pixels; z: RAYMARCH_HAS_COLOR and so on; w unused

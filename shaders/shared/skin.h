@@ -5,7 +5,7 @@
 #endif
 #include "shaders/shared/types.h"
 
-// Storage buffers. Where nothing is written: of the sequence, uploaded once.
+// Storage buffers. Buffers without "out" are uploaded once for the sequence.
 #define SKIN_VERTICES 0      // out: 3 ints per vertex, q in grid space: BATCH_VERTICES
 #define SKIN_POSITIONS 1     // out: 3 doubles per vertex, world units of the file
 #define SKIN_POINTS 2        // 3 doubles per vertex, or per influence (SKIN_POINT_PER_INFLUENCE)
@@ -18,29 +18,29 @@
 #define SKIN_PARAMS 0
 
 #define SKIN_GROUP_SIZE 64
-// Influences and morphs of one vertex: software drivers stop an invocation after 65,535 turns of
-// its loops.
+// The most influences and morphs of one vertex. Software drivers stop an invocation after 65,535
+// loop iterations.
 #define SKIN_LOOP_MAX 32768
 
-// Of SKIN_FRAME, in doubles: columns of three rows; morph weights follow the matrices.
+// Layout of SKIN_FRAME, in doubles. Matrices are columns of three rows; morph weights follow them.
 #define SKIN_WORLD_FROM_FILE 0  // 12
 #define SKIN_ORIGIN 12          // 3: GridSpec::origin_world
 #define SKIN_VOXEL 15           // 3: GridSpec::voxel_size
 #define SKIN_PER_VOXEL 18       // 3: 1 / voxel_size
-#define SKIN_LIMIT 21           // 1: the largest coordinate of a finite place
+#define SKIN_LIMIT 21           // 1: the largest finite coordinate
 #define SKIN_MATRICES 22        // 12 each: Pose::world_from_bound
 
-// Of SKIN_STATE.
-#define SKIN_OUTSIDE 1u  // a vertex stands in no cell of the grid
-#define SKIN_LOST 2u     // a vertex gets to no finite place
+// Bits of SKIN_STATE.
+#define SKIN_OUTSIDE 1u  // a vertex is in no cell of the grid
+#define SKIN_LOST 2u     // a vertex is not finite
 
 VOXELD_SHARED_BEGIN
 
 struct SkinParams {
-  ivec4 dims;             // xyz: cells of the grid; w unused
+  ivec4 dims;  // xyz: cells of the grid; w unused
   uint vertex_count;
-  uint is_turned;         // 1 where world_from_file is not the identity
-  uint writes_positions;  // 1 where SKIN_POSITIONS is wanted
+  uint is_turned;         // 1 if world_from_file is not the identity
+  uint writes_positions;  // 1 if SKIN_POSITIONS is wanted
   uint morph_weights;     // first in SKIN_FRAME
 };
 

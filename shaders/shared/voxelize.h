@@ -12,16 +12,16 @@
 #define VOXELIZE_WORD_OFFSETS 4  // uint per mask word: number of the word's first voxel in the tile
 #define VOXELIZE_SUMS 5          // uint: sums of the attributes, attributes.h
 #define VOXELIZE_LINEAR 6        // 256 uints: 16-bit linear light of an sRGB byte
-// Of voxelize_words instead of VOXELIZE_TRIANGLES and VOXELIZE_ITEMS.
+// Binding of voxelize_words, in place of VOXELIZE_TRIANGLES and VOXELIZE_ITEMS.
 #define VOXELIZE_SMALL 0  // SmallTriangle per triangle
 // Uniform buffer.
 #define VOXELIZE_PARAMS 0
 // Texture unit.
 #define VOXELIZE_TEXTURE 0
 
-#define VOXELIZE_GROUP_SIZE 64   // invocations of a work group
-#define VOXELIZE_TILE_CELLS 256  // to a side
-#define VOXELIZE_BLOCK_COLUMNS 16 // most columns to a side of one work item
+#define VOXELIZE_GROUP_SIZE 64     // invocations of a work group
+#define VOXELIZE_TILE_CELLS 256    // along a side
+#define VOXELIZE_BLOCK_COLUMNS 16  // the most columns along a side of a work item
 
 // A work item: x = triangle, y = its columns in the plane across the triangle's dominant axis.
 //   bits  0..7   first column i        bits 16..19  columns in i, less 1
@@ -64,13 +64,13 @@ struct SmallTriangle {
   uvec4 place;
 };
 
-// Vertices are integers q, in 1/256 voxel from the tile's min corner; the vertex stands at q + 1/2.
+// Vertices are integers q, in 1/256 voxel from the tile's min corner; the vertex is at q + 1/2.
 struct VoxelizeParams {
-  ivec4 cell_max;      // xyz: last cell of the tile that is inside the grid; w unused
-  uint item_first;     // index of this dispatch's first work item
+  ivec4 cell_max;   // xyz: last cell of the tile that is inside the grid; w unused
+  uint item_first;  // index of this dispatch's first work item
   uint item_count;
-  uint triangle_first; // raster: index of this draw's first triangle
-  uint voxel_first;    // attributes: voxels [voxel_first, voxel_first + voxel_count) of the tile
+  uint triangle_first;  // raster: index of this draw's first triangle
+  uint voxel_first;     // attributes: voxels [voxel_first, voxel_first + voxel_count) of the tile
   uint voxel_count;
   uint padding0, padding1, padding2;
 };

@@ -1,11 +1,11 @@
-// Parameters, bindings and lists of the passes that find the occupied cells of a batch of tiles
-// with nothing prepared per triangle on the CPU, read by C++ and GLSL. The passes, in order:
+// Parameters, bindings and lists of the passes that find the occupied cells of a batch of tiles,
+// for C++ and GLSL. The CPU prepares nothing per triangle. The passes, in order:
 //   batch_classify  clears the masks; pairs of a triangle and a tile -> work items, in two lists
 //   batch_touch     work items -> bits of the masks; once for each list
 //   batch_bricks    masks -> which bricks are occupied
 //   batch_scan      -> how many are before each
 //   batch_gather    -> the occupied bricks alone
-// And the tiles' octrees, breadth first, as proto/grid_format.h has them:
+// Passes for the tiles' octrees, breadth first, in the format of proto/grid_format.h:
 //   octree_bricks   masks -> what each brick adds to the levels below it
 //   octree_levels   -> where each level and each brick begins, and the levels down to the bricks
 //   octree_leaves   -> the levels of 4 and of 2 cells
@@ -23,16 +23,16 @@
 #define BATCH_SMALL 5      // uvec2 per work item for 32-bit integers; layout below
 #define BATCH_LARGE 6      // uvec2 per work item for wider ones
 #define BATCH_COUNTS 7     // BatchCounts
-// Of batch_touch instead of BATCH_SMALL and BATCH_LARGE.
+// Binding of batch_touch, in place of BATCH_SMALL and BATCH_LARGE.
 #define BATCH_ITEMS 5
-// Of the brick passes, beside BATCH_MASKS and BATCH_COUNTS.
+// Bindings of the brick passes, besides BATCH_MASKS and BATCH_COUNTS.
 #define BATCH_BRICK_BITS 0  // uint per 32 bricks of a slot: occupied ones
 #define BATCH_BRICK_RANKS \
   1                      // uint per 32 bricks of a slot: occupied bricks of the slot before them
 #define BATCH_TILES 2    // BatchTile per slot
 #define BATCH_MORTONS 3  // uint per occupied brick, ascending within a tile
 #define BATCH_BRICKS 5   // 16 uints per occupied brick
-// Of the octree passes, beside BATCH_MASKS.
+// Bindings of the octree passes, besides BATCH_MASKS.
 #define OCTREE_BRICKS 0  // uint per brick of a slot; layout below
 #define OCTREE_PLACES 1  // uvec2 per brick of a slot: bytes where its nodes of 4 and 2 cells begin
 #define OCTREE_TILES 2   // OctreeTile per slot
@@ -41,8 +41,8 @@
 // Uniform buffer.
 #define BATCH_PARAMS 0
 
-// What octree_bricks says of a brick: any voxel, all voxels, how many nodes of 4 and of 2 cells
-// with voxels its stream has, and its byte.
+// The summary of a brick by octree_bricks: any voxel, all voxels, the number of nodes of 4 and of 2
+// cells with voxels in its stream, and its byte.
 #define OCTREE_ANY 1u
 #define OCTREE_FULL 2u
 #define OCTREE_NODES4_SHIFT 2
@@ -52,12 +52,12 @@
 #define BATCH_GROUP_SIZE 64       // invocations of a work group, and pairs of one
 #define BATCH_SLOTS_MAX 64        // tiles of a batch: 6 bits of a work item
 #define BATCH_CLEAR_VECTORS 1024  // uvec4 of the masks that one group of batch_classify clears
-#define BATCH_BLOCK_COLUMNS 8     // to a side of a work item: 64 columns of at most 257 cells
+#define BATCH_BLOCK_COLUMNS 8     // along a side of a work item: 64 columns of at most 257 cells
 #define BATCH_TILE_MASK_WORDS 524288
 #define BATCH_TILE_BRICKS 32768
 #define BATCH_TILE_BRICK_WORDS 1024
 #define BATCH_SCAN_SIZE 256  // invocations of batch_scan, which takes a tile in one group
-// More groups than this in x are folded into y; OpenGL has 65,535 on each axis.
+// More groups than this in x are folded into y, because OpenGL has 65,535 on each axis.
 #define BATCH_FOLD 32768
 
 // A work item: x = triangle; y as VOXELIZE_ITEM_... in voxelize.h, and the slot from here on.
@@ -73,18 +73,19 @@ struct BatchParams {
   uint large_capacity;
   uint slot_count;
   uint brick_capacity;           // occupied bricks that fit, as with work items
-  uint has_full_nodes;           // octrees: 1 where voxels have no attributes
+  uint has_full_nodes;           // octrees: 1 if voxels have no attributes
   uint octree_words;             // octrees: words that fit
   ivec4 tiles[BATCH_SLOTS_MAX];  // xyz: the tile's first cell in the grid; w unused
 };
 
-// x, y, z: arguments of an indirect dispatch. The first two lines are reset for each window.
+// Counts of a batch; x, y, z are arguments of an indirect dispatch. The first two lines are reset
+// for each window.
 struct BatchCounts {
   uint small_count, small_x, small_y, small_z;
   uint large_count, large_x, large_y, large_z;
   uint small_needed, large_needed;  // largest counts of all windows
-  uint item_count;                  // of all windows
-  uint brick_count;                 // of all tiles
+  uint item_count;                  // sum over all windows
+  uint brick_count;                 // sum over all tiles
 };
 
 struct BatchTile {

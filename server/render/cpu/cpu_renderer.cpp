@@ -29,7 +29,7 @@ Status CpuRenderer::set_grid(const Grid& grid) {
   return {};
 }
 
-// Rows cost very different amounts, so each thread takes the next one that is left.
+// Rows differ much in cost, so each thread takes the next remaining row.
 template <typename DrawRow>
 void CpuRenderer::for_each_row(int first, int count, const DrawRow& draw_row) const {
   std::atomic<int> next{0};

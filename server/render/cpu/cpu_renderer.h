@@ -8,11 +8,10 @@
 
 namespace voxeld {
 
-// Runs the text of shaders/raymarch.frag, compiled as C++, on all cores. Has no limits of its own
-// besides memory.
+// Runs the text of shaders/raymarch.frag, compiled as C++, on all cores. Memory is its only limit.
 class CpuRenderer final : public Renderer {
  public:
-  // `threads`: 0 is as many as the machine has.
+  // threads: 0 means one per hardware thread.
   explicit CpuRenderer(int threads = 0);
 
   Status set_grid(const Grid& grid) override;

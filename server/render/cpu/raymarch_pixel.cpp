@@ -6,10 +6,10 @@
 #include "shaders/glsl_float.h"
 
 namespace voxeld {
-// Hidden, so that functions can be inlined in spite of -fPIC.
+// The namespace is hidden, so that functions can be inlined in spite of -fPIC.
 #pragma GCC visibility push(hidden)
-// One text with and without what sends on more rays; the other variants of the shader differ only
-// in what SIMD drivers execute for nothing.
+// The text is compiled with and without secondary rays. The shader's other variants would only save
+// work that SIMD drivers execute for nothing.
 #define RAYMARCH_ATTRIBUTES 1
 #define RAYMARCH_SMOOTH 1
 #define RAYMARCH_LIGHT 0
@@ -34,7 +34,7 @@ using namespace glsl;  // NOLINT(google-build-using-namespace)
 
 namespace {
 
-// The shader's parameters are the same bytes under GLM's names of types.
+// The shader's parameters have the same bytes under GLM's type names.
 template <typename Params>
 const Params& params_as(const shared::RaymarchParams& params) {
   static_assert(sizeof(Params) == sizeof(shared::RaymarchParams));

@@ -11,14 +11,14 @@
 
 namespace voxeld {
 
-// What GL binds: a picture's parameters and a grid's tables, which must outlive it.
+// The data that GL would bind: an image's parameters and a grid's tables. Both must outlive this.
 struct RaymarchBindings {
   const shared::RaymarchParams& params;
   const PackedGrid& grid;
-  RaymarchVariant variant;  // hits have none
+  RaymarchVariant variant;  // not used for hits
 };
 
-// `x`, `y`: pixel, y from the bottom. RGBA, sRGB and straight alpha.
+// The colour of pixel x, y (y from the bottom) as RGBA, sRGB with straight alpha.
 std::array<uint8_t, 4> raymarch_color(const RaymarchBindings& bindings, int x, int y);
 Hit raymarch_hit(const RaymarchBindings& bindings, int x, int y);
 

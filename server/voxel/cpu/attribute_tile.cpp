@@ -21,13 +21,13 @@ constexpr int kOctantSide = 32;
 constexpr int kOctantsPerSide = limits::kTileSide / kOctantSide;
 constexpr size_t kOctantCount = size_t{kOctantsPerSide} * kOctantsPerSide * kOctantsPerSide;
 constexpr uint32_t kOctantBricks = 64;
-// A triangle that reaches more is looked at by every octant instead of standing in so many lists.
+// Triangles that reach more octants are listed once as wide, and every octant tests them.
 constexpr int kListedOctantsMax = 8;
-// Fewer in an octant are summed by one thread.
+// Octants with fewer triangles are summed by one thread.
 constexpr size_t kSharedTrianglesMin = 4096;
 
 struct Box {
-  glm::ivec3 first{0}, last{0};  // inclusive; empty where last < first
+  glm::ivec3 first{0}, last{0};  // inclusive; empty if last < first
   bool empty() const { return last.x < first.x || last.y < first.y || last.z < first.z; }
 };
 
@@ -39,7 +39,7 @@ std::array<glm::ivec3, 3> corners_in_tile(const SnappedMesh& mesh, uint32_t tria
           mesh.vertices[vertices[2]] - tile_q};
 }
 
-// Cells of the triangle's box.
+// The cells of the triangle's box.
 Box cell_box(const std::array<glm::ivec3, 3>& q) {
   return {glm::min(q[0], glm::min(q[1], q[2])) >> 8, glm::max(q[0], glm::max(q[1], q[2])) >> 8};
 }
@@ -105,7 +105,7 @@ void CpuAttributes::find_octants(const SparseTile& tile) {
   }
 }
 
-// Counting sort; lists keep the order of the bin.
+// A counting sort, so that the lists keep the order of the bin.
 void CpuAttributes::sort_triangles(const TileBin& bin) {
   starts_.assign(kOctantCount + 2, 0);
   wide_.clear();
@@ -120,8 +120,8 @@ void CpuAttributes::sort_triangles(const TileBin& bin) {
   }
   for (size_t o = 2; o < starts_.size(); ++o) starts_[o] += starts_[o - 1];
   list_.resize(starts_.back());
-  // starts_[o + 1] is where octant o's next triangle goes, and in the end where octant o + 1
-  // begins.
+  // starts_[o + 1] is the place of octant o's next triangle. When the loop ends, it is where octant
+  // o + 1 begins.
   for (const uint32_t triangle : bin.triangles) {
     const Box box = octant_box(corners_in_tile(plan_->mesh, triangle, bin.coord));
     if (box.empty() || volume(box) > kListedOctantsMax) continue;
@@ -181,7 +181,7 @@ void CpuAttributes::fold_ids(const TileBin& bin, const Octant& octant, const IdC
   std::ranges::sort(triangles, {}, id_of);
   const bool is_one = id_of(triangles.front()) == id_of(triangles.back());
   const bool is_color = channel.channel == Channel::kColor;
-  if (is_color && is_one) return;  // resolved from the sums of all
+  if (is_color && is_one) return;  // resolved from the sums of all ids
   const auto samples = is_color ? std::span<uint16_t>()
                                 : std::span(id_samples(tile, channel.channel))
                                       .subspan(octant.voxel_first, octant.voxel_count);

@@ -9,7 +9,8 @@
 #include "shaders/glsl.h"
 
 namespace voxeld {
-// Not unnamed, because not all are used; hidden, so that they can be inlined in spite of -fPIC.
+// The namespace has a name because not every function in it is used. It is hidden, so that
+// functions can be inlined in spite of -fPIC.
 #pragma GCC visibility push(hidden)
 namespace attribute_visitor {
 
@@ -31,8 +32,8 @@ using glm::uvec4;
 
 constexpr size_t kNone = SIZE_MAX;
 
-// In the box; kNone where the cell is touched but not occupied, by another rule than touch. m: the
-// cell's Morton code in the tile.
+// The voxel's number in the box. kNone if the cell is touched but not occupied, under a rule other
+// than touch. m: the cell's Morton code in the tile.
 size_t voxel_at(const AttributeTarget& target, uint32_t m) {
   const uint32_t word = target.mask[m >> 5], bit = 1u << (m & 31u);
   if ((word & bit) == 0) return kNone;
@@ -105,7 +106,7 @@ class Visitor {
     }
   }
 
-  // z of the swizzled cell is the dominant one.
+  // z of the swizzled cell is the dominant axis.
   uint32_t morton_at(int i, int j, int k) const {
     const int axis = source_.axis;
     return morton_spread(static_cast<uint32_t>(i)) << (axis + 1) % 3 |
@@ -113,7 +114,7 @@ class Visitor {
            morton_spread(static_cast<uint32_t>(k)) << axis;
   }
 
-  // Keeps what is nearer to the cell's centre, and of what is as near the smaller colour.
+  // Keeps the colour that is nearer to the cell's centre. The smaller colour wins a tie.
   void compare(NearestColor& best, int i, int j, int k) const {
     ivec3 cell;
     cell[(source_.axis + 1) % 3] = i;
@@ -139,13 +140,13 @@ class Visitor {
     return color;
   }
 
-  // At the weights alone.
+  // The colour at the weights, from a single sample.
   uvec4 color_at(const ivec3& weights) const {
     if (source_.levels.empty() || is_flat()) return blend(colors_, weights);
     return times_texel(weights, sample_tap(weights, level_max()));
   }
 
-  // Over the polygon of column (i, j); weights: at its centroid.
+  // The mean colour over the polygon of column (i, j). weights: those at its centroid.
   uvec4 mean_color(const ivec3& weights, int i, int j, const CellPolygon& polygon,
                    uint32_t twice_area) const {
     if (source_.levels.empty() || is_flat()) return blend(colors_, weights);
@@ -158,7 +159,7 @@ class Visitor {
     const uint32_t weight = in_one_cell != 0 ? in_one_cell : area_weight(shape_, twice_area);
     *sums++ += weight;
     if (!target_.channels.color && !target_.channels.normal) return;
-    // The corners of a flat triangle are alike: any weights will do.
+    // The corners of a flat triangle have equal attributes, so any weights will do.
     const ivec3 weights =
         is_flat() ? ivec3(1 << ATTRIBUTE_WEIGHT_BITS, 0, 0)
                   : corner_weights(shape_, sample_position(shape_, i, j, polygon, twice_area));
@@ -187,7 +188,7 @@ class Visitor {
 
   int level_max() const { return static_cast<int>((flags_ >> ATTRIBUTE_LEVEL_SHIFT) & 15u); }
 
-  // As lib/attribute_visit.glsl does, with the words of its comments.
+  // Same steps as lib/attribute_visit.glsl, whose comments explain them.
   uvec4 sample_texture(const ivec3& weights, int i, int j, const CellPolygon& polygon,
                        uint32_t twice_area) const {
     if (twice_area == 0) return sample_tap(weights, level_max());
@@ -225,7 +226,7 @@ class Visitor {
     return tap_level(weights, source_.words[ATTRIBUTE_ALTITUDE], level) + 1 >= level;
   }
 
-  // Bilinear in linear light, 8 bits of fraction, so that 65535 * 65536 fits.
+  // Bilinear sample in linear light. The fraction has 8 bits, so that 65535 * 65536 fits.
   uvec4 sample_tap(const ivec3& weights, int level_max) const {
     const auto uv = [&](int word) { return static_cast<int>(source_.words[ATTRIBUTE_UVS + word]); };
     const int number = tap_level(weights, source_.words[ATTRIBUTE_ALTITUDE], level_max);

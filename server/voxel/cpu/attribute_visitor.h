@@ -1,4 +1,4 @@
-// What one triangle adds to the sums of the cells that it touches: the C++ side of
+// Addition of one triangle to the sums of the cells that it touches: the C++ counterpart of
 // shaders/lib/attribute_visit.glsl.
 #pragma once
 
@@ -13,23 +13,23 @@
 
 namespace voxeld {
 
-// What color=nearest knows of a voxel so far.
+// The nearest surface found for a voxel so far, for color=nearest.
 struct NearestColor {
-  double squared = 1e300;              // distance of the surface to the centre, 1/512 voxel
-  std::array<uint16_t, 4> linear16{};  // its colour there
+  double squared = 1e300;  // squared distance of the surface to the centre, in 1/512 voxel
+  std::array<uint16_t, 4> linear16{};  // the surface's colour there
 };
 
-// A box of cells whose voxels are neighbours in storage, with their sums.
+// A box of cells whose voxels are contiguous in storage, and their sums.
 struct AttributeTarget {
-  std::span<const uint32_t> mask, word_offsets;  // of the tile, see compact_mask()
-  glm::ivec3 cell_first{0}, cell_last{0};        // of the box, inclusive, in the tile
-  size_t voxel_first = 0;                        // of the box
+  std::span<const uint32_t> mask, word_offsets;  // the tile's; see compact_mask()
+  glm::ivec3 cell_first{0}, cell_last{0};        // the box, inclusive, in the tile's cells
+  size_t voxel_first = 0;                        // first voxel of the box
   uint64_t* sums = nullptr;                      // channels.count() per voxel of the box
   AttributeChannels channels;
   NearestColor* nearest = nullptr;  // one per voxel of the box, instead of sums
 };
 
-// A triangle as the records describe it. `levels`: of its image, empty without one.
+// A triangle as the records describe it. levels: its image's; empty without an image.
 struct AttributeSource {
   std::array<glm::ivec3, 3> corners;  // q in the tile, in ascending order
   int axis = 2;                       // dominant
@@ -39,7 +39,7 @@ struct AttributeSource {
 
 void add_attributes(const AttributeSource& source, const AttributeTarget& target);
 
-// A triangle that lies within one cell and has one colour; no normals are summed.
+// A triangle within one cell and with a single colour. No normals are summed for it.
 struct OneCellSource {
   glm::ivec3 cell{0};   // in the tile
   uint32_t weight = 0;  // one_cell_weight()

@@ -18,7 +18,7 @@ std::string_view cpu_isa_name(CpuIsa isa) {
 
 bool cpu_isa_supported(CpuIsa isa) {
 #if defined(__x86_64__)
-  // These ask the operating system, too, whether it keeps the wide registers.
+  // The builtins also check that the operating system saves the wide registers.
   switch (isa) {
     case CpuIsa::kPortable:
       return true;

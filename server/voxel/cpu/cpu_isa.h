@@ -1,4 +1,5 @@
-// Instruction sets that the kernels of pipeline `cpu` are compiled for. All give the same bits.
+// The instruction sets for which the kernels of pipeline `cpu` are compiled. All give the same
+// bits.
 #pragma once
 
 #include <string_view>
@@ -6,9 +7,9 @@
 
 namespace voxeld {
 
-// In ascending order of vector width.
+// Instruction sets in ascending order of vector width.
 enum class CpuIsa {
-  kPortable,  // what the compiler targets by default; on every architecture
+  kPortable,  // the compiler's default target, on every architecture
   kSse4,      // SSE4.2, POPCNT
   kAvx2,      // AVX2, FMA, BMI2
   kAvx512,    // AVX-512 F, BW, DQ, VL
@@ -16,13 +17,13 @@ enum class CpuIsa {
 
 std::string_view cpu_isa_name(CpuIsa isa);
 
-// Whether this build has the kernels and this machine runs them.
+// True if this build has the kernels and this machine can run them.
 bool cpu_isa_supported(CpuIsa isa);
 
-// Ascending; kPortable is always there.
+// Supported sets, ascending. kPortable is always among them.
 std::vector<CpuIsa> supported_cpu_isas();
 
-// The widest that is supported.
+// The widest supported set.
 CpuIsa best_cpu_isa();
 
 }  // namespace voxeld

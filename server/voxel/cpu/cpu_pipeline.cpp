@@ -30,7 +30,8 @@ void CpuPipeline::end_job() {
   stats_ = nullptr;
 }
 
-// Where there are no attributes, threads take a tile each; that needs a few tiles for each.
+// Without attributes each thread takes whole tiles. A batch needs several tiles per thread to
+// balance them.
 size_t CpuPipeline::batch_tiles() const {
   const bool one_by_one = plan_ != nullptr && plan_->records.has_value();
   return one_by_one ? 1 : 4 * static_cast<size_t>(touch_.threads());

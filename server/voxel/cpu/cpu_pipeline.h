@@ -1,4 +1,4 @@
-// Pipeline `cpu`: no GL, all cores, the widest vectors that the machine has.
+// Pipeline `cpu`: no GL, all cores, the machine's widest vectors.
 #pragma once
 
 #include <span>
@@ -13,7 +13,7 @@ namespace voxeld {
 
 class CpuPipeline final : public TilePipeline {
  public:
-  // `threads`: 0 is as many as the machine has. The instruction set must be supported.
+  // threads: 0 means one per hardware thread. The instruction set must be supported.
   explicit CpuPipeline(int threads = 0, CpuIsa isa = best_cpu_isa());
 
   Status begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) override;
@@ -24,12 +24,12 @@ class CpuPipeline final : public TilePipeline {
   DeviceTraits traits() const override { return {}; }
   size_t batch_tiles() const override;
 
-  // What a device leaves to the CPU (VoxelizePlan::finishes_on_cpu()) of `tiles`, which it made of
-  // `bins`. In a job of this pipeline that begins with the device's and ends with it.
+  // Finishes what a device leaves to the CPU (VoxelizePlan::finishes_on_cpu()) in `tiles`, which it
+  // made of `bins`. Needs a job of this pipeline that begins and ends with the device's.
   void finish_tiles(std::span<const TileBin> bins, std::span<SparseTile> tiles);
 
-  // The tiles of `bins` by rule=touch and without attributes, whatever the job in progress asks
-  // for.
+  // The tiles of `bins` by rule=touch, without attributes. The options of the current job do not
+  // matter.
   std::vector<SparseTile> touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,
                                       std::span<const TileBin> bins);
   WorkerPool& pool() { return touch_.pool(); }
@@ -42,7 +42,7 @@ class CpuPipeline final : public TilePipeline {
   CpuAttributes attributes_;
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;
-  std::vector<uint32_t> mask_, word_offsets_;  // of the tile
+  std::vector<uint32_t> mask_, word_offsets_;  // scratch of the current tile
 };
 
 }  // namespace voxeld

@@ -1,5 +1,5 @@
-// Zeroed memory in pages as large as the machine has: a kernel writes to words all over a tile,
-// and with small pages most of its writes would wait for a translation of their address.
+// Zeroed memory in huge pages. A kernel writes to words all over a tile; with small pages most of
+// its writes would miss the TLB.
 #pragma once
 
 #include <sys/mman.h>
@@ -30,7 +30,7 @@ class HugeArray {
     const size_t rounded = (bytes + kHugePage - 1) / kHugePage * kHugePage;
     void* memory = std::aligned_alloc(kHugePage, rounded);
     if (memory == nullptr) throw std::bad_alloc();
-    // A hint: where it is refused, small pages do.
+    // Only a hint: if the kernel refuses it, small pages are used.
     ::madvise(memory, rounded, MADV_HUGEPAGE);
     std::memset(memory, 0, rounded);
     return static_cast<uint64_t*>(memory);

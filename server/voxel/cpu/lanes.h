@@ -1,7 +1,6 @@
-// Vectors for the kernels, VOXELD_LANE_BYTES wide, of the vector extension that GCC and Clang
-// share.
-// Everything in the kernels' headers is in an unnamed namespace: each instruction set compiles a
-// copy of its own, and no copy may be taken for another's.
+// Vectors for the kernels, VOXELD_LANE_BYTES wide, by the vector extension of GCC and Clang.
+// Everything in the kernels' headers is in an unnamed namespace: each instruction set compiles its
+// own copy, and the linker must not exchange them.
 #pragma once
 
 #include <cstdint>
@@ -33,9 +32,9 @@ template <typename T>
 T greater(T a, T b) {
   return a > b ? a : b;
 }
-// Compilers do not make one instruction of these comparisons of floats, because of NaN and -0,
-// which the kernels never meet or care about. (maskz: GCC 12 takes the plain ones for
-// uninitialized, bug 105593.)
+// Compilers do not turn these float comparisons into one instruction, because of NaN and -0. The
+// kernels never meet NaN and do not care about -0. maskz is used because GCC 12 takes the plain
+// forms for uninitialized (bug 105593).
 #if VOXELD_LANE_BYTES == 64 && defined(__AVX512F__)
 inline FloatLanes lesser(FloatLanes a, FloatLanes b) {
   return _mm512_maskz_min_ps(0xffff, a, b);
@@ -77,7 +76,7 @@ inline DoubleLanes greater(DoubleLanes a, DoubleLanes b) {
 }
 #endif
 
-// Bit l of the result is set where lane l is negative.
+// Bit l of the result is set if lane l is negative.
 inline uint32_t negative_lanes(IntLanes v) {
 #if VOXELD_LANE_BYTES == 64 && defined(__AVX512DQ__)
   return _mm512_movepi32_mask(reinterpret_cast<__m512i>(v));
@@ -116,7 +115,7 @@ inline IntLanes lane_numbers() {
   for (int l = 0; l < kLanes; ++l) v[l] = l;
   return v;
 }
-// The x, y and z of kLanes points.
+// Transposes kLanes points into vectors of their x, y and z.
 inline void transposed(const Int4* points, IntLanes (&axes)[3]) {
   Int4 quarters[3][kLanes / 4];
   for (int g = 0; g < kLanes / 4; ++g) {
@@ -144,7 +143,7 @@ inline FloatLanes to_float(IntLanes v) {
 inline IntLanes truncated(FloatLanes v) {
   return __builtin_convertvector(v, IntLanes);
 }
-// -v where `mask` is set (all bits of a lane or none).
+// -v in lanes where `mask` is set (all bits of a lane or none), else v.
 inline IntLanes negate_where(IntLanes mask, IntLanes v) {
   return (v ^ mask) - mask;
 }

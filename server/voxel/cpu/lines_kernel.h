@@ -1,6 +1,6 @@
-// rule=thin and rule=center of one instruction set: where the lines through cells' centres meet
-// triangles, by all axes or by the dominant one. Sorts a tile's triangles, once for each axis along
-// which they can meet a line, into batches of alike boxes. Included once by each
+// rule=thin and rule=center for one instruction set: the cells where lines through cells' centres
+// meet triangles, along all axes or the dominant one. A tile's triangles are sorted into batches of
+// similar boxes, once for each axis along which they can meet a line. Included once by each
 // touch_kernel_….cpp.
 #pragma once
 
@@ -25,12 +25,13 @@ inline Int4 corner_of(const TouchInput& input, uint32_t vertex) {
   return reinterpret_cast<Int4>(Long2{xy, static_cast<uint32_t>(q[2])});
 }
 
-// Columns of boxes that share batches, so that the lanes of a batch run about as many.
+// Class of a box by its columns. Boxes of one class share batches, so that the lanes of a batch run
+// a similar number of columns.
 constexpr uint8_t kLineClass[kSmallColumns + 1] = {0, 0, 1, 2, 2, 3, 3, 3, 3,
                                                    4, 4, 4, 4, 4, 4, 4, 4};
 constexpr int kLineClasses = 5;
 
-// The axis in which the normal n is largest, z before x before y; -1 without area.
+// The axis in which the normal is largest, z before x before y; -1 if there is no area.
 inline int dominant_axis(int64_t x, int64_t y, int64_t z) {
   x = x < 0 ? -x : x;
   y = y < 0 ? -y : y;
@@ -75,11 +76,11 @@ class TileLines {
     const Int4 first = greater(low >> 8, Int4{}), last = lesser(high >> 8, cell_last);
     if (any_negative(last - first)) return;
     blocks_ |= blocks_of(first, last);
-    // Columns whose centres are in the box.
+    // Number of columns along each axis whose centres are in the box.
     const Int4 columns =
         lesser((high - 128) >> 8, cell_last) - greater((low + 128) >> 8, Int4{}) + 1;
     const bool x = columns[0] > 0, y = columns[1] > 0, z = columns[2] > 0;
-    // Axes along which the box has centres of columns.
+    // Axes along which columns have their centres in the box.
     uint32_t axes = (y && z ? 1u : 0u) | (z && x ? 2u : 0u) | (x && y ? 4u : 0u);
     if (axes == 0) return;
     if constexpr (kCenter) {
@@ -131,7 +132,7 @@ class TileLines {
     batch.count = batch.columns_i = batch.columns_j = 0;
   }
 
-  // Runs what is left, neighbouring sizes together.
+  // Runs the remaining triangles, merging batches of neighbouring sizes.
   void flush(int axis) {
     LineBatch rest;
     for (auto& row : batches_[axis]) {
@@ -148,7 +149,7 @@ class TileLines {
       }
     }
     if (rest.count == 0) return;
-    // A triangle once more does no harm.
+    // Unused lanes repeat a triangle, which does no harm.
     for (int lane = rest.count; lane < kLanes; ++lane) copy_lane(rest, 0, rest, lane);
     run_batch(rest, axis);
   }
@@ -164,7 +165,7 @@ class TileLines {
   const TouchInput& input_;
   uint64_t* words_;
   uint64_t blocks_ = 0;
-  int32_t cell_last_[3][3];                           // by axis: turned so that it is index 2
+  int32_t cell_last_[3][3];  // by axis; rotated so that the axis is index 2
   LineBatch batches_[3][kLineClasses][kLineClasses];  // by axis, columns in j, in i
 };
 

@@ -1,7 +1,7 @@
-// Where lines through cells' centres meet a triangle of any size, seen along one axis: rows of
-// columns, of which the sides of the triangle bound a run, and in it the plane's depth a few
-// columns at a time. lines_small.h says what is computed; here with doubles, exact as
-// touch_large.h shows.
+// The cells where lines through cells' centres meet a triangle of any size, seen along one axis.
+// Rows of columns are handled one by one. The triangle's sides bound a run in each row, and the
+// plane's depth is computed for a few columns at a time. lines_small.h says what is computed; here
+// doubles compute it, exact as touch_large.h shows.
 #pragma once
 
 #include <cstddef>
@@ -15,12 +15,12 @@
 namespace voxeld {
 namespace {
 
-// As many as DoubleLanes.
+// As many lanes as DoubleLanes.
 using HalfIntLanes = int32_t __attribute__((vector_size(VOXELD_LANE_BYTES / 2)));
 
-// Side from (pi, pj) along (di, dj) as a bound on the centres of row j. side: -1 where the
-// projection is clockwise, else 0. kCenter: see edge_lanes(). A side along the row bounds nothing:
-// the box ends there, too.
+// A side from (pi, pj) along (di, dj) as a bound on the centres of row j. side: -1 if the
+// projection is clockwise, else 0. kCenter: see edge_lanes(). A side along the row bounds nothing,
+// because the box ends there too.
 template <bool kCenter>
 WideBound centre_bound(int64_t pi, int64_t pj, int64_t di, int64_t dj, int64_t side) {
   const int64_t a = side - (dj ^ side), b = (di ^ side) - side;
@@ -51,7 +51,7 @@ class LargeLines {
     for (int j = 0; j < count_[1]; ++j) {
       double begin = 0, end = count_[0];
       narrow(bounds_, j, begin, end);
-      // They may be far outside.
+      // Clamped before conversion, because bounds may be far outside the range of int.
       const int i_begin = static_cast<int>(lesser(begin, double{kTileCells}));
       const int i_end = static_cast<int>(greater(end, 0.0));
       if (i_begin < i_end) set_row(words, j, i_begin, i_end);
@@ -59,8 +59,8 @@ class LargeLines {
   }
 
  private:
-  // False where the triangle is seen edge-on. |d| < 2^19.1, |n| <= 2^38.1 and |2 p + 1| < 2^21: the
-  // sum that becomes the constant stays below 2^61, heights below 2^53.
+  // False if the triangle is seen edge-on. With |d| < 2^19.1, |n| <= 2^38.1 and |2 p + 1| < 2^21
+  // the sum that becomes the constant stays below 2^61, heights below 2^53.
   bool set_up() {
     int64_t p[3][3], d[3][3], n[3];
     for (int i = 0; i < 3; ++i) {
@@ -91,9 +91,9 @@ class LargeLines {
     return true;
   }
 
-  // 1 + the cell of each column, limited to 0 and kTileCells + 1. floor((1/2 - height) / n.z) is
-  // the cell, and the quotient at least 2^-39.1 away from an integer; for cells up to 257 it errs
-  // by less than 2^-42.
+  // Writes 1 + the cell of each column, clamped to 0 and kTileCells + 1. The cell is floor((1/2 -
+  // height) / n.z). The quotient is at least 2^-39.1 away from an integer; for cells up to 257 its
+  // error is below 2^-42.
   void find_depths(int32_t* depths, int j, int i_begin, int i_end) const {
     DoubleLanes at{};
     for (int l = 0; l < kDoubleLanes; ++l) at[l] = l;
@@ -120,7 +120,7 @@ class LargeLines {
 
   bool is_in_tile(int k) const { return k >= 0 && k <= corners_.cell_last[2]; }
 
-  // Columns side by side mostly have the same depth: their cells are one run.
+  // Adjacent columns mostly have the same depth, so their cells form one run.
   void set_runs(uint64_t* words, const int32_t* depths, uint32_t row, int i_begin,
                 int i_end) const {
     const auto axis_i = static_cast<uint32_t>((corners_.axis + 1) % 3);
@@ -146,10 +146,10 @@ class LargeLines {
   }
 
   const TurnedCorners& corners_;
-  int first_[2], count_[2];  // columns of the box inside the tile whose centres are in the box
+  int first_[2], count_[2];  // columns of the box inside the tile, counted by centres
   WideBound bounds_[3];
   double slope_i_, slope_j_, constant_, inverse_;
-  bool is_flat_;  // in i: runs of 8 cells or more at the same depth
+  bool is_flat_;  // in i: runs of 8 cells or more have the same depth
 };
 
 }  // namespace

@@ -1,6 +1,6 @@
-// Where lines through cells' centres meet triangles at most 16 voxels wide, a batch at a time:
-// lanes are triangles, seen along one axis; loops run over the columns of cells along it whose
-// centres are in the triangle's box. All decisions are 32-bit integers.
+// The cells where lines through cells' centres meet triangles at most 16 voxels wide, a batch at a
+// time. Lanes are triangles, seen along one axis. Loops run over the columns of cells along it
+// whose centres are in the triangle's box. All decisions are 32-bit integers.
 //
 // A column's centre is at (512 i + 256, 512 j + 256), corners are at P = 2 q + 1, in 1/512 voxel.
 // - Inside: a (x - Px) + b (y - Py) >= 0 for each side, which divided by 512 and rounded down is
@@ -23,25 +23,25 @@
 namespace voxeld {
 namespace {
 
-// Columns of a small triangle's box whose centres are inside, on each axis.
+// The most columns along an axis of a small triangle's box whose centres are inside.
 constexpr int kSmallColumns = kSmallExtent / 256;
 
-// Corners from the tile's min corner, all turned cyclically so that the axis along which they are
-// seen is index 2. Lanes from `count` on are not set.
+// Corners relative to the tile's min corner, rotated cyclically so that the axis of sight is index
+// 2. Lanes from `count` on are not set.
 struct alignas(64) LineBatch {
   int32_t q[3][3][kLanes];  // corner, axis
   int count = 0;
-  int columns_i = 0, columns_j = 0;  // at least as many as the boxes of all have
+  int columns_i = 0, columns_j = 0;  // at least as many as any box of the batch has
 };
 
-// a i + b j + c >= 0 where the column's centre is on the inner side of an edge. |a|, |b| <= 2^12
-// and |P| < 2^13.1: the sum of which c is a 512th is below 2^27.
+// An edge as a i + b j + c >= 0 for columns whose centre is on the inner side. |a|, |b| <= 2^12 and
+// |P| < 2^13.1, so 512 c is a sum below 2^27.
 struct EdgeLanes {
   IntLanes a, b, c;
 };
 
-// kCenter: the centres on a side belong to the one of the two triangles that share it for which
-// a > 0 (top-left rule); otherwise to both. On a side with a = 0 there are none.
+// kCenter: a centre on a side belongs to that one of the two triangles sharing it for which a > 0
+// (top-left rule); otherwise to both. A side with a = 0 has no centres on it.
 template <bool kCenter>
 EdgeLanes edge_lanes(IntLanes P_i, IntLanes P_j, IntLanes di, IntLanes dj, IntLanes side) {
   EdgeLanes edge;
@@ -56,7 +56,7 @@ EdgeLanes edge_lanes(IntLanes P_i, IntLanes P_j, IntLanes di, IntLanes dj, IntLa
 template <bool kCenter>
 class SmallLines {
  public:
-  // cell_last: turned like the corners. axis: which one index 2 is.
+  // cell_last: rotated like the corners. axis: the axis that became index 2.
   SmallLines(const LineBatch& batch, int axis, const int32_t* cell_last)
       : batch_(batch), axis_(axis), cell_last_(cell_last) {
     IntLanes p[3][3];
@@ -64,7 +64,8 @@ class SmallLines {
       for (int i = 0; i < 3; ++i) __builtin_memcpy(&p[i][c], batch.q[i][c], sizeof p[i][c]);
       const IntLanes low = lesser(p[0][c], lesser(p[1][c], p[2][c]));
       const IntLanes high = greater(p[0][c], greater(p[1][c], p[2][c]));
-      // Depth counts from the box's first cell, perhaps outside the tile, and is never negative.
+      // Depth counts from the box's first cell, which may lie outside the tile, so it is never
+      // negative.
       first_[c] = c == 2 ? low >> 8 : greater((low + 128) >> 8, IntLanes{});
       count_[c] = lesser((high - 128) >> 8, all_lanes(cell_last[c])) - first_[c] + 1;
       for (int i = 0; i < 3; ++i) p[i][c] -= first_[c] << 8;
@@ -117,9 +118,9 @@ class SmallLines {
     set_up_plane(p[0]);
   }
 
-  // |n| <= 2^24 and corners are within 17 cells of the first one: where a centre is inside, heights
-  // are at most 18 * 2^24; elsewhere they may wrap around. The sum of which the constant is a 512th
-  // has 35 bits, so it is kept as 512 * high + low.
+  // With |n| <= 2^24 and corners within 17 cells of the first one, heights are at most 18 * 2^24 if
+  // a centre is inside; elsewhere they may wrap around. 512 times the constant has 35 bits, so it
+  // is kept as 512 * high + low.
   void set_up_plane(const IntLanes (&p)[3]) {
     IntLanes high{}, low{};
     for (int c = 0; c < 3; ++c) {
@@ -131,8 +132,8 @@ class SmallLines {
     constant_ = high + ((low + 511) >> 9);
   }
 
-  // Quotients are at most 18 and err by 2^-18, so the candidate is the right cell or the one above,
-  // and the integers tell. Other lanes' are limited so that they fit.
+  // Quotients are at most 18 and err by 2^-18, so the candidate is the right cell or the one above;
+  // the integer test decides. Other lanes are clamped, so that they fit.
   void set_cells(uint32_t lanes, IntLanes height, IntLanes column, uint64_t* words) const {
     FloatLanes quotient = kMargin - to_float(height) * inverse_;
     quotient = greater(lesser(quotient, all_lanes_f(2 * kSmallCells)), FloatLanes{});
@@ -141,7 +142,7 @@ class SmallLines {
     k += first_[2];
     lanes &= negative_lanes(~(k | (cell_last_[2] - k)));
     const IntLanes cell = column | spread8(k) << axis_;
-    // Not by memcpy, which GCC 12 here does through general registers.
+    // Not memcpy, which GCC 12 compiles here to moves through general registers.
     alignas(64) int32_t cells[kLanes];
     *reinterpret_cast<IntLanes*>(cells) = cell;
     for (; lanes != 0; lanes &= lanes - 1) {
@@ -171,7 +172,7 @@ class SmallLines {
   IntLanes first_[3], count_[3];  // count_[2] is not used
   EdgeLanes edges_[3];
   IntLanes normal_[3], constant_;
-  IntLanes never_;  // -1 where the triangle is seen edge-on
+  IntLanes never_;  // -1 if the triangle is seen edge-on
   FloatLanes inverse_;
 };
 

@@ -1,4 +1,4 @@
-// Sets runs of cells in a tile of Morton words.
+// Runs of cells in a tile of Morton words.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 namespace voxeld {
 namespace {
 
-// Bit i of the 8 goes to bit 3 i.
+// Spreads 8 bits: bit i goes to bit 3 i.
 constexpr uint32_t spread8(uint32_t v) {
   v = (v | v << 8) & 0x00f00fu;
   v = (v | v << 4) & 0x0c30c3u;
@@ -22,7 +22,7 @@ inline IntLanes spread8(IntLanes v) {
   return (v | v << 2) & 0x249249;
 }
 
-// The 3 bits at places 0, 3 and 6.
+// Gathers the 3 bits at places 0, 3 and 6.
 constexpr uint32_t compact3(uint32_t v) {
   return (v & 1) | (v >> 2 & 2) | (v >> 4 & 4);
 }
@@ -35,7 +35,8 @@ struct SpreadTable {
 };
 constexpr SpreadTable kSpread;
 
-// Bits of a word's cells along one axis: entry [axis][b] has the cells i whose bit i of b is set.
+// Bits of a word's cells along one axis. Entry [axis][b] has the cells i for which bit i of b is
+// set.
 struct RunTable {
   uint64_t at[3][16];
   constexpr RunTable() : at{} {
@@ -50,7 +51,7 @@ struct RunTable {
 };
 constexpr RunTable kRun;
 
-// Cells [begin, end), not empty, along `axis`. Returns the blocks that hold them.
+// Sets cells [begin, end), not empty, along `axis`. Returns the blocks that hold them.
 inline uint64_t set_run(uint64_t* words, uint32_t axis, uint32_t row, uint32_t begin,
                         uint32_t end) {
   uint64_t blocks = 0;

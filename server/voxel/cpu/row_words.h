@@ -1,9 +1,9 @@
-// Short runs of cells along x in words of rows, which take one write each; and rows turned into the
+// Short runs of cells along x in words of rows, one write each, and the conversion of rows to the
 // Morton order of bricks.
 //
-// Row (y, z) of a block of 64^3 cells is one word of 64 cells along x; the rows of a block are
-// consecutive, y first, and blocks are in Morton order. What a small triangle touches lies in a few
-// cache lines, and a run goes on in another word only where blocks meet.
+// Row (y, z) of a block of 64^3 cells is one word of 64 cells along x. The rows of a block are
+// consecutive, y first, and blocks are in Morton order. The cells of a small triangle lie in a few
+// cache lines, and a run continues in another word only where blocks meet.
 #pragma once
 
 #include <cstddef>
@@ -15,8 +15,8 @@
 namespace voxeld {
 namespace {
 
-// The number of a row's word is the sum of what x, y and z give. Bits 6 and 7 of a coordinate are
-// its block's; bits 12.. of the number are x0 y0 z0 x1 y1 z1 of the block.
+// The terms of a row's word number, which is the sum of those of x, y and z. Bits 6 and 7 of a
+// coordinate are its block's. Bits 12.. of the number are x0 y0 z0 x1 y1 z1 of the block.
 template <typename T>
 T row_word_x(T x) {
   return (x << 6 & 0x1000) | (x << 8 & 0x8000);
@@ -30,15 +30,15 @@ T row_word_z(T z) {
   return (z & 63) << 6 | (z << 8 & 0x4000) | (z << 10 & 0x20000);
 }
 
-// Cells [begin, end), at least 1 and at most 63, of the row whose word at x = 0 is number `row`.
+// Sets cells [begin, end), 1 to 63 of them, of the row whose word at x = 0 is number `row`.
 inline void set_row(uint64_t* rows, uint32_t row, uint32_t begin, uint32_t end) {
   const uint64_t run = (uint64_t{1} << (end - begin)) - 1;
   rows[row + row_word_x(begin)] |= run << (begin & 63);
   if ((begin ^ (end - 1)) > 63) rows[row + row_word_x(end - 1)] |= run >> (64 - (begin & 63));
 }
 
-// A run for each lane that is -1 in `wanted` rather than 0. The others write nothing to words of
-// their own: that is cheaper than a branch which cannot be foreseen.
+// Sets a run for each lane that is -1 in `wanted`, not 0. The other lanes write nothing to words of
+// their own, which is cheaper than an unpredictable branch.
 inline void set_rows(uint64_t* rows, IntLanes row, IntLanes begin, IntLanes end, IntLanes wanted) {
   alignas(64) uint32_t numbers[kLanes], shifts[kLanes], lengths[kLanes];
   const IntLanes last = end - 1, shift = begin & 63, length = (end - begin) & wanted;
@@ -70,8 +70,8 @@ inline uint64_t any_of4(Word4 v) {
   return (v[0] | v[1]) | (v[2] | v[3]);
 }
 
-// Words whose 64 bits have places of 6 binary digits: exchanges digits i < j of all places.
-// Knuth, TAOCP 4A, 7.1.3, delta swaps.
+// Exchanges binary digits i < j of the 6-digit places of all 64 bits (Knuth, TAOCP 4A, 7.1.3, delta
+// swaps).
 template <int i, int j>
 Word4 swap_digits(Word4 words) {
   constexpr uint64_t kLower = [] {
@@ -86,21 +86,23 @@ Word4 swap_digits(Word4 words) {
   return words ^ moved ^ moved << kShift;
 }
 
-// Slice z of brick number bx of the 8 in a row of bricks, from its 8 rows of 64 cells: cell (x, y)
-// at bit x + 8 y.
+// A slice at one z of brick bx, of the 8 in a row of bricks, from its 8 rows of 64 cells. Cell (x,
+// y) is bit x + 8 y.
 inline uint64_t brick_slice(const uint64_t* rows, int bx) {
   const Word4 low = (load4(rows) >> 8 * bx & 0xff) << Word4{0, 8, 16, 24};
   const Word4 high = (load4(rows + 4) >> 8 * bx & 0xff) << Word4{32, 40, 48, 56};
   return any_of4(low | high);
 }
 
-// Four slices, z = 0..3, to the four words of Morton order that they make: 2x2 of 4x4x4 cells.
+// Converts four slices, z = 0..3, to the four words of Morton order that they make: 2x2 of 4x4x4
+// cells.
 inline Word4 morton_words(Word4 slices) {
-  // Digits of the places: x0 x1 x2 y0 y1 y2, then x0 y0 x1 y1 x2 y2.
+  // Reorders the digits of places from x0 x1 x2 y0 y1 y2 to x0 y0 x1 y1 x2 y2.
   slices = swap_digits<1, 3>(slices);
   slices = swap_digits<2, 3>(slices);
   slices = swap_digits<3, 4>(slices);
-  // Word x2 y2 takes its 16 bits of each slice: x0 y0 x1 y1 z0 z1, then x0 y0 z0 x1 y1 z1.
+  // Word x2 y2 takes its 16 bits of each slice. They are x0 y0 x1 y1 z0 z1, then reordered to x0 y0
+  // z0 x1 y1 z1.
   Word4 words{};
   for (int z = 0; z < 4; ++z) {
     words |= ((Word4{} + slices[z]) >> Word4{0, 16, 32, 48} & 0xffff) << 16 * z;
@@ -120,8 +122,7 @@ inline void add_brick_of_rows(const uint64_t* block, int bx, int by, int bz, uin
   }
 }
 
-// What the rows of 8x8 bricks have in common with bricks: byte bx is not 0 where brick bx of them
-// holds any cell.
+// Occupancy of a row of bricks: byte bx is nonzero if brick bx holds any cell.
 inline uint64_t any_in_bricks(const uint64_t* block, int by, int bz) {
   Word4 any{};
   const uint64_t* rows = block + ptrdiff_t{512} * bz + ptrdiff_t{8} * by;

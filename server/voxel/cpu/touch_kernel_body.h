@@ -1,5 +1,5 @@
-// The kernel of one instruction set: sorts a tile's triangles into batches of alike boxes and runs
-// them. Included once by each touch_kernel_….cpp.
+// The kernel of one instruction set: it sorts a tile's triangles into batches of similar boxes and
+// runs them. Included once by each touch_kernel_….cpp.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,8 @@
 namespace voxeld {
 namespace {
 
-// Sizes of boxes that share batches, so that the lanes of a batch run about as many rows.
+// Class of a box by its size. Boxes of one class share batches, so that the lanes of a batch run a
+// similar number of rows.
 constexpr uint8_t kSizeClass[kSmallCells + 1] = {0, 0, 1, 2, 3, 4, 4, 5, 5,
                                                  6, 6, 7, 7, 7, 8, 8, 8, 8};
 constexpr int kSizeClasses = 9;
@@ -25,8 +26,8 @@ class TileToucher {
  public:
   TileToucher(const TouchInput& input, uint64_t* words) : input_(input), words_(words) {}
 
-  // A group of triangles at a time, a lane for each; the last group has its last one several times,
-  // which does no harm.
+  // Processes a group of triangles at a time, one per lane. The last group repeats its last
+  // triangle, which does no harm.
   uint64_t run() {
     for (size_t i = 0; i < input_.list_count; i += kLanes) sort_group(i);
     flush();
@@ -39,13 +40,13 @@ class TileToucher {
   }
 
  private:
-  // What the lanes' boxes say. Masks are -1 or 0 in a lane.
+  // The boxes of a group's lanes. Masks are -1 or 0 in a lane.
   struct Group {
     Int4 q[3][kLanes];
     IntLanes first[3], last[3];  // cells of the boxes inside the tile
-    IntLanes inside;             // some cell is
+    IntLanes inside;             // at least one cell is inside the tile
     IntLanes large;
-    IntLanes row;  // boxes that are a row of cells: every slice of one holds a part of the triangle
+    IntLanes row;  // the box is a row of cells, and each cell of it holds a part of the triangle
   };
 
   void sort_group(size_t first) {
@@ -86,7 +87,7 @@ class TileToucher {
     group.row = one_cell <= -2;
   }
 
-  // Of boxes of small triangles; some blocks may stay empty.
+  // Marks the blocks of small triangles' boxes; some of them may stay empty.
   void mark_blocks(const Group& group, IntLanes small) {
     const IntLanes first = block_number(group.first), last = block_number(group.last);
     const IntLanes number = small ? first : all_lanes(kNoBlock);
@@ -116,7 +117,7 @@ class TileToucher {
     while (negative_lanes(wanted) != 0) {
       set_rows(words_ + kTouchRowsAt, row_word_y(y) + row_word_z(z), group.first[0],
                group.last[0] + 1, wanted);
-      // One of the two goes on, or none.
+      // At most one of the two advances, because the box is a row.
       const IntLanes more_y = y < group.last[1], more_z = z < group.last[2];
       y -= more_y;
       z -= more_z;
@@ -155,7 +156,7 @@ class TileToucher {
     batch.count = 0;
   }
 
-  // Runs what is left, neighbouring sizes together.
+  // Runs the remaining triangles, merging batches of neighbouring sizes.
   void flush() {
     SmallBatch rest;
     for (auto& row : batches_) {
@@ -167,7 +168,7 @@ class TileToucher {
       }
     }
     if (rest.count == 0) return;
-    // A triangle once more does no harm.
+    // Unused lanes repeat a triangle, which does no harm.
     for (int lane = rest.count; lane < kLanes; ++lane) copy_lane(rest, 0, rest, lane);
     run_batch(rest);
   }
@@ -180,7 +181,7 @@ class TileToucher {
   uint64_t* words_;
   static constexpr int32_t kNoBlock = 64;
   uint64_t morton_blocks_ = 0;
-  uint8_t seen_blocks_[kNoBlock + 1] = {};  // 1 where a small triangle's box reaches the block
+  uint8_t seen_blocks_[kNoBlock + 1] = {};          // 1 if a small triangle's box reaches the block
   SmallBatch batches_[kSizeClasses][kSizeClasses];  // by rows in z, in y
 };
 
@@ -188,8 +189,8 @@ inline uint64_t touch(const TouchInput& input, uint64_t* words) {
   return TileToucher(input, words).run();
 }
 
-// Joins one block of all tiles into the first one's, and zeroes it in the others. Returns whether
-// its Morton words may not be 0.
+// Joins one block of all tiles into the first tile's and zeroes it in the others. Returns true if
+// its Morton words may be nonzero.
 inline bool join_block(uint64_t* const* tiles, size_t tile_count, size_t block) {
   const size_t first = block * kBlockWords;
   bool in_morton = (tiles[0][kMortonBlocksAt] >> block & 1) != 0;
@@ -208,8 +209,8 @@ inline bool join_block(uint64_t* const* tiles, size_t tile_count, size_t block) 
   return in_morton;
 }
 
-// Takes the bricks of a block out of a tile, in Morton order: visit(number, its 8 words), for all
-// of them, also empty ones. Zeroes the block.
+// Takes the bricks of a block out of a tile in Morton order and zeroes the block. Calls
+// visit(number, its 8 words) for every brick, empty ones included.
 template <typename Visit>
 void take_bricks(uint64_t* words, size_t block, bool in_morton, const Visit& visit) {
   uint64_t* morton = words + block * kBlockWords;

@@ -1,17 +1,19 @@
-// A triangle of any size: rows of cells along its box's longest axis, lanes are rows side by side.
-// Exact for triangles as wide as the largest grid; see the bounds at each step.
+// A triangle of any size by the touch rule. It goes over rows of cells along the box's longest
+// axis; lanes are adjacent rows. Exact for triangles as wide as the largest grid; see the bounds at
+// each step.
 //
-// The overlap test is Schwarz & Seidel's (2010): plane and three projections. What a triangle and a
-// row of cells (v, w) have in common is convex, so the cells are one run [begin, end) along u:
+// The overlap test is Schwarz & Seidel's (2010): the plane and three projections. A triangle and a
+// row of cells (v, w) intersect in a convex set, so the touched cells are one run [begin, end)
+// along u:
 // - the row meets the triangle iff the projection to (v, w) meets the square (v, w), which gives a
 //   range of v for each w;
 // - edges projected to (u, v) bound the run for each v, those projected to (w, u) for each w;
 // - both sides of the plane bound it for each row.
 //
-// A bound is `a i + r >= 0` with integers a, r: for a > 0, begin = ceil(-r / a), for a < 0,
-// end = floor(r / -a) + 1. As -r - 1/2 is never a multiple of a, both are floor((-r - 1/2) / a) +
-// 1, and the quotient is at least 1 / |2a| away from where floor jumps: quotients in floating point
-// are exact after floor when they err by less.
+// A bound is `a i + r >= 0` with integers a, r. For a > 0, begin = ceil(-r / a); for a < 0, end =
+// floor(r / -a) + 1. As -r - 1/2 is never a multiple of a, both are floor((-r - 1/2) / a) + 1. The
+// quotient is at least 1 / |2a| away from where floor jumps, so floating-point quotients with a
+// smaller error are exact after floor.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +26,7 @@
 namespace voxeld {
 namespace {
 
-// q of the three corners, less that of the tile's min corner.
+// q of the three corners, relative to the tile's min corner.
 struct Corners {
   int32_t q[3][3];  // corner, axis
 };
@@ -40,7 +42,7 @@ struct WideBound {
   int kind = 0;  // 1: begin, -1: end, 0: none, because the edge runs along i
 };
 
-// Where a i + b j + c >= 0.
+// The bound of a i + b j + c >= 0.
 inline WideBound bound_of(int64_t a, int64_t b, int64_t c) {
   WideBound bound;
   if (a == 0) return bound;
@@ -51,8 +53,8 @@ inline WideBound bound_of(int64_t a, int64_t b, int64_t c) {
   return bound;
 }
 
-// Edge from (pi, pj) along (di, dj); cells count from 0. side: -1 where the projection is
-// clockwise, else 0.
+// The bound of an edge from (pi, pj) along (di, dj); cells count from 0. side: -1 if the projection
+// is clockwise, else 0.
 inline WideBound wide_bound(int64_t pi, int64_t pj, int64_t di, int64_t dj, int64_t side) {
   const int64_t a = side - (dj ^ side), b = (di ^ side) - side;
   const int64_t reach_i = (a >= 0 ? 512 : 0) - (2 * pi + 1);
@@ -60,7 +62,8 @@ inline WideBound wide_bound(int64_t pi, int64_t pj, int64_t di, int64_t dj, int6
   return bound_of(a, b, (a * reach_i + b * reach_j) >> 9);
 }
 
-// Bounds that each j or w gives for i, not yet rounded down; 0 <= i < count.
+// Narrows [begin, end) by the bounds that `at` (a j or w) gives for i, not yet rounded down; 0 <= i
+// < count.
 inline void narrow(const WideBound* bounds, double at, double& begin, double& end) {
   for (int e = 0; e < 3; ++e) {
     const double t = bounds[e].slope * at + bounds[e].offset;
@@ -103,7 +106,7 @@ class LargeTriangle {
       double begin_u = 0, end_u = count_[0], first = 0, last = count_[1];
       narrow(u_of_w_, w, begin_u, end_u);
       narrow(v_of_w_, w, first, last);
-      // They may be far outside.
+      // Clamped before conversion, because bounds may be far outside the range of int.
       const int v_begin = static_cast<int>(lesser(first, double{kTileCells}));
       const int v_end = static_cast<int>(greater(last, 0.0));
       const uint32_t row_w = kSpread.at[first_[2] + w] << axis_[2];
@@ -116,8 +119,8 @@ class LargeTriangle {
   }
 
  private:
-  // u: the longest side of the box, so that there are few rows; w: the shortest, so that lanes
-  // have company.
+  // Chooses u as the longest side of the box, so that there are few rows, and w as the shortest, so
+  // that lanes are well filled.
   void order_axes(const int32_t* count) {
     axis_[0] = count[0] >= count[1] && count[0] >= count[2] ? 0 : count[1] >= count[2] ? 1 : 2;
     const int a = (axis_[0] + 1) % 3, b = (axis_[0] + 2) % 3;
@@ -138,10 +141,11 @@ class LargeTriangle {
     for (int i = 0; i < 3; ++i) {
       u_of_v_[i] = wide_bound(p_[i][0], p_[i][1], d[i][0], d[i][1], side_w);
       v_of_w_[i] = wide_bound(p_[i][1], p_[i][2], d[i][1], d[i][2], side_u);
-      // The projection to (w, u) is turned like n.v; seen as (u, w) it is the other way around.
+      // The projection to (w, u) is oriented like n.v; seen as (u, w) it is the other way around.
       u_of_w_[i] = wide_bound(p_[i][0], p_[i][2], d[i][0], d[i][2], ~side_v);
     }
-    // A projection without area has no side; any will do, as long as its three edges agree.
+    // A projection without area has no orientation. Any sign will do, as long as its three edges
+    // agree.
     set_up_plane(n);
   }
 
@@ -160,7 +164,7 @@ class LargeTriangle {
     normal_v_ = static_cast<double>(n[1]);
     normal_w_ = static_cast<double>(n[2]);
     if (n[0] == 0) {
-      // The plane holds the direction u: rows that meet the triangle have no bound from it.
+      // The plane contains the direction u, so it does not bound the rows that meet the triangle.
       inverse_u_ = 0;
       begin_bias_ = 0;
       end_bias_ = kTileCells;
@@ -171,8 +175,8 @@ class LargeTriangle {
     }
   }
 
-  // Heights are integers below 2^53, so exact. A quotient t errs by t * 2^-51, for t <= 257 far
-  // less than 2^-39 <= 1 / |2 n.u|; larger ones are clamped by what the edges say.
+  // Heights are integers below 2^53, so exact. A quotient t errs by t * 2^-51. For t <= 257 that is
+  // far less than 2^-39 <= 1 / |2 n.u|; larger quotients are clamped by the edges' bounds.
   uint64_t touch_rows(uint64_t* words, int v, int row_count, int w, const double* begin_v,
                       const double* end_v, double begin_u, double end_u, uint32_t row_w) const {
     alignas(64) double begins[kDoubleLanes], ends[kDoubleLanes];
@@ -203,7 +207,7 @@ class LargeTriangle {
   // Index 0, 1, 2: u, v, w.
   int axis_[3];
   int32_t first_[3], count_[3];  // cells of the box inside the tile
-  int64_t p_[3][3];              // corners, from the first cell
+  int64_t p_[3][3];              // corners relative to the first cell
   WideBound u_of_v_[3], v_of_w_[3], u_of_w_[3];
   double normal_v_, normal_w_, above_, below_, inverse_u_, begin_bias_, end_bias_;
 };

@@ -1,6 +1,6 @@
-// Triangles at most 16 voxels wide, a batch at a time: lanes are triangles, loops run over the rows
-// of cells along x of their boxes. The method is that of touch_large.h; here with floats, and where
-// these would not do (the plane) with 32-bit integers that decide at the candidate.
+// Triangles at most 16 voxels wide, a batch at a time. Lanes are triangles; loops run over the rows
+// of cells along x of their boxes. The method is that of touch_large.h, but with floats. For the
+// plane floats are too coarse, so 32-bit integers decide at the candidate.
 #pragma once
 
 #include <cstddef>
@@ -13,11 +13,10 @@
 namespace voxeld {
 namespace {
 
-// In 1/256 voxel, on each axis. Then from the box's first cell corners are < 2^12 + 2^8 in size,
-// and
-// |normal| <= 2^24 on each axis.
+// The largest extent on each axis, in 1/256 voxel. Relative to the box's first cell, corners are
+// then < 2^12 + 2^8 in size, and |normal| <= 2^24 on each axis.
 constexpr int32_t kSmallExtent = 4096;
-// Cells of a small triangle's box, on each axis.
+// The most cells of a small triangle's box on each axis.
 constexpr int kSmallCells = kSmallExtent / 256 + 1;
 
 // Corners relative to the tile. Lanes from `count` on are not set.
@@ -26,14 +25,15 @@ struct alignas(64) SmallBatch {
   int count = 0;
 };
 
-// See WideBound. |a|, |b| <= 2^12, |j| <= 17, |c| < 2^18.1: slope * j + offset errs by less than
-// 2^-24 * 4 * (2^16.1 + 2^18.1) / |a| < 2^-3.5 / |a|, and by 2^-19 for the + 1.
+// Bounds of an edge, as in WideBound. With |a|, |b| <= 2^12, |j| <= 17, |c| < 2^18.1, slope * j +
+// offset errs by less than 2^-24 * 4 * (2^16.1 + 2^18.1) / |a| < 2^-3.5 / |a|, and by 2^-19 for the
+// + 1.
 struct BoundLanes {
   FloatLanes slope, offset;
   IntLanes is_begin, is_end;
 };
 
-// P = 2 p + 1 of the edge's first corner.
+// The bounds of an edge; P = 2 p + 1 of its first corner.
 inline BoundLanes bound_lanes(IntLanes P_i, IntLanes P_j, IntLanes di, IntLanes dj, IntLanes side) {
   const IntLanes a = side - (dj ^ side), b = negate_where(side, di);
   const IntLanes reach_i = (~(a >> 31) & 512) - P_i, reach_j = (~(b >> 31) & 512) - P_j;
@@ -92,7 +92,7 @@ class SmallTriangles {
       const IntLanes row_z = row_word_z(first_[2] + z);
       IntLanes height = normal_z_ * z + plane_;
       for (int y = 0; y < rows_y; ++y, height += normal_y_) {
-        // Negative where y_begin <= y < y_end.
+        // Negative if y_begin <= y < y_end.
         const IntLanes in_row = (y_begin - y - 1) & (y - y_end);
         if (negative_lanes(in_row) == 0) continue;
         const FloatLanes begin = greater(begin_y[y], begin_z), end = lesser(end_y[y], end_z);
@@ -123,9 +123,9 @@ class SmallTriangles {
     set_up_plane(p[0], n);
   }
 
-  // height = n.y y + n.z z + plane; a cell is met iff n.x x + height + above >= 0 and
-  // n.x x + height - below <= 0, with n.x >= 0. In a box all terms' sum is below 2^31: the box and
-  // one cell around it are 18 cells wide, |n| sums to at most 3 * 2^24.
+  // height = n.y y + n.z z + plane. With n.x >= 0 a cell is met iff n.x x + height + above >= 0 and
+  // n.x x + height - below <= 0. The sum of all terms in a box is below 2^31: the box and one cell
+  // around it are 18 cells wide, and |n| sums to at most 3 * 2^24.
   void set_up_plane(const IntLanes (&p)[3], IntLanes (&n)[3]) {
     const IntLanes flip = n[0] >> 31;
     IntLanes reach_high{}, reach_low{}, size{};
@@ -133,28 +133,28 @@ class SmallTriangles {
     for (int c = 0; c < 3; ++c) {
       n[c] = negate_where(flip, n[c]);
       const IntLanes sign = n[c] >> 31, magnitude = negate_where(sign, n[c]);
-      // 512 times the way from the corner to the side of its cell that is farthest along n.
+      // 512 times the distance from the corner to the side of its cell that is farthest along n.
       const IntLanes reach = negate_where(sign, 255 - 2 * (p[c] & 255)) + 256;
-      // magnitude * reach has 33 bits: the sum is kept as 512 * high + low.
+      // magnitude * reach has 33 bits, so the sum is kept as 512 * high + low.
       reach_high += (magnitude >> 9) * reach;
       reach_low += (magnitude & 511) * reach;
       size += magnitude;
       plane_ -= n[c] * (p[c] >> 8);
     }
     above_ = reach_high + (reach_low >> 9);
-    // From the corner to the other side it is 512 - reach.
+    // The distance from the corner to the other side is 512 - reach.
     below_ = size - reach_high - ((reach_low + 511) >> 9);
     normal_x_ = n[0];
     normal_y_ = n[1];
     normal_z_ = n[2];
     const IntLanes no_x = n[0] == 0;
     inverse_x_ = no_x ? FloatLanes{} : 1.0f / to_float(n[0]);
-    // A plane that holds the direction x does not bound rows that meet the triangle.
+    // A plane that contains the direction x does not bound rows that meet the triangle.
     end_bias_ = no_x ? all_lanes_f(2 * kSmallCells) : all_lanes_f(1.0f + kMargin);
   }
 
-  // Quotients that matter are at most 18 and err by 2^-18; the margin makes the candidate the right
-  // cell or the one outside of it, and the integers tell.
+  // Quotients that matter are at most 18 and err by 2^-18. With the margin the candidate is the
+  // right cell or the one outside of it; the integer test decides.
   void touch_row(IntLanes height, FloatLanes begin, FloatLanes end, IntLanes in_row, IntLanes row,
                  uint64_t* rows) const {
     const IntLanes s_above = height + above_, s_below = height - below_;
@@ -163,7 +163,8 @@ class SmallTriangles {
     begin = lesser(greater(begin, from_plane), all_lanes_f(2 * kSmallCells));
     end = greater(lesser(end, to_plane), FloatLanes{});
     IntLanes x_begin = truncated(begin), x_end = truncated(end);
-    // Minus (-1) where the candidate is below the plane, plus (-1) where it is above.
+    // The shifts give -1: the first moves begin up if the candidate is below the plane, the second
+    // moves end down if it is above.
     x_begin -= (normal_x_ * x_begin + s_above) >> 31;
     x_end += (normal_x_ * (1 - x_end) - s_below) >> 31;
     const IntLanes wanted = (in_row & (x_begin - x_end)) >> 31;

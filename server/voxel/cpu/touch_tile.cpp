@@ -14,9 +14,9 @@
 namespace voxeld {
 namespace {
 
-// Fewer triangles are done before another thread is awake.
+// Fewer triangles are done before another thread has woken up.
 constexpr size_t kTriangleGrain = 1024;
-// More would spend their time on joining tiles.
+// With more threads, joining their tiles would take longer than filling them.
 constexpr int kThreadsMax = 64;
 
 static_assert(sizeof(glm::ivec3) == 12 && sizeof(SnappedTriangle) % 4 == 0);
@@ -44,7 +44,7 @@ void append(const CompactedBlock& from, SparseTile& to) {
   }
 }
 
-// The `part`-th of `parts` equal shares of the set bits, which stay in order.
+// Share number `part` of `parts` equal shares of the set bits, in order.
 uint64_t share_of_bits(uint64_t bits, size_t part, size_t parts) {
   const auto count = static_cast<size_t>(std::popcount(bits));
   const size_t first = count * part / parts, last = count * (part + 1) / parts;
@@ -188,7 +188,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, std::span<
   pool_.run(pool_.threads(), [&](int part) {
     Worker& worker = workers_[static_cast<size_t>(part)];
     for (size_t i = next++; i < bins.size(); i = next++) {
-      // Alone, with its own words: as the first and only part of a job of one.
+      // The worker takes the whole tile with its own words, as the only part of a job of one.
       worker.reserve();
       const TouchInput input = touch_input(mesh, spec, bins[i]);
       uint64_t blocks = occupy(input, worker);

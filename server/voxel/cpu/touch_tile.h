@@ -1,12 +1,12 @@
-// Occupancy on the CPU: which cells of a tile the snapped triangles occupy by rule touch, thin or
-// center, exactly as ../README.md defines, with the same bits from every instruction set and
+// Occupancy on the CPU: the cells of a tile that the snapped triangles occupy by rule touch, thin
+// or center, exactly as ../README.md defines. The bits do not depend on the instruction set or the
 // number of threads.
 //
-// By rule touch, triangles up to 16 voxels wide are done a batch at a time, a lane for each
-// (touch_small.h), others one by one, a lane for each row of cells (touch_large.h); the other
-// rules do the same along each axis (lines_small.h, lines_large.h). Threads share a tile's
-// triangles, each with a tile of its own to set bits in, which are joined block by block; or they
-// take a tile each.
+// By rule touch, triangles up to 16 voxels wide run a batch at a time, one per lane
+// (touch_small.h). Larger ones run one by one, a lane for each row of cells (touch_large.h). The
+// other rules do the same along each axis (lines_small.h, lines_large.h). Threads either share a
+// tile's triangles, each setting bits in its own copy of the tile, or take a whole tile each. The
+// copies are joined block by block.
 #pragma once
 
 #include <cstdint>
@@ -25,30 +25,30 @@
 
 namespace voxeld {
 
-// What a kernel reads of a bin. Points into `mesh` and `bin`.
+// The kernel's view of a bin. It points into `mesh` and `bin`.
 TouchInput touch_input(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin);
 
-// Keeps 2 MiB per thread between calls. One thread calls.
+// Runs the kernels. It keeps 2 MiB per thread between calls. Not thread-safe.
 class CpuTouch {
  public:
-  // `threads`: 0 is as many as the machine has. The instruction set must be supported.
+  // threads: 0 means one per hardware thread. The instruction set must be supported.
   explicit CpuTouch(int threads, CpuIsa isa = best_cpu_isa());
 
-  // What the following calls of run() set: touch until this is called; none sets nothing.
+  // Sets the rule of the following calls of run(). The default is touch; none sets nothing.
   void set_rule(Rule rule) { rule_ = rule; }
 
-  // Sets the bits of all cells of the tile that the bin's triangles occupy. `mask`: kTileMaskWords
+  // Sets the bits of all cells of the tile that the bin's triangles occupy. mask: kTileMaskWords
   // words in the layout of TileDevice::read_mask, whose old contents do not matter. Returns the
-  // blocks whose words are valid, as TileWindow::blocks; the triangles touch nothing in others
-  // (except by rule none, which returns none).
+  // blocks whose words are valid, see TileWindow::blocks. The triangles touch nothing in other
+  // blocks (except by rule none, which returns none).
   uint64_t run(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin,
                std::span<uint32_t> mask);
 
-  // The same, as bricks appended to `tile`, in order. Returns the number of voxels.
+  // The same, with the result as bricks appended to `tile`, in order. Returns the number of voxels.
   uint64_t run(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin, SparseTile& tile);
 
-  // Appends to tiles[i] the bricks of bins[i]. Faster than one call for each where there are
-  // several tiles for each thread. Returns the number of voxels.
+  // Appends the bricks of bins[i] to tiles[i]. Faster than one call for each tile if there are
+  // several tiles per thread. Returns the number of voxels.
   uint64_t run(const SnappedMesh& mesh, const GridSpec& spec, std::span<const TileBin> bins,
                std::span<SparseTile> tiles);
 
@@ -57,7 +57,8 @@ class CpuTouch {
 
  private:
   struct Worker {
-    HugeArray words;  // kTouchWords, tiles all 0 between calls; none before the first
+    // kTouchWords, all 0 between calls; empty before the first use.
+    HugeArray words;
     void reserve() {
       if (words.data() == nullptr) words = HugeArray(kTouchWords);
     }
@@ -71,13 +72,13 @@ class CpuTouch {
   size_t touch_shared(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin);
   void touch_part(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin, size_t part,
                   size_t parts);
-  // Calls visit(block, tiles with bits in it) for the blocks of the first `parts` workers, from
-  // `blocks`.
+  // Calls visit(block, tiles with bits in it) for those of `blocks` that the first `parts` workers
+  // wrote.
   template <typename Visit>
   void for_each_block(size_t parts, uint64_t blocks, const Visit& visit);
   void compact_blocks(size_t parts, uint64_t blocks, Worker& worker, SparseTile& tile);
 
-  // Of a worker's own words.
+  // Runs the kernel on the worker's own words. Returns the blocks.
   uint64_t occupy(const TouchInput& input, Worker& worker) const;
 
   const TouchKernel* kernel_;

@@ -1,5 +1,5 @@
-// A few threads that wait for parts of one job. Starting threads anew for every tile would cost as
-// much as a small tile.
+// A pool of threads that wait for the parts of one job. Starting threads for every tile would cost
+// as much as a small tile.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@
 
 namespace voxeld {
 
-// run() is for one thread at a time.
+// A pool. Only one thread at a time may call run().
 class WorkerPool {
  public:
-  // `threads`: the caller of run() included; at least 1.
+  // threads: includes the caller of run(); at least 1.
   explicit WorkerPool(int threads);
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
@@ -22,8 +22,8 @@ class WorkerPool {
 
   int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
-  // Calls body(worker) for worker 0 to count - 1 <= threads() - 1, each on a thread of its own (0
-  // on the caller's), and waits. The body must not throw.
+  // Calls body(worker) for worker 0 to count - 1 <= threads() - 1 and waits for all. Each runs on
+  // its own thread, 0 on the caller's. The body must not throw.
   void run(int count, const std::function<void(int)>& body);
 
  private:

@@ -12,8 +12,8 @@
 
 namespace voxeld {
 
-// One buffer of sums; a tile with more voxels is summed in several runs. 2 million voxels with all
-// channels, 64 MiB.
+// The size of the buffer of sums: 2 million voxels with all channels. A tile with more voxels is
+// summed in several runs.
 inline constexpr size_t kSumsBytesMax = size_t{64} << 20;
 
 class AttributePass {
@@ -21,13 +21,13 @@ class AttributePass {
   AttributePass(TileDevice& device, gpu::ShaderLibrary& shaders)
       : device_(&device), shaders_(&shaders) {}
 
-  // Uploads the levels of the scene's images that triangles use. textures_key:
-  // VoxelizePlan::textures_key; what was uploaded for the same one is there.
+  // Uploads the levels of the scene's images that triangles use. textures_key is
+  // VoxelizePlan::textures_key; what was uploaded for the same key is used again.
   Status begin_job(const Scene& scene, const AttributeRecords& records,
                    const AttributeChannels& channels, uint64_t textures_key);
-  // What the following voxels are summed for: the job's channels or fewer.
+  // Sets the channels that the following runs sum: the job's or fewer.
   void set_channels(const AttributeChannels& channels) { channels_ = channels; }
-  // Frees the images, but those of frames.
+  // Frees the images, unless they are shared by frames.
   void end_job() {
     if (textures_key_ == 0) textures_.clear();
   }
@@ -36,15 +36,15 @@ class AttributePass {
     textures_key_ = 0;
   }
 
-  // Number of each mask word's first voxel, for the words of `blocks`.
+  // word_offsets: number of each mask word's first voxel, for the words of `blocks`.
   Status begin_tile(std::span<const uint32_t> word_offsets, uint64_t blocks);
-  // Voxels that one run can sum.
+  // The most voxels that one run can sum.
   size_t voxels_max() const;
-  // The following run() calls sum voxels [first, first + count), from 0.
+  // The following run() calls sum voxels [first, first + count), starting from 0.
   Status begin_voxels(size_t first, size_t count);
-  // `words`: AttributeRecords::fill() of the window, which is the one uploaded.
+  // words: AttributeRecords::fill() of the window, which must be the uploaded one.
   Status run(const TileWindow& window, std::span<const uint32_t> words, Pipeline pipeline);
-  // channels.count() words per voxel; `carries` stays empty when no sum carried.
+  // Reads channels.count() words per voxel. `carries` stays empty if no sum carried.
   void read(std::vector<uint32_t>& sums, std::vector<uint32_t>& carries);
 
   int64_t bytes() const;
@@ -59,7 +59,7 @@ class AttributePass {
   gpu::ShaderLibrary* shaders_;
   gpu::Buffer attributes_, word_offsets_, sums_, carries_, linear_;
   std::vector<gpu::Texture2D> textures_;  // per image of the scene; empty where unused
-  uint64_t textures_key_ = 0;             // of textures_; 0: none
+  uint64_t textures_key_ = 0;             // key of textures_; 0: none
   AttributeChannels channels_;
   shared::VoxelizeParams params_;
 };

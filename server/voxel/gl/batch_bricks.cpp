@@ -12,7 +12,7 @@ static_assert(std::endian::native == std::endian::little,
               "masks are copied as words of the device");
 static_assert(sizeof(BrickMask) == 64);
 
-// Bricks that the buffers begin with; they grow by what is found. 1 MiB.
+// Initial capacity of the buffers in bricks, 1 MiB. They grow to what a batch needs.
 constexpr size_t kBricksMin = size_t{1} << 14;
 
 }  // namespace
@@ -47,7 +47,7 @@ Result<std::vector<SparseTile>> BatchBricks::run(const gpu::Buffer& masks,
   scan->dispatch(static_cast<int64_t>(bins.size()));
   context_->gl().MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
   timer.end();
-  // As many as the last batch had mostly suffice; then nothing waits for the numbers.
+  // The last batch's capacity mostly suffices. Then the gather need not wait for the counts.
   VOXELD_TRY(gather(std::max(capacity_, kBricksMin), groups, timer));
   std::vector<shared::BatchTile> found(bins.size());
   tiles_.read(0, std::span(found));
@@ -72,7 +72,7 @@ Result<std::vector<SparseTile>> BatchBricks::run(const gpu::Buffer& masks,
   return tiles;
 }
 
-// Into buffers for `bricks`.
+// Gathers into buffers with room for `bricks`.
 Status BatchBricks::gather(size_t bricks, int64_t groups, gpu::PassTimer& timer) {
   VOXELD_ASSIGN(const gpu::Program* program, shaders_->get({{"batch_gather.comp"}}));
   VOXELD_TRY(gpu::ensure_size(mortons_, *context_, bricks * 4, "brick places"));

@@ -1,4 +1,5 @@
-// Compacts the masks of a batch of tiles on the device, so that only occupied bricks are read back.
+// Compaction of the masks of a batch of tiles on the device, so that only occupied bricks are read
+// back.
 #pragma once
 
 #include <cstdint>
@@ -18,14 +19,14 @@ class BatchBricks {
   BatchBricks(const gpu::Context& context, gpu::ShaderLibrary& shaders)
       : context_(&context), shaders_(&shaders) {}
 
-  // masks: a tile's per bin; counts: BatchTouch::counts(). One tile per bin, those without voxels
-  // empty; bricks in ascending order, as compact_mask() has them.
+  // Returns one tile per bin; tiles without voxels are empty. Bricks are in ascending order, as in
+  // compact_mask(). masks: one tile's per bin; counts: BatchTouch::counts().
   Result<std::vector<SparseTile>> run(const gpu::Buffer& masks, const gpu::Buffer& counts,
                                       std::span<const TileBin> bins, gpu::PassTimer& timer);
 
-  // Of the last run.
+  // Bytes read back by the last run.
   int64_t read_bytes() const { return read_bytes_; }
-  // Of all buffers now.
+  // Bytes of all buffers now.
   int64_t bytes() const;
   // An upper bound of bytes() for batches of `tiles`.
   static int64_t bytes_max(size_t tiles);

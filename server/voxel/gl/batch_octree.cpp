@@ -9,7 +9,7 @@
 namespace voxeld {
 namespace {
 
-// What the buffer of octrees begins with; it grows by what is found.
+// Initial size of the octree buffer. It grows to what a batch needs.
 constexpr size_t kOctreeBytesMin = size_t{1} << 18;
 
 }  // namespace

@@ -1,5 +1,6 @@
-// Builds the octrees of a batch of tiles on the device, level by level, from their masks: the bytes
-// of octree_from_tile() (proto/octree_codec.h), so that what is read back is what is stored.
+// Construction of the octrees of a batch of tiles on the device, level by level, from their masks.
+// The bytes are those of octree_from_tile() (proto/octree_codec.h), so they are stored as they are
+// read back.
 #pragma once
 
 #include <cstdint>
@@ -16,14 +17,14 @@ class BatchOctree {
   BatchOctree(const gpu::Context& context, gpu::ShaderLibrary& shaders)
       : context_(&context), shaders_(&shaders) {}
 
-  // masks: kTileMaskBytes for each of `tiles`, 1..BATCH_SLOTS_MAX (BatchTouch::masks()).
-  // has_attributes: of voxels, which then lie in no full node. The octree of each tile, empty for
-  // those without voxels. After Zhou, Gong, Huang & Guo 2011, from the leaves up, with bit masks
-  // instead of sorted points.
+  // The octree of each tile, empty for tiles without voxels. It is built from the leaves up after
+  // Zhou, Gong, Huang & Guo 2011, with bit masks instead of sorted points. masks: kTileMaskBytes
+  // for each of `tiles`, 1..BATCH_SLOTS_MAX (BatchTouch::masks()). has_attributes: the voxels have
+  // attributes and are therefore in no full node.
   Result<std::vector<std::vector<uint8_t>>> run(const gpu::Buffer& masks, size_t tiles,
                                                 bool has_attributes, gpu::PassTimer& timer);
 
-  // Of all buffers now.
+  // Bytes of all buffers now.
   int64_t bytes() const;
 
  private:

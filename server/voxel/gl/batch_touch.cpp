@@ -13,14 +13,15 @@ namespace {
 static_assert(BATCH_TILE_MASK_WORDS == kTileMaskWords);
 
 constexpr size_t kItemBytes = 8;
-// Lists grow by what a run needed; they never begin smaller.
+// The smallest size of the lists. They grow to what a run needed.
 constexpr size_t kListItemsMin = size_t{1} << 14;
 constexpr size_t kSmallArguments = offsetof(shared::BatchCounts, small_x);
 constexpr size_t kLargeArguments = offsetof(shared::BatchCounts, large_x);
-// What is reset for each window.
+// The leading part of BatchCounts that is reset for each window.
 constexpr size_t kWindowCountBytes = offsetof(shared::BatchCounts, small_needed);
 
-// A power of two, so that lists of slightly different jobs do not make buffers anew.
+// The size of a list: a power of two, so that jobs with slightly different lists use the same
+// buffers.
 size_t list_items(size_t needed, size_t limit) {
   size_t items = kListItemsMin;
   while (items < needed) items *= 2;
@@ -104,7 +105,7 @@ Status BatchTouch::run(std::span<const TileBin> bins, gpu::PassTimer& timer) {
     if (small_needed <= values_.small_capacity && large_needed <= values_.large_capacity) {
       return context_->check("finding touched cells");
     }
-    // A pair has at most 1024 items, which every device can hold.
+    // Halving ends, because a pair has at most 1024 items, which every device can hold.
     if (std::max(small_needed, large_needed) > limit) pairs_max = (pairs_max + 1) / 2;
   }
 }
@@ -150,7 +151,7 @@ Status BatchTouch::run_window(const PairWindow& window, bool is_first, const Pro
   small_.bind_storage(BATCH_ITEMS);
   programs.small->dispatch_indirect(kSmallArguments);
   timer.end();
-  // The lists differ and bits are set by atomics, so nothing waits in between.
+  // No barrier is needed between the two: the lists differ, and bits are set by atomics.
   timer.begin("large");
   large_.bind_storage(BATCH_ITEMS);
   programs.large->dispatch_indirect(kLargeArguments);

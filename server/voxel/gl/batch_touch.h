@@ -1,5 +1,5 @@
-// Pipeline compute on hardware: the passes that find the occupied cells of a batch of tiles, sized
-// and fed by the device itself (shaders/shared/voxelize_batch.h).
+// Pipeline compute on hardware: passes that find the occupied cells of a batch of tiles. The device
+// itself sizes and feeds them (shaders/shared/voxelize_batch.h).
 #pragma once
 
 #include <cstdint>
@@ -22,24 +22,24 @@ class BatchTouch {
   Status begin_job(const VoxelizePlan& plan);
   void end_job() { mesh_.end_job(); }
   void end_frames() { mesh_.end_frames(); }
-  // The mesh's buffer, for what makes vertices on the device: ResidentMesh::vertices().
+  // The mesh's buffer, for passes that make vertices on the device: ResidentMesh::vertices().
   Result<const gpu::Buffer*> vertices(size_t count) { return mesh_.vertices(count); }
 
-  // Tiles of one batch.
+  // Number of tiles of one batch.
   size_t batch_tiles() const;
-  // The masks of the bins' tiles, slot after slot. At most batch_tiles() bins. Runs again with
-  // larger lists, or smaller windows, where work items did not fit.
+  // Makes the masks of the bins' tiles, slot after slot. At most batch_tiles() bins. If work items
+  // do not fit, it runs again with larger lists or smaller windows.
   Status run(std::span<const TileBin> bins, gpu::PassTimer& timer);
 
-  // kTileMaskBytes per slot.
+  // The masks, kTileMaskBytes per slot.
   const gpu::Buffer& masks() const { return masks_; }
-  // BatchCounts, whose brick_count is 0 after run().
+  // A BatchCounts, whose brick_count is 0 after run().
   const gpu::Buffer& counts() const { return counts_; }
   // Work items of the last run.
   int64_t item_count() const { return item_count_; }
-  // Of the mesh, since begin_job().
+  // Bytes of the mesh uploaded since begin_job().
   int64_t uploaded_bytes() const { return mesh_.uploaded_bytes(); }
-  // Of all buffers now.
+  // Bytes of all buffers now.
   int64_t bytes() const;
   // An upper bound of bytes() for a job.
   int64_t bytes_max(size_t vertices, size_t triangles, size_t tiles) const;

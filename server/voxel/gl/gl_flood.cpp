@@ -16,7 +16,7 @@ constexpr int kWordCells = 32;
 
 }  // namespace
 
-// Words as in solid_flood.comp.
+// Bits of the grid in the words of solid_flood.comp.
 struct GlFlood::Grid {
   explicit Grid(const glm::ivec3& of_dims)
       : dims(of_dims),
@@ -24,11 +24,11 @@ struct GlFlood::Grid {
         plane_words(words_x * static_cast<size_t>(of_dims.y)) {}
 
   size_t bytes() const { return plane_words * static_cast<size_t>(dims.z) * 4; }
-  // Of the first word of a row; z counts from the layer's first plane.
+  // Index of the first word of a row. z counts from the layer's first plane.
   size_t word_of(int y, int z) const {
     return static_cast<size_t>(z) * plane_words + static_cast<size_t>(y) * words_x;
   }
-  // Planes of a layer of tiles.
+  // Number of planes of a layer of tiles.
   int layer_planes(int tile_z) const {
     return std::min(limits::kTileSide, dims.z - tile_z * limits::kTileSide);
   }
@@ -42,7 +42,7 @@ struct GlFlood::Grid {
   gpu::Buffer free, reached, changed, params;
 };
 
-// Takes the tile's cells out of those of its layer that are free.
+// Removes the tile's cells from the free cells of its layer.
 void GlFlood::Grid::cover(const SparseTile& tile, std::vector<uint32_t>& free_cells) const {
   for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t) {
     const auto at = morton_decode(morton);
@@ -62,7 +62,7 @@ void GlFlood::Grid::cover(const SparseTile& tile, std::vector<uint32_t>& free_ce
   });
 }
 
-// The cells of a row of bricks that are not reached. `brick`: x 0, y of the grid, z of the layer.
+// The unreached cells of a row of bricks. brick: x is 0, y counts in the grid, z in the layer.
 void GlFlood::Grid::rows_of(const glm::ivec3& brick, std::span<const uint32_t> reached_cells,
                             BrickRow& rows) const {
   rows.fill(0);

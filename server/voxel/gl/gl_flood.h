@@ -1,4 +1,4 @@
-// sign=flood on a device: bits of the whole grid, and steps along x, y and z in turn until nothing
+// sign=flood on a device: bits of the whole grid, spread along x, y and z in turn until nothing
 // changes.
 #pragma once
 
@@ -13,31 +13,32 @@
 
 namespace voxeld {
 
-// Bits of a grid on the device, twice. Larger grids are flooded on the CPU.
+// The most bytes of the grid's bits on the device, which holds them twice. Larger grids are flooded
+// on the CPU.
 inline constexpr int64_t kFloodBytesMax = int64_t{128} << 20;
-// A flood that has to turn round more often, as in a maze, is for the CPU, which visits what is new
-// and not the grid.
+// The most rounds on the device. A flood that turns more often, as in a maze, runs on the CPU,
+// which visits only new cells and not the whole grid.
 inline constexpr int kFloodRoundsMax = 64;
 
-// One thread: the context's.
+// Floods grids. Only the context's thread may use it.
 class GlFlood {
  public:
   GlFlood(const gpu::Context& context, gpu::ShaderLibrary& shaders)
       : context_(&context), shaders_(&shaders) {}
 
-  // DeviceInside::flood_inside(). `other_bytes`: on the device beside what this takes.
+  // Implements DeviceInside::flood_inside(). other_bytes: device bytes taken by others.
   Result<bool> run(std::span<const SparseTile> touched, const glm::ivec3& dims,
                    const ColumnProgress& progress, int64_t other_bytes,
                    std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
-  // Bytes on the device; 0 where the grid is too large for it.
+  // Bytes on the device; 0 if the grid is too large for it.
   int64_t bytes(const glm::ivec3& dims) const;
 
  private:
   struct Grid;  // bits and their buffers
 
   Status upload(Grid& grid, std::span<const SparseTile> touched);
-  // False where it did not end.
+  // False if kFloodRoundsMax rounds did not finish the flood.
   Result<bool> spread(Grid& grid, const ColumnProgress& progress);
   Status step(Grid& grid, const gpu::Program& program, int axis);
   void take_tiles(const Grid& grid, std::vector<SparseTile>& tiles);

@@ -12,11 +12,11 @@
 namespace voxeld {
 namespace {
 
-constexpr int kSlabs = limits::kTileSide / SOLID_SLAB_CELLS;  // of a tile
+constexpr int kSlabs = limits::kTileSide / SOLID_SLAB_CELLS;  // slabs of a tile
 constexpr int kSlabBricksHigh = SOLID_SLAB_CELLS / limits::kBrickSide;
-// Columns to a side of a large triangle's work items on devices with thousands of lanes.
+// Columns along a side of a large triangle's work item, on devices with thousands of lanes.
 constexpr int kHardwareBlockColumns = 4;
-constexpr uint32_t kBlockLevel = 3;  // of a full node of 64^3 cells
+constexpr uint32_t kBlockLevel = 3;  // the level of a full node of 64^3 cells
 constexpr uint32_t kSome = 1, kSomeNot = 2;
 
 bool is_set(uint32_t flags, uint32_t flag) {
@@ -30,7 +30,7 @@ bool has_brick(const SparseTile& tile, const glm::ivec3& brick) {
   return std::ranges::binary_search(tile.brick_morton, morton);
 }
 
-// Where what lies below a tile waits while other columns are swept.
+// Slots that store the state below a tile while other columns are swept.
 size_t x_slot(const glm::ivec3& tile_dims, const glm::ivec3& tile) {
   return static_cast<size_t>(tile.y) * static_cast<size_t>(tile_dims.z) +
          static_cast<size_t>(tile.z);
@@ -70,12 +70,12 @@ struct GlInside::Job {
   glm::ivec3 tile_dims;
   SolidSweeps sweeps;
   std::array<std::optional<SweepBins>, 3> parity;  // by axis
-  std::optional<SweepBins> counts, cone_counts;    // by slabs
+  std::optional<SweepBins> counts, cone_counts;    // binned by slabs
   FillMesh cones;
-  std::optional<WindingField> field;  // of an open mesh
+  std::optional<WindingField> field;  // set if the mesh is open
   std::vector<SparseTile>& tiles;
   AxisVotes& votes;
-  StageTimes host;  // passes of the machine
+  StageTimes host;  // passes that run on the CPU
 };
 
 GlInside::GlInside(const gpu::Context& context, gpu::ShaderLibrary& shaders)
@@ -107,8 +107,8 @@ Status GlInside::run(const InsideJob& in, const ColumnProgress& progress, int64_
   return done;
 }
 
-// Columns one after the other, so that sums below are those of one; what goes along x and y waits
-// in its slot.
+// Runs the columns one after the other, so that only one column's sums below are stored. State that
+// goes along x and y is stored in slots.
 Status GlInside::run_job(Job& job, const ColumnProgress& progress) {
   size_t columns = 0;
   Place place;
@@ -262,7 +262,7 @@ Status GlInside::sweep_parity(Job& job, const Place& place, int axis) {
   return {};
 }
 
-// `wanted`: cells of other bricks are not asked for; null: all are.
+// wanted: only cells of these bricks are needed; null: all are.
 Status GlInside::sweep_counts(Job& job, const Place& place, const SparseTile* wanted) {
   const bool is_asked = wanted == nullptr || !wanted->empty();
   SweepTarget target = target_of(place, 2);
@@ -303,7 +303,7 @@ Status GlInside::mark_slab(Job& job, const SweepBins& bins, const FillMesh& mesh
   return {};
 }
 
-// Of the slab's bricks: layout in shaders/shared/solid.h.
+// Thresholds of the slab's bricks; layout in shaders/shared/solid.h.
 void GlInside::slab_thresholds(Job& job, const Place& place, int slab, const SparseTile* wanted) {
   Stopwatch watch;
   slab_thresholds_.assign(SOLID_SLAB_BRICKS, 1);
@@ -328,7 +328,7 @@ void GlInside::slab_thresholds(Job& job, const Place& place, int slab, const Spa
   add_stage(job.host, "inside_thresholds", watch.lap());
 }
 
-// Reads the bricks on which the axes disagree.
+// Adds up the votes, and reads the bricks on which the axes disagree.
 void GlInside::count_votes(Job& job, const Place& place, SparseTile& doubtful) {
   Stopwatch watch;
   passes_.read_flags(flags_);

@@ -1,6 +1,6 @@
-// The inside of a mesh by passes on a device, tile by tile: the same tiles as find_inside() of
-// solid/inside.h gives. On the CPU remain the thresholds of winding numbers, whose solid angles are
-// doubles, and crossings of triangles that reach too far for 64 bits.
+// The inside of a mesh by passes on a device, tile by tile, with the tiles of find_inside() in
+// solid/inside.h. Two parts stay on the CPU: thresholds of winding numbers, whose solid angles are
+// doubles, and crossings of triangles that are too large for 64 bits.
 #pragma once
 
 #include <cstdint>
@@ -17,23 +17,24 @@
 
 namespace voxeld {
 
-// Keeps programs from job to job, and memory of the machine; none of the device. One thread.
+// Finds insides. Between jobs it keeps programs and host memory, but no device memory. Not
+// thread-safe.
 class GlInside {
  public:
   GlInside(const gpu::Context& context, gpu::ShaderLibrary& shaders);
 
-  // Bytes on the device at the peak of run(): an upper bound.
+  // An upper bound of the peak bytes of run() on the device.
   static int64_t bytes_max(const glm::ivec3& dims, Sign sign);
-  // DeviceInside::find_inside(). `other_bytes`: on the device beside what this takes.
+  // Implements DeviceInside::find_inside(). other_bytes: device bytes taken by others.
   Status run(const InsideJob& job, const ColumnProgress& progress, int64_t other_bytes,
              std::vector<SparseTile>& tiles, AxisVotes& votes, VoxelizeStats& stats);
 
  private:
   struct Job;
-  // Of the tile at hand.
+  // The current tile.
   struct Place {
     glm::ivec3 tile{0};
-    glm::ivec3 cells{0};  // of it that are inside the grid
+    glm::ivec3 cells{0};  // cells of the tile that are inside the grid
     glm::ivec3 first() const { return tile * limits::kTileSide; }
     bool is_whole() const;
   };
@@ -42,7 +43,7 @@ class GlInside {
   Status run_tile(Job& job, const Place& place);
   Status vote(Job& job, const Place& place);
   bool is_touched(const Job& job, const Place& place) const;
-  // 0: nothing of an untouched tile is inside, 1: all; nullopt: some.
+  // The state of a tile without surface. 0: all outside, 1: all inside; nullopt: mixed.
   std::optional<int> uniform_state(const Job& job, const Place& place);
   std::optional<int> uniform_parity(int axis, size_t slot);
   std::optional<int> uniform_counts(Sign sign);

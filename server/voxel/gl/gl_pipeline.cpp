@@ -13,7 +13,7 @@
 namespace voxeld {
 namespace {
 
-// Columns to a side of a large triangle's work items on devices with thousands of lanes.
+// Columns along a side of a large triangle's work item, on devices with thousands of lanes.
 constexpr int kHardwareBlockColumns = 4;
 
 }  // namespace
@@ -168,7 +168,7 @@ int64_t GlPipeline::inside_bytes(const glm::ivec3& dims, Sign sign) const {
   return GlInside::bytes_max(dims, sign);
 }
 
-// Fills the window with the triangles of the bin from `first` on, and uploads it.
+// Fills the window with triangles of the bin, from `first` up to `end`, and uploads it.
 Status GlPipeline::fill_and_upload(const TileBin& bin, size_t first, size_t& end) {
   Stopwatch watch;
   const ItemSizes sizes{context_->info().is_software ? VOXELIZE_BLOCK_COLUMNS
@@ -186,7 +186,7 @@ Status GlPipeline::fill_and_upload(const TileBin& bin, size_t first, size_t& end
   return {};
 }
 
-// Adds to `blocks`. The tile is begun.
+// Touches all windows of a begun tile and adds their blocks to `blocks`.
 Status GlPipeline::touch_windows(const TileBin& bin, uint64_t& blocks, bool& is_one_window) {
   for (size_t first = 0, end = 0; first < bin.triangles.size(); first = end) {
     VOXELD_TRY(fill_and_upload(bin, first, end));
@@ -236,7 +236,7 @@ Status GlPipeline::run_words(std::span<const TileBin> bins, std::vector<SparseTi
   return {};
 }
 
-// Adds to the slots' blocks what large triangles may touch.
+// Runs a batch. Adds to the slots' blocks those that large triangles may touch.
 Status GlPipeline::touch_words(std::span<const TilePart> parts, std::span<uint64_t> blocks) {
   Stopwatch watch;
   VOXELD_TRY(word_touch_.sort(plan_->mesh, parts));
@@ -283,7 +283,7 @@ Status GlPipeline::run_tile(const TileBin& bin, std::vector<SparseTile>& tiles) 
   return {};
 }
 
-// The passes' device times come from the timer; "read" is what waits for them and copies.
+// Device times of the passes come from the timer. "read" is the wait for them and the copy.
 Status GlPipeline::run_batch(std::span<const TileBin> bins, std::vector<SparseTile>& tiles) {
   VOXELD_TRY(batch_touch_.run(bins, *timer_));
   Stopwatch watch;
@@ -303,7 +303,7 @@ Status GlPipeline::run_batch(std::span<const TileBin> bins, std::vector<SparseTi
   return {};
 }
 
-// Of a tile whose mask is still on the device.
+// Adds attributes to a tile whose mask is still on the device.
 Status GlPipeline::add_attributes(const TileBin& bin, size_t slot, SparseTile& tile) {
   Stopwatch watch;
   uint64_t blocks = 0;
@@ -325,7 +325,7 @@ Status GlPipeline::sum_attributes(const TileBin& bin, size_t voxel_count, bool i
     for (const IdChannel& channel : plan_->ids) {
       if (channel.is_wide) continue;
       VOXELD_TRY(fold_ids(bin, channel, first, count, tile));
-      is_one_window = false;  // another one is uploaded now
+      is_one_window = false;  // fold_ids() has uploaded another window
     }
   }
   return {};
@@ -350,7 +350,7 @@ Status GlPipeline::fold_ids(const TileBin& bin, const IdChannel& channel, size_t
   const auto ids = distinct_ids(channel, plan_->mesh, bin.triangles);
   const bool is_color = channel.channel == Channel::kColor;
   if (ids.size() == 1) {
-    if (is_color) return {};  // resolved from the sums of all
+    if (is_color) return {};  // resolved from the sums of all ids
     const auto samples = std::span(id_samples(tile, channel.channel)).subspan(first, count);
     std::ranges::fill(samples, ids.front());
     return {};
@@ -379,7 +379,7 @@ Status GlPipeline::fold_ids(const TileBin& bin, const IdChannel& channel, size_t
   return {};
 }
 
-// Sums of the triangles with one id.
+// Sums only the triangles with one id.
 Status GlPipeline::sum_alone(const TileBin& bin, const IdChannel& channel, uint16_t id,
                              size_t first, size_t count) {
   std::vector<uint32_t> triangles;
@@ -392,7 +392,7 @@ Status GlPipeline::sum_alone(const TileBin& bin, const IdChannel& channel, uint1
   return {};
 }
 
-// `is_one_window`: the bin's only window is still uploaded.
+// is_one_window: the bin's only window is still uploaded, so it need not be filled again.
 Status GlPipeline::sum_windows(const TileBin& bin, bool is_one_window) {
   for (size_t first = 0, end = 0; first < bin.triangles.size(); first = end) {
     end = bin.triangles.size();

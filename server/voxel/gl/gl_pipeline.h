@@ -1,4 +1,4 @@
-// Pipelines `raster` and `compute`: a tile's mask and sums in buffers of a GL context.
+// Pipelines `raster` and `compute`: the mask and sums of a tile in buffers of a GL context.
 #pragma once
 
 #include <optional>
@@ -24,9 +24,9 @@
 
 namespace voxeld {
 
-// stats.pipeline of the job tells which of the two runs. Pipeline compute has three ways to the
-// same bytes: batches of tiles (GlTuning); else windows of one tile at a time, prepared on the CPU,
-// and for rule touch without attributes words of the mask (WordTouch).
+// Runs either pipeline; the job's stats.pipeline says which. Pipeline compute has three ways to the
+// same bytes. The first is batches of tiles (GlTuning). The others handle windows of one tile
+// prepared on the CPU, and words of the mask (WordTouch) for rule touch without attributes.
 class GlPipeline final : public TilePipeline, public DeviceInside, public DeviceSkin {
  public:
   GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning = {});
@@ -47,14 +47,14 @@ class GlPipeline final : public TilePipeline, public DeviceInside, public Device
                             VoxelizeStats& stats) override;
   int64_t inside_bytes(const glm::ivec3& dims, Sign sign) const override;
 
-  // Batches of pipeline compute alone.
+  // Only for batches of pipeline compute.
   Result<bool> can_skin(const SkinnedFrames& frames) override;
   Result<bool> skin(const SkinFrame& frame, VoxelizeStats& stats) override;
   void read_vertices(std::span<glm::ivec3> q) const override;
   void read_positions(size_t first, std::span<glm::dvec3> positions) const override;
 
  private:
-  // Of the job.
+  // Properties of the current job.
   bool is_batched() const;
   bool is_by_words() const;
   Status run_batch(std::span<const TileBin> bins, std::vector<SparseTile>& tiles);
@@ -66,10 +66,10 @@ class GlPipeline final : public TilePipeline, public DeviceInside, public Device
   Status touch_windows(const TileBin& bin, uint64_t& blocks, bool& is_one_window);
   Status sum_attributes(const TileBin& bin, size_t voxel_count, bool is_one_window,
                         SparseTile& tile);
-  // Of the voxels [first, first + count).
+  // Resolves the voxels [first, first + count).
   Status resolve_sums(const TileBin& bin, size_t first, size_t count, bool is_one_window,
                       SparseTile& tile);
-  // What has the largest weight in each of these voxels.
+  // Finds the id with the largest weight in each of these voxels.
   Status fold_ids(const TileBin& bin, const IdChannel& channel, size_t first, size_t count,
                   SparseTile& tile);
   Status sum_alone(const TileBin& bin, const IdChannel& channel, uint16_t id, size_t first,
@@ -89,11 +89,11 @@ class GlPipeline final : public TilePipeline, public DeviceInside, public Device
   GlFlood flood_;
   SkinPass skin_;
   const gpu::Buffer* skinned_ = nullptr;  // q of the last skin()
-  // Of the job.
+  // State of the current job.
   const VoxelizePlan* plan_ = nullptr;
   VoxelizeStats* stats_ = nullptr;
   std::optional<gpu::PassTimer> timer_;
-  // Of the tile.
+  // State of the current tile.
   TileWindow window_;
   std::vector<uint32_t> mask_, word_offsets_;
   std::vector<uint32_t> words_;  // attributes of the window

@@ -1,4 +1,4 @@
-// What a context's capabilities choose among, and tests and benchmarks force.
+// Choices that follow from a context's capabilities. Tests and benchmarks can force them.
 #pragma once
 
 #include <cstddef>
@@ -10,18 +10,18 @@
 namespace voxeld {
 
 struct GlTuning {
-  // Pipeline compute finds work on the device, in batches of tiles, instead of having the CPU
-  // prepare it triangle by triangle. Default: on hardware. Software drivers would do that work on
-  // the same cores, and slower.
+  // If true, pipeline compute finds its work on the device, in batches of tiles; else the CPU
+  // prepares it triangle by triangle. Default: true on hardware. Software drivers would do that
+  // work on the same cores, and slower.
   std::optional<bool> batches{};
-  // 64-bit integers in shaders, or two 32-bit words. Default: where the device has them.
+  // 64-bit integers in shaders, else two 32-bit words. Default: whether the device has them.
   std::optional<bool> int64{};
-  // Vertices of animations move by 64-bit floats in shaders, or on the CPU. Default: where the
-  // device has them; that their bits are the CPU's is checked in any case.
+  // Vertices of animations move by 64-bit floats in shaders, else on the CPU. Default: whether the
+  // device has them. In any case their bits are checked against the CPU's.
   std::optional<bool> float64{};
-  // Tiles of a batch, 1..64: 2 MiB of masks each. Default: as many as a storage buffer holds.
+  // Tiles of a batch, 1..64; each takes 2 MiB of masks. Default: as many as a storage buffer holds.
   std::optional<size_t> batch_tiles{};
-  // Of one storage buffer. Default: what the device has.
+  // Bytes of one storage buffer. Default: the device's limit.
   std::optional<int64_t> storage_bytes{};
 
   bool wants_batches(const gpu::DeviceInfo& info) const {

@@ -13,7 +13,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "bricks are words of 64 and of 32 bits");
 
 constexpr size_t kBlockBricks = kTileMaskBricks / 64;
-// Fewer blocks are done before another thread is awake.
+// Fewer blocks are done before another thread has woken up.
 constexpr size_t kBlockGrain = 4;
 
 bool is_empty(const BrickMask& brick) {
@@ -24,7 +24,7 @@ bool is_empty(const BrickMask& brick) {
 
 }  // namespace
 
-// Without a branch: which bricks are occupied cannot be foreseen.
+// Without a branch, because a branch on occupancy would be unpredictable.
 void MaskBricks::find(std::span<const BrickMask> masks, size_t index) {
   Block& block = blocks_[index];
   uint32_t* const begin = found_.data() + index * kBlockBricks;

@@ -1,4 +1,4 @@
-// The bricks of tiles' masks that lie in the machine's own memory, as those of software drivers do.
+// Extraction of bricks from masks in host memory. Software drivers keep their buffers there.
 #pragma once
 
 #include <array>
@@ -12,21 +12,22 @@
 
 namespace voxeld {
 
-// A mask as bricks: the same bytes, proto/sparse_tile.h, on little-endian machines.
+// Number of bricks of a mask. On little-endian machines a mask has the bytes of its bricks; see
+// proto/sparse_tile.h.
 inline constexpr size_t kTileMaskBricks = kTileMaskBytes / sizeof(BrickMask);
 
-// Keeps its memory from call to call. One thread calls.
+// Takes bricks out of masks. It keeps its memory between calls. Not thread-safe.
 class MaskBricks {
  public:
-  // Appends the bricks of blocks[i] (as TileWindow::blocks) of the i-th mask that are not empty to
-  // tiles[i], in order, and leaves them empty in `masks`, of kTileMaskBricks each.
+  // Moves the nonempty bricks of blocks[i] (see TileWindow::blocks) of mask i to tiles[i], in
+  // order. It clears them in `masks`, which has kTileMaskBricks for each tile.
   void take(std::span<BrickMask> masks, std::span<const uint64_t> blocks, WorkerPool& pool,
             std::span<SparseTile> tiles);
 
  private:
   struct Block {
     size_t slot = 0, first = 0;   // first brick in `masks`
-    size_t place = 0, count = 0;  // of its bricks in the tile; how many there are
+    size_t place = 0, count = 0;  // place and number of its bricks in the tile
   };
   void find(std::span<const BrickMask> masks, size_t index);
 

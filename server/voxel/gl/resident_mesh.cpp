@@ -11,12 +11,12 @@ namespace {
 static_assert(sizeof(glm::ivec3) == 12 && sizeof(SnappedTriangle) == 16);
 
 constexpr size_t kVertexBytes = sizeof(glm::ivec3);
-// A triangle that is gathered has three vertices of its own.
+// A gathered triangle has three vertices of its own.
 constexpr size_t kGatheredBytes = 3 * kVertexBytes;
-// Pairs of a window where the mesh is resident: 64 MiB of work items, if each makes one.
+// The most pairs of a window if the mesh is resident: 64 MiB of work items at one per pair.
 constexpr size_t kPairsMax = size_t{1} << 23;
 
-// BATCH_GROUPS.
+// An entry of BATCH_GROUPS.
 struct Group {
   uint32_t first = 0;
   uint32_t slot_and_count = 0;
@@ -82,7 +82,7 @@ void ResidentMesh::end_job() {
   mesh_ = nullptr;
 }
 
-// The pairs of a grid of one tile: all triangles, in their order.
+// True if the window has the pairs of a grid of one tile: all triangles, in their order.
 bool ResidentMesh::is_whole_mesh(const PairWindow& window) const {
   return is_resident_ && window.parts.size() == 1 && window.parts.front().slot == 0 &&
          window.pair_count == mesh_->triangles.size();

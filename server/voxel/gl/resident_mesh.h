@@ -11,7 +11,7 @@
 
 namespace voxeld {
 
-// Pairs of a batch's tiles and triangles, tile after tile; a part of each bin.
+// Pairs of a tile and a triangle for part of a batch, tile after tile. It holds a part of each bin.
 struct PairWindow {
   struct Part {
     uint32_t slot = 0;
@@ -24,37 +24,39 @@ struct PairWindow {
 // Cuts the bins of a batch into windows of at most `pairs_max` pairs.
 std::vector<PairWindow> cut_pairs(std::span<const TileBin> bins, size_t pairs_max);
 
-// Vertices and triangles, uploaded once for the job where storage buffers can hold them; else those
-// of each window are gathered and uploaded with it. Triangles of frames stay for the next one.
+// Vertices and triangles on the device. They are uploaded once per job if storage buffers can hold
+// them; else those of each window are gathered and uploaded with it. Triangles of frames stay for
+// the next frame.
 class ResidentMesh {
  public:
   explicit ResidentMesh(const gpu::Context& context) : context_(&context) {}
 
-  // Whether a mesh stays on the device in buffers of `storage_bytes`.
+  // True if a mesh fits on the device in buffers of `storage_bytes`.
   static bool fits(size_t vertices, size_t triangles, int64_t storage_bytes);
-  // Where a device may write q of so many vertices, which fit, before a job that has them so.
+  // The buffer to which a device may write q of `count` vertices before the next job, which then
+  // passes has_vertices. They must fit.
   Result<const gpu::Buffer*> vertices(size_t count);
 
-  // storage_bytes: of one buffer. `mesh` must outlive the job. key: VoxelizePlan::mesh_key.
-  // has_vertices: they were written to vertices() after the last job.
+  // storage_bytes: size of one buffer. `mesh` must outlive the job. key: VoxelizePlan::mesh_key.
+  // has_vertices: the vertices were written to vertices() after the last job.
   Status begin_job(const SnappedMesh& mesh, uint64_t key, bool has_vertices, int64_t storage_bytes);
   void end_job();
-  // What was kept by its key is forgotten.
+  // Forgets the keys, so that nothing uploaded before is used again.
   void end_frames() { triangles_key_ = pairs_key_ = 0; }
 
-  // Pairs of one window at most.
+  // The most pairs of one window.
   size_t pairs_max() const { return pairs_max_; }
-  // Uploads the window's pairs, where they are not those of the frame before, and its triangles
-  // where they are not resident. Binds nothing.
+  // Uploads the window's pairs, unless they are the previous frame's, and its triangles, unless
+  // they are resident. Binds nothing.
   Status upload(const PairWindow& window);
-  // Groups of pairs of the uploaded window.
+  // Number of groups of pairs of the uploaded window.
   size_t group_count() const { return group_count_; }
-  // BATCH_VERTICES to BATCH_GROUPS.
+  // Binds BATCH_VERTICES to BATCH_GROUPS.
   void bind() const;
   bool is_resident() const { return is_resident_; }
-  // Of all buffers now.
+  // Bytes of all buffers now.
   int64_t bytes() const;
-  // Since begin_job(), and by it.
+  // Bytes uploaded since begin_job(), its own included.
   int64_t uploaded_bytes() const { return uploaded_bytes_; }
 
  private:
@@ -68,7 +70,8 @@ class ResidentMesh {
   bool is_resident_ = false;
   size_t pairs_max_ = 0, group_count_ = 0;
   int64_t uploaded_bytes_ = 0;
-  // Of triangles_, and of pairs_ and groups_, where they hold all triangles; 0: of a job alone.
+  // Keys of triangles_, and of pairs_ and groups_, if they hold all triangles. 0: they belong to
+  // one job alone.
   uint64_t triangles_key_ = 0, pairs_key_ = 0;
 };
 

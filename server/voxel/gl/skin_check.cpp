@@ -63,7 +63,7 @@ class SampleMaker {
     return m;
   }
 
-  // On, or next to, a plane between sub-voxels.
+  // A coordinate on, or next to, a plane between sub-voxels.
   double near_plane(int axis) {
     const GridSpec& spec = sample_.spec;
     const size_t planes = static_cast<size_t>(spec.dims[axis]) * kSubVoxelsPerVoxel;
@@ -74,7 +74,8 @@ class SampleMaker {
     return at;
   }
 
-  // In voxels from the grid's first or last plane: where the rules of the snap change.
+  // A coordinate at an offset, in voxels, from the grid's first or last plane. The offsets are
+  // those at which the rules of the snap change.
   double near_side(int axis) {
     constexpr std::array<double, 12> kOffsets = {0,  0x1p-13, -0x1p-13, 0x1p-12, -0x1p-12, 0x1p-11,
                                                  -1, 1,       1.001,    -1.001,  1e6,      -1e29};
@@ -92,7 +93,7 @@ class SampleMaker {
       for (int axis = 0; axis < 3; ++axis) p[axis] = on_side ? near_side(axis) : near_plane(axis);
       part.points.push_back(p);
       part.normals.emplace_back(0, 1, 0);
-      part.influences.push_back({0, 1.0});  // stays there
+      part.influences.push_back({0, 1.0});  // a joint that does not move it
       return part.end_vertex();
     }
     const size_t count = 1 + below(5);

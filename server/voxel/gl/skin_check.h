@@ -1,5 +1,5 @@
-// Whether a device's 64-bit floats are the CPU's: a few thousand awkward vertices, moved and
-// snapped by both.
+// A check that a device's 64-bit floats have the CPU's bits: a few thousand awkward vertices, which
+// both move and snap.
 #pragma once
 
 #include <vector>
@@ -14,18 +14,18 @@ class SkinPass;
 
 struct SkinSample {
   SkinTable table;
-  Scene scene;  // parts that the table belongs to, without triangles
+  Scene scene;  // the parts that the table belongs to, without triangles
   Pose pose;
   GridSpec spec;
   glm::dmat4 world_from_file{1.0};
 };
 
-// Points per influence and per vertex, morphs or none, turned into the world or not. Half of the
-// vertices stand as near to the planes between sub-voxels as doubles can; others where rules of
-// the snap change, and outside of the grid. The same ones at all times.
+// Samples with points per influence and per vertex, with and without morphs, in the file's frame
+// and in the world's. Half of the vertices are as near to the planes between sub-voxels as doubles
+// allow. Others are where rules of the snap change, and outside the grid. Deterministic.
 std::vector<SkinSample> skin_samples();
 
-// False where a q or a position differs (0 and -0 are equal). Errors: the driver's.
+// False if a q or a position differs (0 and -0 are equal). Errors: the driver's.
 Result<bool> skins_exactly(const gpu::Context& context, SkinPass& pass);
 
 }  // namespace voxeld

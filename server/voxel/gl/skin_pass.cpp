@@ -16,7 +16,7 @@ static_assert(sizeof(Influence) == sizeof(shared::SkinInfluence) &&
               offsetof(Influence, weight) == offsetof(shared::SkinInfluence, weight));
 static_assert(sizeof(glm::dvec3) == 24);
 
-// The longest of the ranges [firsts[v], firsts[v + 1]).
+// The length of the longest range [firsts[v], firsts[v + 1]).
 size_t longest_range(std::span<const uint32_t> firsts) {
   size_t longest = 0;
   for (size_t v = 0; v + 1 < firsts.size(); ++v) {
@@ -29,7 +29,7 @@ std::vector<shared::SkinMorph> morphs_of(const SkinTable& table) {
   std::vector<shared::SkinMorph> morphs;
   morphs.reserve(table.morphs.size());
   for (const MorphDelta& morph : table.morphs) {
-    // Doubles already here: drivers may take small floats for 0.
+    // Converted to double here, because drivers may flush small floats to 0.
     const glm::dvec3 delta(morph.position);
     morphs.push_back({morph.weight, 0, delta.x, delta.y, delta.z});
   }
@@ -40,7 +40,7 @@ void append(std::vector<double>& words, std::initializer_list<glm::dvec3> vector
   for (const glm::dvec3& v : vectors) words.insert(words.end(), {v.x, v.y, v.z});
 }
 
-// The upper three rows.
+// Appends the upper three rows.
 void append(std::vector<double>& words, const glm::dmat4& m) {
   append(words, {glm::dvec3(m[0]), glm::dvec3(m[1]), glm::dvec3(m[2]), glm::dvec3(m[3])});
 }

@@ -1,6 +1,6 @@
-// The pass that moves the vertices of an animation's frame and snaps them: skin_vertices() and the
-// vertices of snap_scene(), bit for bit (shaders/skin.comp). What vertices follow is uploaded once
-// for all frames; a frame costs its matrices and morph weights.
+// The pass that moves the vertices of an animation's frame and snaps them. It has the bits of
+// skin_vertices() and of the vertices of snap_scene() (shaders/skin.comp). The skinning data is
+// uploaded once for all frames; each frame uploads only its matrices and morph weights.
 #pragma once
 
 #include <cstdint>
@@ -16,33 +16,35 @@
 
 namespace voxeld {
 
-// One thread: the context's.
+// Moves vertices. Only the context's thread may use it.
 class SkinPass {
  public:
   SkinPass(const gpu::Context& context, gpu::ShaderLibrary& shaders)
       : context_(&context), shaders_(&shaders) {}
 
-  // Whether buffers of `storage_bytes`, and loops, are large enough for the table.
+  // True if buffers of `storage_bytes`, and loops, are large enough for the table.
   static bool fits(const SkinTable& table, int64_t storage_bytes);
-  // Whether this device's arithmetic is the CPU's: OpenGL leaves a lot open, so it is tried, once,
-  // on the vertices of skin_check.h. A driver that refuses the shaders is none that has it.
+  // True if this device's arithmetic has the CPU's bits. OpenGL leaves much of it open, so it is
+  // tested once, on the vertices of skin_check.h. A driver that refuses the shaders counts as
+  // inexact.
   Result<bool> is_exact();
 
-  // Uploads the table, but under the key of the last one; a key of 0 is nobody's.
+  // Uploads the table, unless `key` is the last one's. A key of 0 matches nothing.
   Status begin_frames(const SkinTable& table, uint64_t key);
-  // Frees what belongs to the table.
+  // Frees the table's buffers.
   void end_frames();
 
-  // Writes q of each vertex of the frame's table, that of the last begin_frames(), to `vertices`
-  // (12 bytes each). True: all stand in cells of the grid and at finite places. Waits for the
-  // device. Pass "skin" of the timer.
+  // Writes q of each vertex of the table of the last begin_frames() to `vertices`, 12 bytes each.
+  // True if all vertices are finite and in cells of the grid. Waits for the device. Times pass
+  // "skin".
   Result<bool> run(const SkinFrame& frame, const gpu::Buffer& vertices, gpu::PassTimer& timer);
-  // Of the last run(), where the frame wanted them.
+  // Reads positions of the last run(), which must have wanted them.
   void read_positions(size_t first, std::span<glm::dvec3> positions) const;
 
-  // Of the last run(), and of the begin_frames() before it if that uploaded the table.
+  // Bytes uploaded by the last run(), and by the begin_frames() before it if that uploaded the
+  // table.
   int64_t uploaded_bytes() const { return uploaded_bytes_; }
-  // Of all buffers now.
+  // Bytes of all buffers now.
   int64_t bytes() const;
 
  private:
@@ -54,12 +56,12 @@ class SkinPass {
 
   const gpu::Context* context_;
   gpu::ShaderLibrary* shaders_;
-  gpu::Buffer points_, firsts_, influences_, morphs_;  // of the table
+  gpu::Buffer points_, firsts_, influences_, morphs_;  // the table's data
   gpu::Buffer frame_, positions_, state_, params_;
-  uint64_t key_ = 0;  // of the table; 0: none
+  uint64_t key_ = 0;  // key of the table; 0: none
   bool is_point_per_influence_ = false, has_morphs_ = false;
   std::vector<double> words_;  // SKIN_FRAME
-  int64_t table_bytes_ = 0;    // uploaded, and not yet told
+  int64_t table_bytes_ = 0;    // uploaded and not yet reported
   int64_t uploaded_bytes_ = 0;
   std::optional<bool> is_exact_;
 };

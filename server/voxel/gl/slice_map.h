@@ -1,11 +1,13 @@
 // The slice map of Eisemann & Decoret 2008, "Single-pass GPU solid voxelization for real-time
-// applications": pixels are the columns of a tile, and the 256 bits of a pixel its cells. A
-// fragment writes the mask of all cells above its triangle's crossing, and the logical operation
-// XOR of the framebuffer joins them to parity. What differs: candidates are conservative and the
-// fragment shader decides about column and depth in exact integers, so that the rasterizer's
-// rounding changes nothing; masks are cells above, not below, which is the same for closed meshes
-// and is what "crossings below" means for others; two targets of 128 bits are a tile, and
-// solid_scan.comp goes on from tile to tile.
+// applications". Pixels are the columns of a tile; the 256 bits of a pixel are the column's cells.
+// A fragment writes the mask of all cells above its triangle's crossing, and the framebuffer's XOR
+// combines the masks to parity.
+//
+// It differs from the paper in three ways. First, candidates are conservative, and the fragment
+// shader decides column and depth in exact integers, so the rasterizer's rounding changes nothing.
+// Second, masks are the cells above, not below. For closed meshes that is the same; for others it
+// is what "crossings below" means. Third, two targets of 128 bits are a tile, and solid_scan.comp
+// carries on from tile to tile.
 #pragma once
 
 #include <cstddef>
@@ -29,9 +31,9 @@ class SliceMap {
   size_t size_bytes() const { return framebuffer_ == 0 ? 0 : kBytes; }
   void clear();
   // Flips the cells above the crossings of the first `triangles` of SOLID_TRIANGLES. Corners and
-  // parameters are bound.
+  // parameters must be bound.
   Status draw(gpu::ShaderLibrary& shaders, size_t triangles);
-  // For texelFetch: SOLID_SLICES_LOW and SOLID_SLICES_HIGH.
+  // Binds SOLID_SLICES_LOW and SOLID_SLICES_HIGH for texelFetch.
   void bind_textures() const;
 
  private:

@@ -11,15 +11,15 @@
 namespace voxeld {
 namespace {
 
-// Fewer triangles are done before another thread is awake.
+// Fewer triangles are done before another thread has woken up.
 constexpr size_t kTriangleGrain = 1024;
 
-// x, y, z and nothing, in a vector that GCC and Clang have on every machine.
+// x, y, z and an unused lane. GCC and Clang have this vector on every machine.
 using Int4 = int32_t __attribute__((vector_size(16)));
 
 static_assert(sizeof(Int4) == sizeof(shared::uvec4));
 
-// Shifts from cells to words of the mask, and from these to blocks of 64^3 cells.
+// Shifts from cells to words of the mask, and from words to blocks of 64^3 cells.
 constexpr Int4 kWordOfCell = {2, 2, 1, 0}, kBlockOfWord = {4, 4, 5, 0};
 
 Int4 lesser(Int4 a, Int4 b) {
@@ -44,14 +44,14 @@ shared::uvec4 to_uvec4(Int4 v) {
   return words;
 }
 
-// Of a block of a tile, as a mask of one bit.
+// The bit of a block of the tile.
 uint64_t block_bit(int32_t x, int32_t y, int32_t z) {
   constexpr std::array<uint8_t, 4> kSpread = {0, 1, 8, 9};
   return uint64_t{1} << (kSpread[static_cast<size_t>(x)] | kSpread[static_cast<size_t>(y)] << 1 |
                          kSpread[static_cast<size_t>(z)] << 2);
 }
 
-// Between words, both included.
+// The blocks between two words, both included.
 uint64_t blocks_between(Int4 first_word, Int4 last_word) {
   const Int4 first = first_word >> kBlockOfWord, last = last_word >> kBlockOfWord;
   if (is_same(first, last)) return block_bit(first[0], first[1], first[2]);
@@ -64,12 +64,12 @@ uint64_t blocks_between(Int4 first_word, Int4 last_word) {
   return blocks;
 }
 
-// Words of the mask that a box reaches, from the first one on.
+// The words of the mask that a box reaches: the first, and how many more on each axis.
 struct WordBox {
   Int4 first, more;
 };
 
-// Corners in the tile's coordinates; box: its first cell.
+// Packs a triangle. Corners are in the tile's coordinates; box: its first cell.
 shared::SmallTriangle pack(Int4 a, Int4 b, Int4 c, Int4 box, const WordBox& words, Int4 cell_last,
                            uint32_t slot) {
   const Int4 origin = box << limits::kSubVoxelBits, r = c - origin;
@@ -90,7 +90,7 @@ shared::SmallTriangle pack(Int4 a, Int4 b, Int4 c, Int4 box, const WordBox& word
   return {to_uvec4(corners), to_uvec4(place)};
 }
 
-// Calls visit(part) for those of triangles [first, last) of all parts, one after the other.
+// Calls visit(part) for each part's share of triangles [first, last), numbered across all parts.
 template <typename Visit>
 void for_each_part_between(std::span<const TilePart> parts, size_t first, size_t last,
                            Visit&& visit) {

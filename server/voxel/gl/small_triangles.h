@@ -1,6 +1,6 @@
-// The triangles of some tiles as pass voxelize_words takes them: those at most 16 voxels wide
-// packed into two vectors each, in the order of how many words of the mask their boxes reach, so
-// that the lanes of a SIMD group do alike.
+// The triangles of some tiles, prepared for pass voxelize_words. Those at most 16 voxels wide are
+// packed into two vectors each. They are sorted by the number of mask words that their boxes reach,
+// so that the lanes of a SIMD group have equal work.
 #pragma once
 
 #include <array>
@@ -18,14 +18,14 @@
 
 namespace voxeld {
 
-// Triangles of one tile.
+// The triangles of one tile.
 struct TilePart {
-  uint32_t slot = 0;                 // of the tile among the masks, below SmallTriangles::kSlotsMax
-  glm::ivec3 coord{0}, cell_max{0};  // in tiles; tile_cell_max()
+  uint32_t slot = 0;                    // slot of the tile's mask, below SmallTriangles::kSlotsMax
+  glm::ivec3 coord{0}, cell_max{0};     // in tiles; tile_cell_max()
   std::span<const uint32_t> triangles;  // numbers in the mesh
 };
 
-// Keeps its memory from call to call. One thread calls.
+// Packs and sorts triangles. It keeps its memory between calls. Not thread-safe.
 class SmallTriangles {
  public:
   static constexpr size_t kSlotsMax = 8;
@@ -33,17 +33,18 @@ class SmallTriangles {
   // Takes the triangles of at most kSlotsMax tiles, each in a slot of its own.
   void begin(const SnappedMesh& mesh, std::span<const TilePart> parts, WorkerPool& pool);
 
-  // Of the last begin(). Triangles whose boxes do not reach the tile's cells are in neither.
+  // Number of small triangles of the last begin(). Triangles whose boxes miss the tile's cells are
+  // neither small nor large.
   size_t count() const { return count_; }
-  // Writes the small ones; out.size() == count().
+  // Writes the small triangles; out.size() == count().
   void write(std::span<shared::SmallTriangle> out, WorkerPool& pool);
-  // The others of a slot, ascending.
+  // The large triangles of a slot, ascending.
   std::span<const uint32_t> large(size_t slot) const { return large_[slot]; }
-  // Blocks of 64^3 cells that the boxes of a slot's small ones reach, as TileWindow::blocks.
+  // Blocks of 64^3 cells that the boxes of a slot's small triangles reach; see TileWindow::blocks.
   uint64_t blocks(size_t slot) const { return blocks_[slot]; }
 
  private:
-  // More words are as many, to the sort.
+  // Cap of the sort's key: triangles that reach more words are sorted as if they reached this many.
   static constexpr int kWordsMax = 96;
   struct Packed {
     shared::SmallTriangle triangle;
@@ -54,7 +55,7 @@ class SmallTriangles {
     size_t packed_count = 0;
     std::array<std::vector<uint32_t>, kSlotsMax> large;
     std::array<uint64_t, kSlotsMax> blocks{};
-    size_t places[size_t{kWordsMax}] = {};  // counts, then where the next one of a key goes
+    size_t places[size_t{kWordsMax}] = {};  // counts, later the next free place of each key
   };
   static void sort_part(const SnappedMesh& mesh, const TilePart& part, Chunk& chunk);
 

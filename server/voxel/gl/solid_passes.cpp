@@ -268,7 +268,7 @@ Status SolidPasses::make_cells(CellsOf what, const glm::ivec3& cells) {
   shared::SolidParams params{};
   params.cells = {cells.x, cells.y, cells.z, 0};
   bind(params);
-  // The mixture says of cells anew what there is in each block; the rest stays.
+  // kMix recomputes the flags of cells in each block; those of the votes stay.
   flags_.clear(0, what == CellsOf::kMix ? size_t{SOLID_FLAG_DISAGREE} * 4 : kFlagBytes);
   const bool of_counts = what == CellsOf::kCounts || what == CellsOf::kMix;
   (of_counts ? count_volume_ : volumes_[2]).bind_storage(SOLID_VOLUME_Z);

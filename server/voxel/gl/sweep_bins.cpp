@@ -10,7 +10,7 @@ int parts_of(int cells, int part) {
   return (cells + part - 1) / part;
 }
 
-// Parts from first to last, inclusive; none where first > last.
+// Parts from first to last, inclusive; none if first > last.
 struct PartRange {
   int first = 1, last = 0;
 };
@@ -22,7 +22,7 @@ PartRange column_range(int q_min, int q_max, int bits, int cells) {
   return {first / limits::kTileSide, last / limits::kTileSide};
 }
 
-// Of the first cells whose centre is not below a depth in the range.
+// The slabs of the first cells whose centre is not below a depth in the range.
 PartRange slab_range(int q_min, int q_max, int bits, int cells, int slab_cells) {
   const CentreRange range = centre_range(q_min, q_max, bits);
   const int first = std::max(range.first, 0), last = std::clamp(range.last + 1, 0, cells - 1);
@@ -32,7 +32,7 @@ PartRange slab_range(int q_min, int q_max, int bits, int cells, int slab_cells) 
 
 }  // namespace
 
-// A counting sort.
+// Counting sort by bin.
 SweepBins::SweepBins(const FillMesh& mesh, int axis, const glm::ivec3& dims, int slab_cells)
     : axis_(axis),
       tiles_u_(parts_of(dims[sweep_axes(axis).u], limits::kTileSide)),

@@ -1,5 +1,5 @@
-// Which triangles can cross the columns of each tile, or slab of a tile, below or in it: binning
-// for sweeps on a device. solid/triangle_columns.h bins by column alone, for the CPU.
+// Binning for sweeps on a device: the triangles that can cross the columns of each tile, or slab of
+// a tile. For the CPU, solid/triangle_columns.h bins by column alone.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,12 @@ namespace voxeld {
 
 class SweepBins {
  public:
-  // `slab_cells`: to a slab along the axis; divides limits::kTileSide or is it.
+  // slab_cells: cells of a slab along the axis. It equals or divides limits::kTileSide.
   SweepBins(const FillMesh& mesh, int axis, const glm::ivec3& dims, int slab_cells);
 
   int axis() const { return axis_; }
-  // Triangles whose first cells above a crossing may lie in the slab, ascending; the lowest has
-  // those below the grid, too. tile_u, tile_v: of the column; slab: along the whole grid.
+  // Triangles whose first cells above a crossing may lie in the slab, ascending. The lowest slab
+  // also has those below the grid. tile_u, tile_v: the column; slab: counted along the whole grid.
   std::span<const uint32_t> triangles(int tile_u, int tile_v, int slab) const {
     const size_t bin = bin_of(tile_u, tile_v, slab);
     return std::span(list_).subspan(first_[bin], first_[bin + 1] - first_[bin]);

@@ -11,12 +11,12 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kBlocksMax = 256;  // items of one triangle, at 16 columns to a side
+constexpr size_t kBlocksMax = 256;  // items of one triangle, with 16 columns a side
 constexpr int kItemColumnsMax = VOXELIZE_BLOCK_COLUMNS;
-// Classes of items: by the number of their columns, doubled each.
+// Classes of items by number of columns, which doubles from class to class.
 constexpr size_t kClasses = 9;
 
-// Columns in the tile, inclusive.
+// Columns in the tile; both ends are inclusive.
 struct Columns {
   int u0, v0, u1, v1;
   bool empty() const { return u0 > u1 || v0 > v1; }
@@ -95,7 +95,7 @@ class WindowFiller {
     }
   }
 
-  // Crossings of a triangle that reaches far.
+  // Finds the crossings of a triangle that is too large for the passes' 64 bits.
   void give(uint32_t triangle) {
     found_.clear();
     append_crossings(mesh_, std::span(&triangle, 1), target_.axis, target_.window, target_.cell_end,

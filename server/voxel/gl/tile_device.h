@@ -1,5 +1,5 @@
-// What both passes over a tile share on the device: the buffers of the current tile and window, and
-// how a pass is run over a window by either pipeline.
+// The buffers of the current tile and window, which both passes over a tile share, and the way that
+// either pipeline runs a pass over a window.
 #pragma once
 
 #include <cstdint>
@@ -17,23 +17,24 @@
 
 namespace voxeld {
 
-// One thread: the context's.
+// Holds the buffers. Only the context's thread may use it.
 class TileDevice {
  public:
   explicit TileDevice(const gpu::Context& context) : context_(&context) {}
 
   Status begin_tile(const glm::ivec3& cell_max);
-  // The tile's mask stands in `masks` at `offset_bytes`, until the next begin_tile(); who has it
-  // clears it.
+  // Uses `masks` at `offset_bytes` as the tile's mask until the next begin_tile(). The owner of
+  // `masks` must clear it.
   void use_mask(const gpu::Buffer& masks, size_t offset_bytes);
-  // Vertices, and work items where `with_items`.
+  // Uploads vertices, and work items if `with_items`.
   Status upload_window(const TileWindow& window, bool with_items);
-  // Zeroes the mask where `blocks` are set and were not set before in this tile.
+  // Zeroes the mask in those `blocks` that were not yet cleared in this tile.
   Status clear_mask(uint64_t blocks);
-  // Reads the words of `blocks`; others in `out` keep their values. out: kTileMaskWords.
+  // Reads the words of `blocks`; other words of `out` keep their values. out: kTileMaskWords.
   void read_mask(uint64_t blocks, std::span<uint32_t> out) const;
 
-  // Binds triangles, items, mask and parameters. `params` fills item_first and so on.
+  // Bind triangles, items, mask and parameters, and run. They set cell_max and the range
+  // (item_first and its like) in `params`.
   void run_items(const gpu::Program& program, size_t first, size_t count,
                  shared::VoxelizeParams params);
   Status run_triangles(const gpu::Program& program, size_t first, size_t count,
@@ -52,7 +53,7 @@ class TileDevice {
   gpu::VertexArray vertex_array_;
   shared::ivec4 cell_max_;
   uint64_t cleared_blocks_ = 0;
-  const gpu::Buffer* other_mask_ = nullptr;  // of use_mask()
+  const gpu::Buffer* other_mask_ = nullptr;  // set by use_mask()
   size_t other_offset_ = 0;
 };
 

@@ -31,7 +31,7 @@ Status TouchPass::run(const TileWindow& window, Pipeline pipeline, Rule rule) {
     VOXELD_TRY(device_->run_triangles(*program, 0, window.triangle_count(), {}));
     return device_->context().check("finding touched cells");
   }
-  // Ranges of one class lie side by side, whatever their images: one dispatch takes them all.
+  // Ranges of one class are consecutive, whatever their images, so one dispatch takes them all.
   for (size_t r = 0; r < window.ranges.size();) {
     const TouchClass touch_class = window.ranges[r].touch_class;
     const size_t first = window.ranges[r].first;
@@ -39,11 +39,12 @@ Status TouchPass::run(const TileWindow& window, Pipeline pipeline, Rule rule) {
     for (; r < window.ranges.size() && window.ranges[r].touch_class == touch_class; ++r) {
       count += window.ranges[r].count;
     }
-    // By other rules than touch, triangles in one row of cells are tested like other small ones.
+    // Only rule touch takes all cells of a row. Other rules test such triangles like other small
+    // ones.
     const bool is_tested = rule != Rule::kTouch && touch_class == TouchClass::kRows;
     const TouchClass program_class = is_tested ? TouchClass::kSmall : touch_class;
     gpu::Defines defines;
-    // Two words are what the shader takes by itself.
+    // The shader's default is two words, so no define is needed for them.
     if (has_int64_ || program_class != TouchClass::kLarge) {
       defines = touch_class_defines(program_class);
     }

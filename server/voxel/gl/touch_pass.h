@@ -8,19 +8,19 @@
 
 namespace voxeld {
 
-// The defines that make a compute program for a class of triangles.
+// The defines of a compute program for a class of triangles.
 gpu::Defines touch_class_defines(TouchClass touch_class);
-// And for a rule.
+// The defines of a compute program for a rule.
 gpu::Defines touch_rule_defines(Rule rule);
 
 class TouchPass {
  public:
-  // has_int64: 64-bit integers in shaders, else two words of 32 bits.
+  // has_int64: shaders use 64-bit integers, else two 32-bit words.
   TouchPass(TileDevice& device, gpu::ShaderLibrary& shaders, bool has_int64)
       : device_(&device), shaders_(&shaders), has_int64_(has_int64) {}
 
   // Sets the bits of the cells that the window's triangles occupy by `rule`; none sets nothing. The
-  // window is uploaded and its blocks are cleared.
+  // window must be uploaded and its blocks cleared.
   Status run(const TileWindow& window, Pipeline pipeline, Rule rule);
 
  private:

@@ -1,6 +1,6 @@
-// Occupancy by pipeline compute on software drivers: rule touch, no attributes. Small triangles
-// take pass voxelize_words; the mask is memory of this machine, so that bricks are taken out of it
-// where it stands.
+// Occupancy by pipeline compute on software drivers, for rule touch without attributes. Small
+// triangles run in pass voxelize_words. The mask is in host memory, so bricks are taken directly
+// out of it.
 #pragma once
 
 #include <array>
@@ -17,45 +17,47 @@
 
 namespace voxeld {
 
-// Keeps programs and memory from job to job. One thread: the context's.
+// Runs the pass. It keeps programs and memory between jobs. Only the context's thread may use it.
 class WordTouch {
  public:
   WordTouch(const gpu::Context& context, gpu::ShaderLibrary& shaders)
       : context_(&context), shaders_(&shaders) {}
 
-  // Before the tiles of a job.
+  // Called before the tiles of a job.
   Status begin_job();
 
   static constexpr size_t kBatchTiles = SmallTriangles::kSlotsMax;
 
-  // A batch of at most kBatchTiles tiles: sort() some of their triangles, touch() what was sorted,
-  // as often as it takes; then take_bricks() once. One tile after the other would be as many waits
-  // of all threads for each other.
+  // Processes a batch of at most kBatchTiles tiles. sort() prepares some of their triangles and
+  // touch() runs them, as often as needed; then take_bricks() once. A batch is faster than single
+  // tiles, because each run makes all threads wait for each other.
   Status sort(const SnappedMesh& mesh, std::span<const TilePart> parts);
-  // Of the last sort(): what touch() does not take of a slot, for others to set in its mask.
+  // The triangles of a slot that the last sort() left to the caller, who sets their bits in the
+  // mask.
   std::span<const uint32_t> large(size_t slot) const { return small_.large(slot); }
   size_t small_count() const { return small_.count(); }
   Status touch();
-  // VOXELIZE_MASK of the slots, kTileMaskBytes each, for others to set bits in.
+  // VOXELIZE_MASK of the slots, kTileMaskBytes each. The caller may set bits in them.
   const gpu::Buffer& masks() {
     is_clear_ = false;
     return masks_;
   }
-  // Of slot i into tiles[i]. `more_blocks`: where others may have set bits, as TileWindow::blocks.
+  // Moves the bricks of slot i into tiles[i]. more_blocks: blocks in which the caller may have set
+  // bits; see TileWindow::blocks.
   Status take_bricks(std::span<const uint64_t> more_blocks, std::span<SparseTile> tiles);
 
-  // Of all buffers now, and at most for so many triangles at a time.
+  // Bytes of all buffers now, and their maximum for `triangles` triangles at a time.
   int64_t bytes() const;
   static int64_t bytes_max(size_t triangles);
 
  private:
   const gpu::Context* context_;
   gpu::ShaderLibrary* shaders_;
-  std::optional<WorkerPool> pool_;  // from the first job on
+  std::optional<WorkerPool> pool_;  // created by the first job
   SmallTriangles small_;
   MaskBricks bricks_;
   gpu::Buffer triangles_, masks_, params_;
-  std::array<uint64_t, kBatchTiles> blocks_{};  // of the slots so far
+  std::array<uint64_t, kBatchTiles> blocks_{};  // blocks of the slots so far
   bool is_clear_ = false;                       // all masks are 0; a job that fails may leave bits
 };
 

@@ -12,7 +12,7 @@ bool comes_first(const glm::ivec3& a, const glm::ivec3& b) {
   return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
 }
 
-// Numbers equal positions equally: a table with open addressing.
+// A table with open addressing that gives equal positions equal numbers.
 class PointNumbers {
  public:
   explicit PointNumbers(size_t count_max) {
@@ -50,7 +50,7 @@ class PointNumbers {
   std::vector<glm::ivec3> points_;
 };
 
-// The other end of an edge that hangs on its end with the lower number.
+// An edge, stored at its end with the lower number; `high` is the other end.
 struct HalfEdge {
   uint32_t high;
   int32_t direction;  // 1: from the lower number to the higher

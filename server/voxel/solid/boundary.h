@@ -1,5 +1,5 @@
-// What is missing of a mesh: the edges where its triangles do not cancel out, and cones that close
-// it.
+// The boundary of a mesh, i.e. the edges where its triangles do not cancel out, and cones that
+// close it.
 #pragma once
 
 #include <array>
@@ -12,21 +12,21 @@
 
 namespace voxeld {
 
-// A directed edge between snapped positions that triangles run along `count` times more often than
+// A directed edge between snapped positions. Triangles run along it `count` times more often than
 // against it.
 struct BoundaryEdge {
   glm::ivec3 from{0}, to{0};
   int count = 0;  // > 0
 };
 
-// The boundary of the mesh as a chain: empty iff the snapped mesh is closed and consistently
-// oriented, so that its winding number is an integer everywhere. Vertices with equal q are one.
-// Ascending by (from, to): neither the order of triangles nor of their corners matters.
+// The boundary of the mesh as a chain of edges. It is empty iff the snapped mesh is closed and
+// consistently oriented; its winding number is then an integer everywhere. Vertices with equal q
+// count as one. Sorted by (from, to), so that the order of triangles and of their corners does not
+// matter.
 std::vector<BoundaryEdge> boundary_edges(const FillMesh& mesh);
 
-// Triangles that close the mesh, three corners each: over every connected part of the boundary a
-// cone from the middle of its vertices. The mesh with them has no boundary. In the order of the
-// edges.
+// Triangles, three corners each, that close the mesh. Over every connected part of the boundary
+// they form a cone from the middle of its vertices. They are in the order of the edges.
 std::vector<glm::ivec3> closing_cones(const std::vector<BoundaryEdge>& boundary);
 
 }  // namespace voxeld

@@ -1,4 +1,4 @@
-// Finds the bricks of a grid by their place.
+// An index of a grid's bricks by position.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace voxeld {
 
-// Points into the tiles. 128 KiB for each.
+// Points into the tiles, which must outlive it. It takes 128 KiB for each tile with bricks.
 class BrickIndex {
  public:
   BrickIndex(std::span<const SparseTile> tiles, const glm::ivec3& dims);
@@ -25,7 +25,7 @@ class BrickIndex {
                static_cast<size_t>(tile_dims_.x) +
            static_cast<size_t>(tile.x);
   }
-  // nullptr where the brick is empty or beside the grid. `brick` counts bricks of the grid.
+  // nullptr if the brick is empty or outside the grid. `brick` counts bricks of the grid.
   const BrickMask* find(const glm::ivec3& brick) const;
 
  private:

@@ -1,4 +1,4 @@
-// A brick as planes of z: bit y*8 + x of word z.
+// A brick as planes of z: bit y*8 + x of word z. Rows of x are easier to sweep than Morton order.
 #pragma once
 
 #include <array>
@@ -12,7 +12,8 @@ namespace voxeld {
 using BrickPlanes = std::array<uint64_t, 8>;
 
 namespace brick_layout {
-// In a word of 4x4x4 cells in Morton order: index bits 3 and 0 of x, 4 and 1 of y, 5 and 2 of z.
+// Bit places in a word of 4x4x4 cells in Morton order: x has index bits 0 and 3, y 1 and 4, z 2 and
+// 5.
 inline constexpr std::array<int, 4> kPlaceY = {0, 2, 16, 18};
 inline constexpr std::array<int, 4> kPlaceZ = {0, 4, 32, 36};
 constexpr uint64_t spread_x(uint64_t bits) {

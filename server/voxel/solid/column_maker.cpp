@@ -8,7 +8,7 @@ namespace {
 
 constexpr size_t kRowBytes = limits::kTileSide / 8;
 
-// Bits of a row of bricks as bytes: a brick's are those at brick_x, kRowBytes apart.
+// Bits of a row of bricks, seen as bytes: those of one brick are at brick_x, kRowBytes apart.
 uint64_t brick_bits(const BrickRow& rows, int brick_x) {
   uint64_t bits = 0;
   for (size_t i = static_cast<size_t>(brick_x) / 8; i < kBrickRowWords; i += kBlockRowWords) {
@@ -143,7 +143,7 @@ void ColumnMaker::make_tile(const InsidePlan& plan, const glm::ivec3& tile,
   }
 }
 
-// `rows`: parity along z becomes the majority.
+// Replaces `rows`, the parity along z, by the majority of the three axes.
 void ColumnMaker::vote(const InsidePlan& plan, const glm::ivec3& tile, int brick_y, int brick_z,
                        BrickRow& rows, BrickRow& disagree, AxisVotes& votes) {
   BrickRow x, y, any;
@@ -175,8 +175,8 @@ void ColumnMaker::vote(const InsidePlan& plan, const glm::ivec3& tile, int brick
   }
 }
 
-// Computes bricks anew whose threshold is not 1; where `wanted` is given, those that it has bits
-// of.
+// Recomputes bricks whose threshold is not 1. If `wanted` is given, only those of which it has
+// bits.
 void ColumnMaker::apply_thresholds(const InsidePlan& plan, const glm::ivec3& tile, int brick_y,
                                    int brick_z, const BrickRow* wanted, BrickRow& rows) {
   std::array<int, 512> cells;

@@ -1,4 +1,5 @@
-// The inside of one tile column along z, tile by tile upwards: what a thread of find_inside() does.
+// The inside of one tile column along z, made tile by tile upwards: the work of one thread of
+// find_inside().
 #pragma once
 
 #include <array>
@@ -20,7 +21,7 @@
 
 namespace voxeld {
 
-// What all columns of a job share.
+// Data that all columns of a job share.
 struct InsidePlan {
   InsidePlan(const InsideJob& job, WorkerPool& pool);
 
@@ -31,22 +32,22 @@ struct InsidePlan {
 
   const InsideJob& job;
   TriangleColumns triangles;                // along z
-  std::optional<FillMesh> cones;            // of an open mesh, where needs_winding()
+  std::optional<FillMesh> cones;            // set if the mesh is open and needs_winding()
   std::optional<TriangleColumns> of_cones;  // along z
   std::optional<WindingField> field;
-  std::optional<AxisCrossings> along_x, along_y;  // where needs_axes()
+  std::optional<AxisCrossings> along_x, along_y;  // set if needs_axes()
 };
 
-// Rows of bricks of a column that one thread does: part of parts.
+// The rows of bricks of a column that one thread handles: part `part` of `parts`.
 struct ColumnShare {
   size_t part = 0, parts = 1;
 };
 
-// Keeps up to 8 MiB between columns. One thread.
+// Makes columns. It keeps up to 8 MiB between them. Not thread-safe.
 class ColumnMaker {
  public:
-  // Adds the cells inside of every tile of the column to tiles[z], in the share's lane. `whole`:
-  // tiles that are inside altogether, where the share is the whole column.
+  // Adds the inside cells of every tile of the column to tiles[z], in the share's lane. `whole`
+  // receives the tiles that are entirely inside, but only if the share is the whole column.
   void run(const InsidePlan& plan, size_t column, const ColumnShare& share,
            std::span<TileBits> tiles, std::vector<int>& whole, AxisVotes& votes);
 
@@ -65,15 +66,15 @@ class ColumnMaker {
   void apply_thresholds(const InsidePlan& plan, const glm::ivec3& tile, int brick_y, int brick_z,
                         const BrickRow* wanted, BrickRow& rows);
 
-  SweepZ parity_;                    // of the mesh, or of changes of nonzero
-  std::unique_ptr<SweepZ> winding_;  // winding number of mesh and cones > 0
+  SweepZ parity_;                    // sweeps the mesh, or the changes of nonzero
+  std::unique_ptr<SweepZ> winding_;  // the state is: winding number of mesh and cones > 0
   std::unique_ptr<Axes> axes_;
-  const SparseTile* surface_ = nullptr;  // of the tile, where the axes vote
+  const SparseTile* surface_ = nullptr;  // the tile's surface, set only if the axes vote
   ColumnWindow window_;
   std::vector<Crossing> crossings_, changes_;
   TileCrossings parity_crossings_, winding_crossings_;
   ColumnWinding column_winding_;
-  Thresholds thresholds_;  // of the tile
+  Thresholds thresholds_;  // those of the tile
 };
 
 }  // namespace voxeld

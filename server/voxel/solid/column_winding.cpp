@@ -5,7 +5,7 @@
 namespace voxeld {
 namespace {
 
-// What orders the crossings of a column; a column has few.
+// The sort key of a column's crossings. Most columns have few, for which insertion is fastest.
 uint32_t height_key(Crossing c) {
   return c >> 16 & 0x7fffu;
 }
@@ -32,7 +32,7 @@ void ColumnWinding::set(std::span<const Crossing> crossings, const ColumnWindow&
   for (size_t i = 0; i < columns; ++i) first_of_[i + 1] += first_of_[i];
   sorted_.resize(crossings.size());
   for (const Crossing c : crossings) sorted_[first_of_[crossing_column(c)]++] = c;
-  // Every entry now says where the next column begins.
+  // Shifted by one, every entry now says where its column begins.
   for (size_t i = columns; i > 0; --i) first_of_[i] = first_of_[i - 1];
   first_of_[0] = 0;
   for (size_t i = 0; i < columns; ++i) {

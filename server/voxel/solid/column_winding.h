@@ -1,4 +1,4 @@
-// Winding numbers along columns: the crossings of a window, column by column and from below.
+// Winding numbers along columns, from the crossings of a window in ascending order of each column.
 #pragma once
 
 #include <cstdint>
@@ -11,11 +11,11 @@ namespace voxeld {
 
 class ColumnWinding {
  public:
-  // Sorts the crossings. Keeps its memory from call to call.
+  // Sorts the crossings. It keeps its memory between calls.
   void set(std::span<const Crossing> crossings, const ColumnWindow& window);
 
-  // Appends a crossing wherever inside(winding number) changes along a column, so that parity of
-  // what is appended is inside(winding number). inside(0) must be false.
+  // Appends a crossing wherever inside(winding number) changes along a column. The parity of the
+  // appended crossings is then inside(winding number). inside(0) must be false.
   template <typename Inside>
   void append_changes(const Inside& inside, std::vector<Crossing>& out) const {
     for (size_t i = 0; i < sorted_.size();) {
@@ -35,12 +35,12 @@ class ColumnWinding {
     }
   }
 
-  // Winding number at the centre of a cell; u and v count from the window's corner.
+  // Winding number at the centre of a cell. u and v count from the window's corner.
   int at(int u, int v, int cell) const;
 
  private:
   std::vector<Crossing> sorted_;    // by column (v, then u), then first cell
-  std::vector<uint32_t> first_of_;  // per column, and one more
+  std::vector<uint32_t> first_of_;  // first crossing of each column, then the total
 };
 
 }  // namespace voxeld

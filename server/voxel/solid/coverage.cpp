@@ -11,7 +11,8 @@ namespace voxeld {
 namespace {
 
 constexpr uint8_t kAllParts = 64;
-constexpr uint32_t kBlockBricks = 512;  // of 64^3 cells, which a finer tile has
+// Bricks of a block of 64^3 cells, which is what one finer tile covers.
+constexpr uint32_t kBlockBricks = 512;
 constexpr size_t kBrickCells = 512;
 static_assert(kCoverageParts * kCoverageParts * kCoverageParts == kAllParts);
 static_assert(limits::kTileSide / kCoverageParts == 64);
@@ -20,7 +21,7 @@ uint8_t covered(uint8_t parts) {
   return static_cast<uint8_t>((255 * parts + kAllParts / 2) / kAllParts);
 }
 
-// Bricks that were parts of full nodes, as masks beside those that the tile has.
+// Inserts bricks that were parts of full nodes as masks, among those that the tile already has.
 void insert_full_masks(const std::vector<uint32_t>& bricks, SparseTile& tile) {
   BrickMask all;
   all.words.fill(~uint64_t{0});
@@ -59,8 +60,8 @@ int64_t coverage_bytes(const GridSpec& spec, int64_t surface_bytes, int threads)
   const int64_t bricks = surface_bytes / kMaskBytes;
   const glm::ivec3 tiles = spec.tile_dims();
   const int64_t tile_count = int64_t{tiles.x} * tiles.y * tiles.z;
-  // Bricks twice while their list grows. Columns of finer tiles: those of a step's threads, with
-  // 4x4x4 bricks for each of the surface.
+  // Bricks count twice, because their list is copied as it grows. Finer tiles are those of the
+  // columns in one step of the threads, with 4x4x4 bricks for each of the surface.
   const int64_t columns = int64_t{tiles.x} * kCoverageParts * tiles.y * kCoverageParts;
   const int64_t step = std::min<int64_t>(columns, int64_t{2} * threads);
   const int64_t in_step = columns == 0 ? 0 : surface_bytes * kAllParts / columns * step;
@@ -86,7 +87,7 @@ Result<CoverageCounts> CoverageCounts::of(const FillMesh& mesh, const glm::ivec3
   return result;
 }
 
-// A finer tile is a block of 64^3 cells of a tile; `counts` is kept for its memory.
+// Adds a finer tile, which is a block of 64^3 cells of a tile. `counts` is scratch memory.
 void CoverageCounts::add(const SparseTile& finer, std::vector<uint8_t>& counts) {
   const auto part = [&](size_t axis) {
     return static_cast<uint32_t>(finer.coord[axis] % kCoverageParts);

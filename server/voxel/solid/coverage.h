@@ -1,4 +1,4 @@
-// Channel coverage of fill=solid: how much of each voxel is inside of the mesh.
+// The channel coverage of fill=solid: the share of each voxel that is inside the mesh.
 #pragma once
 
 #include <array>
@@ -13,31 +13,31 @@
 
 namespace voxeld {
 
-// Parts of a voxel on each axis.
+// Parts of a voxel along each axis.
 inline constexpr int kCoverageParts = 4;
 
-// Errors: grid-too-large where the parts would not be cells of a grid.
+// Errors: grid-too-large if the parts would not fit a grid of cells.
 Status check_coverage_dims(const glm::ivec3& dims);
 
-// An upper estimate of what CoverageCounts keeps and needs while it is made, from the bytes of the
-// surface's tiles without attributes.
+// An upper estimate of the bytes that CoverageCounts takes, scratch memory included. surface_bytes:
+// the surface's tiles without attributes.
 int64_t coverage_bytes(const GridSpec& spec, int64_t surface_bytes, int threads);
 
-// Of 4x4x4 parts of each cell, how many have their centres inside: those are the cells of a grid
-// four times as fine, whose words of 64 bits are the cells of this one.
+// The number of parts, of 4x4x4 in each cell, whose centres are inside. The parts are the cells of
+// a grid four times as fine, whose 64-bit words correspond to the cells of this grid.
 class CoverageCounts {
  public:
-  // Of all cells of a grid; the mesh is snapped to that grid, not again to the finer one. `sign`:
-  // as InsideJob. Errors: those of `progress`, which is called from time to time with 0 columns
-  // done.
+  // Counts for all cells of a grid. The mesh is snapped to that grid and not again to the finer
+  // one. sign: as in InsideJob. Errors: those of `progress`, which is called from time to time with
+  // 0 columns done.
   static Result<CoverageCounts> of(const FillMesh& mesh, const glm::ivec3& dims, Sign sign,
                                    WorkerPool& pool, const ColumnProgress& progress);
 
-  // Turns bricks of full nodes into masks where they have a cell that is not entirely inside: the
-  // voxels of full nodes are taken for covered. The tiles have no attributes.
+  // Turns bricks of full nodes into masks if one of their cells is not entirely inside, because the
+  // voxels of full nodes count as covered. The tiles must have no attributes.
   void spell_out(std::vector<SparseTile>& inside) const;
 
-  // Sets SparseTile::coverage of all voxels of masks: 255 times the part that is inside, rounded.
+  // Sets SparseTile::coverage of all voxels of masks: 255 times the inside share, rounded.
   void write(std::vector<SparseTile>& tiles) const;
 
  private:
@@ -45,16 +45,16 @@ class CoverageCounts {
 
   struct BrickCounts {
     uint32_t brick_morton = 0;
-    std::array<uint8_t, 512> inside{};  // of 64, by cell in Morton order
+    std::array<uint8_t, 512> inside{};  // parts inside, 0 to 64, by cell in Morton order
   };
   struct TileCounts {
-    std::bitset<kTileBricks> full;     // by Morton order: all cells entirely inside
-    std::vector<BrickCounts> partial;  // others with some, ascending
+    std::bitset<kTileBricks> full;     // by Morton index; bit set: all cells are entirely inside
+    std::vector<BrickCounts> partial;  // other bricks with any part inside, ascending
   };
 
   void add(const SparseTile& finer, std::vector<uint8_t>& counts);
   void sort();
-  // 0 to 64 of a brick's cells; null for the two uniform kinds.
+  // Counts, 0 to 64, of a brick's cells; null for the two uniform kinds.
   static const BrickCounts* find(const TileCounts& tile, uint32_t brick_morton);
   static void spell_out(const TileCounts* counts, SparseTile& tile);
   static void write(const TileCounts* counts, SparseTile& tile);

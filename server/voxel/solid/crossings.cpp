@@ -11,19 +11,19 @@ namespace {
 __extension__ using Wide = __int128;
 __extension__ using UnsignedWide = unsigned __int128;
 
-// Corners below this need no more than 64 bits: coordinates take 21 with the sign, the normal,
-// twice an area in a square of 2^21, 43, times a depth 64. Sums may wrap on the way; what
-// comes out fits.
+// Corners below this need only 64 bits. Coordinates take 21 bits with the sign. The normal, twice
+// an area in a square of 2^21, takes 43; times a depth that is 64. Intermediate sums may wrap; the
+// results fit.
 constexpr int kNarrowQMax = (1 << 19) + (1 << 10);
 
 using Corners = std::array<std::array<int64_t, 3>, 3>;  // u, v, w
 
-// One triangle against a rectangle of columns, in units of half a sub-voxel: corners stand at odd
-// numbers, centres of cells at even ones.
+// Tests one triangle against a rectangle of columns, in units of half a sub-voxel. Corners are at
+// odd numbers, centres of cells at even ones.
 template <typename Int>
 class ColumnRaster {
  public:
-  // False where the triangle is edge-on: it crosses no column.
+  // False if the triangle is edge-on: it crosses no column.
   bool set_up(const Corners& p, int sub_voxel_bits) {
     Corners v = p;
     const auto wrapped = [](int64_t x) { return static_cast<Unsigned>(static_cast<Int>(x)); };
@@ -45,8 +45,8 @@ class ColumnRaster {
       const auto& to = v[(i + 1) % 3];
       a_[i] = static_cast<Int>(from[1] - to[1]);
       b_[i] = static_cast<Int>(to[0] - from[0]);
-      // A point on the side itself is inside where the side's interior lies to the right, or above
-      // a level side.
+      // A point exactly on a side is inside if the side's interior lies to its right, or above a
+      // level side. Neighbours that share the side then count the point once.
       const bool inclusive = a_[i] > 0 || (a_[i] == 0 && b_[i] > 0);
       c_[i] = -a_[i] * static_cast<Int>(from[0]) - b_[i] * static_cast<Int>(from[1]) -
               (inclusive ? 0 : 1);
@@ -57,7 +57,8 @@ class ColumnRaster {
   bool faces_down() const { return faces_down_; }
   int64_t centre(int cell) const { return cell * (2 * half_cell_) + half_cell_; }
 
-  // Calls visit(u, first cell) for the cells u_first to u_last of row v that lie inside.
+  // Calls visit(u, first cell) for the cells u_first to u_last of row v that lie inside the
+  // projection.
   template <typename Visit>
   void row(int u_first, int u_last, int v, const Visit& visit) const {
     const auto pu = static_cast<Int>(centre(u_first)), pv = static_cast<Int>(centre(v));
@@ -75,15 +76,15 @@ class ColumnRaster {
  private:
   using Unsigned = std::conditional_t<sizeof(Int) == 8, uint64_t, UnsignedWide>;
 
-  // The least k with k + 1/2 >= depth of the plane.
+  // The least k with k + 1/2 >= the plane's depth.
   int64_t first_cell(int u, int v) const {
     const auto up = [](int64_t x) { return static_cast<Unsigned>(static_cast<Int>(x)); };
     const auto numerator =
         static_cast<Int>(up(origin_[2] - half_cell_) * static_cast<Unsigned>(normal_w_) -
                          static_cast<Unsigned>(normal_u_) * up(centre(u) - origin_[0]) -
                          static_cast<Unsigned>(normal_v_) * up(centre(v) - origin_[1]));
-    // The quotient is small, so the double is off by less than one before it is truncated: the
-    // remainder tells what is missing to the integer above.
+    // The quotient is small, so the double is off by less than one before truncation. The remainder
+    // then corrects k to the integer above.
     auto k =
         static_cast<int64_t>(static_cast<double>(numerator) / static_cast<double>(depth_unit_));
     Int remainder = numerator - static_cast<Int>(k) * depth_unit_;

@@ -5,7 +5,7 @@
 namespace voxeld {
 namespace {
 
-// Squared distances along one row for the cells from `first` on. False where nothing is set.
+// Squared distances along one row for the cells from `first` on. False if no cell is set.
 bool distances_of_row(std::span<const uint8_t> row, int first, std::span<uint32_t> out) {
   const auto size = static_cast<int>(row.size()), side = static_cast<int>(out.size());
   if (std::ranges::find(row, uint8_t{1}) == row.end()) return false;
@@ -26,8 +26,8 @@ bool distances_of_row(std::span<const uint8_t> row, int first, std::span<uint32_
   return true;
 }
 
-// The lower envelope of scratch.line, at first to first + side - 1, into scratch.result. False
-// where no distance is known.
+// Evaluates the lower envelope of scratch.line at first to first + side - 1, into scratch.result.
+// False if no distance is known.
 bool envelope(int first, int side, DistanceScratch& scratch) {
   if (!scratch.envelope.build(scratch.line)) return false;
   const auto begin = static_cast<uint32_t>(first);
@@ -37,7 +37,7 @@ bool envelope(int first, int side, DistanceScratch& scratch) {
   return true;
 }
 
-// Distances in the plane z, for rows first.y on, into scratch.of_planes.
+// Distances within plane z, for rows from first.y on, into scratch.of_planes.
 void distances_of_plane(const DistanceBox& box, int z,
                         const std::function<void(int, int, std::span<uint8_t>)>& fill_row,
                         DistanceScratch& scratch) {

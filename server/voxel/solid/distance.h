@@ -12,8 +12,8 @@
 
 namespace voxeld {
 
-// Cells [0, size) of which some are set, and the cube [first, first + side) within whose distances
-// are wanted.
+// A box of cells [0, size), some of them set, and the cube [first, first + side) in it. Distances
+// are wanted within the cube.
 struct DistanceBox {
   glm::ivec3 size{0}, first{0};
   int side = 0;
@@ -26,11 +26,11 @@ struct DistanceScratch {
   LowerEnvelope envelope;
 };
 
-// Writes for every cell of the cube, x fastest, then y, then z, the squared distance of its centre
-// to that of the nearest set cell of the box. Sides are at most 4096 cells. Along x, y, z in turn,
-// each in linear time: Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing
-// distance transforms in linear time"; Felzenszwalb & Huttenlocher 2012, "Distance transforms of
-// sampled functions". `fill_row(y, z, row)` sets a row of the box to 0 and 1.
+// Writes the squared distance from each cell's centre to that of the nearest set cell of the box,
+// for every cell of the cube (x fastest, then y, then z). Sides are at most 4096 cells. fill_row(y,
+// z, row) sets a row of the box to 0 and 1. It works along x, y, z in turn, each in linear time:
+// Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing distance transforms in
+// linear time"; Felzenszwalb & Huttenlocher 2012, "Distance transforms of sampled functions".
 void squared_distances(const DistanceBox& box,
                        const std::function<void(int, int, std::span<uint8_t>)>& fill_row,
                        DistanceScratch& scratch, std::vector<uint32_t>& out);

@@ -15,18 +15,18 @@
 namespace voxeld {
 namespace {
 
-constexpr int kUnit = 512;  // a voxel, in the tree's units
+constexpr int kUnit = 512;  // a voxel in the tree's units
 
-constexpr int kBlockSide = 64;  // cells; one part of the work of a tile
+constexpr int kBlockSide = 64;  // cells; a block is one unit of a tile's work
 const double kHalfDiagonal = std::sqrt(3.0) / 2;
-constexpr uint32_t kBlocks = 64;  // of a tile
+constexpr uint32_t kBlocks = 64;  // blocks of a tile
 
 glm::ivec3 centre_of(const glm::ivec3& first_cell, int side) {
   return first_cell * kUnit + side * (kUnit / 2);
 }
 
-// 1/128 voxel, rounded to the nearest; what is too far for 16 bits is as far as they tell, and what
-// is inside never 0, which has no sign.
+// The distance in 1/128 voxel, rounded to the nearest and clamped to 16 bits. Inside it is never 0,
+// because 0 has no sign.
 int16_t steps_of(double squared, bool is_inside) {
   const double steps = std::floor(std::sqrt(squared) * kDistanceSteps / kUnit + 0.5);
   const auto limited = static_cast<int>(std::min(steps, 32767.0));
@@ -41,19 +41,19 @@ struct Bricks {
   std::vector<int16_t> distance;
 };
 
-// From the middle of a cube to the centres of its outermost cells.
+// Distance from the middle of a cube to the centres of its outermost cells.
 double radius_of(int side) {
   return (side - 1) * kHalfDiagonal * kUnit;
 }
 
-// Distances of cells, two by two by two. One thread.
+// Measures distances of cells, node by node of 2x2x2. Not thread-safe.
 class NodeDistances {
  public:
   NodeDistances(const DistanceJob& job, double limit) : job_(job), limit_(limit) {}
 
-  // Appends the distances of those of the node's cells that `wanted` has a bit for and that lie
-  // within the limit, and returns their bits. inside: bits of the cells that are. near: a triangle
-  // that is likely near, or kNone.
+  // Appends the distances of the node's cells that are in `wanted` and within the limit; returns
+  // their bits. inside: bits of the cells that are inside. near: a triangle that is likely near, or
+  // kNone.
   uint8_t add(const glm::ivec3& first, uint8_t wanted, uint8_t inside, uint32_t near,
               std::vector<int16_t>& out) {
     const auto middle =
@@ -82,12 +82,12 @@ class NodeDistances {
   uint32_t near_ = TriangleTree::kNone;
 };
 
-// A node's cells are a byte of its brick.
+// The cells of a node, which are one byte of its brick.
 uint8_t node_of(const BrickMask& mask, uint32_t node) {
   return static_cast<uint8_t>(mask.words[node / 8] >> (node % 8 * 8));
 }
 
-// The band's cells in a cube, brick by brick in Morton order.
+// Collects the band's cells in a cube, brick by brick in Morton order.
 class BandWalk {
  public:
   BandWalk(const DistanceJob& job, double thickness, const glm::ivec3& tile_cell, Bricks& out)
@@ -97,7 +97,7 @@ class BandWalk {
         tile_cell_(tile_cell),
         out_(out) {}
 
-  // first: in the tile. near: a triangle that is likely near.
+  // first: a cell of the tile. near: a triangle that is likely near.
   void walk(const glm::ivec3& first, int side, uint32_t near) {
     if (glm::any(glm::greaterThanEqual(tile_cell_ + first, job_.dims))) return;
     if (side == 2) {
@@ -133,7 +133,7 @@ class BandWalk {
     const glm::uvec3 at = glm::uvec3(first & (limits::kBrickSide - 1)) / 2u;
     const uint32_t node = morton_encode(at.x, at.y, at.z);
     const glm::ivec3 cell = tile_cell_ + first;
-    uint8_t wanted = 0;  // in the grid
+    uint8_t wanted = 0;  // cells inside the grid
     for (uint32_t i = 0; i < 8; ++i) {
       const glm::ivec3 one = cell + glm::ivec3(i & 1, i >> 1 & 1, i >> 2);
       if (glm::all(glm::lessThan(one, job_.dims))) wanted |= static_cast<uint8_t>(1u << i);
@@ -155,7 +155,7 @@ glm::ivec3 cell_of(const glm::ivec3& tile, uint32_t block) {
   return tile * limits::kTileSide + glm::ivec3(at[0], at[1], at[2]) * kBlockSide;
 }
 
-// Tiles that the band reaches, by their coords.
+// The coords of the tiles that the band reaches.
 std::vector<glm::ivec3> reached_tiles(const DistanceJob& job, double thickness) {
   const glm::ivec3 tiles = (job.dims + limits::kTileSide - 1) / limits::kTileSide;
   const double reach = thickness * kUnit + radius_of(limits::kTileSide) + 1.0;
@@ -220,7 +220,7 @@ int64_t count_of(const glm::i64vec3& cubes) {
   return cubes.x * cubes.y * cubes.z;
 }
 
-// Calls visit(number) for the cubes from first to last.
+// Calls visit(number) for every cube from `first` to `last`.
 template <typename Visit>
 void for_each_cube(const glm::i64vec3& first, const glm::i64vec3& last, const glm::i64vec3& cubes,
                    const Visit& visit) {
@@ -256,7 +256,7 @@ Status find_band(const DistanceJob& job, double thickness, WorkerPool& pool,
 
 std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile& tile,
                                        WorkerPool& pool) {
-  constexpr size_t kBricks = 64;  // at a time
+  constexpr size_t kBricks = 64;  // bricks per task
   std::vector<std::vector<int16_t>> parts((tile.masks.size() + kBricks - 1) / kBricks);
   std::atomic<size_t> next = 0;
   pool.run(pool.threads(), [&](int) {
@@ -271,7 +271,7 @@ std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile&
 }
 
 int64_t band_cells_max(const FillMesh& mesh, const glm::ivec3& dims, double thickness) {
-  // At most 2^24 cubes of the grid, 8 cells to a side or more.
+  // Cubes of 8 cells a side, or as much larger as keeps them below 2^24 for the grid.
   int bits = 3;
   while (count_of(cubes_of(dims, bits)) > int64_t{1} << 24) ++bits;
   const glm::i64vec3 cubes = cubes_of(dims, bits);

@@ -1,4 +1,4 @@
-// Signed distances of cells to a mesh's triangles: fill=band and the channel `distance`.
+// Signed distances from cells to a mesh's triangles, for fill=band and the channel `distance`. See
 // ../README.md, "Distance".
 #pragma once
 
@@ -14,7 +14,8 @@
 
 namespace voxeld {
 
-// A tile, and the distance of each voxel of its masks in 1/kDistanceSteps voxel, in their order.
+// A tile with the distance of each voxel of its masks, in their order, in units of 1/kDistanceSteps
+// voxel.
 struct DistanceTile {
   SparseTile tile;
   std::vector<int16_t> distance;
@@ -26,16 +27,16 @@ struct DistanceJob {
   const BrickIndex& inside;  // cells whose distance is negative
 };
 
-// The tiles of the cells whose centre is at most `thickness` voxels from a triangle, in any order.
-// `progress`: called from time to time, with 0 columns done.
+// Finds the tiles of the cells whose centre is at most `thickness` voxels from a triangle, in any
+// order. progress: called from time to time, with 0 columns done.
 Status find_band(const DistanceJob& job, double thickness, WorkerPool& pool,
                  const ColumnProgress& progress, std::vector<DistanceTile>& tiles);
 
-// Distances of the voxels of a tile's masks. The mesh must have a triangle.
+// Distances of the voxels of a tile's masks. The mesh must have at least one triangle.
 std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile& tile,
                                        WorkerPool& pool);
 
-// An upper bound of the cells of a band: of cubes that the triangles' boxes come near to.
+// An upper bound of a band's cells: those of the cubes that are near the triangles' boxes.
 int64_t band_cells_max(const FillMesh& mesh, const glm::ivec3& dims, double thickness);
 
 }  // namespace voxeld

@@ -1,4 +1,4 @@
-// The distances of one grid, from its mesh and what is inside of it.
+// The distances of one grid, from its mesh and the cells inside it.
 #pragma once
 
 #include <map>
@@ -9,19 +9,19 @@
 
 namespace voxeld {
 
-// One thread.
+// Measures distances. Not thread-safe.
 class DistanceMaker {
  public:
-  // inside: the cells whose distance is negative. The mesh need not outlive the constructor, the
-  // pool must.
+  // inside: the cells whose distance is negative. The mesh need not outlive the constructor, but
+  // the pool must outlive this object.
   DistanceMaker(const FillMesh& mesh, const glm::ivec3& dims, std::vector<SparseTile> inside,
                 WorkerPool& pool);
 
-  // The cells at most `thickness` voxels from the mesh, all in masks, in any order. Their distances
-  // are kept for measure(). Errors: those of `progress`, as find_band().
+  // The cells at most `thickness` voxels from the mesh, all as masks, in any order. Their distances
+  // are stored for measure(). Errors: those of `progress`, as find_band().
   Result<std::vector<SparseTile>> band(double thickness, const ColumnProgress& progress);
 
-  // Fills in SparseTile::distance of all voxels of masks.
+  // Sets SparseTile::distance of all voxels of masks.
   Status measure(const ColumnProgress& progress, std::vector<SparseTile>& tiles) const;
 
  private:

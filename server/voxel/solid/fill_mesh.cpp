@@ -14,7 +14,7 @@ namespace {
 constexpr size_t kVertexGrain = 1 << 15;
 
 int32_t snap_anywhere(double p_grid, int dim, int sub_voxel_bits) {
-  // As the surface is snapped where the surface is clipped to.
+  // Inside the box to which the surface is clipped, vertices must snap as the surface's do.
   if (p_grid >= -1.0 && p_grid <= dim + 1.0) return snap_coordinate(p_grid, dim);
   const double q = std::floor(std::ldexp(p_grid, sub_voxel_bits));
   return static_cast<int32_t>(std::clamp(q, -double{kFillQMax}, double{kFillQMax}));

@@ -1,5 +1,5 @@
-// The triangles whose inside is filled: snapped as those of the surface, but none is clipped or
-// left out, because what lies beside the grid's box decides what is inside of it.
+// The triangles whose inside is filled. They are snapped like those of the surface, but none is
+// clipped or dropped, because triangles outside the grid's box decide what is inside it.
 #pragma once
 
 #include <array>
@@ -14,8 +14,8 @@
 
 namespace voxeld {
 
-// Corners stand at (q + 1/2) / 2^sub_voxel_bits voxels. May point into the SnappedMesh that it was
-// made of.
+// A mesh whose corners are at (q + 1/2) / 2^sub_voxel_bits voxels. It may point into the
+// SnappedMesh that it was made from.
 class FillMesh {
  public:
   FillMesh() = default;
@@ -24,22 +24,21 @@ class FillMesh {
 
   size_t triangle_count() const { return triangle_count_; }
   int sub_voxel_bits() const { return sub_voxel_bits_; }
-  // Orientation is the world's: mirroring transforms are undone.
+  // Corners in the world's orientation: mirroring transforms are undone.
   std::array<glm::ivec3, 3> corners(size_t triangle) const {
     const uint32_t* index = first_index_ + triangle * index_stride_;
     const size_t second = mirrored_ ? 2 : 1;
     return {vertices_[index[0]], vertices_[index[second]], vertices_[index[3 - second]]};
   }
 
-  // Borrows the mesh where it has every triangle as it is, and snaps the scene again where
-  // triangles were clipped. A coordinate that lies further than kFillCellsMax cells beside cell 0
-  // is moved to there.
+  // Borrows the mesh if it holds every triangle unchanged; snaps the scene again if triangles were
+  // clipped. Coordinates more than kFillCellsMax cells away from cell 0 are clamped to that.
   static FillMesh of(const Scene& scene, const glm::dmat4& world_from_file, const GridSpec& spec,
                      const SnappedMesh& mesh);
-  // The same triangles where 2^bits cells lie on each axis where one lay, without snapping them
-  // again. Borrows this one, which must outlive it. bits: 0 to sub_voxel_bits().
+  // The same triangles in a grid with 2^bits cells where there was one on each axis. They are not
+  // snapped again. Borrows this mesh, which must outlive the result. bits: 0 to sub_voxel_bits().
   FillMesh scaled(int bits) const;
-  // Of corners that are there already, three for each triangle.
+  // Makes a mesh of given corners, three for each triangle.
   static FillMesh of(std::vector<glm::ivec3> corners, int sub_voxel_bits);
 
  private:
@@ -55,7 +54,7 @@ class FillMesh {
   std::vector<uint32_t> own_indices_;
 };
 
-// 2^30 sub-voxels at 8 bits: coordinates stay integers of 32 bits, products fit in 128.
+// 2^30 sub-voxels at 8 bits. Coordinates stay 32-bit integers, and products fit in 128 bits.
 inline constexpr int kFillQMax = 1 << 30;
 
 }  // namespace voxeld

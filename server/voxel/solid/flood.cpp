@@ -16,8 +16,8 @@ constexpr std::array<glm::ivec3, 6> kDirections = {glm::ivec3(-1, 0, 0), glm::iv
 constexpr uint64_t kColumn0 = 0x0101010101010101ull;  // x = 0
 constexpr size_t kVisitsPerProgress = size_t{1} << 16;
 
-// The cells of a brick on the side that a step in `direction` (index of kDirections) leaves it by,
-// moved to the side of the neighbour that it enters by.
+// The cells by which a step in `direction` (index of kDirections) leaves a brick. They are moved to
+// the side by which it enters the neighbour.
 BrickPlanes leave(const BrickPlanes& cells, size_t direction) {
   BrickPlanes entered{};
   for (size_t z = 0; z < 8; ++z) {
@@ -47,7 +47,7 @@ bool none(const BrickPlanes& cells) {
   return std::ranges::all_of(cells, [](uint64_t word) { return word == 0; });
 }
 
-// Everything in `free` that face neighbours join to `reached`.
+// Extends `reached` to all cells of `free` that face neighbours join to it.
 void spread(const BrickPlanes& free, BrickPlanes& reached) {
   for (bool changed = true; changed;) {
     changed = false;
@@ -99,19 +99,20 @@ class Flood {
   }
 
  private:
-  // A brick that holds touched cells. Bits beside the grid are free, and join its outside.
+  // A brick with touched cells. Bits outside the grid are free and connect to the outside.
   struct Mixed {
     BrickPlanes free{}, reached{};
     bool queued = false;
   };
-  // A tile without touched cells is reached as a whole and has no parts.
+  // A tile of the flood. Without touched cells it is reached as a whole and has no parts.
   struct Tile {
     bool reached = false;
-    std::unique_ptr<std::vector<int32_t>> places;  // per brick: kFree, kReached, or of mixed
+    // One per brick: kFree, kReached, or an index into mixed.
+    std::unique_ptr<std::vector<int32_t>> places;
     std::vector<Mixed> mixed;
   };
   static constexpr int32_t kFree = -1, kReached = -2;
-  // One tile without parts, or one brick.
+  // A unit of work: one tile without parts, or one brick.
   struct Item {
     glm::ivec3 tile;
     int32_t brick;  // Morton index in the tile; kFree: the whole tile
@@ -135,7 +136,7 @@ class Flood {
     });
   }
 
-  // Through every face of the cube of tiles.
+  // Starts the flood through every face of the grid's cube of tiles.
   void enter_from_outside() {
     const glm::ivec3 size = tile_dims_;
     for (size_t d = 0; d < kDirections.size(); ++d) {
@@ -148,7 +149,7 @@ class Flood {
     }
   }
 
-  // A step in the direction into the tile, everywhere on its side.
+  // Steps into the tile in `direction`, over its whole side.
   void enter_tile(const glm::ivec3& tile, size_t direction) {
     if (tiles_[tile_number(tile)].places == nullptr) {
       reach_tile(tile);

@@ -1,4 +1,4 @@
-// sign=flood: what the outside does not reach.
+// The fill of sign=flood: all cells that the outside cannot reach.
 #pragma once
 
 #include <span>
@@ -8,9 +8,9 @@
 
 namespace voxeld {
 
-// Appends the cells of the grid that no path of face neighbours through cells that are not in
-// `touched` joins to the outside of the grid; those of `touched` belong to it. Tiles are canonical,
-// in any order. `progress`: called from time to time, with 0 columns done.
+// Appends the cells that are cut off from the outside of the grid, including those of `touched`. A
+// cell is cut off if no path of face neighbours outside `touched` joins it to the outside. Tiles
+// are canonical, in any order. progress: called from time to time, with 0 columns done.
 Status flood_inside(std::span<const SparseTile> touched, const glm::ivec3& dims,
                     const ColumnProgress& progress, std::vector<SparseTile>& tiles);
 

@@ -12,16 +12,16 @@
 namespace voxeld {
 namespace {
 
-// Fewer columns than this for each thread are shared out in rows.
+// If there are fewer columns than this for each thread, a column is shared among threads by rows.
 constexpr size_t kColumnsPerThread = 2;
 
-// The tiles of one column on their way.
+// The tiles of one column while they are made.
 struct ColumnTiles {
   ColumnTiles(size_t tiles, size_t lanes) : whole(tiles) {
     for (size_t i = 0; i < tiles; ++i) bits.emplace_back(lanes);
   }
   std::vector<TileBits> bits;
-  std::vector<int> whole;  // 1: inside altogether
+  std::vector<int> whole;  // 1: entirely inside
 
   void move_to(const TriangleColumns& columns, size_t column, std::vector<SparseTile>& out) {
     const ColumnWindow window = columns.window(column);
@@ -89,7 +89,7 @@ class InsideRun {
   }
 
   void run_shared(size_t column) {
-    // What the axes say goes from row to row along y.
+    // The sweeps of the axes carry state from row to row along y, so they cannot share a column.
     const size_t parts = plan_.needs_axes() ? 1 : workers_.size();
     if (!shared_) shared_ = std::make_unique<ColumnTiles>(tiles_z(), parts);
     pool_.run(static_cast<int>(parts), [&](int index) {

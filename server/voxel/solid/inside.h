@@ -1,4 +1,4 @@
-// Which cells of a grid are inside of a mesh: ../README.md, "What is inside".
+// The cells of a grid that are inside a mesh; see ../README.md, "What is inside".
 #pragma once
 
 #include <cstdint>
@@ -14,44 +14,45 @@
 
 namespace voxeld {
 
-// How cells that lie on the mesh's surface are found, for what counts only the others.
+// The surface's cells, for statistics that count only cells beside the surface.
 struct SurfaceTiles {
-  std::span<const SparseTile> tiles;  // of the grid, in any order
+  std::span<const SparseTile> tiles;  // the grid's, in any order
 
-  // nullptr where the tile has no surface.
+  // nullptr if the tile has no surface.
   const SparseTile* find(const glm::ivec3& coord) const;
 };
 
-// Of a brick's cells, the number that the surface of its tile (or none) does not have.
+// The number of a brick's cells that are not in `surface`, the surface of its tile (or null).
 int64_t count_beside(const BrickMask& cells, const SparseTile* surface, uint32_t morton);
 
-// Cells beside the surface, by what the three axes say of them.
+// Counts of cells by what the three axes say of them.
 struct AxisVotes {
-  int64_t inside = 0;    // by one axis or more, surface or not
-  int64_t disagree = 0;  // that are not surface, and not inside by all
+  int64_t inside = 0;    // by one axis or more; surface cells included
+  int64_t disagree = 0;  // not surface, and not inside by all axes
 };
 
 struct InsideJob {
   const FillMesh& mesh;
   glm::ivec3 dims;
-  // kParity, kNonzero, kMajority, kWinding; kAuto stands for majority, and winding where the axes
+  // kParity, kNonzero, kMajority, kWinding or kAuto. kAuto is majority, and winding where the axes
   // disagree.
   Sign sign = Sign::kParity;
   SurfaceTiles surface;
 };
 
-// Called as tile columns get done; an error ends the work.
+// Called as tile columns are finished; an error ends the work.
 using ColumnProgress = std::function<Status(size_t done)>;
 
-// One part of the work and of progress for each.
+// Number of tile columns. Each is one unit of work and of progress.
 size_t tile_column_count(const glm::ivec3& dims);
 
-// Appends the tiles with cells inside, canonical and without attributes, in any order. `votes`: of
-// kMajority and kAuto.
+// Appends the tiles with inside cells, canonical and without attributes, in any order. votes: set
+// by kMajority and kAuto only.
 Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
                    std::vector<SparseTile>& tiles, AxisVotes& votes);
 
-// The same, whose tiles go to `take` on the calling thread as columns get done, some at a time.
+// The same, but tiles go to `take` in portions as columns are finished. It runs on the calling
+// thread.
 using TakeInside = std::function<void(std::vector<SparseTile>)>;
 Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
                    const TakeInside& take, AxisVotes& votes);

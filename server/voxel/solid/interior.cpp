@@ -16,7 +16,7 @@ size_t count_of(const BrickMask& mask) {
   return count;
 }
 
-// Where the voxels of a grid have their attributes.
+// Finds where the voxels of a grid have their attributes.
 class VoxelPlaces {
  public:
   VoxelPlaces(std::vector<SparseTile>& tiles, const glm::ivec3& dims)
@@ -42,7 +42,7 @@ class VoxelPlaces {
   };
   uint32_t first_voxel(size_t tile, size_t brick) const { return first_[tile][brick]; }
 
-  // Of an occupied cell.
+  // The place of an occupied cell.
   Place find(const glm::ivec3& cell) const {
     const glm::ivec3 tile = cell / limits::kTileSide;
     const uint32_t number = numbers_[number_of(tile)];
@@ -73,8 +73,8 @@ class VoxelPlaces {
 
   const std::vector<SparseTile>& tiles_;
   glm::ivec3 tile_dims_;
-  std::vector<uint32_t> numbers_;             // into tiles_, by place
-  std::vector<std::vector<uint32_t>> first_;  // voxel of each brick
+  std::vector<uint32_t> numbers_;             // index into tiles_, by the tile's position
+  std::vector<std::vector<uint32_t>> first_;  // first voxel of each brick
 };
 
 template <typename T>
@@ -88,7 +88,7 @@ struct BrickPlace {
   uint32_t tile, brick;
 };
 
-// The bricks of all tiles by their place along x.
+// The bricks of all tiles, grouped by their position along x.
 std::vector<std::vector<BrickPlace>> bricks_by_slab(const std::vector<SparseTile>& tiles,
                                                     const glm::ivec3& dims) {
   std::vector<std::vector<BrickPlace>> slabs(
@@ -132,7 +132,7 @@ class InteriorFill {
     const VoxelPlaces::Place from = places_.find(from_cell);
     const SparseTile& tile = tiles_[from.tile];
     for_each_channel_member([&](Channel channel, auto member) {
-      // A voxel's own distance and coverage are no matter of what is near.
+      // A voxel's distance and coverage are its own, not its neighbour's.
       if (channel == Channel::kDistance || channel == Channel::kCoverage) return;
       copy_samples(tile.*member, from.voxel, to.*member, to_voxel,
                    channel_info(channel).components);
@@ -159,7 +159,8 @@ void spell_out_full(SparseTile& tile) {
 
 int64_t interior_bytes(const GridSpec& spec, std::span<const SparseTile> surface,
                        std::span<const SparseTile> inside, const ChannelSet& channels) {
-  // Attributes and bricks stand twice while surface and inside are united.
+  // Attributes and bricks count twice, because they exist twice while surface and inside are
+  // united.
   const auto voxel_bytes = static_cast<int64_t>(attribute_bytes(channels));
   constexpr int64_t kBrickBytes = 2 * (sizeof(BrickMask) + sizeof(uint32_t)) + 16;
   int64_t bytes = NearestCells::bytes_for(spec.dims);

@@ -1,4 +1,4 @@
-// interior=nearest: attributes for the voxels inside that are not surface.
+// interior=nearest: attributes for the inside voxels that are not surface.
 #pragma once
 
 #include <span>
@@ -11,17 +11,16 @@
 
 namespace voxeld {
 
-// Makes full nodes full masks, whose voxels can have attributes.
+// Turns full nodes into full masks, because only voxels of masks can have attributes.
 void spell_out_full(SparseTile& tile);
 
-// What all voxels of the tiles as masks with attributes and the search for the nearest need, in
-// bytes.
+// Bytes that all voxels of the tiles take as masks with attributes, plus those of the search for
+// the nearest.
 int64_t interior_bytes(const GridSpec& spec, std::span<const SparseTile> surface,
                        std::span<const SparseTile> inside, const ChannelSet& channels);
 
-// Gives the voxels of `tiles` (in masks, all of them) that are not in `surface` the attributes of
-// the nearest voxel that is: NearestCells. `progress`: called from time to time, with 0 columns
-// done.
+// Gives the voxels of `tiles` (all in masks) that are not in `surface` the attributes of the
+// nearest surface voxel, by NearestCells. progress: called from time to time, with 0 columns done.
 Status copy_nearest(std::span<const SparseTile> surface, const GridSpec& spec, WorkerPool& pool,
                     const ColumnProgress& progress, std::vector<SparseTile>& tiles);
 

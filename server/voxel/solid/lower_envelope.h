@@ -8,13 +8,14 @@
 
 namespace voxeld {
 
-inline constexpr uint32_t kNoDistance = UINT32_MAX;  // nothing is set
+inline constexpr uint32_t kNoDistance = UINT32_MAX;  // no cell is set
 
-// Of f(i) + (x - i)^2 at integers x, in linear time (Felzenszwalb & Huttenlocher 2012, "Distance
-// transforms of sampled functions"), and exactly: f is below 2^30, rows are at most 16384 long.
+// The envelope of f(i) + (x - i)^2 at integers x, in linear time (Felzenszwalb & Huttenlocher 2012,
+// "Distance transforms of sampled functions"). It is exact: f is below 2^30, rows are at most 16384
+// long.
 class LowerEnvelope {
  public:
-  // f(i) is kNoDistance where there is no parabola. Returns false where there is none at all.
+  // f(i) is kNoDistance if i has no parabola. Returns false if there is no parabola at all.
   bool build(std::span<const uint32_t> f) {
     apex_.resize(f.size());
     from_.resize(f.size());
@@ -26,8 +27,8 @@ class LowerEnvelope {
     return top_ > 0;
   }
 
-  // Calls visit(x, i) for x from end - 1 down to first: i has the least value at x, the lowest of
-  // equal ones.
+  // Calls visit(x, i) for x from end - 1 down to first. i has the least value at x; the lowest i
+  // wins a tie.
   template <typename Visit>
   void visit(uint32_t first, uint32_t end, const Visit& visit) const {
     size_t at = top_;
@@ -48,7 +49,8 @@ class LowerEnvelope {
     uint32_t from = 0;
     if (top_ > 0) {
       const uint32_t i = apex_[top_ - 1];
-      // The last place where i is not above u. The quotient is not negative: at from_ it is not.
+      // The last place where i is not above u. The quotient is not negative, because at from_ the
+      // value of i is not above that of u.
       from = (u * u - i * i + f_[u] - f_[i]) / (2 * (u - i)) + 1;
       if (from >= f_.size()) return;
     }

@@ -15,7 +15,7 @@ uint32_t tile_order(const SparseTile& tile) {
                        static_cast<uint32_t>(tile.coord[2]));
 }
 
-// Full nodes of both, without those that lie within others.
+// Full nodes of both lists, without those that lie within others.
 std::vector<FullNode> merge_full(const std::vector<FullNode>& a, const std::vector<FullNode>& b) {
   std::vector<FullNode> all(a);
   all.insert(all.end(), b.begin(), b.end());
@@ -105,7 +105,7 @@ class TileMerger {
     for (const uint64_t word : of_surface.words) voxel_ += static_cast<size_t>(std::popcount(word));
   }
 
-  // The samples of a brick's voxels: those of the surface, and zeros.
+  // Appends the samples of a brick's voxels: the surface's own, and zeros for the others.
   template <typename T>
   void append(const std::vector<T>& from, size_t components, const BrickMask& of_surface,
               const BrickMask& mask, std::vector<T>& to) const {

@@ -1,4 +1,4 @@
-// Surface and inside in one tile.
+// The union of a surface tile and an inside tile.
 #pragma once
 
 #include <vector>
@@ -8,13 +8,13 @@
 
 namespace voxeld {
 
-// The cells of both, canonical, with the attributes of `surface`; voxels that are not surface have
-// 0 in bricks that have attributes. Full nodes of the inside stay what they are but for bricks that
-// hold surface with attributes.
+// The cells of both tiles, canonical, with the attributes of `surface`. In bricks that have
+// attributes, voxels that are not surface have 0. Full nodes of the inside stay full nodes, except
+// bricks that also hold surface with attributes.
 SparseTile merge_tile(const SparseTile& surface, const SparseTile& inside,
                       const ChannelSet& channels);
 
-// Adds the inside to a grid's tiles, which need be in no order, and leaves them in ascending Morton
+// Adds the inside to a grid's tiles, which may be in any order. The result is in ascending Morton
 // order of coord.
 void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, WorkerPool& pool,
                  std::vector<SparseTile>& tiles);

@@ -9,10 +9,10 @@
 namespace voxeld {
 namespace {
 
-constexpr int kNowhere = -(1 << 20);  // to the left; to the right it is positive
-constexpr int kLinesAtOnce = 16;      // neighbours along y share cache lines
+constexpr int kNowhere = -(1 << 20);  // no set cell to the left; negated: to the right
+constexpr int kLinesAtOnce = 16;      // because neighbours along y share cache lines
 
-// The cells of a brick at y, z: bit x.
+// The cells of a brick at y, z; bit x is cell x.
 uint32_t row_of(const BrickMask& mask, int y, int z) {
   const auto in_y = static_cast<size_t>(y & 7), in_z = static_cast<size_t>(z & 7);
   const size_t octant = (in_z & 4) | (in_y & 4) / 2;
@@ -41,7 +41,7 @@ NearestCells::NearestCells(const BrickIndex& set, const glm::ivec3& dims, Worker
   for (auto* nearest : {&nearest_x_, &nearest_y_, &nearest_z_}) nearest->resize(cells);
 }
 
-// The nearest set cell of the row to each of the slab's cells, into the scratch.
+// Finds, for each of the slab's cells, the nearest set cell of its row. Results go to the scratch.
 bool NearestCells::run_row(int slab, int y, int z, Scratch& scratch) const {
   const std::vector<Brick>& row = rows_[row_of_bricks(y, z)];
   const auto here = std::ranges::lower_bound(row, slab, {}, &Brick::x);

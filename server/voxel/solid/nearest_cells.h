@@ -1,4 +1,4 @@
-// Which set cell is nearest to each cell of a grid.
+// The nearest set cell of each cell of a grid.
 #pragma once
 
 #include <cstdint>
@@ -13,20 +13,22 @@
 
 namespace voxeld {
 
-// By exact squared distances of centres; of equally near cells the one with the lowest z, then y,
-// then x. A feature transform along x, y, z in turn, each in linear time (Meijster, Roerdink &
-// Hesselink 2000, "A general algorithm for computing distance transforms in linear time"), of a
-// slab of cells as wide as a brick at a time, so that memory grows with a side of the grid only.
+// Finds nearest cells by exact squared distances of centres. Of equally near cells the one with the
+// lowest z wins, then y, then x. It is a feature transform along x, y, z in turn, each in linear
+// time (Meijster, Roerdink & Hesselink 2000, "A general algorithm for computing distance transforms
+// in linear time"). It works on slabs as wide as a brick, so that memory grows with two sides of
+// the grid, not three.
 class NearestCells {
  public:
   static constexpr int kWidth = limits::kBrickSide;
 
-  // The index and what it points to must outlive this.
+  // The index and what it points to must outlive this object.
   NearestCells(const BrickIndex& set, const glm::ivec3& dims, WorkerPool& pool);
 
-  // The slab of cells whose x / kWidth is `slab`. False where no cell of the grid is set.
+  // Computes the slab of cells whose x / kWidth is `slab`. Returns false if no cell of the grid is
+  // set.
   bool compute(int slab);
-  // Of a cell in the slab.
+  // The nearest set cell of a cell in the computed slab.
   glm::ivec3 nearest(const glm::ivec3& cell) const {
     const size_t at = place(cell.x % kWidth, cell.y, cell.z);
     const int z = nearest_z_[at];
@@ -34,7 +36,7 @@ class NearestCells {
     return {nearest_x_[in_plane], nearest_y_[in_plane], z};
   }
 
-  // What it allocates, tables of rows beside the set's bricks not counted.
+  // Bytes that the object allocates, without the tables of rows and the set's bricks.
   static int64_t bytes_for(const glm::ivec3& dims) {
     constexpr int64_t kCellBytes = sizeof(uint32_t) + 3 * sizeof(int16_t);
     return int64_t{kWidth} * dims.y * dims.z * kCellBytes;
@@ -51,7 +53,8 @@ class NearestCells {
     LowerEnvelope envelope;
   };
 
-  // Of a row: in the slab bit by bit, and the nearest beside it.
+  // The set cells of a row: one bit for each cell of the slab, and the nearest set cell on either
+  // side.
   struct SetCells {
     int left;
     uint32_t own;
@@ -74,10 +77,11 @@ class NearestCells {
 
   glm::ivec3 dims_;
   WorkerPool& pool_;
-  int brick_rows_;                        // along y
+  int brick_rows_;                        // number of brick rows along y
   std::vector<std::vector<Brick>> rows_;  // set bricks along x, ascending
   std::vector<Scratch> scratch_;          // per thread
-  // By place(): squared distance in the plane z, the cell that has it; the plane of the nearest.
+  // Indexed by place(): the squared distance within plane z and the cell at that distance; then the
+  // plane of the nearest cell.
   std::vector<uint32_t> squared_;
   std::vector<int16_t> nearest_x_, nearest_y_, nearest_z_;
 };

@@ -13,13 +13,13 @@
 namespace voxeld {
 namespace {
 
-constexpr int kBlockBricks = 8;  // to a side of what is looked at at once: 64 cells
+constexpr int kBlockBricks = 8;  // along a side of a block, the unit of the search: 64 cells
 constexpr size_t kBlocks = kTileBrickCount / (size_t{kBlockBricks} * kBlockBricks * kBlockBricks);
 constexpr size_t kBlockBrickCount = kTileBrickCount / kBlocks;
 
 enum class Nearness : uint8_t { kNear, kFar, kMixed };
 
-// One block of 8x8x8 bricks after another; keeps its memory. One thread.
+// Finds near cells block by block, each of 8x8x8 bricks. It keeps its memory. Not thread-safe.
 class ShellBlock {
  public:
   ShellBlock(const BrickIndex& surface, double thickness)
@@ -28,9 +28,9 @@ class ShellBlock {
         limit_(squared_limit(thickness)),
         halo_(static_cast<int>(std::ceil(thickness / limits::kBrickSide))) {}
 
-  // Tells of every brick whether all of its cells are near, or none.
+  // Classifies every brick: all of its cells are near, none is, or some are.
   void classify(const glm::ivec3& first_brick, std::array<Nearness, kBlockBrickCount>& bricks) {
-    // Bricks further apart than this have no cells as near as the thickness: see `slack`.
+    // Bricks farther apart than this have no cells within the thickness; see `slack`.
     const int halo = halo_ + 2;
     DistanceBox box;
     box.size = glm::ivec3(kBlockBricks + 2 * halo);
@@ -45,7 +45,7 @@ class ShellBlock {
           }
         },
         scratch_, distances_);
-    // Cells of bricks that are D bricks apart are 8 D apart, more or less by at most 7 sqrt(3).
+    // Cells of bricks that are D bricks apart are 8 D apart, give or take at most 7 sqrt(3).
     const double slack = (limits::kBrickSide - 1) * std::sqrt(3.0) + 1e-6;
     for (uint32_t i = 0; i < kBlockBrickCount; ++i) {
       const auto at = morton_decode(i);
@@ -108,7 +108,7 @@ class ShellBlock {
   std::vector<uint32_t> distances_;
 };
 
-// The bricks of one block of a tile, one after the other with their masks.
+// Filters the bricks of one block of a tile, one after the other.
 class BlockFilter {
  public:
   BlockFilter(ShellBlock& block, const glm::ivec3& first_brick)
@@ -116,7 +116,7 @@ class BlockFilter {
     block_.classify(first_, nearness_);
   }
 
-  // What stays of the cells.
+  // The cells of the brick that are near.
   BrickMask kept(uint32_t brick, const BrickMask& cells) {
     if (nearness_[brick] == Nearness::kNear) return cells;
     if (nearness_[brick] == Nearness::kFar) return {};
@@ -174,7 +174,7 @@ glm::ivec3 dims_of(std::span<const SparseTile> a, std::span<const SparseTile> b)
 int64_t squared_limit(double thickness) {
   const double squared = thickness * thickness;
   const auto limit = static_cast<int64_t>(std::floor(squared));
-  // The product may have been rounded up to an integer.
+  // If the product was rounded up to an integer, that integer is above thickness^2.
   const bool above =
       static_cast<double>(limit) == squared && std::fma(thickness, thickness, -squared) < 0;
   return above ? limit - 1 : limit;

@@ -1,4 +1,4 @@
-// fill=shell: the inside that is near to the surface.
+// fill=shell: the inside cells that are near the surface.
 #pragma once
 
 #include <span>
@@ -8,9 +8,9 @@
 
 namespace voxeld {
 
-// Leaves of `inside` the cells whose centre lies within `thickness` voxels (1..256) of the centre
-// of a cell of `surface`, by exact squared distances. `progress`: called from time to time, with 0
-// columns done.
+// Removes from `inside` the cells that are not within `thickness` voxels (1..256) of a cell of
+// `surface`. Distances are exact squared ones between centres. progress: called from time to time,
+// with 0 columns done.
 Status keep_shell(std::span<const SparseTile> surface, double thickness, WorkerPool& pool,
                   const ColumnProgress& progress, std::vector<SparseTile>& inside);
 

@@ -17,7 +17,7 @@
 namespace voxeld {
 namespace {
 
-// The cells that rule=touch gives: the surface itself where that is the rule.
+// The cells of rule=touch: the surface itself if that is the plan's rule, else made on demand.
 class TouchCells {
  public:
   TouchCells(const VoxelizePlan& plan, const std::vector<SparseTile>& surface)
@@ -107,7 +107,7 @@ Result<std::vector<SparseTile>> SolidFiller::find_signed(
   } else if (choice.closed) {
     fill.ambiguous_fraction = 0.0;
   }
-  // Passes of a device have names of their own; this is the rest.
+  // A device's passes are reported under their own names; "inside" is the rest.
   add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
   if (!plan.channels.volume) return found;
   VOXELD_ASSIGN(coverage_, CoverageCounts::of(mesh, plan.spec.dims, choice.sign, pool_, progress));
@@ -122,7 +122,7 @@ Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progre
   Stopwatch watch;
   const ChannelSet& channels = plan.channels.grid;
   const bool copies = plan.options.interior == Interior::kNearest && plan.channels.any();
-  std::vector<SparseTile> surface;  // without attributes
+  std::vector<SparseTile> surface;  // a copy without attributes
   if (copies) {
     VOXELD_TRY(check_host_bytes(plan.spec, interior_bytes(plan.spec, tiles, found, channels),
                                 host_bytes_max_));
@@ -169,7 +169,7 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
     VOXELD_TRY(keep_shell(*surface, plan.options.thickness, pool_, progress, found));
     add_stage(stats.passes, "shell", watch.lap());
   }
-  // Places for distances, which are measured when the voxels stand.
+  // Makes room for distances. They are measured last, when all voxels exist.
   for (SparseTile& tile : tiles) resize_channels(tile, plan.channels.grid);
   if (kind != Fill::kSurface) {
     VOXELD_TRY(unite(plan, progress, std::move(found), tiles, stats));
@@ -187,7 +187,7 @@ int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const Voxeliz
   const bool is_band = options.fill == Fill::kBand;
   if (!is_band && !channels.grid.distance) return 0;
   const glm::ivec3 tiles = spec.tile_dims();
-  // A tree, and tables of the bricks inside.
+  // A tree, and tables of the inside bricks.
   const int64_t bytes = TriangleTree::bytes_for(static_cast<int64_t>(mesh.triangle_count())) +
                         int64_t{tiles.x} * tiles.y * tiles.z * (int64_t{8} << 15);
   if (!is_band) return bytes;
@@ -196,7 +196,7 @@ int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const Voxeliz
       int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
   constexpr int64_t kBrickBytes = sizeof(BrickMask) + sizeof(uint32_t);
   const auto voxel_bytes = static_cast<int64_t>(attribute_bytes(channels.grid) + sizeof(int16_t));
-  // Bricks and samples stand twice while surface and band are united.
+  // Bricks and samples count twice, because they exist twice while surface and band are united.
   return bytes + 2 * (cells * voxel_bytes + (cells / kBrickCells + 1) * kBrickBytes);
 }
 

@@ -1,5 +1,5 @@
-// fill=solid, shell and band: from a grid's surface to what is inside or near. Surface tiles come
-// from any pipeline; the inside is the same whichever it was.
+// The fills solid, shell and band: from a grid's surface to the cells inside or near it. Surface
+// tiles come from any pipeline; the inside does not depend on which.
 #pragma once
 
 #include <functional>
@@ -14,24 +14,25 @@
 
 namespace voxeld {
 
-// One thread.
+// Fills grids. Not thread-safe.
 class SolidFiller {
  public:
-  // `device`: finds the inside where it is given; otherwise the pool's threads do. What remains
-  // theirs: which sign `auto` takes, distances, and uniting. host_bytes_max: of what only the
-  // inside of the mesh tells the size of.
+  // device: finds the inside; null leaves that to the pool's threads. The CPU always chooses the
+  // sign of `auto`, measures distances and unites tiles. host_bytes_max: limit for memory whose
+  // size is known only once the inside is.
   SolidFiller(WorkerPool& pool, int64_t host_bytes_max, DeviceInside* device = nullptr)
       : pool_(pool), host_bytes_max_(host_bytes_max), device_(device) {}
 
-  // Makes the tiles that rule=touch gives, without attributes, in any order.
+  // Makes the tiles of rule=touch, without attributes, in any order.
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
 
-  // Turns the surface in `tiles` (by the plan's rule; none for Rule::kNone) into what the plan's
-  // fill asks for, in Morton order of coord, with distances and the coverage of volumes where the
-  // plan wants them: distances also for Fill::kSurface, whose tiles must be in that order. `touch`
-  // is called where the fill needs the cells that rule=touch gives and `tiles` are others. Errors:
-  // those of `touch` and `progress`, which is called with tile columns done of tile_column_count();
-  // grid-too-large where attributes of the inside need too much memory.
+  // Turns the surface in `tiles` into what the plan's fill asks for, in Morton order of coord. The
+  // surface follows the plan's rule; it is empty for Rule::kNone. Distances and the coverage of
+  // volumes are added if the plan wants them. Distances are measured for Fill::kSurface too, whose
+  // tiles must be in Morton order. `touch` is called if the fill needs the cells of rule=touch and
+  // `tiles` holds others. Errors: those of `touch` and `progress`, which is called with tile
+  // columns done of tile_column_count(); grid-too-large if attributes of the inside need too much
+  // memory.
   Status fill(const VoxelizePlan& plan, const TouchTiles& touch, const ColumnProgress& progress,
               std::vector<SparseTile>& tiles, VoxelizeStats& stats);
 
@@ -46,24 +47,24 @@ class SolidFiller {
                                          const std::vector<SparseTile>& surface, Sign sign,
                                          AxisVotes& votes, VoxelizeStats& stats);
 
-  // What is inside by the plan's sign, and how that was found.
+  // Finds the inside by the plan's sign, and records in `stats` how.
   Result<std::vector<SparseTile>> find_signed(const VoxelizePlan& plan, const FillMesh& mesh,
                                               const TouchTiles& touch,
                                               const ColumnProgress& progress,
                                               const std::vector<SparseTile>& surface,
                                               VoxelizeStats& stats);
-  // Surface and inside in one, with what the plan says of the inside's attributes.
+  // Unites surface and inside, with attributes of the inside as the plan asks.
   Status unite(const VoxelizePlan& plan, const ColumnProgress& progress,
                std::vector<SparseTile> found, std::vector<SparseTile>& tiles,
                VoxelizeStats& stats) const;
 
-  std::optional<CoverageCounts> coverage_;  // where the plan wants that of volumes
+  std::optional<CoverageCounts> coverage_;  // set if the plan wants the coverage of volumes
   WorkerPool& pool_;
   int64_t host_bytes_max_;
   DeviceInside* device_;
 };
 
-// An upper estimate of what distances and bands need beside surface and inside.
+// An upper estimate of the bytes that distances and bands need in addition to surface and inside.
 int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
                        const WantedChannels& channels);
 

@@ -32,7 +32,7 @@ void Thresholds::of_cells(int x, int y, int z, std::array<int, 512>& thresholds)
   }
 }
 
-// Cubes are halved until each has one threshold, or is a cell.
+// Halves cubes until each has a single threshold or is one cell.
 void Thresholds::add_cells(const glm::ivec3& first, int side, const glm::ivec3& brick_first,
                            std::array<int, 512>& thresholds) const {
   const std::optional<int> one =

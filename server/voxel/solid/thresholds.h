@@ -1,4 +1,4 @@
-// The thresholds of WindingField for the bricks of a tile.
+// The thresholds of WindingField for the bricks of one tile, computed on demand.
 #pragma once
 
 #include <array>
@@ -11,21 +11,21 @@ namespace voxeld {
 
 class Thresholds {
  public:
-  // Of the tile whose first cell is `first`. Bricks are looked at when they are asked for.
+  // Starts the tile whose first cell is `first`. Bricks are evaluated only when they are asked for.
   void begin_tile(const WindingField* field, const glm::ivec3& first);
 
-  // Whether some cell of the tile may have another threshold than 1.
+  // True if some cell of the tile may have a threshold other than 1.
   bool any() const { return any_; }
-  // One for the whole brick, or kMixed.
+  // The threshold of the whole brick, or kMixed.
   int of_brick(int x, int y, int z);
-  // Of all cells of a brick, x fastest, then y, then z.
+  // The thresholds of all cells of a brick, x fastest, then y, then z.
   void of_cells(int x, int y, int z, std::array<int, 512>& thresholds) const;
 
   static constexpr int kMixed = 1 << 30;
 
  private:
   static constexpr int kUnknown = kMixed + 1;
-  static constexpr int kBlockBricks = 8;  // to a side of a block
+  static constexpr int kBlockBricks = 8;  // along a side of a block
   static constexpr int kBlocks = kTileBricks / kBlockBricks;
 
   void add_cells(const glm::ivec3& first, int side, const glm::ivec3& brick_first,

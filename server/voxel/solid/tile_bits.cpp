@@ -11,7 +11,7 @@ static_assert(std::endian::native == std::endian::little, "rows are words and by
 
 constexpr size_t kRowBytes = limits::kTileSide / 8;
 
-// Bits x1 x0 of a cell -> its places in a word of 4x4x4 cells in Morton order: index bits 3 and 0.
+// Spreads bits of x over a word of 4x4x4 cells in Morton order, where x has index bits 0 and 3.
 constexpr std::array<uint64_t, 16> spread_table() {
   std::array<uint64_t, 16> table{};
   for (uint64_t bits = 0; bits < 16; ++bits) {
@@ -20,11 +20,12 @@ constexpr std::array<uint64_t, 16> spread_table() {
   return table;
 }
 constexpr std::array<uint64_t, 16> kSpread = spread_table();
-// Index bits 4 and 1 of y, 5 and 2 of z.
+// y has index bits 1 and 4, z has 2 and 5.
 constexpr std::array<int, 4> kPlaceY = {0, 2, 16, 18};
 constexpr std::array<int, 4> kPlaceZ = {0, 4, 32, 36};
 
-// Whether any, and whether every cell of a brick is set: a byte for each brick of the row.
+// Two bytes for each brick of the row: nonzero `any` if any cell is set, all ones in `all` if every
+// cell is.
 struct RowSummary {
   std::array<uint64_t, kBlockRowWords> any{}, all{};
 };

@@ -1,4 +1,4 @@
-// Cells of a tile row by row, as sweeps make them, and their way into bricks.
+// The cells of a tile row by row, as sweeps make them, and their conversion to bricks.
 #pragma once
 
 #include <array>
@@ -11,19 +11,21 @@
 
 namespace voxeld {
 
-inline constexpr int kTileBricks = limits::kTileSide / limits::kBrickSide;  // to a side
+// Bricks along a side of a tile.
+inline constexpr int kTileBricks = limits::kTileSide / limits::kBrickSide;
 inline constexpr size_t kTileBrickCount = size_t{kTileBricks} * kTileBricks * kTileBricks;
 
-// The 32 bricks of a row along x: word (z*8 + y)*4 + x/64, bit x%64; z, y within the brick.
+// The 32 bricks of a row along x. Word (z*8 + y)*4 + x/64, bit x%64; z and y are within the brick.
 inline constexpr size_t kBlockRowWords = limits::kTileSide / 64;
 inline constexpr size_t kBlockPlaneWords = limits::kBrickSide * kBlockRowWords;
 inline constexpr size_t kBrickRowWords = limits::kBrickSide * kBlockPlaneWords;
 using BrickRow = std::array<uint64_t, kBrickRowWords>;
 
-// The brick_x-th brick of the row.
+// Brick number brick_x of the row.
 BrickMask brick_of_row(const BrickRow& rows, int brick_x);
 
-// Bits of a tile that are all 0 unless toggled, kept as brick rows of 2 KiB; 2 MiB.
+// Bits of a tile that start at 0 and are toggled one by one. They are stored as brick rows of 2
+// KiB; 2 MiB in all.
 class ToggleVolume {
  public:
   ToggleVolume() : words_(kTileBrickCount / kTileBricks * kBrickRowWords) {}
@@ -36,23 +38,23 @@ class ToggleVolume {
   }
   bool used(size_t row) const { return used_[row]; }
   const uint64_t* row(size_t row) const { return &words_[row * kBrickRowWords]; }
-  // Back to 0; does nothing where nothing was toggled.
+  // Resets a row to 0. Cheap if nothing was toggled in it.
   void clear(size_t row);
 
  private:
   std::vector<uint64_t> words_;
-  std::array<bool, size_t{kTileBricks} * kTileBricks> used_{};  // by z/8 * 32 + y/8
+  std::array<bool, size_t{kTileBricks} * kTileBricks> used_{};  // index: z/8 * 32 + y/8
 };
 
-// The bricks of a tile, in any order of rows. Several threads may add rows where each has a lane of
-// its own.
+// The bricks of a tile, added in any order of rows. Several threads may add rows if each has its
+// own lane.
 class TileBits {
  public:
-  // `lanes`: 1 to 255.
+  // lanes: 1 to 255.
   explicit TileBits(size_t lanes = 1) : lanes_(lanes) {}
 
   void add_row(size_t lane, int brick_y, int brick_z, const BrickRow& rows);
-  // Appends what was added, canonical, to `tile`, and empties this.
+  // Appends the bricks, canonical, to `tile` and empties this object.
   void move_to(SparseTile& tile);
 
  private:
@@ -63,7 +65,8 @@ class TileBits {
     bool used = false;
   };
   std::vector<Lane> lanes_;
-  // By Morton index of the brick; where mixed, the lane in 8 bits and the mask in 24.
+  // Indexed by the brick's Morton index. places_ of a mixed brick: the lane in 8 bits and the mask
+  // in 24.
   std::vector<uint8_t> states_ = std::vector<uint8_t>(kTileBrickCount);
   std::vector<uint32_t> places_ = std::vector<uint32_t>(kTileBrickCount);
 };

@@ -17,7 +17,7 @@ constexpr size_t row_of(int brick_y, int brick_z) {
   return static_cast<size_t>(brick_z) * kTileBricks + static_cast<size_t>(brick_y);
 }
 
-// Bit i becomes the XOR of bits 0 to i.
+// Bit i of the result is the XOR of bits 0 to i.
 constexpr uint64_t prefix_xor(uint64_t word) {
   for (int shift = 1; shift < 64; shift *= 2) word ^= word << shift;
   return word;

@@ -1,7 +1,6 @@
-// Parity along one or three axes for all cells of a tile: toggles as bits, and prefix sums over XOR
-// of whole words (Eisemann & Decoret 2008, "Single-pass GPU solid voxelization for real-time
-// applications"; there a fragment flips a column of bits, here a bit, and a pass over the words
-// does the rest).
+// Parity along one or three axes for all cells of a tile. Crossings toggle single bits; prefix sums
+// over XOR of whole words then give the parity. Eisemann & Decoret 2008, "Single-pass GPU solid
+// voxelization for real-time applications", instead flip a whole column of bits per fragment.
 #pragma once
 
 #include <array>
@@ -13,7 +12,8 @@
 
 namespace voxeld {
 
-// Rows y_first to y_end of bricks in a tile whose first `size` cells lie in the grid.
+// The part of a tile to sweep: rows of bricks brick_y_first to brick_y_end, and the first `size`
+// cells, which are inside the grid.
 struct TileExtent {
   std::array<int, 3> size{limits::kTileSide, limits::kTileSide, limits::kTileSide};
   int brick_y_first = 0, brick_y_end = kTileBricks;
@@ -21,15 +21,15 @@ struct TileExtent {
   int bricks_z() const { return (size[2] + limits::kBrickSide - 1) / limits::kBrickSide; }
 };
 
-// Parity of columns along z, from tile to tile upwards.
+// Parity of columns along z, carried from tile to tile upwards.
 class SweepZ {
  public:
   void begin_column() { carry_.fill(0); }
-  // The state of all columns is the same, all outside (0) or all inside (1); -1 where not.
+  // The state that all columns share: 0 outside, 1 inside; -1 if they differ.
   int uniform() const;
-  // `v_offset`: y in the tile of the crossings' v = 0. `base`: the tile's first cell along z.
+  // v_offset: y in the tile of the crossings' v = 0. base: the tile's first cell along z.
   void toggle(std::span<const Crossing> crossings, int v_offset, int base);
-  // Parity of one row of bricks; rows are taken in ascending order of z for each y.
+  // Parity of one row of bricks. For each y, rows must be taken in ascending order of z.
   void next_row(int brick_y, int brick_z, BrickRow& rows);
 
  private:
@@ -40,7 +40,7 @@ class SweepZ {
 // Parity of columns along x, for one tile.
 class SweepX {
  public:
-  // Of the tile's column: crossings below the tile, and in it. u is y, v is z.
+  // Takes the crossings of the tile's column, those below the tile and those in it. u is y, v is z.
   void begin_tile(std::span<const Crossing> below, std::span<const Crossing> in_tile, int base);
   void next_row(int brick_y, int brick_z, BrickRow& rows);
 
@@ -54,7 +54,7 @@ class SweepY {
  public:
   // u is z, v is x.
   void begin_tile(std::span<const Crossing> below, std::span<const Crossing> in_tile, int base);
-  // Rows are taken in ascending order of y for each z.
+  // For each z, rows must be taken in ascending order of y.
   void next_row(int brick_y, int brick_z, BrickRow& rows);
 
  private:
@@ -62,7 +62,7 @@ class SweepY {
   std::array<uint64_t, limits::kTileSide * kBlockRowWords> carry_{};  // z, then words of x
 };
 
-// Clears the cells beyond the grid.
+// Clears the cells outside the grid.
 void trim(const TileExtent& extent, int brick_y, int brick_z, BrickRow& rows);
 
 }  // namespace voxeld

@@ -15,7 +15,7 @@ int tiles_of(int cells) {
   return (cells + limits::kTileSide - 1) / limits::kTileSide;
 }
 
-// Tiles from first to last, inclusive; none where first > last.
+// Tiles from first to last, inclusive; none if first > last.
 CentreRange tile_range(int q_min, int q_max, int bits, int cells) {
   CentreRange range = centre_range(q_min, q_max, bits);
   range.first = std::max(range.first, 0);
@@ -26,7 +26,8 @@ CentreRange tile_range(int q_min, int q_max, int bits, int cells) {
 
 }  // namespace
 
-// A counting sort: counts per chunk and column, offsets, then every chunk writes its own places.
+// A counting sort: counts per chunk and column, then offsets, then every chunk writes its own
+// range.
 TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec3& dims)
     : axis_(axis),
       dims_(dims),
@@ -35,7 +36,7 @@ TriangleColumns::TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec
       first_(count() + 1) {
   const SweepAxes axes = sweep_axes(axis);
   const size_t triangles = mesh.triangle_count();
-  if (count() == 1) {  // whatever reaches it
+  if (count() == 1) {  // all triangles, without a test
     list_.resize(triangles);
     std::iota(list_.begin(), list_.end(), 0u);
     first_.back() = triangles;

@@ -1,4 +1,4 @@
-// Which triangles can cross the columns of each tile column: binning for sweeps.
+// Binning for sweeps: the triangles that can cross the columns of each tile column.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace voxeld {
 
-// Tile columns along one axis, numbered v * tiles_u + u.
+// The tile columns along one axis, numbered v * tiles_u + u.
 class TriangleColumns {
  public:
   TriangleColumns(const FillMesh& mesh, int axis, const glm::ivec3& dims);
@@ -20,8 +20,8 @@ class TriangleColumns {
   int tiles_u() const { return tiles_u_; }
   int tiles_v() const { return tiles_v_; }
   size_t count() const { return static_cast<size_t>(tiles_u_) * static_cast<size_t>(tiles_v_); }
-  // The triangles whose box reaches the centre of a column of cells there, ascending; all of them
-  // where there is one column.
+  // The triangles whose box reaches the centre of a column of cells in the tile column, ascending.
+  // If there is only one tile column, these are all triangles.
   std::span<const uint32_t> triangles(size_t column) const {
     return std::span(list_).subspan(first_[column], first_[column + 1] - first_[column]);
   }

@@ -1,4 +1,4 @@
-// How far a point is from a triangle.
+// The distance from a point to a triangle.
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 
 namespace voxeld {
 
-// Of the origin to the points a + t (b - a), 0 <= t <= 1.
+// Squared distance from the origin to the segment a + t (b - a), 0 <= t <= 1.
 inline double squared_distance_to_segment(const glm::dvec3& a, const glm::dvec3& b) {
   const glm::dvec3 along = b - a;
   const double length = glm::dot(along, along);
@@ -18,13 +18,13 @@ inline double squared_distance_to_segment(const glm::dvec3& a, const glm::dvec3&
   return glm::dot(nearest, nearest);
 }
 
-// Squared distance of the origin to the closed triangle, which may be a segment or a point: to its
-// plane where the origin's projection lies in it, else to its nearest side. (Eberly 1999, "Distance
-// between point and triangle in 3D", sorts the same cases by regions.) The result depends on the
-// order of the corners in the last bits: give them in one.
+// Squared distance from the origin to the closed triangle, which may be a segment or a point. It is
+// the distance to the plane if the origin's projection lies in the triangle, else to the nearest
+// side. Eberly 1999, "Distance between point and triangle in 3D", sorts the same cases by regions.
+// The last bits depend on the order of the corners, so callers must give them in a fixed order.
 inline double squared_distance_to_triangle(const std::array<glm::dvec3, 3>& v) {
-  // Twice the areas of the triangles of the origin and a side; their sum is the triangle's. Exact
-  // for corners within 2^26 of the origin that are integers.
+  // Twice the areas of the triangles between the origin and each side. Their sum is the triangle's.
+  // Exact for integer corners within 2^26 of the origin.
   const std::array<glm::dvec3, 3> sides = {glm::cross(v[0], v[1]), glm::cross(v[1], v[2]),
                                            glm::cross(v[2], v[0])};
   const glm::dvec3 normal = sides[0] + sides[1] + sides[2];
@@ -32,7 +32,7 @@ inline double squared_distance_to_triangle(const std::array<glm::dvec3, 3>& v) {
   const std::array<bool, 3> outside = {glm::dot(normal, sides[0]) < 0,
                                        glm::dot(normal, sides[1]) < 0,
                                        glm::dot(normal, sides[2]) < 0};
-  // Corners that are farther away round; what that could make of no area at all is none.
+  // Corners farther away are rounded. An area that rounding alone could have made counts as none.
   const double rounded = 1e-28 * (glm::dot(sides[0], sides[0]) + glm::dot(sides[1], sides[1]) +
                                   glm::dot(sides[2], sides[2]));
   const bool flat = !(area > rounded);
@@ -40,7 +40,7 @@ inline double squared_distance_to_triangle(const std::array<glm::dvec3, 3>& v) {
     const double height = glm::dot(normal, v[0]);
     return height * height / area;
   }
-  // The nearest point lies on a side that the origin is beyond.
+  // The nearest point lies on a side whose outer half-plane holds the origin.
   double least = 1e300;
   for (size_t i = 0; i < 3; ++i) {
     if (!flat && !outside[i]) continue;

@@ -16,9 +16,9 @@ namespace {
 
 constexpr size_t kChildren = 4;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr int kKeyBits = 21;  // of the Morton order, on each axis
+constexpr int kKeyBits = 21;  // bits of the Morton order on each axis
 
-// Every third bit of 63.
+// Spreads 21 bits to every third bit of 63.
 uint64_t spread(uint64_t v) {
   v &= 0x1fffff;
   v = (v | v << 32) & 0x1f00000000ffffull;
@@ -36,7 +36,7 @@ std::array<glm::ivec3, 3> sorted(std::array<glm::ivec3, 3> corners) {
   return corners;
 }
 
-// 2q + 1 as a float that is not above it, or not below.
+// 2q + 1 as the next float that is not above it (floor_float) or not below it (ceil_float).
 float floor_float(int32_t q) {
   const double exact = 2.0 * q + 1.0;
   const auto rounded = static_cast<float>(exact);
@@ -48,9 +48,9 @@ float ceil_float(int32_t q) {
   return rounded < exact ? std::nextafterf(rounded, FLT_MAX) : rounded;
 }
 
-constexpr double kSlack = 1.0;  // of bounds in doubles: far above their rounding
+constexpr double kSlack = 1.0;  // margin of bounds in doubles, far above their rounding
 
-// What boxes must not exceed: above the squared distance by more than floats round.
+// The limit for squared distances to boxes. It exceeds `squared` by more than floats round.
 float limit_of_boxes(double squared) {
   return static_cast<float>(std::min(squared * (1 + 1e-5), 1e38));
 }
@@ -119,7 +119,7 @@ TriangleTree::Boxes TriangleTree::no_boxes() {
   return boxes;
 }
 
-// Of a point to the four boxes.
+// Squared distances from a point to the four boxes.
 inline TriangleTree::Float4 TriangleTree::squared_to_boxes(const Boxes& boxes, const glm::vec3& p) {
   Float4 squared{};
   for (size_t axis = 0; axis < 3; ++axis) {
@@ -171,7 +171,7 @@ void TriangleTree::walk(const glm::ivec3& p, const Limit& limit, const Leaf& lea
     const size_t first = size;
     for (uint32_t i = 0; i < kChildren; ++i) {
       if (!(squared[i] <= limit())) continue;
-      // The nearest child is looked at first: it comes last.
+      // Insertion keeps the nearest child last, so that it is visited first.
       size_t place = size++;
       for (; place > first && stack[place - 1].squared < squared[i]; --place) {
         stack[place] = stack[place - 1];
@@ -201,7 +201,7 @@ TriangleTree::Nearest TriangleTree::gather(const glm::ivec3& p, double radius, d
   candidates.boxes.clear();
   candidates.triangles.clear();
   Nearest nearest = start(p, limit + radius + kSlack, near);
-  // A point of the ball is at most its distance to p farther from a triangle than p is.
+  // A point of the ball is farther from a triangle than p by at most its distance to p.
   float box_limit = 0, nearest_limit = 0;
   const auto update = [&] {
     const double reach = std::min(std::sqrt(nearest.squared) + 2 * radius, limit + radius) + kSlack;

@@ -14,13 +14,13 @@ namespace {
 __extension__ using Wide = __int128;
 
 constexpr uint32_t kLeafTriangles = 4;
-// A node's triangles count as one dipole from this many radii on (Barill, Dickson, Schmidt, Levin &
-// Jacobson 2018, "Fast winding numbers for soups and clouds", who take 2 with a higher order). What
-// is left out is below kFarError of the most that the node can add.
+// From this many radii on a node's triangles count as one dipole. Barill, Dickson, Schmidt, Levin &
+// Jacobson 2018, "Fast winding numbers for soups and clouds", take 2 radii with a higher order. The
+// omitted part is below kFarError of the most that the node can add.
 constexpr double kFarRadii = 8.0;
-constexpr double kFarError = 1.0 / 16;  // of the most that a node can add, A / (4 pi d^2)
+constexpr double kFarError = 1.0 / 16;  // fraction of the most that a node can add, A / (4 pi d^2)
 constexpr double kJump = 1e300;
-// Sums of a few thousand angles are off by less.
+// Bound of the rounding error in sums of a few thousand angles.
 constexpr double kRounding = 1e-9;
 
 std::tuple<int64_t, int64_t, int64_t> key_of(const glm::i64vec3& p) {
@@ -31,8 +31,8 @@ glm::dvec3 to_double(const glm::i64vec3& p) {
   return glm::dvec3(p);
 }
 
-// Six times the volume of (0, a, b, c), and which way a point in the triangle's plane counts: like
-// one that is a bit further along z, then along x, then y, as crossings count it.
+// Six times the volume of (0, a, b, c). A point in the triangle's plane counts like one slightly
+// further along z, then along x, then y. Crossings break ties the same way.
 double signed_volume(const glm::i64vec3& a, const glm::i64vec3& b, const glm::i64vec3& c) {
   const glm::dvec3 da = to_double(a), db = to_double(b), dc = to_double(c);
   const double volume = glm::dot(da, glm::cross(db, dc));
@@ -45,13 +45,14 @@ double signed_volume(const glm::i64vec3& a, const glm::i64vec3& b, const glm::i6
                                  product(e.x, f.y) - product(e.y, f.x)};
   const Wide exact = n[0] * a.x + n[1] * a.y + n[2] * a.z;
   if (exact != 0) return static_cast<double>(exact);
-  // The point moves by +z: the corners, seen from it, move by -z.
+  // The point moves by +z, so the corners, seen from it, move by -z.
   const Wide tie = n[2] != 0 ? -n[2] : n[0] != 0 ? -n[0] : -n[1];
   return tie < 0 ? -0.0 : 0.0;
 }
 
-// Of the triangle as seen from the origin, over 4 pi: van Oosterom & Strackee 1983, "The solid
-// angle of a plane triangle". Positive where the triangle faces away from the origin.
+// The solid angle of the triangle as seen from the origin, over 4 pi. It is positive if the
+// triangle faces away from the origin. van Oosterom & Strackee 1983, "The solid angle of a plane
+// triangle".
 double solid_angle(const glm::i64vec3& a, const glm::i64vec3& b, const glm::i64vec3& c) {
   const glm::dvec3 da = to_double(a), db = to_double(b), dc = to_double(c);
   const double la = glm::length(da), lb = glm::length(db), lc = glm::length(dc);
@@ -67,7 +68,7 @@ double distance_to_segment(const glm::dvec3& a, const glm::dvec3& b) {
   return glm::length(a + t * along);
 }
 
-// From the origin.
+// Distance from the origin.
 double distance_to_triangle(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
   const glm::dvec3 normal = glm::cross(b - a, c - a);
   const double squared = glm::dot(normal, normal);
@@ -137,10 +138,10 @@ uint32_t WindingField::build(uint32_t first, uint32_t count) {
   return index;
 }
 
-// The gradient of c is bounded in two ways, with d the distance from the cube. A triangle of area A
-// is a sheet of dipoles: it adds at most A / (2 pi d^3). And the gradient of a solid angle is an
-// integral over the rim alone (Biot-Savart), in which the cones' inner sides cancel out: an edge of
-// length L adds at most min(L / d^2, pi / d) / (4 pi).
+// Bounds the gradient of c in two ways, with d the distance from the cube. First, a triangle of
+// area A is a sheet of dipoles: it adds at most A / (2 pi d^3). Second, the gradient of a solid
+// angle is an integral over the rim alone (Biot-Savart), in which the cones' inner sides cancel
+// out. An edge of length L adds at most min(L / d^2, pi / d) / (4 pi).
 bool WindingField::add_change(const Triangle& triangle, const glm::dvec3& at, double half_diagonal,
                               Change& change) const {
   const glm::dvec3 a = to_double(triangle.a) - at, b = to_double(triangle.b) - at,
@@ -150,7 +151,8 @@ bool WindingField::add_change(const Triangle& triangle, const glm::dvec3& at, do
   const double area = 0.5 * glm::length(glm::cross(b - a, c - a));
   change.by_area +=
       area * half_diagonal / (2 * std::numbers::pi * to_triangle * to_triangle * to_triangle);
-  const double to_rim = distance_to_segment(a, b) - half_diagonal;  // > 0: part of the triangle
+  // The rim is part of the triangle, so to_rim > 0.
+  const double to_rim = distance_to_segment(a, b) - half_diagonal;
   change.by_rim += half_diagonal / (4 * std::numbers::pi) *
                    std::min(glm::length(b - a) / to_rim, std::numbers::pi) / to_rim;
   return true;

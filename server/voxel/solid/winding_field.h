@@ -1,10 +1,10 @@
-// Generalized winding numbers of meshes with holes (Jacobson, Kavan & Sorkine-Hornung 2013, "Robust
-// inside-outside segmentation using generalized winding numbers"), exactly where it matters.
+// Generalized winding numbers of meshes with holes, exact where it matters (Jacobson, Kavan &
+// Sorkine-Hornung 2013, "Robust inside-outside segmentation using generalized winding numbers").
 //
 // A mesh M and the cones C that close it (boundary.h) have an integer winding number N, which
-// signed crossings of columns give exactly. The mesh's own is w = N - c, with c the solid angle of
-// the few triangles of C over 4 pi. So w > 1/2 where N > 1/2 + c; c changes slowly away from the
-// cones, and whole cubes have one threshold for N.
+// signed crossings of columns give exactly. The mesh's own winding number is w = N - c, with c the
+// solid angle of the few triangles of C over 4 pi. So w > 1/2 iff N > 1/2 + c. c changes slowly
+// away from the cones, so that whole cubes have a single threshold for N.
 #pragma once
 
 #include <cstddef>
@@ -18,45 +18,45 @@ namespace voxeld {
 
 class WindingField {
  public:
-  // `cones`: three corners each, q at `sub_voxel_bits`; see closing_cones().
+  // cones: three corners each, q at `sub_voxel_bits`; see closing_cones().
   WindingField(const std::vector<glm::ivec3>& cones, int sub_voxel_bits);
 
   bool empty() const { return triangles_.empty(); }
 
   // The least integer N with N > 1/2 + c at the centre of a cell.
   int threshold(const glm::ivec3& cell) const;
-  // The same for all cells of the cube whose first cell is `first`; nullopt where it is not known
-  // to be one.
+  // The same for all cells of the cube whose first cell is `first`. nullopt if the cube may have
+  // several thresholds.
   std::optional<int> threshold(const glm::ivec3& first, int side) const;
 
  private:
-  // Corners in half sub-voxels, odd numbers; centres of cells are even. a to b is an edge of the
-  // mesh's boundary, c the cone's apex.
+  // Corners in half sub-voxels, odd numbers, whereas centres of cells are even. a to b is an edge
+  // of the mesh's boundary, c the cone's apex.
   struct Triangle {
     glm::i64vec3 a, b, c;
   };
-  // A range of triangles_, halved at its longest side; the children follow (first) and stand at
-  // `second`.
+  // A range of triangles_, halved along its longest side. The first child is the next node; the
+  // other is at `second`.
   struct Node {
     uint32_t first, count, second;  // second: 0 for a leaf
-    glm::dvec3 centre;              // of area; in half sub-voxels, as all of these
-    glm::dvec3 dipole;              // sum of the normals, as long as the areas
+    glm::dvec3 centre;              // centre of area, in half sub-voxels like all lengths here
+    glm::dvec3 dipole;              // sum of the normals, each as long as its triangle's area
     double area, radius;
-    double rim;  // length of the edges a to b: of the mesh's boundary
+    double rim;  // length of the edges a to b, i.e. of the mesh's boundary
   };
-  // c and, where half_diagonal is > 0, how far it may change within that distance.
+  // c, and if half_diagonal > 0 a bound of its change within that distance.
   struct Value {
     double c = 0, change = 0;
   };
 
-  // Bounds of how c changes within the half diagonal of a cube.
+  // Bounds of the change of c within the half diagonal of a cube.
   struct Change {
     double by_area = 0, by_rim = 0, far_error = 0;
   };
 
   uint32_t build(uint32_t first, uint32_t count);
   Value value(const glm::i64vec3& p, double half_diagonal) const;
-  // False where the cube meets the triangle, so that c jumps in it.
+  // False if the cube meets the triangle, because c jumps there.
   bool add_change(const Triangle& triangle, const glm::dvec3& at, double half_diagonal,
                   Change& change) const;
   glm::i64vec3 centre(const glm::ivec3& first, int side) const;
