@@ -21,7 +21,7 @@ std::optional<int> parse_int(std::string_view text) {
 }
 
 std::optional<double> parse_double(std::string_view text) {
-  // from_chars takes no plus sign, but a minus after it.
+  // from_chars does not accept a plus sign. "+-1" must stay invalid, so the plus is kept there.
   if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
