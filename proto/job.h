@@ -39,7 +39,7 @@ enum class JobState { kQueued, kRunning, kDone, kFailed, kCancelled };
 // "asset".
 struct JobRequest {
   JobKind kind = JobKind::kVoxelize;
-  std::string asset;     // id of a grid, or empty
+  std::string asset;     // id of an asset, or empty
   std::string grid;      // id of a grid, or empty
   std::string sequence;  // id of a sequence, or empty
   std::string filename;  // of the asset, as uploaded or overridden; decides its format
