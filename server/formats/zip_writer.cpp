@@ -78,7 +78,7 @@ Status ZipWriter::begin(const std::string& name) {
   member.name = name;
   member.offset = file_.size();
   is_open_ = true;
-  Record local;  // checksum and lengths follow in the data descriptor
+  Record local;  // checksum and lengths are filled in once they are known
   local.put(uint32_t{0x04034b50}).put(kVersion).put(uint16_t{0}).put(kDeflated);
   local.put(uint16_t{0}).put(kDosDate).put(uint32_t{0}).put(kIn64).put(kIn64);
   local.put(static_cast<uint16_t>(name.size())).put(uint16_t{20}).put(name);

@@ -30,7 +30,7 @@ class Md5Lexer {
   Md5Lexer(std::string_view name, std::string_view text) : name_(name), text_(text) {}
 
   const std::string& name() const { return name_; }
-  // Unread bytes. At most half as many tokens follow, plus one.
+  // Unread bytes. They bound the tokens that follow, and so the counts that a file may claim.
   size_t bytes_left() const { return text_.size() - at_; }
 
   // Errors: a comment or string without an end.

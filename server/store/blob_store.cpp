@@ -88,8 +88,8 @@ Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& f
   BlobInfo info{id, bytes, BlobPins::pin(state.pins, id)};
   struct stat replaced {};
   const bool is_new = ::stat(target.c_str(), &replaced) != 0;
-  // Links the old file into the trash, as the rename would otherwise free its bytes here, which
-  // takes time. It does so on file systems without links.
+  // Links the old file into the trash; otherwise the rename would free its bytes here, which takes
+  // time. A failure is ignored: on file systems without links, the rename does free them.
   [[maybe_unused]] const int linked = ::link(target.c_str(), trash_path(root, state).c_str());
   if (::rename(file.c_str(), target.c_str()) != 0) {
     return errno_error("move into the store", file);

@@ -104,7 +104,7 @@ class BlobStore {
 
   Result<BlobWriter> begin(int64_t bytes_max) const;
   // Hashes, syncs and moves a finished file (a worker's output) into the store. Errors:
-  // storage-full if less than the disk's reserve is free, not counting the file.
+  // storage-full if less than the disk's reserve is free; the file already occupies its space.
   Result<BlobInfo> adopt(const std::filesystem::path& file) const;
   // Errors: not-found, also for text that is not an id.
   Result<BlobInfo> stat(std::string_view id) const;
