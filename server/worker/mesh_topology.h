@@ -1,4 +1,4 @@
-// Whether a mesh is closed, and which components it has.
+// The topology of a mesh: whether it is closed, and which components it has.
 #pragma once
 
 #include <cstdint>

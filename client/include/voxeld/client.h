@@ -83,8 +83,8 @@ class VOXELD_CLIENT_API Source {
   static Source file(std::filesystem::path path, std::string filename = "");
   // If `filename` is empty here, the first bytes decide the format.
   static Source memory(std::vector<std::byte> bytes, std::string filename);
-  // `read` fills the buffer and returns the number of bytes; 0 at the end. A stream can be read only
-  // once.
+  // `read` fills the buffer and returns the number of bytes; 0 at the end. A stream can be read
+  // only once.
   static Source stream(std::function<size_t(std::span<std::byte>)> read, std::string filename);
 
   const std::string& filename() const { return filename_; }
