@@ -1,4 +1,4 @@
-// What the daemon's JSON says, as the library's structures.
+// Converts the daemon's JSON to the library's structures.
 #pragma once
 
 #include <cstdint>
@@ -9,18 +9,18 @@
 
 namespace voxeld::client {
 
-// A member, "" or 0 where there is none of that type.
+// A member of an object; "" or 0 if there is none of that type.
 std::string text_of(const nlohmann::json& object, const char* name);
 int64_t number_of(const nlohmann::json& object, const char* name);
 
-// Throws Error "bad-answer" for text that is no JSON object.
+// Throws Error "bad-answer" if the text is not a JSON object.
 nlohmann::json parse_object(const std::string& text);
-// Throws Error "bad-answer" for an object that is no job.
+// Throws Error "bad-answer" if the object is not a job.
 JobInfo job_info(const nlohmann::json& status);
-// Throws Error "bad-answer" for an object that is no list of frames.
+// Throws Error "bad-answer" if the object is not a list of frames.
 JobFrames job_frames(const nlohmann::json& answer);
 
-// Throws Error "bad-answer" for an object that is no queue.
+// Throws Error "bad-answer" if the object is not a queue.
 Queue queue_of(const nlohmann::json& answer);
 
 }  // namespace voxeld::client

@@ -19,7 +19,7 @@ std::string full_message(const std::string& message, const std::string& expected
   return text;
 }
 
-// The native container.
+// Voxelizes and returns the native container.
 std::vector<std::byte> voxelize_native(ClientImpl& daemon, const Source& source,
                                        const Options& options, const ProgressCallback& progress,
                                        const std::stop_token& stop) {
@@ -229,7 +229,7 @@ std::string Client::remove(std::string_view id) {
     call("/v1/jobs/" + percent_encode(id) + "/result");
     return "result";
   }
-  // Ids are of bytes, and do not say what the bytes are.
+  // An id is a hash and does not say its kind, so all are tried.
   std::optional<Error> refused;
   for (const std::string_view kind : {"asset", "grid", "sequence"}) {
     try {

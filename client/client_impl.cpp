@@ -20,8 +20,9 @@ using namespace std::chrono_literals;
 
 constexpr auto kPauseFirst = 200ms;
 constexpr int kPauseDoublings = 6;
-constexpr std::chrono::milliseconds kPauseMax = 10s;  // 200 ms doubled 6 times would be longer
-constexpr int kPollSeconds = 2;  // one long poll; progress is told at least this often
+constexpr std::chrono::milliseconds kPauseMax = 10s;  // the limit of a pause that begins at 200 ms
+                                                      // and doubles
+constexpr int kPollSeconds = 2;  // of one long poll, so progress is reported at least this often
 
 // Reads a Source piece by piece.
 struct SourceReader {
@@ -64,7 +65,7 @@ bool is_good(const HttpAnswer& answer) {
   return answer.failure == HttpAnswer::Failure::kNone && answer.status / 100 == 2;
 }
 
-// Nothing was done, and a later try may go through.
+// Whether nothing was done and a later try may succeed.
 bool is_busy(const HttpAnswer& answer) {
   return answer.failure == HttpAnswer::Failure::kUnreachable ||
          (answer.failure == HttpAnswer::Failure::kNone &&
@@ -76,7 +77,7 @@ std::string header_of(const HttpAnswer& answer, const std::string& name) {
   return it == answer.headers.end() ? std::string() : it->second;
 }
 
-// A key with a line feed in it would be a header of its own.
+// Refuses a key with a line feed or the like, which would add a header of its own.
 const std::string& checked_key(const std::string& key) {
   if (std::ranges::all_of(key, [](char c) { return c > ' ' && c < 0x7f; })) return key;
   throw Error("invalid-option", 0, "the API key holds characters that no key has");
@@ -86,7 +87,7 @@ Error interrupted() {
   return Error("interrupted", 0, "stopped by the caller");
 }
 
-// Of a sequence its frames, of a grid its tiles.
+// Counts frames of a sequence, tiles of a grid.
 Progress progress_of(const JobInfo& info) {
   const std::string stage = info.state == "queued" ? "queued" : info.stage;
   if (info.frames_total > 0) return {stage, info.frames_done, info.frames_total, "frames"};
@@ -101,7 +102,7 @@ Error job_error(const JobInfo& info, const Json& status) {
                text_of(error, "expected"), text_of(error, "got"));
 }
 
-// The sink has `done` bytes: what comes now must go on exactly there, in the same result.
+// Checks a resumed download: the next bytes must continue after `done`, in the same result.
 void check_resumed(const HttpAnswer& head, long long done, const std::string& etag) {
   const std::string start = "bytes " + std::to_string(done) + "-";
   const std::string range = header_of(head, "content-range"), now = header_of(head, "etag");
@@ -229,7 +230,7 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
     if (name == "filename") {
       body["filename"] = value;
     } else if (name == "priority" || name == "deadline_ms") {
-      // Members of the job, and integers; the daemon says what is wrong with others.
+      // Members of the job, as integers. The daemon reports the error of other values.
       const Json number = Json::parse(value, nullptr, false);
       body[name] = number.is_number() ? number : Json(value);
     } else {
@@ -240,7 +241,7 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   request.method = "POST";
   request.url = url("/v1/jobs");
   request.headers = {"Content-Type: application/json"};
-  // Names of files may be no UTF-8; JSON must be.
+  // File names need not be UTF-8, but JSON must be.
   const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
   return job_info(parse_object(call(std::move(request), text).body));
 }
@@ -249,7 +250,7 @@ HttpAnswer ClientImpl::look(std::string_view job, const std::string& etag,
                             const std::stop_token& stop) {
   HttpRequest request;
   request.url = url("/v1/jobs/" + std::string(job));
-  // With an ETag the daemon answers at the next change; a short wait tells progress in between.
+  // With an ETag the daemon responds at the next change; the short wait allows progress in between.
   request.headers = {"Prefer: wait=" + std::to_string(kPollSeconds)};
   request.held = std::chrono::seconds(kPollSeconds);
   if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
@@ -281,7 +282,7 @@ JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
       status = parse_object(answer.body);
       info = job_info(status);
     }
-    // Also without a change, so that the callback can stop a job that stands still.
+    // Called also without a change, so that the callback can stop a stalled job.
     if (progress && !progress(progress_of(info))) throw interrupted();
   } while (!info.ended());
   if (info.state != "done") throw job_error(info, status);
@@ -349,7 +350,7 @@ JobInfo ClientImpl::run(std::string_view kind, const Source& source, const Optio
   } catch (const Error& error) {
     if (error.code() == "interrupted") cancel();
     throw;
-  } catch (...) {  // of the progress callback: nobody is left who wants the result
+  } catch (...) {  // from the progress callback: nobody waits for the result any more
     cancel();
     throw;
   }

@@ -1,4 +1,4 @@
-// What stands behind Client: requests, retries and answers.
+// The implementation of Client: requests, retries and responses.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,8 @@ class ClientImpl {
  public:
   explicit ClientImpl(Settings settings);
 
-  // Exchanges until the answer is not 429, 503 or a refused connection, or tries are used up;
-  // `body` is sent anew each time. Throws Error for everything but 2xx.
+  // Exchanges until the response is not 429, 503 or a refused connection, or no tries are left.
+  // `body` is sent anew each time. Throws Error for any status but 2xx.
   HttpAnswer call(HttpRequest request, const std::string& body = "",
                   const std::stop_token& stop = {});
   std::string url(std::string_view path) const { return settings_.url + std::string(path); }
@@ -31,8 +31,8 @@ class ClientImpl {
 
  private:
   [[noreturn]] void fail(const HttpAnswer& answer) const;
-  // One long poll of a job, tried again while the daemon is away: a daemon that restarts keeps its
-  // jobs. Status 304 means that nothing changed since `etag`.
+  // One long poll of a job. Repeated while the daemon is away, because a restarted daemon still has
+  // its jobs. Status 304: nothing changed since `etag`.
   HttpAnswer look(std::string_view job, const std::string& etag, const std::stop_token& stop);
   void pause(int attempt, const HttpAnswer& answer, const std::stop_token& stop) const;
 

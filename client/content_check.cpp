@@ -15,7 +15,7 @@ namespace {
 constexpr std::string_view kPrefix = "\"sha256-";
 constexpr size_t kDigestDigits = 64;
 
-// Empty for an ETag that is no content id.
+// The digest in an ETag; empty if it is not a content id.
 std::string digest_of(std::string_view etag) {
   if (etag.size() != kPrefix.size() + kDigestDigits + 1) return {};
   if (!etag.starts_with(kPrefix) || !etag.ends_with('"')) return {};

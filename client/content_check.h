@@ -1,4 +1,4 @@
-// Compares what was downloaded with its content id, which the daemon sends as its ETag.
+// Compares a download with its content id, which the daemon sends as its ETag.
 #pragma once
 
 #include <cstddef>
@@ -12,12 +12,12 @@ namespace voxeld::client {
 
 class ContentCheck {
  public:
-  // `etag`: "sha256-" and 64 hex digits, in quotes; of any other nothing is checked.
+  // `etag`: "sha256-" and 64 hex digits, in quotes. Nothing is checked for any other.
   explicit ContentCheck(std::string_view etag);
   ~ContentCheck();
 
   void add(std::span<const std::byte> piece);
-  // After the last piece. Throws Error "content-mismatch", naming `what` was downloaded.
+  // Call it after the last piece. Throws Error "content-mismatch", naming `what` was downloaded.
   void finish(std::string_view what);
 
  private:

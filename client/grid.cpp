@@ -28,7 +28,7 @@ Voxel Grid::Impl::read(const SparseTile& tile, int x, int y, int z, size_t numbe
   Voxel voxel{.x = x, .y = y, .z = z};
   voxel.has_attributes = header.channels.any() && number != kNoAttributes;
   if (!voxel.has_attributes) {
-    if (header.channels.coverage) voxel.coverage = 255;  // entirely inside
+    if (header.channels.coverage) voxel.coverage = 255;  // inside a solid
     return voxel;
   }
   const ChannelSet& has = header.channels;

@@ -1,4 +1,4 @@
-// What stands behind Grid, for those who decode one.
+// The implementation of Grid.
 #pragma once
 
 #include <memory>
@@ -21,13 +21,13 @@ struct Grid::Impl {
   static std::unique_ptr<Impl> of(GridHeader header, std::vector<SparseTile> tiles,
                                   uint64_t voxels);
 
-  // Tile and voxel number of an occupied cell; kNoAttributes in a full node.
+  // The tile and voxel number of an occupied cell; kNoAttributes in a full node.
   struct Place {
     const SparseTile* tile;
     size_t voxel;
   };
   std::optional<Place> find(int x, int y, int z) const;
-  // The voxel of that number at a cell.
+  // The voxel `number` at a cell.
   Voxel read(const SparseTile& tile, int x, int y, int z, size_t number) const;
   std::optional<Place> find_in_brick(const SparseTile& tile, uint32_t brick_code,
                                      uint32_t bit) const;

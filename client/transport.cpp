@@ -9,8 +9,8 @@
 namespace voxeld::client {
 namespace {
 
-// What the callbacks of one exchange share. Exceptions of the caller's functions must not pass
-// through libcurl: they are kept and thrown again after it.
+// State that the callbacks of one exchange share. Exceptions of the caller's functions must not
+// pass through libcurl: they are stored and rethrown afterwards.
 struct Exchange {
   const HttpRequest& request;
   HttpAnswer& answer;
@@ -51,7 +51,7 @@ size_t on_write(char* data, size_t size, size_t count, void* user) {
   });
 }
 
-// The head of the final answer is whole at its empty line; heads of 1xx come before it.
+// Called at the empty line after each head. Heads of 1xx responses come before the final one.
 size_t on_head_end(Exchange& exchange, size_t bytes) {
   long status = 0;
   curl_easy_getinfo(exchange.curl, CURLINFO_RESPONSE_CODE, &status);
@@ -118,7 +118,7 @@ void set(CURL* curl, CURLoption option, Value value) {
 struct Transport::Impl {
   CURL* curl = nullptr;
   std::chrono::seconds connect_timeout, timeout;
-  std::string authorization;  // a line of the head; empty: none
+  std::string authorization;  // a header line; empty: none
 };
 
 Transport::Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout,
@@ -190,7 +190,7 @@ HttpAnswer Transport::exchange(const HttpRequest& request) {
   curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
   answer.failure = failure_of(code);
   answer.status = static_cast<int>(status);
-  // An answer that came before the body was sent whole (413, say) is an answer all the same.
+  // A response that arrives before the whole body was sent (413, say) is still valid.
   if (answer.failure == HttpAnswer::Failure::kBroken && status >= 400 && !answer.body.empty()) {
     answer.failure = HttpAnswer::Failure::kNone;
   }

@@ -1,4 +1,4 @@
-// One HTTP exchange over libcurl, with a body that streams in both directions.
+// One HTTP exchange over libcurl, with bodies that stream in both directions.
 #pragma once
 
 #include <chrono>
@@ -19,24 +19,26 @@ struct HttpRequest {
   std::string method = "GET";
   std::string url;
   std::vector<std::string> headers;
-  // Body: filled into the buffer, 0 at the end. Without `body_bytes` it is sent chunked.
+  // Fills the buffer with the next part of the body; 0 at the end. Without `body_bytes` it is sent
+  // chunked.
   std::function<size_t(std::span<std::byte>)> body;
   std::optional<long long> body_bytes;
-  // Seconds that the daemon was asked to hold its answer back; they do not count to the timeout.
+  // Seconds that the daemon may hold its response back; they do not count against the timeout.
   std::chrono::seconds held{0};
-  // Gets status and headers before any of the body; what it throws ends the exchange.
+  // Receives status and headers before the body; an exception ends the exchange.
   std::function<void(const HttpAnswer&)> on_head;
-  // Pieces of a 2xx answer's body; other bodies (and all, when unset) come in HttpAnswer::body.
+  // Receives pieces of a 2xx response's body. Other bodies, and all if it is unset, go to
+  // HttpAnswer::body.
   std::function<void(std::span<const std::byte>)> sink;
-  // Called often; false ends the exchange.
+  // Called often; returning false ends the exchange.
   std::function<bool()> keep_going;
 };
 
 struct HttpAnswer {
-  int status = 0;                              // 0: there was no answer, see failure
+  int status = 0;                              // 0: no response, see failure
   std::map<std::string, std::string> headers;  // lower-case names
   std::string body;
-  long long sunk_bytes = 0;  // that went to the sink
+  long long sunk_bytes = 0;  // bytes passed to the sink
   enum class Failure {
     kNone,
     kUnreachable,
@@ -47,11 +49,11 @@ struct HttpAnswer {
   std::string failure_text;
 };
 
-// Keeps its connection between exchanges. One thread.
+// Keeps its connection between exchanges. For one thread.
 class Transport {
  public:
-  // `key`, unless it is empty, goes with every request as its Authorization. Redirects are not
-  // followed, so that no other server gets it.
+  // `key`, unless empty, is sent with every request as its Authorization. Redirects are not
+  // followed, so no other server receives the key.
   Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout, std::string key);
   ~Transport();
   HttpAnswer exchange(const HttpRequest& request);

@@ -9,10 +9,10 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kBlobIdBytes = 71;  // "sha256-" and 64 digits
-// Extension of no format: the bytes alone decide.
+// The extension of no format: the bytes alone decide how the file is read.
 constexpr std::string_view kBytesAlone = ".bytes";
 
-// As they are in ids, which stand in URLs.
+// Characters that stay unescaped. Ids appear in URLs, so the rest is escaped as ~XX.
 bool is_plain(char c) {
   return (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.' ||
          c == '_' || c == '-';
@@ -37,7 +37,7 @@ int digit_of(char c) {
   return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
-// Text that is no escape stays as it is.
+// Undoes escaped(). Text that is not a valid escape stays as it is.
 std::string unescaped(std::string_view text) {
   std::string out;
   for (size_t i = 0; i < text.size(); ++i) {
@@ -73,7 +73,7 @@ AssetId AssetId::parse(std::string_view id) {
 std::string AssetId::text() const {
   if (!reading) return blob;
   const std::string suffix = escaped(*reading);
-  // A name without extension may have a member: ".bytes!a.obj" is "bytes~21a.obj".
+  // A name without an extension may still have a member: ".bytes!a.obj" is "bytes~21a.obj".
   return blob + (suffix.starts_with('.') ? "" : std::string(kBytesAlone)) + suffix;
 }
 

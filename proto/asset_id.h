@@ -1,13 +1,13 @@
-// Ids of assets, and what of a file's name they say.
+// Ids of assets, and the part of a file's name that belongs to an id.
 //
-// An asset is called by the hash of its bytes. The same bytes under two names may be two meshes, as
-// the name's extension decides how they are read. Where a tenant has them under a name that is read
-// otherwise, the id of an upload says how this one is read:
+// An asset's id is the hash of its bytes. The same bytes under two names may be two different
+// meshes, because the name's extension decides how they are read. If a tenant has already uploaded
+// the bytes under a name that is read otherwise, the id of the new upload carries its own reading:
 //
-//   sha256-<64 hex>              as the name of the asset says
-//   sha256-<64 hex>.<reading>    as this one says: "obj", "zip~21b.obj", or "bytes" for no name
+//   sha256-<64 hex>              read as the stored name of the asset says
+//   sha256-<64 hex>.<reading>    read so: "obj", "zip~21b.obj", or "bytes" for no name
 //
-// So an upload under another name changes nothing for those who have the earlier id.
+// An upload under another name therefore changes nothing for holders of the earlier id.
 #pragma once
 
 #include <optional>
@@ -22,14 +22,14 @@ std::string reading_of(std::string_view filename);
 
 struct AssetId {
   std::string blob;                    // the id of the bytes
-  std::optional<std::string> reading;  // reading_of() a name; nullopt: that of the asset's name
+  std::optional<std::string> reading;  // reading_of() a name; nullopt: as the asset's name says
 
-  // Any text is taken; one that is no id names no blob.
+  // Accepts any text; text that is not an id names no blob.
   static AssetId parse(std::string_view id);
   std::string text() const;
 };
 
-// `filename` as a name that is read so: ("a/bunny.off", ".obj") -> "bunny.obj".
+// `filename`, changed so that it is read in this way: ("a/bunny.off", ".obj") -> "bunny.obj".
 std::string filename_read_as(std::string_view filename, std::string_view reading);
 
 }  // namespace voxeld

@@ -1,5 +1,5 @@
-// What is known of a voxel's attributes before they are coded: those of its neighbours with lower
-// numbers. proto/README.md specifies it.
+// The context in which a voxel's attributes are coded: the neighbours with lower numbers, which the
+// decoder already has. proto/README.md specifies it.
 #pragma once
 
 #include <algorithm>
@@ -37,23 +37,23 @@ constexpr std::array<NeighborStep, 26> make_neighbor_steps() {
 }
 inline constexpr std::array<NeighborStep, 26> kNeighborSteps = make_neighbor_steps();
 
-// What the coded neighbours of one voxel say.
+// A summary of the coded neighbours of one voxel.
 struct AttributeNeighbors {
   uint32_t count = 0;       // coded neighbours
   uint32_t first = 0;       // number of the first of them; the voxel before where there are none
   uint32_t other = 0;       // the first of them that differs from `first`; else `first`
-  uint32_t same_count = 0;  // of the coded neighbours, those with the attributes of `first`
+  uint32_t same_count = 0;  // coded neighbours that equal `first`
   uint32_t error = 0;       // mean of their errors
   std::array<int, kAttributeComponentsMax> mean{};   // weighted
   std::array<int, kAttributeComponentsMax> range{};  // largest less smallest
 };
 
-// 0, 1, 2, 3..4, 5..8, 9..16, 17..32, more: 0..7.
+// Buckets 0..7 for the values 0, 1, 2, 3..4, 5..8, 9..16, 17..32 and more.
 constexpr uint32_t quantized(uint32_t value) {
   return value <= 2 ? value : std::min(static_cast<uint32_t>(std::bit_width(value - 1)) + 1, 7u);
 }
 
-// 0: none, 1..4: positive, ascending, 5..8: negative.
+// Buckets of a signed difference. 0: none; 1..4: positive, ascending; 5..8: negative.
 constexpr uint32_t quantized_difference(int difference) {
   if (difference == 0) return 0;
   const auto size = static_cast<uint32_t>(difference < 0 ? -difference : difference);
@@ -61,8 +61,8 @@ constexpr uint32_t quantized_difference(int difference) {
   return difference < 0 ? step + 4 : step;
 }
 
-// `samples` has `components` of them per voxel, `errors` one byte; both are known for numbers <
-// `number`.
+// `samples` has `components` per voxel and `errors` one byte per voxel. Both are known only for
+// voxels below `number`.
 template <typename Sample>
 AttributeNeighbors attribute_neighbors(const VoxelNumbers& numbers,
                                        const std::array<uint32_t, 3>& cell, uint32_t number,
@@ -77,7 +77,7 @@ AttributeNeighbors attribute_neighbors(const VoxelNumbers& numbers,
     const uint32_t voxel =
         numbers.find(static_cast<int>(cell[0]) + step.x, static_cast<int>(cell[1]) + step.y,
                      static_cast<int>(cell[2]) + step.z);
-    if (voxel >= number) continue;  // not coded yet, or none
+    if (voxel >= number) continue;  // not coded yet, or no voxel
     if (found.count++ == 0) found.first = found.other = voxel;
     weights += step.weight;
     error += errors[voxel];

@@ -15,17 +15,17 @@
 namespace voxeld {
 namespace {
 
-constexpr uint32_t kSameNode = 63;  // beside the nodes of differences
+constexpr uint32_t kSameNode = 63;  // a context of its own, apart from those of differences
 
-// Places in the tree of one difference's bits.
+// Nodes in the binary tree of one difference's bits.
 constexpr uint32_t kZeroNode = 0, kSignNode = 1, kLengthNode = 2, kFirstNode = 10, kSecondNode = 20,
                    kLowNode = 48;
 
-// What the bits of one difference are predicted from.
+// The context that predicts the bits of one difference.
 struct DifferenceContext {
   uint32_t channel = 0;  // in coding order
   uint32_t error = 0;    // quantized(): mean error of the neighbours
-  uint32_t range = 0;    // quantized(): of the neighbours in this channel
+  uint32_t range = 0;    // quantized(): range of the neighbours in this channel
   uint32_t before = 0;   // quantized_difference() of the channel before, 0 for the first
   uint32_t before_that = 0;
   uint32_t count = 0;      // coded neighbours, at most 3
@@ -42,7 +42,7 @@ struct DifferenceContext {
   }
 };
 
-// Coder and model together: one bit in its context.
+// A coder and its model: codes one bit in its context.
 template <typename Coder>
 struct BitCoder {
   Coder& coder;
@@ -89,7 +89,7 @@ int wrapped(int difference) {
   return static_cast<int8_t>(static_cast<uint8_t>(difference));
 }
 
-// Of a voxel: what is known, and its place among those known.
+// A voxel's cell, and the samples of the tile in which its neighbours are looked up.
 template <typename Sample>
 struct Place {
   const VoxelNumbers& numbers;
@@ -97,7 +97,7 @@ struct Place {
   std::span<const Sample> samples;  // of the whole tile
 };
 
-// Components of a voxel in the order they are coded, and what each is predicted to be.
+// Predicts a colour. A predictor gives the order of a voxel's components and a value for each.
 class ColorPredictor {
  public:
   using Sample = uint8_t;
@@ -105,7 +105,8 @@ class ColorPredictor {
   ColorPredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {}
 
   size_t channel(size_t i) const { return kOrder[i]; }
-  // `done`: the voxel's samples so far. Red and blue mostly change with green.
+  // `done`: the samples coded so far. Red and blue follow the change of green, so they are
+  // predicted from it.
   int predicted(size_t i, const uint8_t* done) const {
     const int mean = near_.mean[kOrder[i]];
     if (i == 0 || i == 3) return mean;
@@ -123,8 +124,8 @@ uint32_t square_root(uint32_t value) {
   return root;
 }
 
-// Samples of normals are offset by 128. The component with the largest mean comes last: the two
-// others leave little choice for it, as the length is 127.
+// Predicts a normal; its samples are offset by 128. The component with the largest mean is coded
+// last: the length is 127, so the two others leave little choice for it.
 class NormalPredictor {
  public:
   using Sample = uint8_t;
@@ -168,8 +169,8 @@ class CoveragePredictor {
   const AttributeNeighbors& near_;
 };
 
-// Samples of 16 bits, which are coded as one difference. A voxel beside two surfaces has the id of
-// one or of the other.
+// Predicts an id. A voxel between two surfaces has the id of the one or of the other. The 16 bits
+// are coded as one difference.
 class IdPredictor {
  public:
   using Sample = uint16_t;
@@ -182,8 +183,8 @@ class IdPredictor {
   int predicted_;
 };
 
-// Distances, offset by 2^15: as if they were linear in each pair of axes in which three neighbours
-// tell how.
+// Predicts a distance, offset by 2^15. It assumes that distances are linear in each pair of axes
+// for which three neighbours are known.
 class DistancePredictor {
  public:
   using Sample = uint16_t;
@@ -204,7 +205,7 @@ class DistancePredictor {
   int predicted() const { return predicted_; }
 
  private:
-  // Of the cell one step back along each of the axes, which comes before the cell.
+  // The sample one step back along the axes `a` and `b`; that cell is coded before this one.
   static std::optional<int> sample(const Place<Sample>& place, size_t a, size_t b) {
     std::array<int, 3> cell{};
     for (size_t c = 0; c < 3; ++c) {
@@ -218,7 +219,7 @@ class DistancePredictor {
   int predicted_ = 0;
 };
 
-// Whether all samples are those of near.first.
+// Codes one bit: whether all samples equal those of near.first.
 template <typename Coder, typename Sample>
 bool code_same(BitCoder<Coder>& coder, const AttributeNeighbors& near, size_t components,
                const Sample* samples, const Sample* first) {
@@ -258,8 +259,8 @@ uint8_t code_voxel(BitCoder<Coder>& coder, const AttributeNeighbors& near,
   return static_cast<uint8_t>(std::min(error, 255u));
 }
 
-// The same of one sample of 16 bits: the multiple of 256 that is nearest to its difference, then
-// the rest.
+// Codes a voxel of one 16-bit sample: first the multiple of 256 nearest to its difference, then the
+// rest.
 template <typename Predictor, typename Coder>
 uint8_t code_voxel(BitCoder<Coder>& coder, const AttributeNeighbors& near,
                    const Place<uint16_t>& place, uint16_t* sample) {
@@ -279,7 +280,7 @@ uint8_t code_voxel(BitCoder<Coder>& coder, const AttributeNeighbors& near,
   return static_cast<uint8_t>(std::min(told < 0 ? -told : int{told}, 255));
 }
 
-// `samples` is complete when writing, zero when reading. False when the bytes ran out.
+// `samples` is complete when writing and zero when reading. Returns false if the bytes ran out.
 template <typename Predictor, typename Coder>
 bool code_attributes(Coder& coder, const SparseTile& tile,
                      std::vector<typename Predictor::Sample>& samples) {
@@ -312,7 +313,7 @@ bool code_attributes(Coder& coder, const SparseTile& tile,
   return true;
 }
 
-// What stands between a channel's samples and what is coded of them: signed ones are offset.
+// Adds the offset by which signed samples are stored as unsigned ones, or removes it.
 template <typename From, typename To>
 std::vector<To> offset_samples(std::span<const From> samples, int offset) {
   std::vector<To> out(samples.size());
@@ -353,7 +354,7 @@ struct Decoder {
   Status status{};
 };
 
-// Each channel's predictor.
+// Runs `job` with the channel's predictor.
 template <typename Tile, typename Job>
 void run_channel(Tile& tile, Channel channel, Job& job) {
   switch (channel) {

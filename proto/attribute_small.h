@@ -1,5 +1,5 @@
-// The attributes of a tile, predicted from neighbours and entropy coded with contexts: streams of
-// channels in codec `small`. proto/README.md specifies the bits.
+// Codec `small` for attributes: the channels of a tile, predicted from neighbours and entropy coded
+// with contexts. proto/README.md specifies the bits.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,8 @@ namespace voxeld {
 // The tile must have masks and the channel.
 std::vector<uint8_t> encode_channel_small(const SparseTile& tile, Channel channel);
 
-// Fills the channel of a tile with masks. Errors: bad-request, when the bytes are fewer or more
-// than the stream. Takes time for at most as many voxels as the masks have.
+// Fills one channel of a tile that has its masks. Errors: bad-request if the bytes are fewer or
+// more than the stream. The time is bounded by the number of voxels in the masks.
 Status decode_channel_small(std::span<const uint8_t> bytes, Channel channel, SparseTile& tile);
 
 }  // namespace voxeld

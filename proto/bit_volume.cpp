@@ -5,14 +5,14 @@
 namespace voxeld {
 namespace {
 
-// Bit i of a nibble of x goes to Morton bit 0, 1, 8 or 9 of a word of a BrickMask: x0 is bit 0 of
-// the Morton index and x1 is bit 3.
+// Spreads 4 cells of x: bit i of the nibble goes to Morton bit 0, 1, 8 or 9 of a BrickMask word. x0
+// is bit 0 of the Morton index and x1 is bit 3.
 constexpr uint64_t spread_nibble(uint32_t nibble) {
   return (nibble & 3u) | static_cast<uint64_t>(nibble >> 2 & 3u) << 8;
 }
 
-// Where row (y, z) of a brick, y and z in 0..7, starts in the words of its mask, and which word has
-// its low x; the next word has its high x.
+// The place of row (y, z) of a brick, y and z in 0..7, in the words of its mask. `word` has its low
+// x, the next word its high x.
 struct RowPlace {
   size_t word = 0;
   uint32_t shift = 0;
@@ -22,7 +22,7 @@ constexpr RowPlace row_place(uint32_t y, uint32_t z) {
           (y & 1) << 1 | (z & 1) << 2 | (y >> 1 & 1) << 4 | (z >> 1 & 1) << 5};
 }
 
-// Bits 0, 2, 4, ... of 16 to 8.
+// Gathers bits 0, 2, 4, ... of 16 into 8.
 constexpr uint8_t even_bits(uint32_t v) {
   v &= 0x5555u;
   v = (v | v >> 1) & 0x3333u;

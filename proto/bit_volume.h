@@ -1,5 +1,5 @@
-// A cube of cells, one bit each, with a margin of empty cells around it, so that neighbours can be
-// read without asking whether they are inside.
+// A cube of cells, one bit each. A margin of empty cells around it lets readers fetch neighbours
+// without a bounds check.
 //
 //   row (y, z): 2 bytes of margin, the cells x = 0..side-1 from the lowest bit up, 2 bytes of
 // margin;
@@ -20,7 +20,7 @@ class BitVolume {
   static constexpr int kMargin = 2;  // cells in y and z
   static constexpr size_t kRowMarginBytes = 2;
 
-  // All empty. `side` is a power of two.
+  // Starts empty. `side` is a power of two.
   explicit BitVolume(int side)
       : side_(side),
         stride_(static_cast<size_t>((side + 7) / 8) + 2 * kRowMarginBytes),
@@ -51,18 +51,18 @@ class BitVolume {
   std::vector<uint8_t> bytes_;
 };
 
-// Bits x, x+1, ... of a row from the lowest bit up: 16 of them where x is a multiple of 8, at least
-// 9 elsewhere. -16 <= x < side.
+// Bits x, x+1, ... of a row from the lowest bit up, for -16 <= x < side. 16 bits are valid if x is
+// a multiple of 8, at least 9 otherwise.
 inline uint32_t row_bits(const uint8_t* row, int x) {
   const uint8_t* at = row + (x >> 3);
   return (at[0] | static_cast<uint32_t>(at[1]) << 8) >> (x & 7);
 }
 
-// Writes and reads a brick's 8x8x8 cells; `brick` is in bricks, from the volume's first cell.
+// Writes and reads a brick of 8x8x8 cells. `brick` counts in bricks from the volume's first cell.
 void set_brick(BitVolume& volume, const std::array<int, 3>& brick, const BrickMask& mask);
 BrickMask brick_at(const BitVolume& volume, const std::array<int, 3>& brick);
 
-// Half the side; a cell is occupied where one of its 8 is.
+// A volume of half the side. A cell is occupied if any of its 8 cells is.
 BitVolume halved(const BitVolume& volume);
 
 }  // namespace voxeld

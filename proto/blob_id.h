@@ -6,7 +6,7 @@
 
 namespace voxeld {
 
-// Safe as a file name.
+// A blob id is safe as a file name: it has no separators and no dots.
 inline bool is_blob_id(std::string_view id) {
   constexpr std::string_view kPrefix = "sha256-";
   if (id.size() != kPrefix.size() + 64 || !id.starts_with(kPrefix)) return false;

@@ -21,7 +21,7 @@ Error malformed(std::string where, std::string_view expected, std::string_view g
           std::string(got.substr(0, 80))};
 }
 
-// As the names of other files refer to it: parts between slashes, none of them empty, "." or "..".
+// Whether other files can refer to the name: parts between slashes, none empty, "." or "..".
 bool is_plain_path(std::string_view name) {
   if (name.empty()) return false;
   const auto is_refused = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == '\\'; };
@@ -36,7 +36,7 @@ bool is_plain_path(std::string_view name) {
   }
 }
 
-// References find files without regard to case.
+// References find files without regard to case, so names must differ in more than case.
 std::string lower_case(std::string text) {
   for (char& c : text) {
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
@@ -78,7 +78,7 @@ Result<BundleFile> parse_file(const Json& entry, const std::string& where) {
     return malformed(where + ".asset", "the id of an uploaded asset",
                      "\"" + file.asset.substr(0, 60) + "\"");
   }
-  file.asset = asset.blob;  // what it is in the bundle says its name there
+  file.asset = asset.blob;  // the name in the manifest decides how it is read, not the id's reading
   return file;
 }
 

@@ -1,5 +1,5 @@
-// Several uploads as one input: a JSON body of media type kBundleMediaType names assets that are
-// there already, so that a new animation for an old mesh costs only itself.
+// A bundle of several uploads as one input. A JSON body of media type kBundleMediaType names assets
+// that were uploaded before, so a new animation for an old mesh costs one small upload.
 //
 //   {"files": [{"name": "bob.md5mesh", "asset": "sha256-…"},
 //              {"name": "walk.md5anim", "asset": "sha256-…"}]}
@@ -14,16 +14,16 @@
 namespace voxeld {
 
 inline constexpr std::string_view kBundleMediaType = "application/vnd.voxeld.bundle+json";
-// What the file name of a stored manifest ends with.
+// The extension of a stored manifest's file name.
 inline constexpr std::string_view kBundleExtension = ".bundle.json";
 
 struct BundleFile {
-  std::string name;   // as other files of the bundle refer to it; relative, without ".."
+  std::string name;   // relative, without ".."; other files of the bundle refer to it
   std::string asset;  // id
 };
 
 // Errors: malformed-bundle, naming the member, for no files, more than limits::kBundleEntriesMax,
-// two of one name, and names that no zip may have either.
+// two files of one name, and names that a zip may not have either.
 Result<std::vector<BundleFile>> parse_bundle_manifest(std::string_view json);
 
 }  // namespace voxeld

@@ -12,7 +12,7 @@ bool is_full(const BrickMask& mask) {
   return std::ranges::all_of(mask.words, [](uint64_t word) { return word == ~uint64_t{0}; });
 }
 
-// Eight nodes of one size that fill the next larger one.
+// Whether eight nodes of one size fill the next larger one.
 bool makes_a_parent(std::span<const FullNode> eight) {
   const FullNode first = eight.front();
   return first.level < kTileLevels && first.brick_morton % (8 * first.brick_count()) == 0 &&
@@ -38,7 +38,7 @@ const SparseTile& canonical_form(const SparseTile& tile, SparseTile& copy) {
 }
 
 bool full_nodes_are_apart(const SparseTile& tile) {
-  uint32_t free_from = 0;  // the first brick that the next node may have
+  uint32_t free_from = 0;  // the first brick that the next node may cover
   auto brick = tile.brick_morton.begin();
   for (const FullNode& node : tile.full) {
     if (node.level > kTileLevels || node.brick_morton >= kTileBricks ||

@@ -1,5 +1,5 @@
-// The one form that a set of voxels has (proto/sparse_tile.h), for those who write or hash tiles
-// that they may not change.
+// The canonical form of a tile (proto/sparse_tile.h), for callers that write or hash tiles but must
+// not change them.
 #pragma once
 
 #include "proto/sparse_tile.h"
@@ -7,13 +7,14 @@
 namespace voxeld {
 
 // Whether canonicalize() would leave the tile as it is. Needs `full` in ascending order.
-// `has_attributes`: the voxels of masks have some, whether or not the tile holds them yet.
+// `has_attributes` says whether the voxels of masks have any, even if the tile does not hold them
+// yet.
 bool is_canonical(const SparseTile& tile, bool has_attributes);
 
-// The tile itself where it is canonical; else its canonical form, which `copy` then holds.
+// The tile itself if it is canonical; otherwise its canonical form, which is stored in `copy`.
 const SparseTile& canonical_form(const SparseTile& tile, SparseTile& copy);
 
-// Whether `full` has nodes inside the tile, aligned to their size and ascending, none of which
+// Whether the full nodes are valid: inside the tile, aligned to their size, ascending, and none
 // overlaps another or a brick of `brick_morton` (ascending).
 bool full_nodes_are_apart(const SparseTile& tile);
 

@@ -1,5 +1,5 @@
-// The channels that the voxels of a grid can have beside being there: one table, over which the
-// container, the content hash, the exports and the decoders loop.
+// The attribute channels that a grid's voxels can have. One table drives the container, the content
+// hash, the exports and the decoders.
 #pragma once
 
 #include <algorithm>
@@ -10,21 +10,22 @@
 
 namespace voxeld {
 
-// In the order in which they are stored; a channel's number is its bit in the container.
+// The channels in the order in which they are stored; a channel's number is its bit in the
+// container.
 enum class Channel : uint8_t { kColor, kNormal, kMaterial, kLabel, kDistance, kCoverage };
 inline constexpr size_t kChannelCount = 6;
 
-// Samples of the channel distance for one voxel.
+// Steps of the distance channel per voxel.
 inline constexpr int kDistanceSteps = 128;
 
-// Which of them a grid has.
+// The channels of one grid.
 struct ChannelSet {
   bool color = false;     // sRGB R, G, B and linear A
   bool normal = false;    // unit normal times 127
   bool material = false;  // ids from 1 on; 0: none
   bool label = false;     // likewise
   bool distance = false;  // signed: 1/128 voxel
-  bool coverage = false;  // 255: all of it
+  bool coverage = false;  // 255: the whole voxel is covered
 
   constexpr bool has(Channel channel) const;
   constexpr void set(Channel channel, bool on = true);
@@ -35,7 +36,7 @@ struct ChannelSet {
 
 struct ChannelInfo {
   Channel channel;
-  std::string_view name;  // of the option's word, the npz member and the JSON
+  std::string_view name;  // as in the option, the npz member and the JSON
   size_t components;      // samples per voxel
   size_t sample_bytes;
   bool ChannelSet::*member;
@@ -71,14 +72,15 @@ constexpr size_t ChannelSet::count() const {
   return count;
 }
 
-// Bytes of a voxel's attributes.
+// Bytes of one voxel's attributes.
 constexpr size_t attribute_bytes(const ChannelSet& channels) {
   size_t bytes = 0;
   for (const ChannelInfo& info : kChannels) bytes += channels.has(info.channel) ? info.bytes() : 0;
   return bytes;
 }
 
-// One bit per channel, by its number, and back; bits without a channel are left out.
+// Converts a set to bits, one per channel by its number, and back. Bits without a channel are
+// dropped.
 constexpr uint32_t channel_bits(const ChannelSet& channels) {
   uint32_t bits = 0;
   for (size_t i = 0; i < kChannelCount; ++i) bits |= channels.has(kChannels[i].channel) << i;

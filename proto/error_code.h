@@ -11,8 +11,8 @@ enum class ErrorCode {
   kBadRequest,           // 400 bad-request: the HTTP request itself is malformed
   kUnknownOption,        // 400 unknown-option: a parameter that does not exist
   kInvalidOption,        // 400 invalid-option: a parameter with a value it cannot take
-  kUnauthorized,         // 401 unauthorized: no API key that is valid
-  kForbidden,            // 403 forbidden: a web page, or a Host name, that may not ask here
+  kUnauthorized,         // 401 unauthorized: no valid API key
+  kForbidden,            // 403 forbidden: a web page or a Host name that is not allowed
   kNotFound,             // 404 not-found
   kMethodNotAllowed,     // 405 method-not-allowed
   kNotAcceptable,        // 406 not-acceptable: no format that the Accept header allows
@@ -28,7 +28,7 @@ enum class ErrorCode {
   kMalformedImage,       // 422 malformed-image: a texture that cannot be decoded, when asked for
   kMalformedBundle,      // 422 malformed-bundle: a zip that is broken or hostile
   kIdempotencyMismatch,  // 422 idempotency-mismatch: same key, other request
-  kGridTooLarge,         // 422 grid-too-large: over a limit; told before anything is computed
+  kGridTooLarge,         // 422 grid-too-large: over a limit; found before anything is computed
   kTooManyRequests,      // 429 too-many-requests
   kCancelled,            // 409 cancelled: the job was cancelled
   kInternal,             // 500 internal: a bug, or a driver that failed
@@ -37,7 +37,7 @@ enum class ErrorCode {
   kShuttingDown,         // 503 shutting-down
   kQueueFull,            // 503 queue-full
   kDeadlineExceeded,     // 504 deadline-exceeded
-  kQuotaExceeded,        // 507 quota-exceeded: the tenant keeps as many bytes as it may
+  kQuotaExceeded,        // 507 quota-exceeded: the tenant's storage is used up
   kStorageFull,          // 507 storage-full
 };
 
@@ -51,7 +51,7 @@ struct ErrorCodeInfo {
 // All codes in the order of the enum.
 std::span<const ErrorCodeInfo> all_error_codes();
 const ErrorCodeInfo& info_of(ErrorCode code);
-// kInternal for a name that is not known (a newer server).
+// Returns kInternal for an unknown name, which a newer server may send.
 ErrorCode error_code_from_name(std::string_view name);
 
 }  // namespace voxeld

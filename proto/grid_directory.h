@@ -1,5 +1,5 @@
-// The directory of a native container, entry by entry: what GridReader reads and checks as a whole,
-// for readers who want a few of very many tiles and must not pay for all.
+// The directory of a native container, read entry by entry. GridReader reads and checks all of it;
+// this is for readers that need a few of very many tiles and must not pay for the rest.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ namespace voxeld {
 
 struct GridTileEntry {
   std::array<int32_t, 3> coord{};
-  uint64_t offset = 0, bytes = 0;  // of its streams, in the container
+  uint64_t offset = 0, bytes = 0;  // of the tile's streams, in the container
   uint64_t voxel_count = 0;
 };
 
@@ -26,7 +26,7 @@ class GridDirectory {
   const GridHeader& header() const { return header_; }  // without codecs and meta
   size_t tile_count() const { return tile_count_; }
   uint64_t voxel_count() const { return voxel_count_; }
-  // Of a tile below tile_count(). Errors: bad-request where it lies outside the container.
+  // The entry of a tile below tile_count(). Errors: bad-request if it lies outside the container.
   Result<GridTileEntry> tile(size_t index) const;
 
  private:

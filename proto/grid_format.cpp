@@ -14,7 +14,7 @@ using namespace grid_layout;
 
 namespace {
 
-// A cube of bricks of a tile, by its first one and its side.
+// Whether a cube of `bricks`^3 bricks, which begins at `brick_morton`, lies inside dims.
 bool fits(const SparseTile& tile, uint32_t brick_morton, int bricks,
           const std::array<int32_t, 3>& dims) {
   const auto at = morton_decode(brick_morton);
@@ -99,7 +99,7 @@ uint64_t GridReader::Entry::bytes() const {
   return std::accumulate(channel_bytes.begin(), channel_bytes.end(), uint64_t{octree_bytes});
 }
 
-// The entry at byte `at`, whose streams must begin at `offset`.
+// Reads the entry at byte `at`, whose streams must begin at `offset`.
 Status GridReader::read_entry(size_t at, uint64_t offset) {
   Entry entry;
   entry.coord = get<std::array<int32_t, 3>>(bytes_, at);

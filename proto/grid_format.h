@@ -31,9 +31,9 @@
 //               the container
 //     ..     -  zeros up to the entry's size
 //
-// A full node is an entirely occupied one of 8 cells or more whose voxels have no attributes. The
-// attribute streams hold the voxels of the other bricks; a tile without such bricks has none, and 0
-// bytes of them.
+// A full node is an entirely occupied node of 8 cells or more whose voxels have no attributes. The
+// attribute streams hold the voxels of the other bricks. A tile without such bricks has no
+// attribute streams, and their lengths are 0.
 //
 // Codec fast: each stream is one zstd frame with content size and checksum. Contents:
 //   octree  one byte per node, breadth first: the root (256 cells), then all nodes of 128, 64, ...
@@ -48,8 +48,8 @@
 //   distance            2 planes (low and high byte, signed)
 //   coverage            1 plane
 //
-// One grid has one octree: full nodes are as large as can be (eight full siblings are refused), and
-// where there are no attributes a full brick is a full node (spelled out, it is refused).
+// One grid has exactly one octree. Full nodes are as large as possible: eight full siblings are
+// refused. Without attributes a full brick is a full node: one that is spelled out is refused.
 //
 // Codec small: each stream is entropy coded with contexts: proto/README.md, proto/octree_small.h.
 #pragma once
@@ -68,16 +68,16 @@
 
 namespace voxeld {
 
-// 3: channels beside colour and normal. Versions 1 and 2 were never released.
+// Version 3 has channels beside colour and normal. Versions 1 and 2 were never released.
 inline constexpr uint32_t kGridVersion = 3;
 inline constexpr size_t kGridHeaderBytes = 128;
 
-// Of one tile in the directory.
+// Bytes of one tile's entry in the directory.
 constexpr size_t grid_entry_bytes(const ChannelSet& channels) {
   return (36 + 4 * channels.count() + 7) / 8 * 8;
 }
 
-// How each kind of stream is compressed.
+// The codec of each kind of stream.
 struct StreamCodecs {
   Codec octree = Codec::kFast;
   std::array<Codec, kChannelCount> channels{};  // by number of the channel
@@ -90,25 +90,24 @@ struct StreamCodecs {
   bool operator==(const StreamCodecs&) const = default;
 };
 
-// What a container says of the grid as a whole.
+// The facts of a container about the grid as a whole.
 struct GridHeader {
   std::array<int32_t, 3> dims{};       // cells
   std::array<double, 3> origin{};      // world position of the min corner of cell 0,0,0
   std::array<double, 3> voxel_size{};  // world units
   ChannelSet channels;
-  StreamCodecs codecs;           // read: fast for channels that are not there
+  StreamCodecs codecs;           // read: fast for absent channels
   std::string meta_json = "{}";  // JSON object: source, options, pipeline, units, ...
 };
 
-// Writes a whole container. Tiles must have distinct coords inside dims; their order does not
-// matter (they are stored in Morton order of coord) and each is written in its canonical form, so
-// equal grids give equal bytes. Empty tiles are left out. Errors: internal, for tiles that break
-// SparseTile's rules or the header's.
+// Writes a whole container. Tiles must have distinct coords inside dims, in any order. They are
+// stored in Morton order of coord and in canonical form, so equal grids give equal bytes. Empty
+// tiles are omitted. Errors: internal for tiles that break SparseTile's rules or the header's.
 Result<std::vector<uint8_t>> encode_grid(const GridHeader& header,
                                          std::span<const SparseTile> tiles);
 
-// Reads a container. Every length is checked before memory is taken; hostile bytes give an Error
-// of code bad-request: "grid container, byte N: ...".
+// Reads a container. Every length is checked before memory is allocated. Hostile bytes give an
+// Error of code bad-request: "grid container, byte N: ...".
 class GridReader {
  public:
   // `bytes` must outlive the reader.
@@ -121,10 +120,9 @@ class GridReader {
   uint64_t voxel_count() const { return voxel_count_; }
   // First byte and number of bytes of a tile's data in the container, for range requests.
   std::pair<uint64_t, uint64_t> tile_byte_range(size_t index) const;
-  // The tile is canonical.
+  // Decodes one tile; the result is canonical.
   Result<SparseTile> decode_tile(size_t index) const;
-  // All of them, in the order of their indexes, decoded on all cores; the first error where there
-  // are some.
+  // Decodes all tiles on all cores, in the order of their indexes. Returns the first error, if any.
   Result<std::vector<SparseTile>> decode_tiles() const;
 
  private:
@@ -132,7 +130,7 @@ class GridReader {
     std::array<int32_t, 3> coord{};
     uint64_t offset = 0, voxel_count = 0;
     uint32_t octree_bytes = 0, brick_count = 0;
-    std::array<uint32_t, kChannelCount> channel_bytes{};  // 0 for those that the grid has not
+    std::array<uint32_t, kChannelCount> channel_bytes{};  // 0 for absent channels
 
     uint64_t bytes() const;
   };

@@ -1,4 +1,5 @@
-// What writer and reader of the native container share: proto/grid_format.h is the byte map.
+// The layout that writer and reader of the native container share; proto/grid_format.h has the byte
+// map.
 #pragma once
 
 #include <array>
@@ -23,7 +24,7 @@ inline constexpr char kMagic[8] = {'V', 'O', 'X', 'G', 'R', 'I', 'D', '\0'};
 inline constexpr uint32_t kTileLog2 = 8;
 inline constexpr uint32_t kTileBricksMax = 1u << 3 * (kTileLog2 - 3);
 inline constexpr size_t kCodecsByte = 104, kCodecs = 1 + kChannelCount;
-inline constexpr size_t kEntryStreamsByte = 36;  // of an entry: bytes of its channels' streams
+inline constexpr size_t kEntryStreamsByte = 36;  // in an entry: bytes of its channels' streams
 inline constexpr uint64_t kTileVoxelsMax = uint64_t{1} << (3 * kTileLog2);
 inline constexpr size_t kMetaBytesMax = size_t{1} << 24;
 
@@ -78,7 +79,7 @@ inline Status check_header(const GridHeader& header, uint64_t byte) {
   return {};
 }
 
-// All voxels of the tile lie inside dims.
+// Checks that all voxels of the tile lie inside dims.
 Status check_cells(const SparseTile& tile, const std::array<int32_t, 3>& dims);
 
 }  // namespace voxeld::grid_layout

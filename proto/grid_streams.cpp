@@ -21,7 +21,7 @@ StoredTile stored_tile(std::span<const uint8_t> container, const GridReader& rea
   size_t next = entry + kEntryStreamsByte - 4;  // the octree's bytes, then those of channels
   for (size_t kind = 0; kind < tile.streams.size(); ++kind) {
     if (kind > 0 && !header.channels.has(kChannels[kind - 1].channel)) continue;
-    // The reader has checked the lengths; a mapped file may still change.
+    // Clamped although the reader has checked the lengths: a mapped file may still change.
     const size_t length = std::min<size_t>(get<uint32_t>(container, next), rest.size());
     tile.streams[kind] = rest.first(length);
     rest = rest.subspan(length);

@@ -1,5 +1,5 @@
-// The streams of a native container's tiles as they are stored, for those who take them over
-// without decoding them.
+// The streams of a native container's tiles as they are stored, for callers that copy them without
+// decoding.
 #pragma once
 
 #include <array>
@@ -11,17 +11,17 @@
 
 namespace voxeld {
 
-// A tile as the directory tells of it.
+// One tile as the directory describes it.
 struct StoredTile {
   std::array<int32_t, 3> coord{};  // in tiles
   uint32_t brick_count = 0;        // outside full nodes
   uint64_t voxel_count = 0;        // those in full nodes included
-  // By kind: 0 the octree, 1 + the number of a channel; empty where there is none.
+  // By kind: 0 the octree, 1 + the number of a channel. Empty if the tile has no such stream.
   std::array<std::span<const uint8_t>, 1 + kChannelCount> streams{};
 };
 
-// Tile `index` of `container`, the bytes that `reader` has opened. What the streams hold is not
-// looked at.
+// Tile `index` of `container`, the bytes that `reader` has opened. The contents of the streams are
+// not checked.
 StoredTile stored_tile(std::span<const uint8_t> container, const GridReader& reader, size_t index);
 
 }  // namespace voxeld

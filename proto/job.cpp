@@ -62,7 +62,7 @@ Status check_members(const Json& body) {
   return {};
 }
 
-// What of the three the kind takes, as an error says it.
+// The inputs that the kind takes, as an error names them.
 std::string_view inputs_of(JobKind kind) {
   switch (kind) {
     case JobKind::kRender:

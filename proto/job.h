@@ -1,5 +1,5 @@
-// What a job is on the wire: the request that POST /v1/jobs takes and the status that
-// GET /v1/jobs/{id} gives. Plain structs; JSON only in job.cpp.
+// A job on the wire: the request that POST /v1/jobs takes and the status that GET /v1/jobs/{id}
+// gives. Plain structs; JSON is only in job.cpp.
 #pragma once
 
 #include <cstdint>
@@ -18,14 +18,14 @@
 namespace voxeld {
 
 namespace limits {
-inline constexpr int kPriorityMax = 100;     // and -100: invalid-option
+inline constexpr int kPriorityMax = 100;     // least: -100; beyond: invalid-option
 inline constexpr int kOneShotPriority = 10;  // of jobs that a client waits for
 inline constexpr int64_t kDeadlineMsMax = int64_t{366} * 24 * 3600 * 1000;  // invalid-option
 }  // namespace limits
 
 enum class JobKind {
-  kVoxelize,  // asset -> grid or sequence, and that in the format asked for
-  kRender,    // asset, grid or sequence -> PNG or animated picture
+  kVoxelize,  // asset -> grid or sequence, also in the format asked for
+  kRender,    // asset, grid or sequence -> PNG or animated image
   kExport,    // grid or sequence -> the same in another format
   kInspect,   // asset -> description (triangles, bounds, materials found and missing)
 };
@@ -42,9 +42,9 @@ struct JobRequest {
   std::string asset;     // id of an asset, or empty
   std::string grid;      // id of a grid, or empty
   std::string sequence;  // id of a sequence, or empty
-  std::string filename;  // of the asset, as uploaded or overridden; names its format
+  std::string filename;  // of the asset, as uploaded or overridden; decides its format
   RequestOptions options;
-  // Among the tenant's own jobs. Neither is part of what the result is.
+  // Urgency among the tenant's own jobs. Neither field is part of the result's name.
   std::optional<int> priority;  // -kPriorityMax to kPriorityMax, the highest first; default: 0, or
                                 // kOneShotPriority where a client waits
   std::optional<int64_t> deadline_ms;  // from acceptance on
@@ -52,14 +52,14 @@ struct JobRequest {
 
 struct Warning {
   std::string code;    // "missing-texture", "ignored-extension", …: stable
-  std::string detail;  // names the file or thing
+  std::string detail;  // names the file or item
 };
 
-// Milliseconds of each stage that ran, for Server-Timing; names: queue upload parse voxelize
-// render encode.
+// Milliseconds of each stage that ran, for Server-Timing. Names: queue upload parse voxelize render
+// encode.
 using StageTimes = std::vector<std::pair<std::string, double>>;
 
-// What finished work left behind.
+// The result of finished work.
 struct JobResult {
   std::string blob;  // id of the result's bytes
   int64_t bytes = 0;
@@ -72,13 +72,13 @@ struct JobResult {
   std::vector<Warning> warnings;
 };
 
-// What work of this kind has cost so far, scaled to the size of this one. Of `seconds` four of five
-// jobs are between low and high.
+// An estimate from earlier jobs of this kind, scaled to the size of this one. Four of five jobs
+// take between seconds_low and seconds_high.
 struct JobEstimate {
   double seconds = 0, seconds_low = 0, seconds_high = 0;  // of a worker, from claim to end
-  double device_seconds = 0;                              // of these, on the device
+  double device_seconds = 0;                              // the part of `seconds` on the device
   int64_t result_bytes = 0, host_bytes = 0;               // host: the worker's peak
-  int64_t learned_from = 0;                               // jobs; 0: a guess
+  int64_t learned_from = 0;                               // number of jobs; 0: a guess
 };
 
 struct JobStatus {
@@ -89,21 +89,22 @@ struct JobStatus {
   std::string options_json;                   // canonical
   int64_t version = 0;                        // grows with every change: ETag, long poll, event id
   int attempt = 0;                            // 1 while the first worker runs it
-  int parked = 0;                             // how often it gave its worker to other tenants' jobs
-  int64_t tiles_done = 0, tiles_total = 0;    // of a sequence, those of the frame at work
+  int parked = 0;                             // preemptions: how often it gave its worker to other
+                                              // tenants' jobs
+  int64_t tiles_done = 0, tiles_total = 0;    // of a sequence: of the current frame
   int64_t frames_done = 0, frames_total = 0;  // 0, 0: not a sequence
   std::string stage;                          // "parse", "voxelize", …, while running
-  int64_t queue_position = 0;                 // 0 when it is running or ended
+  int64_t queue_position = 0;                 // 0 once it runs or has ended
   int64_t created_ms = 0, started_ms = 0, ended_ms = 0;  // Unix time
   int priority = 0;
   int64_t deadline_at_ms = 0;  // Unix time; 0: none
-  double device_ms = 0;        // for which it has had its device, of all attempts
+  double device_ms = 0;        // time on the device, over all attempts
   std::string waiting_for;     // "a worker", "a turn on egl:0: 2 tenants before", "memory: …"
   StageTimes timings;
   std::optional<JobResult> result;  // kDone
   std::optional<Error> error;       // kFailed, kCancelled
-  // Until it ends: what it is expected to cost, and when it is expected to start and to end (Unix
-  // time; 0: not known), as the queue is now.
+  // Set until the job ends: its estimated cost, and when it is expected to start and to end (Unix
+  // time; 0: not known) with the queue as it is now.
   std::optional<JobEstimate> estimate;
   int64_t expected_start_ms = 0, expected_end_ms = 0;
   bool cached = false;  // answered from an earlier job's result
@@ -119,11 +120,11 @@ std::optional<JobKind> job_kind_from_name(std::string_view name);
 std::optional<JobState> job_state_from_name(std::string_view name);
 OptionScope option_scope(const JobRequest& request);
 
-// Validates completely: unknown members, kinds, more or less than one input, options.
+// Validates the whole request: unknown members, kinds, more or less than one input, options.
 Result<JobRequest> parse_job_request(const nlohmann::json& body);
-// Errors: invalid-option.
+// Checks priority and deadline. Errors: invalid-option.
 Status check_urgency(const JobRequest& request);
-// What of frames and views its input cannot give: frames of a grid, a turntable of a sequence.
+// Refuses frames and views that the input cannot give: frames of a grid, a turntable of a sequence.
 // Part of parse_job_request(). Errors: invalid-option.
 Status check_frame_options(const JobRequest& request);
 nlohmann::json job_estimate_json(const JobEstimate& estimate);
@@ -131,11 +132,11 @@ Result<JobStatus> parse_job_status(const nlohmann::json& body);
 
 // application/problem+json, RFC 9457: type, title, status, code, detail, expected, got, instance.
 nlohmann::json problem_json(const Error& error, std::string_view instance);
-// The error of a problem document; what is not one gives `internal` with its text.
+// The error of a problem document. Any other body gives `internal` with its text.
 Error parse_problem(const nlohmann::json& body);
 
-// parse() with a cap on depth and size, without duplicate keys: nlohmann's own recursion in
-// copy and dump overflows the stack on deep input. Errors: bad-request, payload-too-large.
+// Parses JSON with a cap on depth and size, and without duplicate keys. nlohmann's copy and dump
+// recurse, so deep input would overflow the stack. Errors: bad-request, payload-too-large.
 Result<nlohmann::json> parse_json_bounded(std::string_view text,
                                           int64_t bytes_max = limits::kJsonBodyBytesMax);
 

@@ -10,12 +10,12 @@
 namespace voxeld {
 namespace {
 
-// The text of an object, or {} where it holds none: meta and options are written by voxeld.
+// The text if it is a JSON object, otherwise {}. voxeld writes meta and options itself.
 std::string_view object_text(const std::string& text) {
   return text.starts_with('{') && nlohmann::json::accept(text) ? std::string_view(text) : "{}";
 }
 
-// Writes a status, with texts of at most `bytes_max`.
+// Writes a status whose texts are cut at `bytes_max`.
 class StatusWriter {
  public:
   StatusWriter(const JobStatus& status, size_t bytes_max)
@@ -27,11 +27,11 @@ class StatusWriter {
   void write_error(const Error& error);
   void write_estimate(const JobEstimate& estimate);
   void write_left_out();
-  // A text that means something when it is cut.
+  // Writes a text that keeps its meaning when it is cut.
   void member(std::string_view name, std::string_view text) {
     json_.member(name, text.substr(0, bytes_max_));
   }
-  // The text of an object, which does not.
+  // Writes the text of a JSON object, which cannot be cut: a longer one is omitted.
   void long_member(std::string_view name, const std::string& text);
   void write_timings();
   void write_warnings(const std::vector<Warning>& warnings);
@@ -97,7 +97,7 @@ void StatusWriter::write_result(const JobResult& result) {
   json_.end_object();
 }
 
-// Those that are too many for a row are absent.
+// Timings that are too many for a row are omitted.
 void StatusWriter::write_timings() {
   std::string timings;
   JsonWriter json(timings);

@@ -1,6 +1,6 @@
-// JSON from outside: nlohmann's parser is iterative, but copying, comparing and dumping its values
-// recurse, so depth is capped while parsing; duplicate keys, which other readers resolve otherwise,
-// are refused.
+// Parses JSON from outside within bounds. nlohmann's parser is iterative, but copying, comparing
+// and dumping its values recurse, so depth is capped while parsing. Duplicate keys are refused,
+// because other readers resolve them in other ways.
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-// Checks only; the value is built by a second pass over the same text.
+// Only checks the text; a second pass over the same text builds the value.
 class BoundedSax : public nlohmann::json_sax<Json> {
  public:
   explicit BoundedSax(const JsonBounds& bounds) : bounds_(bounds) {}

@@ -13,8 +13,8 @@
 
 namespace voxeld {
 
-// Reads members one after the other and keeps the first error; what is absent leaves the field as
-// it was.
+// Reads members one after the other and keeps the first error. An absent member leaves its field
+// unchanged.
 class JsonFields {
  public:
   JsonFields(const nlohmann::json& object, std::string_view what) : object_(object), what_(what) {
@@ -30,7 +30,8 @@ class JsonFields {
   void read(const char* name, int64_t& field) {
     if (const auto* value = find(
             name, [](const auto& v) { return v.is_number_integer(); }, "an integer")) {
-      // Above the range of int64_t, nlohmann's parser makes an unsigned number, and get() wraps.
+      // nlohmann's parser makes an unsigned number above the range of int64_t, and get() would
+      // wrap.
       if (value->is_number_unsigned() && !std::in_range<int64_t>(value->template get<uint64_t>())) {
         return fail(name, "an integer of 64 bits", value->dump());
       }
@@ -55,13 +56,13 @@ class JsonFields {
       field = value->template get<bool>();
     }
   }
-  // Members without which the object makes no sense.
+  // Fails unless the object has these members.
   void require(std::initializer_list<const char*> names) {
     for (const char* name : names) {
       if (!error_ && !object_.contains(name)) fail(name, "it to be there", "nothing");
     }
   }
-  // The member as it is; null where it is absent.
+  // The member, unchecked; null if it is absent.
   const nlohmann::json* member(const char* name) {
     return find(
         name, [](const auto&) { return true; }, "");

@@ -61,7 +61,7 @@ JsonWriter& JsonWriter::value(double number) {
   const auto [end, error] = std::to_chars(digits.data(), digits.data() + digits.size(), number);
   const std::string_view text(digits.data(), end);
   raw(text);
-  // It stays a fraction for readers that tell them from integers.
+  // A fraction must stay one for readers that distinguish it from an integer.
   if (text.find_first_of(".e") == text.npos) text_ += ".0";
   return *this;
 }

@@ -1,5 +1,5 @@
-// JSON written member by member into a text, without a tree of values: a tree takes 16 bytes and
-// more for each value, and nlohmann's destructor allocates, which ends a process without memory.
+// A JSON writer, member by member, without a tree of values. A tree takes 16 bytes and more per
+// value. nlohmann's destructor also allocates, which ends a process that is out of memory.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace voxeld {
 
-// Appends to a text. Commas are its business: a value that follows another one gets one.
+// Appends JSON to a text and sets the commas.
 class JsonWriter {
  public:
   explicit JsonWriter(std::string& text) : text_(text) {}
@@ -20,15 +20,15 @@ class JsonWriter {
   JsonWriter& end_object() { return close('}'); }
   JsonWriter& begin_array() { return open('['); }
   JsonWriter& end_array() { return close(']'); }
-  // A value follows.
+  // Writes a key; its value must follow.
   JsonWriter& key(std::string_view name);
 
-  // Bytes that are not UTF-8 become U+FFFD.
+  // Writes a string. Bytes that are not UTF-8 become U+FFFD.
   JsonWriter& value(std::string_view text);
   JsonWriter& value(const std::string& text) { return value(std::string_view(text)); }
   JsonWriter& value(const char* text) { return value(std::string_view(text)); }
   JsonWriter& value(std::same_as<bool> auto flag) { return raw(flag ? "true" : "false"); }
-  // The shortest text that reads back as the same number; null where it is not finite.
+  // Writes the shortest text that reads back as the same number; null if it is not finite.
   JsonWriter& value(double number);
   template <std::integral Number>
   requires(!std::same_as<Number, bool> &&
@@ -43,7 +43,7 @@ class JsonWriter {
     for (const Number number : numbers) value(number);
     return end_array();
   }
-  // JSON that is written already.
+  // Writes text that is JSON already.
   JsonWriter& raw(std::string_view json);
 
   template <typename Value>
@@ -54,7 +54,7 @@ class JsonWriter {
  private:
   JsonWriter& open(char bracket);
   JsonWriter& close(char bracket);
-  // Before a value or a key.
+  // Sets the comma before a value or a key, if one is due.
   void separate();
 
   std::string& text_;

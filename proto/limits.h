@@ -1,14 +1,14 @@
-// Every limit that a user can hit has a name here, with its unit and what happens when it is hit.
+// Every limit that a user can hit, with its unit and the error that follows.
 #pragma once
 
 #include <cstdint>
 
 namespace voxeld::limits {
 
-// Cells on one side of a grid. Larger requests: grid-too-large.
+// Cells on one side of a grid. Larger: grid-too-large.
 inline constexpr int kGridSideMax = 16384;
-// Cells of a dense output (npy, npz): larger requests: grid-too-large, "use native or vox".
-// 2048^3 would be 8.6e9 bytes for occupancy alone; 2^31 cells is 2 GiB.
+// Cells of a dense output (npy, npz). Larger: grid-too-large, "use native or vox". 2048^3 would be
+// 8.6e9 bytes for occupancy alone; 2^31 cells are 2 GiB.
 inline constexpr int64_t kDenseCellsMax = int64_t{1} << 31;
 // Cells of a sequence's dense output, all frames: 512 frames of 256^3. Larger: grid-too-large.
 inline constexpr int64_t kSequenceDenseCellsMax = int64_t{1} << 33;
@@ -19,28 +19,28 @@ inline constexpr int64_t kUploadBytesMax = int64_t{4} << 30;
 inline constexpr int64_t kJsonBodyBytesMax = int64_t{1} << 20;  // payload-too-large
 inline constexpr int kJsonDepthMax = 64;                        // bad-request
 
-// Mesh: malformed-mesh with the number and the limit.
+// Meshes. Larger: malformed-mesh with the number and the limit.
 inline constexpr int64_t kVerticesMax = 200'000'000;
 inline constexpr int64_t kTrianglesMax = 200'000'000;
 inline constexpr int kPolygonCornersMax = 65'536;
 inline constexpr int kGltfJsonDepthMax = 128;
 inline constexpr int kGltfNodeDepthMax = 512;
 
-// Bundles: malformed-bundle.
+// Bundles. Larger: malformed-bundle.
 inline constexpr int kBundleEntriesMax = 1'000;
 inline constexpr int64_t kBundleInflatedBytesMax = int64_t{8} << 30;
 inline constexpr int kBundleRatioMax = 200;  // inflated over stored, per entry above 1 MiB
 
-// Textures: larger ones are named in a warning and left out.
+// Textures. Larger ones are omitted, with a warning that names them.
 inline constexpr int64_t kImagePixelsMax = int64_t{16384} * 16384 / 4;  // 67 Mpx, 268 MB as RGBA8
 inline constexpr int kImageSideMax = 32'768;
 
-// Frames of one request: invalid-option.
+// Frames of one request. More: invalid-option.
 inline constexpr int kFramesMax = 4096;
 
 inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
 
-// Pictures: invalid-option.
+// Images. Larger: invalid-option.
 inline constexpr int kRenderSideMax = 4096;
 inline constexpr int kSamplesPerSideMax = 4;
 inline constexpr int kSheetSideMax = 16'384;  // pixels, of a contact sheet
@@ -50,9 +50,9 @@ inline constexpr int kJobAttemptsMax = 3;         // then worker-crashed
 inline constexpr int kQueuedJobsMax = 10'000;     // queue-full
 inline constexpr int kPreferWaitSecondsMax = 60;  // longer waits are clamped
 
-// Voxels to a side of a tile, the unit of work, progress and cancel; a power of two.
+// Voxels on a side of a tile, the unit of work, progress and cancellation; a power of two.
 inline constexpr int kTileSide = 256;
-inline constexpr int kBrickSide = 8;  // voxels to a side of a brick: 512 bits, one mask
+inline constexpr int kBrickSide = 8;  // voxels on a side of a brick: 512 bits, one mask
 inline constexpr int kSubVoxelBits = 8;
 
 }  // namespace voxeld::limits

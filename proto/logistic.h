@@ -10,7 +10,7 @@
 
 namespace voxeld {
 
-inline constexpr int kStretchOne = 256;                   // 1.0 of the stretched domain
+inline constexpr int kStretchOne = 256;                   // 1.0 in the stretched domain
 inline constexpr int kStretchMax = 12 * kStretchOne - 1;  // beyond: clamped
 
 // round(65536 / (1 + exp(-i / 2))) for i = -24..24.
@@ -20,7 +20,7 @@ inline constexpr std::array<int32_t, 49> kSquashAnchors = {
     47911, 53581, 57724, 60565, 62428, 63615, 64357, 64816, 65097, 65269, 65374, 65438, 65476,
     65500, 65514, 65523, 65528, 65531, 65533, 65534, 65535, 65535, 65536};
 
-// x in 1/256, clamped to +-kStretchMax; the probability in 1/65536, linear between the anchors.
+// The probability in 1/65536 for x in 1/256, clamped to +-kStretchMax; linear between the anchors.
 constexpr int32_t squash(int32_t x) {
   constexpr int kStep = kStretchOne / 2;
   x = x < -kStretchMax ? -kStretchMax : x > kStretchMax ? kStretchMax : x;
@@ -32,7 +32,7 @@ constexpr int32_t squash(int32_t x) {
 
 inline constexpr int kStretchTableBits = 12;
 
-// Entry i is the least x with squash(x) >= 16 i + 8, the middle of the probabilities it stands for.
+// Entry i is the least x with squash(x) >= 16 i + 8, the middle of the 16 probabilities of entry i.
 constexpr std::array<int16_t, 1 << kStretchTableBits> make_stretch_table() {
   std::array<int16_t, 1 << kStretchTableBits> table{};
   int32_t x = -kStretchMax;

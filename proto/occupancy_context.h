@@ -1,5 +1,6 @@
-// What is known around a cell when it is coded: the cells before it in the order x, then y, then z,
-// and all cells of the level above (their neighbours to come are inside those).
+// The context in which a cell is coded: the cells before it in the order x, then y, then z, and all
+// cells of the level above. The neighbours that are still to come are known only through their
+// parents.
 #pragma once
 
 #include <array>
@@ -10,7 +11,7 @@
 
 namespace voxeld {
 
-// Contexts of the cells of one row. proto/README.md lists them.
+// Contexts of the cells in one row. proto/README.md lists them.
 class RowContexts {
  public:
   // `level_class`: 0 for cells, 1 for nodes of 2 cells, 2 for 4, 3 for all larger.
@@ -30,11 +31,11 @@ class RowContexts {
     for (size_t i = 0; i < parents_.size(); ++i) above_[i] = row_bits(parents_[i], parent_x - 1);
   }
 
-  // After the cell x became known.
+  // Updates the row after cell x became known.
   void first_known(int parent_x) { near_[0] = row_bits(cells_[0], 2 * parent_x - 2); }
 
-  // Of the cell x + `odd`. Sets `siblings_empty` if all cells of its parent come before it and are
-  // empty, which leaves only one value for it.
+  // The context of cell x + `odd`. Sets `siblings_empty` if the parent's other cells come before it
+  // and are all empty; the cell is then occupied and needs no bit.
   BitContext context(uint32_t odd, bool& siblings_empty) const {
     const auto near = [&](size_t row, uint32_t first, uint32_t mask) {
       return near_[row] >> (first + odd) & mask;
@@ -42,12 +43,13 @@ class RowContexts {
     // 13 neighbours that share a face, edge or corner.
     const uint32_t touching = near(0, 1, 1) | near(1, 1, 7) << 1 | near(3, 1, 7) << 4 |
                               near(4, 1, 7) << 7 | near(5, 1, 7) << 10;
-    // 11 cells one further.
+    // The 11 cells one step further.
     const uint32_t far = near(0, 0, 1) | near(1, 0, 1) << 1 | near(1, 4, 1) << 2 |
                          near(2, 1, 7) << 3 | near(6, 2, 1) << 6 | near(7, 1, 7) << 7 |
                          near(8, 2, 1) << 10;
     const auto above = [&](size_t row, uint32_t mask) { return above_[row] >> odd & mask; };
-    // Parents of the neighbours to come, as pairs x - 1, x + 1 (or the two that there are).
+    // Parents of the neighbours to come, as pairs x - 1, x + 1, or only those that are still to
+    // come.
     const uint32_t next_x = above(0, 3) >> 1;
     const uint32_t coming =
         next_x | above(1, 3) << 1 | above(2, 3) << 3 | above(3, 3) << 5 | above(4, 3) << 7;

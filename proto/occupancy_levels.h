@@ -1,5 +1,5 @@
-// Codes the levels of a tile's octree, from the top down; the same text writes and reads, so both
-// sides cannot disagree. `Coder` is RangeEncoder or RangeDecoder: code(bit, p) returns the bit.
+// Codes the levels of a tile's octree from the top down. The same code writes and reads, so the two
+// cannot disagree. `Coder` is RangeEncoder or RangeDecoder: code(bit, p) returns the bit.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace voxeld {
 
-// Sets all cells of full nodes. `cells` has node_side cells to a side of a node: 2, 4 or 8.
+// Sets all cells of full nodes. A node is `node_side` cells on a side: 2, 4 or 8.
 inline void fill_full(const BitVolume& full, int node_side, BitVolume& cells) {
   for (int z = 0; z < cells.side(); ++z) {
     for (int y = 0; y < cells.side(); ++y) {
@@ -29,8 +29,8 @@ inline void fill_full(const BitVolume& full, int node_side, BitVolume& cells) {
   }
 }
 
-// The cells of row (y, z) whose parents are occupied and not in full nodes, of which each has
-// parents_per_full parents to a side.
+// Codes the cells of row (y, z) whose parents are occupied and not inside a full node. A full node
+// is parents_per_full parents on a side.
 template <typename Coder>
 void code_row(Coder& coder, OccupancyModel& model, const BitVolume& parents, BitVolume& cells,
               const BitVolume* full, int parents_per_full, int y, int z, uint32_t level_class) {
@@ -49,7 +49,7 @@ void code_row(Coder& coder, OccupancyModel& model, const BitVolume& parents, Bit
         if (odd != 0) contexts.first_known(parent_x);
         bool siblings_empty = false;
         const BitContext context = contexts.context(odd, siblings_empty);
-        bool bit = true;  // a node is not empty
+        bool bit = true;  // the parent is not empty, so the last of eight cells must be set
         if (!siblings_empty) {
           bit = coder.code(cells.get(x, y, z), model.predict(context));
           model.update(bit);
@@ -60,8 +60,8 @@ void code_row(Coder& coder, OccupancyModel& model, const BitVolume& parents, Bit
   }
 }
 
-// Codes one level; `cells` is complete when writing, empty (but for cells in full nodes) when
-// reading. `full`: nodes whose cells are not told, or null. False when the bytes ran out.
+// Codes one level. `cells` is complete when writing; when reading it is empty except in full nodes.
+// Cells inside the nodes of `full` (or null) are not coded. Returns false if the bytes ran out.
 template <typename Coder>
 bool code_level(Coder& coder, OccupancyModel& model, const BitVolume& parents, BitVolume& cells,
                 const BitVolume* full, uint32_t level_class) {
@@ -75,8 +75,8 @@ bool code_level(Coder& coder, OccupancyModel& model, const BitVolume& parents, B
   return true;
 }
 
-// Which occupied nodes of a level are full, one bit each but for those inside a full parent.
-// `parents_full` is null where no parent is. False when the bytes ran out.
+// Codes which occupied nodes of a level are full: one bit each, except inside a full parent.
+// `parents_full` is null if no parent is full. Returns false if the bytes ran out.
 template <typename Coder>
 bool code_full_nodes(Coder& coder, const BitVolume& occupied, const BitVolume* parents_full,
                      BitVolume& full) {

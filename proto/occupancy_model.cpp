@@ -3,8 +3,8 @@
 namespace voxeld {
 
 OccupancyModel::OccupancyModel() : entries_(first_entry(kModelContexts)) {
-  // An entry that was never used says nothing; the others start near an equal share, more the more
-  // they have seen.
+  // Initial weights: an unused entry has none. The others begin near an equal share, with more
+  // weight the more often they were used.
   for (Weights& weights : weights_) {
     for (auto& of_context : weights) {
       for (size_t bucket = 1; bucket < kBuckets; ++bucket) {

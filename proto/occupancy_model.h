@@ -1,8 +1,8 @@
-// Predicts one bit from several contexts of it, and learns from what it turns out to be.
+// A model that predicts one bit from several contexts and learns from its value.
 //
-// Each context picks an adaptive probability from a table of its own; the probabilities are mixed
+// Each context picks an adaptive probability from a table of its own. The probabilities are mixed
 // in the logistic domain (Mahoney 2005) with weights that learn too. A weight belongs to a context
-// and to how often its entry was used, so that entries that have seen little count for little.
+// and to the use count of its entry, so entries with little experience count for little.
 #pragma once
 
 #include <array>
@@ -17,13 +17,13 @@ namespace voxeld {
 
 inline constexpr size_t kModelContexts = 5;
 
-// What one bit's prediction is made from.
+// The input of one bit's prediction.
 struct BitContext {
   std::array<uint32_t, kModelContexts> values{};  // hashed into the tables
   uint32_t weight_set = 0;                        // < OccupancyModel::kWeightSets
 };
 
-// 1 / (n + 1.6) in 1/65536, for n uses before.
+// The learning rate 1 / (n + 1.6) in 1/65536, after n uses.
 constexpr std::array<int32_t, 256> make_adaptive_rates() {
   std::array<int32_t, 256> rates{};
   for (int32_t n = 0; n < 256; ++n) rates[static_cast<size_t>(n)] = 655360 / (10 * n + 16);
@@ -31,10 +31,10 @@ constexpr std::array<int32_t, 256> make_adaptive_rates() {
 }
 inline constexpr std::array<int32_t, 256> kAdaptiveRates = make_adaptive_rates();
 
-// An adaptive probability: 24 bits of it above 8 bits of how often it was used (at most 255).
+// An adaptive probability: 24 bits of it above 8 bits of use count (at most 255).
 class AdaptiveBit {
  public:
-  // Of a set bit, in 1/65536: 0..65535.
+  // The probability of a set bit, in 1/65536: 0..65535.
   uint32_t probability() const { return state_ >> 16; }
   uint32_t use_count() const { return state_ & 0xff; }
 
@@ -51,14 +51,14 @@ class AdaptiveBit {
   uint32_t state_ = 0x80000000u;
 };
 
-// Copying copies what was learnt.
+// Predicts and learns. A copy takes over all that was learnt.
 class OccupancyModel {
  public:
   static constexpr uint32_t kWeightSets = 32;
 
   OccupancyModel();
 
-  // Of a set bit, in 1/65536: 1..65535. Call update() after each.
+  // The probability of a set bit, in 1/65536: 1..65535. Call update() after each.
   uint32_t predict(const BitContext& context) {
     weights_used_ = &weights_[context.weight_set];
     int64_t sum = 0;
@@ -110,7 +110,7 @@ class OccupancyModel {
 
   std::vector<AdaptiveBit> entries_;
   std::array<Weights, kWeightSets> weights_{};
-  // Between predict and update.
+  // State between predict() and update().
   std::array<AdaptiveBit*, kModelContexts> entries_used_{};
   std::array<int32_t, kModelContexts> inputs_{};
   std::array<size_t, kModelContexts> buckets_{};

@@ -11,9 +11,9 @@
 namespace voxeld {
 namespace {
 
-// Levels of a tile from the root (256 cells) to nodes of 2 cells, and the one whose nodes are
-// bricks.
+// Levels of a tile from the root (256 cells) down to nodes of 2 cells.
 constexpr size_t kLevels = 8;
+// The level whose nodes are bricks.
 constexpr size_t kBrickLevel = 5;
 static_assert(limits::kTileSide == 1 << kLevels);
 static_assert(limits::kTileSide >> kBrickLevel == limits::kBrickSide);
@@ -28,7 +28,7 @@ uint8_t byte_of(const BrickMask& mask, size_t node) {
   return static_cast<uint8_t>(mask.words[node / 8] >> (8 * (node % 8)));
 }
 
-// Nodes of one level, from the root to the bricks, in Morton order.
+// The nodes of one level between the root and the bricks, in Morton order.
 struct Nodes {
   std::vector<uint32_t> codes;
   std::vector<uint8_t> bytes;
@@ -49,7 +49,7 @@ Nodes parents_of(const Nodes& nodes) {
   return parents;
 }
 
-// The nodes and the full ones of this level, which are 2^full_level bricks to a side.
+// Adds the full nodes of this level, which are 2^full_level bricks on a side.
 Nodes with_full(Nodes nodes, const std::vector<FullNode>& full, uint32_t full_level) {
   const auto of_level = [&](const FullNode& node) { return node.level == full_level; };
   if (std::ranges::none_of(full, of_level)) return nodes;
@@ -69,7 +69,7 @@ Nodes with_full(Nodes nodes, const std::vector<FullNode>& full, uint32_t full_le
 
 using Levels = std::array<std::span<const uint8_t>, kLevels>;
 
-// Finds out where the levels begin: each has as many nodes as the one above has set bits.
+// Finds where the levels begin: each has as many nodes as the level above has set bits.
 Status cut_levels(std::span<const uint8_t> octree, Levels& levels) {
   size_t at = 0, count = 1;
   for (size_t level = 0; level < kLevels; ++level) {
@@ -88,7 +88,7 @@ Status cut_levels(std::span<const uint8_t> octree, Levels& levels) {
   return {};
 }
 
-// From the nodes of a level to those of the next; full ones go to `full`.
+// The nodes of the next level. Full nodes go to `full` and have no children.
 std::vector<uint32_t> children_of(const Levels& levels, size_t level,
                                   const std::vector<uint32_t>& codes, std::vector<FullNode>& full) {
   std::vector<uint32_t> children;
@@ -107,7 +107,7 @@ std::vector<uint32_t> children_of(const Levels& levels, size_t level,
   return children;
 }
 
-// The masks of the bricks `codes`, or full nodes.
+// Adds the bricks `codes` as masks, or as full nodes.
 void add_bricks(const Levels& levels, const std::vector<uint32_t>& codes, SparseTile& tile) {
   size_t node = 0, leaf = 0;
   for (size_t b = 0; b < codes.size(); ++b) {

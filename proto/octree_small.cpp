@@ -13,7 +13,7 @@
 namespace voxeld {
 namespace {
 
-constexpr int kTileBricks = limits::kTileSide / limits::kBrickSide;  // to a side
+constexpr int kTileBricks = limits::kTileSide / limits::kBrickSide;  // on a side
 constexpr int kOctantBricks = kTileBricks / 2;
 constexpr size_t kHeadLevels = 5;
 constexpr size_t kCellLevels = 3;
@@ -71,7 +71,7 @@ Bricks cut_out(const Bricks& whole, const Region& region) {
   return {cut_out(whole.occupied, region), cut_out(whole.full, region)};
 }
 
-// Whether some brick has cells that must be told.
+// Whether some brick has cells that must be coded.
 bool has_open_bricks(const Bricks& bricks) {
   for (int z = 0; z < bricks.occupied.side(); ++z) {
     for (int y = 0; y < bricks.occupied.side(); ++y) {
@@ -92,13 +92,13 @@ HeadLevels empty_head_levels() {
 
 struct Head {
   HeadLevels occupied = empty_head_levels();
-  HeadLevels full = empty_head_levels();  // with all that lies in a larger full node
+  HeadLevels full = empty_head_levels();  // includes everything inside a larger full node
   bool has_full = false;
 
   Bricks bricks() const { return {occupied.back(), full.back()}; }
 };
 
-// False when the bytes ran out.
+// Codes the head. Returns false if the bytes ran out.
 template <typename Coder>
 bool code_head(Coder& coder, OccupancyModel& model, Head& head) {
   head.has_full = coder.code(head.has_full, 1u << (kProbabilityBits - 1));
@@ -125,7 +125,7 @@ CellLevels empty_cells(const Region& region) {
   return {BitVolume(2 * region.side), BitVolume(4 * region.side), BitVolume(8 * region.side)};
 }
 
-// The cells of a region. False when the bytes ran out.
+// Codes the cells of a region. Returns false if the bytes ran out.
 template <typename Coder>
 bool code_cells(Coder& coder, OccupancyModel& model, const Bricks& bricks, bool has_full,
                 CellLevels& levels) {
@@ -178,7 +178,7 @@ CellLevels cells_of(const SparseTile& tile, const Region& region) {
   return levels;
 }
 
-// The largest full nodes, in order.
+// Appends the largest full nodes in Morton order.
 void append_full(const Head& head, SparseTile& tile) {
   if (!head.has_full) return;
   for (uint32_t morton = 0; morton < kTileBricks * kTileBricks * kTileBricks;) {

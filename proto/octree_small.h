@@ -1,5 +1,5 @@
-// The octree of a tile, entropy coded with contexts: the stream of codec `small`. About a quarter
-// of the bytes of the fast codec, at a hundredth of its speed.
+// Codec `small` for octrees: a tile's octree, entropy coded with contexts. It takes about a quarter
+// of the bytes of codec fast, at a hundredth of its speed.
 //
 //   byte 0   u8 layout: 0, 1 or 2
 //   layout 0, a tile of at most kSmallVoxelsWhole voxels outside full nodes:
@@ -26,18 +26,18 @@
 
 namespace voxeld {
 
-// Above it a tile is stored as octants. They learn apart and do not see each other's cells, which
-// costs bytes, so tiles that decode quickly anyway stay whole.
+// Voxels above which a tile is stored as octants, which can be decoded in parallel. Octants learn
+// apart and do not see each other's cells, which costs bytes. Smaller tiles decode quickly anyway
+// and stay whole.
 inline constexpr uint64_t kSmallVoxelsWhole = 1 << 18;
 
-// The tile must be canonical and not empty; its attributes are not looked at.
+// The tile must be canonical and not empty. Its attributes are ignored.
 std::vector<uint8_t> encode_octree_small(const SparseTile& tile);
 
-// Fills brick_morton, masks and full, which gives a canonical tile. `has_attributes`: whether the
-// voxels of masks have any (tile_from_octree()). Errors: bad-request, for another layout, lengths
-// that disagree, streams that are cut off or longer than their bits, full nodes that are spelled
-// out. Takes at most 8 MiB besides the result, and the time of at most 19.3 million bits, whatever
-// the bytes are.
+// Fills brick_morton, masks and full; the tile is canonical. `has_attributes`: as for
+// tile_from_octree(). Errors: bad-request for another layout, lengths that disagree, streams that
+// are cut off or longer than their bits, and full nodes that are spelled out. Whatever the bytes
+// are, it takes at most 8 MiB beside the result and the time of 19.3 million bits.
 Status decode_octree_small(std::span<const uint8_t> bytes, bool has_attributes, SparseTile& tile);
 
 }  // namespace voxeld

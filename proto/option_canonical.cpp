@@ -1,5 +1,5 @@
-// Canonical JSON of options: what result names are made of. Every default is spelled out, so that a
-// changed default in a later version cannot give an old result to a new request.
+// Canonical JSON of options: the text from which result names are made. Every default is spelled
+// out, so a changed default in a later version cannot give an old result to a new request.
 #include <nlohmann/json.hpp>
 
 #include "proto/hex.h"
@@ -72,7 +72,8 @@ void add_output(Json& out, const OutputOptions& o) {
   out["palette"] = o.palette_max;
 }
 
-// Of the grid as it is, none is named: level 0 is what requests had before there were others.
+// Omits members for the whole grid at level 0: earlier versions wrote none, and names must not
+// change.
 void add_selection(Json& out, const OutputOptions& o) {
   if (o.level > 0) {
     out["level"] = o.level;
@@ -105,7 +106,8 @@ void add_render(Json& out, const RenderOptions& r) {
   add_numbers(out, "section", r.section);
 }
 
-// Of one picture of one grid, none is named: that is what requests had before there were others.
+// Omits members for a single image of one grid: earlier versions wrote none, and names must not
+// change.
 void add_picture(Json& out, const RenderOptions& r) {
   if (r.picture != PictureKind::kPng) out["picture"] = word(r.picture, words::kPicture);
   if (r.frame > 0) out["frame"] = r.frame;
@@ -119,7 +121,7 @@ void add_frames(Json& out, const AnimationOptions& a) {
   out["frames"] = std::to_string((*a.frames)[0]) + ".." + std::to_string((*a.frames)[1]);
 }
 
-// Of a mesh that rests, none is named.
+// Omits all members for a mesh at rest.
 void add_animation(Json& out, const AnimationOptions& a) {
   if (!a.moves()) return;
   if (a.animation) out["animation"] = *a.animation;

@@ -25,7 +25,7 @@ constexpr double kFpsMin = 0.01, kFpsMax = 1000;
 constexpr int kTurntableMin = 2, kTurntableMax = 360;
 constexpr double kRateMin = 0.1, kRateMax = 100;
 
-// Canonical JSON holds the name, and JSON is UTF-8.
+// Canonical JSON holds the animation's name, and JSON must be UTF-8.
 bool is_utf8(std::string_view text) {
   using Handler = nlohmann::json::error_handler_t;
   const nlohmann::json json(text);
@@ -105,7 +105,7 @@ std::string_view first_given(const Given& given, std::initializer_list<std::stri
   return {};
 }
 
-// How many frames the request names; 0: as many as the input has.
+// The number of frames that the request names; 0: as many as the input has.
 int frames_named(const AnimationOptions& animation) {
   if (animation.frames) return (*animation.frames)[1] - (*animation.frames)[0] + 1;
   return static_cast<int>(animation.times_s.size());

@@ -1,5 +1,5 @@
-// Options of animations and of pictures that show several grids or views: their values, and what
-// of them goes together.
+// Options of animations, and of images that show several grids or views: their values and their
+// valid combinations.
 #pragma once
 
 #include <set>
@@ -10,21 +10,21 @@
 
 namespace voxeld::option_frames {
 
-// Options by the names of the table that are given in a request.
+// The names of the options that a request gives.
 using Given = std::set<std::string_view>;
 
 bool is_animation_option(std::string_view name);
 bool is_picture_option(std::string_view name);
 
-// `name` is one of those above. Errors: invalid-option.
+// Sets one option by its text. `name` is one of those above. Errors: invalid-option.
 Status set_animation(AnimationOptions& animation, std::string_view name, std::string_view text);
 Status set_picture(RenderOptions& render, std::string_view name, std::string_view text);
 
-// What shows frames of a mesh without naming an animation shows those of the first one: so do a
-// frame of a picture, and pictures of several grids that are no turntable.
+// Fills in the first animation for requests that show frames of a mesh but name none: a frame of an
+// image, and images of several grids that are not a turntable.
 void complete_animation(RequestOptions& options, OptionScope scope, const Given& given);
 
-// What is told apart without knowing the input. Errors: invalid-option.
+// Checks combinations that need no knowledge of the input. Errors: invalid-option.
 Status check_animation(const AnimationOptions& animation, const Given& given);
 Status check_picture(const RequestOptions& options, OptionScope scope, const Given& given);
 

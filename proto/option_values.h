@@ -23,12 +23,12 @@ inline Error invalid(std::string_view name, std::string_view expected, std::stri
 std::vector<std::string_view> split(std::string_view text);
 
 std::optional<int> parse_int(std::string_view text);
-// Finite numbers only.
+// Accepts finite numbers only.
 std::optional<double> parse_double(std::string_view text);
 
 Result<int> int_between(std::string_view name, std::string_view text, int min, int max);
 Result<double> number_between(std::string_view name, std::string_view text, double min, double max);
-// Exactly N finite numbers.
+// Parses exactly N finite numbers.
 template <size_t N>
 Result<std::array<double, N>> numbers(std::string_view name, std::string_view text) {
   const auto parts = split(text);
@@ -42,11 +42,11 @@ Result<std::array<double, N>> numbers(std::string_view name, std::string_view te
   return out;
 }
 
-// Shortest text that reads back as the same double.
+// The shortest text that reads back as the same double.
 std::string to_text(double value);
 std::string to_text(std::span<const double> values);
 
-// Words of an enumeration, in the order of its values.
+// A word of an enumeration; tables list them in the order of the values.
 template <typename Enum>
 struct Word {
   std::string_view text;

@@ -17,7 +17,7 @@ namespace {
 using namespace option_values;
 namespace words = option_words;
 
-// 2^14 cells are the longest side of a grid.
+// The highest level of detail: 2^14 cells are the longest side of a grid.
 constexpr int kLevelMax = std::countr_zero(unsigned{limits::kGridSideMax});
 
 template <typename Enum, size_t N>
@@ -315,12 +315,12 @@ Status check_option_length(std::string_view name, std::string_view text) {
 }
 
 constexpr double kDefaultBandThickness = 3.0;  // voxels
-constexpr int kDefaultSheetSide = 160;         // pixels of one picture of a sheet
+constexpr int kDefaultSheetSide = 160;         // pixels of one image of a sheet
 
-// Options that would say nothing are more likely a mistake.
+// Refuses options that would have no effect: they are more likely a mistake.
 Status check_fill(const VoxelizeOptions& v, const std::set<std::string_view>& given) {
   const std::string_view fill = word_of<Fill>(v.fill, words::kFill);
-  // A band has distances where its channels are not named.
+  // A band has distances if the request names no channels.
   const bool measures = v.channel_distance || (v.fill == Fill::kBand && !v.channels_given);
   if (given.contains("sign") && !measures && v.fill != Fill::kSolid && v.fill != Fill::kShell) {
     return invalid("sign", "fill solid or shell or channel distance with it", fill);
@@ -365,7 +365,7 @@ Status check_combinations(const RequestOptions& options) {
   return {};
 }
 
-// Any text can stand where the name of an option is expected.
+// Cuts the text: a client can send anything in place of an option's name.
 std::string shown_name(std::string_view name) {
   return std::string(name.substr(0, kEchoBytesMax));
 }

@@ -1,6 +1,6 @@
-// The names and values of every request parameter. One table serves the query string, a job's
-// JSON and the CLI's flags, so that the three can never differ. Parsing is complete: what comes
-// out of here is valid, and its canonical JSON is what result names are made of.
+// The names and values of every request parameter. One table serves the query string, a job's JSON
+// and the CLI's flags, so the three cannot differ. Parsed options are valid, and their canonical
+// JSON gives results their names.
 #pragma once
 
 #include <array>
@@ -19,7 +19,7 @@
 namespace voxeld {
 
 enum class UpAxis { kY, kZ };  // which axis of the input points up
-// The words of server/voxel/README.md.
+// Words explained in server/voxel/README.md.
 enum class Rule { kTouch, kThin, kCenter, kNone };
 enum class Fill { kSurface, kSolid, kShell, kBand };
 enum class Sign { kAuto, kParity, kNonzero, kMajority, kFlood, kWinding };
@@ -31,19 +31,20 @@ enum class PipelineChoice { kAuto, kRaster, kCompute, kCpu };
 enum class Format { kNpy, kNpz, kVox, kNative };
 enum class Codec { kFast, kSmall };
 enum class AxisOrder { kZyx, kXyz };
-// Type of the samples of a dense output. uint8: occupancy 0/1, colour 0..255 (sRGB), normal as
-// int8; float32: occupancy 0/1, colour 0..1 (linear light), normal -1..1.
+// The sample type of a dense output. uint8: occupancy 0/1, colour 0..255 (sRGB), normal as int8.
+// float32: occupancy 0/1, colour 0..1 (linear light), normal -1..1.
 enum class DType { kUint8, kBool, kFloat32 };
 enum class Projection { kPerspective, kOrthographic };
 enum class Light { kFlat, kPhong };
 enum class RendererChoice { kAuto, kGl, kCpu };
-// What a render request answers with: one picture; the pictures of all frames or views as an
-// animated GIF or PNG; or beside each other.
+// The kind of image that a render returns: one image; all frames or views as an animated GIF or
+// PNG; or all of them side by side on a sheet.
 enum class PictureKind { kPng, kGif, kApng, kSheet };
-// Whether a model that walks leaves the place where it began.
+// Whether a walking model leaves the place where it began.
 enum class RootMotionChoice { kKeep, kStrip };
 
-// Where the grid lies. At most one of size, dims and voxel_size is set; none means size = 128.
+// The placement of the grid. At most one of size, dims and voxel_size is set; none means size =
+// 128.
 struct PlacementOptions {
   std::optional<int> size;                          // voxels on the longest side, 1..16384
   std::optional<std::array<int, 3>> dims;           // cells in x, y, z
@@ -55,18 +56,18 @@ struct PlacementOptions {
   std::optional<std::array<double, 16>> transform;  // row-major 4x4, applied to the input first
 };
 
-inline constexpr int kDefaultSize = 128;  // where a request names neither size, dims nor voxel_size
+inline constexpr int kDefaultSize = 128;  // if a request names neither size, dims nor voxel_size
 
 struct VoxelizeOptions {
   PlacementOptions placement;
   Rule rule = Rule::kTouch;
   Fill fill = Fill::kSurface;
-  Sign sign = Sign::kAuto;  // what is inside, where fill is solid or shell
+  Sign sign = Sign::kAuto;  // decides what is inside, if fill is solid or shell
   double thickness = 1.0;   // of a shell or band, in voxels, 1..256
-  // Attributes of voxels inside that are not surface.
+  // Attributes of interior voxels, which lie on no surface.
   Interior interior = Interior::kNone;
   ColorMode color = ColorMode::kAverage;
-  // Unset: occupancy, and color where the mesh has colours.
+  // If no channels are given: occupancy, and colour if the mesh has colours.
   bool channels_given = false;
   bool channel_color = false;
   bool channel_normal = false;
@@ -78,35 +79,35 @@ struct VoxelizeOptions {
   PipelineChoice pipeline = PipelineChoice::kAuto;
 };
 
-// Which times of which animation. None: the pose in which the file leaves the mesh.
+// The animation and its times. All unset: the pose in which the file leaves the mesh.
 struct AnimationOptions {
-  // Name or number of the animation; unset where another option is set: the first one.
+  // Name or number of the animation. If it is unset and another option is set: the first one.
   std::optional<std::string> animation;
   std::optional<double> time_s;  // one grid, placed by the mesh at that time
-  // Frame k is at time k / fps; fps unset: the animation's own rate, 24 where it has none. frames:
-  // first and last; unset: all up to the animation's end. times_s excludes both. Of requests on a
-  // sequence, `frames` selects among its frames and the rest is not taken.
+  // Frame k is at time k / fps. fps unset: the animation's own rate, 24 if it has none. frames:
+  // first and last; unset: all up to the animation's end. times_s excludes both. In a request on a
+  // sequence, `frames` selects among its frames and the other options are refused.
   std::optional<std::array<int, 2>> frames;
   std::optional<double> fps;
   std::vector<double> times_s;  // at most limits::kFramesMax, ascending
   RootMotionChoice root_motion = RootMotionChoice::kKeep;
 
   bool moves() const { return animation || time_s || frames || fps || !times_s.empty(); }
-  // Several grids in one placement, and not one.
+  // Whether the result is several grids in one placement.
   bool is_sequence() const { return moves() && !time_s; }
   bool operator==(const AnimationOptions&) const = default;
 };
 
-// How a grid is written down.
+// The output format of a grid and its details.
 struct OutputOptions {
   Format format = Format::kNative;
   Codec codec = Codec::kFast;
   AxisOrder axes = AxisOrder::kZyx;
   DType dtype = DType::kUint8;
   int palette_max = 255;  // .vox: colours, 1..255
-  int level = 0;          // of detail: one voxel for 2^level to a side
+  int level = 0;          // of detail: one voxel stands for 2^level on a side
   LevelRule level_rule = LevelRule::kAny;
-  // First cell and the one after the last: x0,y0,z0,x1,y1,z1 of level 0.
+  // The first cell and the one after the last, at level 0: x0,y0,z0,x1,y1,z1.
   std::optional<std::array<int, 6>> region;
 };
 
@@ -122,17 +123,17 @@ struct RenderOptions {
   std::array<uint8_t, 4> background = {255, 255, 255, 255};
   Light light = Light::kPhong;
   bool occlusion = false;  // ambient occlusion
-  bool shadow = false;     // of a light that is not a point
-  int samples = 0;         // rays along each side of a pixel, 1..4; 0: as the picture's size allows
+  bool shadow = false;     // shadow of a directional light
+  int samples = 0;         // rays along each side of a pixel, 1..4; 0: as the image's size allows
   RendererChoice renderer = RendererChoice::kAuto;
-  // Plane a,b,c,d in world units: what has a*x+b*y+c*z+d > 0 is cut away.
+  // Plane a,b,c,d in world units: cells with a*x+b*y+c*z+d > 0 are cut away.
   std::optional<std::array<double, 4>> section;
   PictureKind picture = PictureKind::kPng;
-  // Of a sequence, the frame that a single picture shows: its number among the request's frames.
+  // The frame of a sequence that a single image shows: its number among the request's frames.
   int frame = 0;
-  // Views all around of one grid, from `azimuth` on, instead of frames; 0: none.
+  // The number of views around one grid, from `azimuth` on, instead of frames; 0: none.
   int turntable = 0;
-  // Pictures per second of GIF and APNG; unset: the sequence's own times, 24 for a turntable.
+  // Images per second of GIF and APNG. Unset: the sequence's own times, 24 for a turntable.
   std::optional<double> rate;
   int columns = 0;  // of a sheet; 0: as many as rows
 };
@@ -147,17 +148,17 @@ struct RequestOptions {
   std::string filename;   // names the input's format; empty: Content-Type, then first bytes
 };
 
-// Which groups of parameters a request takes; others are unknown-option.
+// The groups of parameters that a request takes. Others are unknown-option.
 enum class OptionScope { kVoxelize, kRenderMesh, kRenderGrid, kExport };
 
 using OptionPairs = std::vector<std::pair<std::string, std::string>>;
 
-// Parses name=value pairs (query string, CLI). Errors: unknown-option (with the nearest names),
-// invalid-option (says the name, what is expected and what was got), also for duplicates and for
-// combinations that exclude each other.
+// Parses name=value pairs (query string, CLI). Errors: unknown-option with the nearest names;
+// invalid-option with the name, the expected and the given value. Duplicates and combinations that
+// exclude each other are invalid-option too.
 Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope);
-// The same from a JSON object; numbers, strings and arrays of numbers are accepted where the text
-// form would be ("dims":[1,2,3] or "1,2,3").
+// Parses a JSON object. Numbers, strings and arrays of numbers are accepted in place of the text
+// form ("dims":[1,2,3] or "1,2,3").
 Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope scope);
 
 // Canonical JSON: fixed key order, defaults spelled out, no filename, no cache. Equal requests give

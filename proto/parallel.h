@@ -1,4 +1,4 @@
-// Work on tiles that do not depend on each other, on all cores.
+// Runs independent work, such as tiles, on all cores.
 #pragma once
 
 #include <algorithm>
@@ -12,9 +12,9 @@
 
 namespace voxeld {
 
-// Calls work(i) once for each i < count, in any order, on as many threads as the machine has, the
-// calling one among them, and returns when all are done. What `work` throws is thrown here; calls
-// that have not begun by then are left out.
+// Calls work(i) once for each i < count, in any order, and returns when all calls are done. It uses
+// as many threads as the machine has, including the calling one. An exception of `work` is rethrown
+// here; calls that have not begun by then are skipped.
 template <typename Work>
 void for_each_parallel(size_t count, Work&& work) {
   std::atomic<size_t> next = 0;
@@ -37,7 +37,7 @@ void for_each_parallel(size_t count, Work&& work) {
     try {
       for (size_t i = 1; i < std::min(cores, count); ++i) helpers.emplace_back(run);
     } catch (const std::system_error&) {
-      // No more threads to be had: those that there are do the work.
+      // No more threads are available; the existing ones do the work.
     }
     run();
   }

@@ -1,9 +1,8 @@
-// A binary range coder: bits in, bytes out, at the cost that their probabilities say.
+// A binary range coder: codes bits into bytes at the cost that their probabilities imply.
 //
 // Nigel Martin, "Range encoding: an algorithm for removing redundancy from a digitised message"
-// (1979), for two symbols, with carries that are held back until they are known, as in LZMA's
-// coder.
-// Probabilities have 16 bits here, and the first byte, which would always be zero, is left out.
+// (1979), for two symbols. Carries are held back until they are known, as in LZMA's coder. Unlike
+// there, probabilities have 16 bits, and the first byte, which would always be zero, is omitted.
 #pragma once
 
 #include <cstddef>
@@ -14,10 +13,10 @@
 namespace voxeld {
 
 inline constexpr uint32_t kProbabilityBits = 16;
-// The range is kept at or above this, so that its part for any probability is never empty.
+// The range stays at or above this value, so the part of any probability is never empty.
 inline constexpr uint32_t kRangeMin = 1u << 24;
 
-// Appends to `bytes`, which must outlive it.
+// Appends to `bytes`, which must outlive the encoder.
 class RangeEncoder {
  public:
   explicit RangeEncoder(std::vector<uint8_t>& bytes) : bytes_(bytes) {}
@@ -38,12 +37,12 @@ class RangeEncoder {
     return bit;
   }
 
-  // Writes what is held back. Call once, last.
+  // Writes the bytes that are held back. Call it once, last.
   void finish() {
     for (int i = 0; i < 5; ++i) shift_out();
   }
 
-  // For the shape that a decoder has; an encoder never runs out.
+  // Exists so that both coders have the same interface; an encoder never runs out.
   static bool exhausted() { return false; }
 
  private:
@@ -74,12 +73,12 @@ class RangeEncoder {
 // Reads what RangeEncoder wrote, given the same probabilities.
 class RangeDecoder {
  public:
-  // `bytes` must outlive it.
+  // `bytes` must outlive the decoder.
   explicit RangeDecoder(std::span<const uint8_t> bytes) : bytes_(bytes) {
     for (int i = 0; i < 4; ++i) code_ = code_ << 8 | next_byte();
   }
 
-  // The first argument is for the shape that an encoder has.
+  // The first argument exists so that both coders have the same interface.
   bool code(bool /*bit*/, uint32_t one) {
     const auto bound = static_cast<uint32_t>(uint64_t{range_} * one >> kProbabilityBits);
     const bool bit = code_ < bound;
@@ -96,9 +95,9 @@ class RangeDecoder {
     return bit;
   }
 
-  // More bytes were wanted than there are; bits since then mean nothing.
+  // Whether more bytes were needed than there are; bits read since then mean nothing.
   bool exhausted() const { return exhausted_; }
-  // After the last bit: an encoder's bytes are used up exactly.
+  // Whether the bytes are used up exactly, as they are after an encoder's last bit.
   bool at_end() const { return !exhausted_ && at_ == bytes_.size(); }
 
  private:

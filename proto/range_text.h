@@ -1,4 +1,4 @@
-// How errors name the numbers that they expected, also where there is one, or none.
+// Texts of number ranges in errors, also for a range of one number or of none.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// Expected failures are values: Result<T> carries either a T or an Error of the closed ErrorCode
-// set. Shared by the daemon and the client, so it lives in proto.
+// Expected failures as values: Result<T> carries either a T or an Error of the closed ErrorCode
+// set. The daemon and the client share it, so it is in proto.
 #pragma once
 
 #include <optional>
@@ -11,9 +11,9 @@
 
 namespace voxeld {
 
-// What went wrong, in the words that the user sees. `detail` is one sentence that says what and
-// where ("bob.md5mesh line 41: weight index out of range"); `expected` and `got` complete it and
-// stay empty where they make no sense.
+// A failure, in the words that the user sees. `detail` is one sentence with the cause and the place
+// ("bob.md5mesh line 41: weight index out of range"). `expected` and `got` complete it and stay
+// empty if they do not apply.
 struct Error {
   ErrorCode code = ErrorCode::kInternal;
   std::string detail;
@@ -51,7 +51,7 @@ class [[nodiscard]] Result {
   std::variant<T, Error> state_;
 };
 
-// The result of something that has no value: ok, or an Error.
+// The result of an operation without a value: ok, or an Error.
 class [[nodiscard]] Status {
  public:
   Status() = default;
@@ -82,7 +82,7 @@ class [[nodiscard]] Status {
 // VOXELD_ASSIGN(auto mesh, load(path)); declares `mesh`, or returns the error.
 #define VOXELD_ASSIGN(declaration, expression) \
   VOXELD_ASSIGN_INNER(VOXELD_CONCAT(voxeld_result_, __LINE__), declaration, expression)
-// A declaration cannot stand in parentheses.
+// A declaration cannot be put in parentheses.
 // NOLINTBEGIN(bugprone-macro-parentheses)
 #define VOXELD_ASSIGN_INNER(temporary, declaration, expression) \
   auto temporary = (expression);                                \

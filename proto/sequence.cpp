@@ -1,6 +1,6 @@
+// The manifest, in this order and without spaces:
 // {"dims": [x, y, z], "origin": […], "voxel_size": […], "channels": ["color", …], "fps": F,
 //  "frames": [{"time_s": T, "grid": ID, "voxel_count": N, "content_hash": ID}, …], "meta": {…}}
-// in this order and without spaces.
 #include "proto/sequence.h"
 
 #include <algorithm>
@@ -20,9 +20,10 @@ namespace {
 using Json = nlohmann::json;
 using Ordered = nlohmann::ordered_json;
 
-// 4096 frames are 1.1 MB; the rest is for meta.
+// 4096 frames take 1.1 MB; the rest is for meta.
 constexpr int64_t kManifestBytesMax = int64_t{8} << 20;
-// Members of one object. An object that keeps their order looks through all of them for each.
+// Members of one object. An ordered object searches all of them on each look-up, so the cost is
+// quadratic.
 constexpr int64_t kMembersMax = 256;
 
 Error bad(std::string where, std::string_view expected, std::string_view got) {
@@ -75,7 +76,7 @@ Status read_place(const Json& body, SequenceManifest& manifest) {
   return {};
 }
 
-// In the order of the table, each once: one set of channels has one text.
+// Channels must be in the order of the table, each once, so one set of channels has one text.
 Status read_channels(const Json& list, ChannelSet& channels) {
   const std::string_view expected =
       "a list of color, normal, material, label, distance and coverage, in this order";
@@ -133,7 +134,7 @@ Status read_frames(const Json& list, std::vector<SequenceFrame>& frames) {
   return {};
 }
 
-// The member as the text has it: Json sorts the members of objects, this keeps their order.
+// The member as it is in the text. Json sorts the members of objects; Ordered keeps their order.
 Result<std::string> meta_text(std::string_view json) {
   const Ordered body = Ordered::parse(json.begin(), json.end(), nullptr, false);
   const Ordered& meta = body["meta"];

@@ -1,5 +1,5 @@
 // A sequence: the grids of an animation's frames, all in one placement. It is stored as a manifest,
-// a JSON blob that names the frames' containers; equal frames are stored once.
+// a JSON blob that names the frames' containers. Equal frames are stored once.
 #pragma once
 
 #include <array>
@@ -24,12 +24,12 @@ struct SequenceManifest {
   std::array<int32_t, 3> dims{};
   std::array<double, 3> origin{}, voxel_size{};
   ChannelSet channels;
-  double fps = 0;                     // 0: at times of their own
+  double fps = 0;                     // 0: the frames have times of their own
   std::vector<SequenceFrame> frames;  // times ascend; at most limits::kFramesMax
   std::string meta_json = "{}";       // object: animation, options, source_hash, ...
 };
 
-// The same manifest gives the same bytes: its id is their hash.
+// Equal manifests give equal bytes, because the id is their hash.
 std::string sequence_json(const SequenceManifest& manifest);
 // Errors: bad-request, naming the member.
 Result<SequenceManifest> parse_sequence(std::string_view json);

@@ -1,4 +1,4 @@
-// Frames of a sequence container that SequenceReader::open() has checked.
+// Decodes frames of a sequence container that SequenceReader::open() has checked.
 #include <algorithm>
 #include <iterator>
 #include <utility>
@@ -24,7 +24,8 @@ std::span<const uint8_t> SequenceReader::stored(const Stream& stream) const {
   return bytes_.subspan(stream.offset, stream.bytes);
 }
 
-// From the nearest stream that is known, or stands for itself, one difference after the other.
+// Starts at the nearest stream in the chain that is known or is no difference, then applies one
+// difference after the other.
 Result<std::shared_ptr<const std::vector<uint8_t>>> SequenceReader::raw_stream(
     uint32_t number, const RawStreams* kept) const {
   std::shared_ptr<const std::vector<uint8_t>> raw;

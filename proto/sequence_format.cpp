@@ -85,7 +85,7 @@ Status SequenceReader::read_meta(size_t meta_bytes) {
   return {};
 }
 
-// All sizes are 32-bit counts times small constants: no sum of them wraps.
+// Reads the index. All sizes are 32-bit counts times small constants, so no sum of them wraps.
 Status SequenceReader::read_index(uint64_t index) {
   const auto frames = get<uint32_t>(bytes_, 80), tiles = get<uint32_t>(bytes_, 120),
              streams = get<uint32_t>(bytes_, 124);
@@ -125,7 +125,7 @@ Status SequenceReader::read_frames(size_t at, size_t count) {
   for (size_t i = 0; i < count; ++i) {
     const uint32_t first = next_tile;
     VOXELD_TRY(read_frame(at + i * kFrameBytes, next_tile));
-    // Tiles of an earlier frame were checked with it.
+    // Tiles shared with an earlier frame were checked with that frame.
     if (next_tile != first) VOXELD_TRY(check_frame(at + i * kFrameBytes, tiles_at));
   }
   if (next_tile != tiles_.size()) {
@@ -162,7 +162,7 @@ Status SequenceReader::read_frame(size_t at, uint32_t& next_tile) {
   return {};
 }
 
-// Order and voxels of the last frame's tiles.
+// Checks the order and the voxel count of the last frame's tiles.
 Status SequenceReader::check_frame(size_t at, size_t tiles_at) const {
   const Frame& entry = frames_.back();
   uint64_t voxels = 0;
@@ -218,7 +218,7 @@ Result<SequenceReader::Tile> SequenceReader::read_tile(size_t at) {
   return tile;
 }
 
-// The first tile that has a stream says what it is.
+// Records the stream's kind: the first tile that has the stream decides it.
 Status SequenceReader::note_stream(size_t at, size_t kind, const Tile& tile) {
   const uint32_t number = tile.streams[kind];
   if (kind > 0 && tile.brick_count == 0) {

@@ -1,5 +1,6 @@
-// The native container of a whole sequence: its frames' tiles as the streams of the grid container
-// (proto/grid_format.h), each stored once, and told as a difference where that is smaller.
+// The native container of a whole sequence. The tiles of its frames are the streams of the grid
+// container (proto/grid_format.h). Each stream is stored once, and as a difference if that is
+// smaller.
 //
 // All numbers are little-endian; every reserved byte and all padding is zero. [n] is an array of n.
 //
@@ -68,41 +69,42 @@ namespace voxeld {
 
 inline constexpr uint32_t kSequenceVersion = 1;
 inline constexpr size_t kSequenceHeaderBytes = 128;
-// Streams that are read for one: itself and those that it is a difference to.
+// Streams that are read to decode one: itself and the chain of those it is a difference to.
 inline constexpr uint32_t kStreamChainMax = 8;
 
-// What a sequence in this format is called: as the format of a grid, but native's own.
+// The media type and the extension of a sequence in this format: those of a grid, except for
+// native.
 std::string_view sequence_media_type(Format format);  // "application/vnd.voxeld.sequence"
 std::string_view sequence_extension(Format format);   // ".voxs"
 
-// Contents of streams by their number: those of the frame that was read last.
+// Contents of streams by their number, kept from the frame that was read last.
 using RawStreams = std::map<uint32_t, std::shared_ptr<const std::vector<uint8_t>>>;
 
-// Reads a container. Every length is checked before memory is taken; hostile bytes give an Error
-// of code bad-request: "sequence container, byte N: ...".
+// Reads a container. Every length is checked before memory is allocated. Hostile bytes give an
+// Error of code bad-request: "sequence container, byte N: ...".
 class SequenceReader {
  public:
   // `bytes` must outlive the reader.
   static Result<SequenceReader> open(std::span<const uint8_t> bytes);
 
-  // Of every frame; with the sequence's meta.
+  // The header of every frame, with the sequence's meta.
   const GridHeader& header() const { return header_; }
   double fps() const { return fps_; }
   size_t frame_count() const { return frames_.size(); }
   double time_s(size_t frame) const { return frames_[frame].time_s; }
   uint64_t voxel_count(size_t frame) const { return frames_[frame].voxel_count; }
   size_t tile_count(size_t frame) const { return frames_[frame].tile_count; }
-  // Whether both have the same tiles, by the index alone.
+  // Whether both frames have the same tiles, judged by the index alone.
   bool same_tiles(size_t frame, size_t other) const;
-  // The tiles of one frame, canonical, decoded on all cores; of the other frames only the streams
-  // are read to which its own are differences. `kept`: streams that need not be read again, to
-  // begin with none; the frame's take their place. Reading frames in their order, each difference
-  // is then applied once.
+  // Decodes the tiles of one frame on all cores; they are canonical. Of other frames it reads only
+  // the streams that the frame's own are differences to. `kept` holds streams that need not be read
+  // again. It begins empty, and the frame's streams replace its contents. Frames read in order then
+  // apply each difference once.
   Result<std::vector<SparseTile>> decode_frame(size_t frame, RawStreams* kept = nullptr) const;
 
-  // How the container was written, for those who measure.
+  // Statistics of how the container was written, for measurements.
   size_t stream_count() const { return streams_.size(); }
-  // Streams that are read for this one, itself among them: 1..kStreamChainMax.
+  // Streams that are read for this one, itself included: 1..kStreamChainMax.
   uint32_t chain_length(size_t stream) const { return streams_[stream].chain; }
 
  private:

@@ -1,4 +1,5 @@
-// What writer and reader of the sequence container share: proto/sequence_format.h is the byte map.
+// The layout that writer and reader of the sequence container share; proto/sequence_format.h has
+// the byte map.
 #pragma once
 
 #include <cstddef>
@@ -14,12 +15,12 @@ namespace voxeld::sequence_layout {
 inline constexpr char kMagic[8] = {'V', 'O', 'X', 'S', 'E', 'Q', '\0', '\0'};
 inline constexpr size_t kReservedByte = 111;
 inline constexpr size_t kFrameBytes = 24, kStreamBytes = 16;
-inline constexpr size_t kTileStreamsByte = 24;  // of a tile's entry: numbers of its streams
+inline constexpr size_t kTileStreamsByte = 24;  // in a tile's entry: numbers of its streams
 inline constexpr uint32_t kNoStream = 0xffffffff;
-// The octree's stream and one for each channel that there can be.
+// The octree's stream and one for each possible channel.
 inline constexpr size_t kStreamKinds = 1 + kChannelCount;
 
-// Of one tile in the index.
+// Bytes of one tile's entry in the index.
 constexpr size_t tile_bytes(const ChannelSet& channels) {
   return (kTileStreamsByte + 4 * (1 + channels.count()) + 7) / 8 * 8;
 }
@@ -31,7 +32,7 @@ inline Error broken(uint64_t byte, std::string detail, std::string expected = ""
           std::move(expected), std::move(got)};
 }
 
-// What a decoder of the grid container says of a stream at `byte`.
+// Converts an error of the grid container's decoder about a stream at `byte`.
 inline Error broken_stream(uint64_t byte, Error error) {
   constexpr std::string_view kGrid = "grid container, ", kByte = "byte ", kColon = ": ";
   std::string& detail = error.detail;

@@ -16,7 +16,7 @@ bool is_full(const BrickMask& mask) {
   return std::ranges::all_of(mask.words, [](uint64_t word) { return word == ~uint64_t{0}; });
 }
 
-// Adds a node after those before it, and joins as long as eight of a size complete a larger one.
+// Appends a node, then merges for as long as eight of one size complete a larger one.
 void push_full(std::vector<FullNode>& nodes, FullNode node) {
   nodes.push_back(node);
   for (;;) {

@@ -1,5 +1,5 @@
-// One tile of a sparse grid as plain data: what the voxelizer makes, the container stores, the
-// renderer draws and the client decodes.
+// One tile of a sparse grid as plain data. The voxelizer makes it, the container stores it, the
+// renderer draws it and the client decodes it.
 #pragma once
 
 #include <array>
@@ -14,10 +14,11 @@
 
 namespace voxeld {
 
-// 8x8x8 voxels. Bit i of the 512 (bit i%64 of word i/64) is the voxel whose Morton index in the
-// brick is i: i = spread(x) | spread(y)<<1 | spread(z)<<2 with x, y, z in 0..7. So byte j of the
-// mask is the child mask of the j-th 2x2x2 node in Morton order, and the octree's lowest level is
-// the masks themselves.
+// A mask of 8x8x8 voxels. Bit i of the 512 (bit i%64 of word i/64) is the voxel with Morton index i
+// in the brick: i = spread(x)
+// spread(y)<<1
+// spread(z)<<2 with x, y, z in 0..7. Byte j of the mask is therefore the child mask of the j-th
+// 2x2x2 node in Morton order. The masks themselves are the octree's lowest level.
 //
 //   word  7      6      5      4      3      2      1      0
 //        z4..7  z4..7  z4..7  z4..7  z0..3  z0..3  z0..3  z0..3
@@ -28,8 +29,8 @@ struct BrickMask {
   bool operator==(const BrickMask&) const = default;
 };
 
-// A node of the octree all of whose voxels are occupied: 2^level bricks to a side. It costs the
-// same whatever its size, so the inside of a solid costs nothing.
+// An octree node whose voxels are all occupied, 2^level bricks on a side. Its cost does not depend
+// on its size, so the inside of a solid costs next to nothing.
 struct FullNode {
   uint32_t brick_morton = 0;  // its first brick; a multiple of brick_count()
   uint32_t level = 0;         // 0: one brick, ... kTileLevels: the whole tile
@@ -38,38 +39,38 @@ struct FullNode {
   bool operator==(const FullNode&) const = default;
 };
 
-// Of bricks, up to the tile's root.
+// Levels from a brick up to the tile's root.
 inline constexpr uint32_t kTileLevels =
     static_cast<uint32_t>(std::countr_zero(unsigned{limits::kTileSide / limits::kBrickSide}));
 
-// A cube of kTileSide^3 voxels at cell coord*kTileSide of the grid. Only occupied bricks are kept,
-// in ascending Morton order of their position in the tile; those of full nodes are not in the list.
-// Attributes are stored for the voxels in `masks` alone, in Morton order of the tile: voxels of
-// full nodes have none.
+// A cube of kTileSide^3 voxels at cell coord*kTileSide of the grid. It holds only occupied bricks,
+// in ascending Morton order of their position; bricks inside full nodes are not listed. Attributes
+// are stored only for the voxels in `masks`, in Morton order of the tile. Voxels of full nodes have
+// none.
 //
-// One set of voxels has one form, the canonical one (canonicalize()): full nodes are as large as
-// can be, and where there are no attributes no mask is full.
+// A set of voxels has exactly one canonical form (canonicalize()): full nodes are as large as
+// possible, and without attributes no mask is full.
 struct SparseTile {
   std::array<int32_t, 3> coord{};      // in tiles
   std::vector<uint32_t> brick_morton;  // ascending; < (kTileSide/kBrickSide)^3
   std::vector<BrickMask> masks;        // same length
-  std::vector<FullNode> full;          // ascending; neither overlaps another nor a mask
-  // Each empty, or so many samples per voxel of `masks`:
+  std::vector<FullNode> full;          // ascending; no overlap with another node or a mask
+  // Each is empty, or has this many samples per voxel of `masks`:
   std::vector<uint8_t> color{};      // 4: sRGB R, G, B and linear A
   std::vector<int8_t> normal{};      // 3: unit normal times 127, rounded
-  std::vector<uint16_t> material{};  // 1: id, 0 where there is none
+  std::vector<uint16_t> material{};  // 1: id; 0: none
   std::vector<uint16_t> label{};     // 1: likewise
   std::vector<int16_t> distance{};   // 1: in 1/kDistanceSteps voxel
   std::vector<uint8_t> coverage{};   // 1: 255 is all of the voxel
 
   bool empty() const { return masks.empty() && full.empty(); }
   size_t voxel_count() const;      // of masks and full nodes
-  size_t attribute_count() const;  // voxels of masks: those that have attributes
+  size_t attribute_count() const;  // voxels of masks, which alone have attributes
   bool has_attributes() const;     // of any channel
   bool operator==(const SparseTile&) const = default;
 };
 
-// Calls visit(channel, member) for each channel in its order; `member` is where a tile has it.
+// Calls visit(channel, member) for each channel in order; `member` points to its samples in a tile.
 template <typename Visit>
 void for_each_channel_member(Visit&& visit) {
   visit(Channel::kColor, &SparseTile::color);
@@ -79,20 +80,20 @@ void for_each_channel_member(Visit&& visit) {
   visit(Channel::kDistance, &SparseTile::distance);
   visit(Channel::kCoverage, &SparseTile::coverage);
 }
-// Calls visit(channel, samples); `samples` is the tile's vector.
+// Calls visit(channel, samples) with the tile's own vectors.
 template <typename Tile, typename Visit>
 void for_each_channel(Tile& tile, Visit&& visit) {
   for_each_channel_member([&](Channel channel, auto member) { visit(channel, tile.*member); });
 }
 
-// A channel's samples in memory, which are little-endian, and back: `bytes` holds whole samples.
+// Reads or sets a channel's samples as little-endian bytes; `bytes` holds whole samples.
 std::span<const uint8_t> channel_bytes(const SparseTile& tile, Channel channel);
 void set_channel_bytes(SparseTile& tile, Channel channel, std::span<const uint8_t> bytes);
-// Makes every channel of `channels` as long as attribute_count() says, new samples 0.
+// Resizes every channel of `channels` to attribute_count(); new samples are 0.
 void resize_channels(SparseTile& tile, const ChannelSet& channels);
 
-// Moves full masks of a tile without attributes into `full`, and joins full nodes where eight make
-// a larger one. Needs `full` in ascending order.
+// Moves full masks of a tile without attributes into `full`, and merges eight full nodes into a
+// larger one if they complete it. Needs `full` in ascending order.
 void canonicalize(SparseTile& tile);
 
 // Interleaves the low 10 bits of each coordinate, x lowest.
@@ -119,11 +120,11 @@ constexpr std::array<uint32_t, 3> morton_decode(uint32_t m) {
   return {morton_compact(m), morton_compact(m >> 1), morton_compact(m >> 2)};
 }
 
-// What for_each_voxel() says of a voxel in a full node.
+// The voxel index that for_each_voxel() passes for a voxel in a full node.
 inline constexpr size_t kNoAttributes = SIZE_MAX;
 
-// Calls visit(brick_morton, mask, first_voxel) for every brick with voxels, those of full nodes one
-// by one, in Morton order. first_voxel: where the brick's attributes begin, or kNoAttributes.
+// Calls visit(brick_morton, mask, first_voxel) for every brick with voxels in Morton order, also
+// for each brick of a full node. first_voxel: where the brick's attributes begin, or kNoAttributes.
 template <typename Visit>
 void for_each_brick(const SparseTile& tile, Visit&& visit) {
   BrickMask full_mask;
@@ -147,8 +148,8 @@ void for_each_brick(const SparseTile& tile, Visit&& visit) {
   visit_full_before(UINT32_MAX);
 }
 
-// Calls visit(x, y, z, voxel_index) for every occupied voxel in Morton order; x, y, z are cells of
-// the grid, voxel_index counts the tile's voxels with attributes, or is kNoAttributes.
+// Calls visit(x, y, z, voxel_index) for every occupied voxel in Morton order. x, y, z are cells of
+// the grid. voxel_index counts the tile's voxels with attributes, or is kNoAttributes.
 template <typename Visit>
 void for_each_voxel(const SparseTile& tile, Visit&& visit) {
   for_each_brick(tile, [&](uint32_t morton, const BrickMask& mask, size_t voxel_index) {

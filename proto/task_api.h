@@ -14,22 +14,22 @@
 //   park {task, fence, …}            ->   {ok} | {fenced}
 //   fail {task, fence, error}        ->   {ok} | {fenced}
 //
-// A device works for one task at a time. Its workers ask for turns on it on a second connection
-// each, so that waiting for one holds up none of the above:
+// A device works for one task at a time. Each worker asks for time slices of it on a second
+// connection, so waiting for one does not block the messages above:
 //
 //   turns {protocol, pid, device}    ->   {ok}
 //   turn_take {task, fence, bytes…}  ->   TurnReply               (blocks until it is its turn)
 //   turn_renew {task, fence}         ->   TurnReply               (gives it back, takes the next)
 //   turn_give {task, fence}          ->   (no reply)
 //
-// How long a turn was held is what the gateway measures: a worker that a hostile file has taken
-// over cannot say less. A connection that ends gives its turn back.
+// The gateway measures how long a time slice was held: a worker that a hostile file has taken over
+// cannot report less. A connection that ends gives its time slice back.
 //
-// A worker that is asked to park hands over what it has done (part, frame) at the next tile or
-// frame and gives the task back: it is queued again, and goes on from there later.
+// A preempted worker hands over its finished parts or frames (part, frame) at the next tile or
+// frame and gives the task back with `park`. The task is queued again and goes on from there later.
 //
-// A worker that sees `fenced` drops the task: another one owns it. A connection that ends means
-// that the worker died: its task is put back at once.
+// A worker that receives `fenced` drops the task: another worker owns it. A connection that ends
+// means that the worker died, and its task is queued again at once.
 #pragma once
 
 #include <cstdint>
@@ -47,7 +47,7 @@ namespace voxeld {
 
 inline constexpr int kTaskProtocolVersion = 1;
 inline constexpr uint32_t kTaskFrameBytesMax = 16u << 20;
-// Parts of a job; more are not asked for.
+// The most parts of a job; the gateway asks for no more.
 inline constexpr int64_t kPartsMax = 4096;
 
 struct WorkerHello {
@@ -57,21 +57,21 @@ struct WorkerHello {
   std::string renderer;     // GL_RENDERER
   std::string driver;       // GL_VERSION
   std::string device_json;  // object: limits, for /readyz, metrics and grid-too-large
-  std::string sandbox;      // "full", "off", or what is missing; empty: it does not say
+  std::string sandbox;      // "full", "off", or what is missing; empty: not reported
 };
 
-// Where a worker may read and write. A worker asks for them before it opens its device, as it gives
-// up all other files then.
+// Folders that a worker may access. It asks for them before it opens its device, because its
+// sandbox gives up all other files then.
 struct WorkerFolders {
   std::string scratch_dir;  // for outputs
-  std::string input_dir;    // where what tasks name lies, read-only
-  std::string cache_dir;    // of drivers; goes with the worker
+  std::string input_dir;    // holds the inputs that tasks name, read-only
+  std::string cache_dir;    // of drivers; deleted with the worker
 };
 
 // A frame that an earlier attempt at the job left in the store.
 struct TaskDoneFrame {
   std::string grid;  // id of its container
-  std::string path;  // where that is, read-only
+  std::string path;  // path of the container, read-only
   double time_s = 0;
   uint64_t voxel_count = 0;
   std::string content_hash;
@@ -80,44 +80,43 @@ struct TaskDoneFrame {
 // One attempt at one job.
 struct Task {
   std::string id;     // job id
-  int64_t fence = 0;  // grows with each claim of the job; late reports with an old one are void
+  int64_t fence = 0;  // grows with each claim of the job; reports with an older one are void
   int attempt = 1;
   JobKind kind = JobKind::kVoxelize;
   std::string input_path;  // the asset's, grid's or sequence's blob, read-only
   std::string input_hash;  // "sha256-…"
   bool input_is_grid = false;
   bool input_is_sequence = false;
-  // Of a sequence, the containers of its frames in their order, read-only.
+  // The containers of a sequence's frames in their order, read-only.
   std::vector<std::string> frame_paths;
-  // The input is a bundle of files that were uploaded one by one (proto/bundle_manifest.h): where
-  // each of them is, in the order of the manifest.
+  // Paths of a bundle's files that were uploaded one by one (proto/bundle_manifest.h), in the order
+  // of the manifest.
   std::vector<std::string> bundle_paths;
   std::string filename;
   std::string options_json;  // canonical JSON in the scope of the kind
-  // What earlier attempts at the job left, read-only: its first tiles in their order, and its first
-  // frames. The worker goes on after them.
+  // Results of earlier attempts at the job, read-only: its first tiles in their order, and its
+  // first frames. The worker goes on after them.
   std::vector<std::string> part_paths;
   std::vector<TaskDoneFrame> done_frames;
-  // Whose task it is. What a worker keeps between tasks must not serve another tenant's: the time
-  // that it saves would tell who else has the same input.
+  // The tenant of the task. A worker's cache must not serve another tenant: the time saved would
+  // reveal that someone else has the same input.
   std::string tenant;
-  // Of the request that it came with, for the log.
+  // Ids of the request that created the job, for the log.
   std::string request_id, trace_id;
-  int64_t cells_max = 0;  // cells of all its frames that the tenant may make in one job; 0: any
+  int64_t cells_max = 0;  // cells of all frames that the tenant may make in one job; 0: no limit
 };
 
-// role: "result" (the answer's bytes), "grid" (the native container), "sequence" (its manifest).
+// role: "result" (the response's bytes), "grid" (the native container), "sequence" (its manifest).
 struct TaskOutput {
   std::string role;
-  // In scratch_dir, a plain file that is closed; the gateway hashes, syncs and moves it into the
-  // store.
+  // A plain, closed file in scratch_dir. The gateway hashes, syncs and moves it into the store.
   std::string path;
   std::string media_type;
   std::string filename;
 };
 
 struct DeviceMemory {
-  int64_t bytes_total = 0, bytes_free = 0;  // 0, 0: the driver does not tell
+  int64_t bytes_total = 0, bytes_free = 0;  // 0, 0: the driver does not report it
 };
 
 struct TaskProgress {
@@ -127,19 +126,19 @@ struct TaskProgress {
   int64_t tiles_done = 0, tiles_total = 0;
   int64_t frames_done = 0, frames_total = 0;
   DeviceMemory device_memory;
-  // It has got further than what it went on from, and would lose next to nothing if it were parked.
+  // The task has advanced beyond its starting point and would lose next to nothing if preempted.
   bool can_park = false;
-  // What it took to get there, which another worker would need again; 0 before it is known.
+  // Time of the preparation, which another worker would have to repeat; 0 before it is known.
   int64_t preparation_ms = 0;
 };
 struct TaskProgressReply {
   bool cancel = false;
   bool fenced = false;
-  bool park = false;  // another tenant needs the worker more
+  bool park = false;  // preempt: another tenant needs the worker more
 };
 
-// A frame that is done. The gateway takes its container into the store at once: it can be fetched
-// while the task runs, and stays when the task is cancelled.
+// A finished frame. The gateway moves its container into the store at once: it can be fetched while
+// the task runs, and stays if the task is cancelled.
 struct TaskFrame {
   std::string task;
   int64_t fence = 0;
@@ -148,21 +147,21 @@ struct TaskFrame {
   std::string path;  // in scratch_dir: a native container
   uint64_t voxel_count = 0;
   std::string content_hash;
-  int64_t frames_total = 0;  // of the request; 0: as progress says
+  int64_t frames_total = 0;  // of the request; 0: the number that progress reports
 };
 struct TaskFrameReply {
   bool cancel = false;
   bool fenced = false;
   std::string grid;  // id of the container
-  std::string path;  // where it is now, read-only
+  std::string path;  // its path in the store, read-only
 };
 
-// Tiles of one grid that are done, after those of the parts before. The gateway keeps the container
-// with them, whose meta tells how far they reach, until the job ends: others go on there.
+// Finished tiles of one grid, after those of the parts before. The gateway keeps the container,
+// whose meta says how far the tiles reach, until the job ends. A later attempt goes on from there.
 struct TaskPart {
   std::string task;
   int64_t fence = 0;
-  int64_t position = 0;  // among the job's parts; it replaces those that were at and after this
+  int64_t position = 0;  // among the job's parts; replaces the parts at and after it
   std::string path;      // in scratch_dir: a native container
 };
 struct TaskPartReply {
@@ -178,11 +177,11 @@ struct TaskCompletion {
   std::string meta_json = "{}";
   std::vector<Warning> warnings;
 };
-// All that it has done is with the gateway. Only where it was asked to.
+// The task was preempted and the gateway has all its work. Sent only on request.
 struct TaskPark {
   std::string task;
   int64_t fence = 0;
-  int64_t tiles_done = 0, tiles_total = 0;  // of a sequence 0, 0: its frames are listed
+  int64_t tiles_done = 0, tiles_total = 0;  // 0, 0 for a sequence: its frames are listed
   StageTimes timings;                       // of this attempt
 };
 struct TaskFailure {
@@ -191,7 +190,7 @@ struct TaskFailure {
   Error error;
 };
 
-// The first message of a connection for turns.
+// The first message of a connection for time slices.
 struct TurnsHello {
   int protocol = kTaskProtocolVersion;
   int64_t pid = 0;
@@ -202,19 +201,19 @@ struct TurnRequest {
   TurnAction action = TurnAction::kTake;
   std::string task;
   int64_t fence = 0;
-  // Upper estimates of what the task needs from here to its end, with what its process has already;
-  // of kTake. Those of a task's first turn count.
+  // Upper estimates of the memory that the task needs until its end, including what its process has
+  // already. Sent with kTake; only those of a task's first time slice count.
   int64_t host_bytes = 0, device_bytes = 0;
 };
 struct TurnReply {
   bool granted = false;
-  bool cancel = false;         // nobody wants the task's result
+  bool cancel = false;         // nobody wants the task's result any more
   bool fenced = false;         // another worker owns the task
-  std::optional<Error> error;  // it cannot have one: the task fails with this
+  std::optional<Error> error;  // no time slice is possible: the task fails with this error
 };
 
-// The JSON of a frame of the socket, of at most kTaskFrameBytesMax: the paths of a long sequence
-// are more than fits into the body of a request. Errors: as parse_json_bounded().
+// Parses a frame of the socket, of at most kTaskFrameBytesMax. The limit exceeds that of a
+// request's body, because the paths of a long sequence need more. Errors: as parse_json_bounded().
 Result<nlohmann::json> parse_task_message(std::string_view text);
 
 nlohmann::json to_json_message(const WorkerHello& hello);

@@ -17,12 +17,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-// The stages that workers measure. Each is a time series of voxeld_stage_seconds.
+// The stages that workers measure. Each is a time series of voxeld_stage_seconds, so the set is
+// closed.
 constexpr std::array<std::string_view, 6> kStages = {"parse",  "place",  "voxelize",
                                                      "render", "encode", "inspect"};
 constexpr std::string_view kStageList = "parse, place, voxelize, render, encode or inspect";
 constexpr std::array<std::string_view, 3> kRoles = {"result", "grid", "sequence"};
-// Beside those of grids and sequences.
+// Media types beside those of grids and sequences.
 constexpr std::array<std::string_view, 4> kMediaTypes = {"application/json", "image/apng",
                                                          "image/gif", "image/png"};
 
@@ -44,7 +45,7 @@ Status check_length(std::string_view what, std::string_view text, size_t bytes_m
                        std::to_string(text.size()));
 }
 
-// Checks a text that ends up in headers, labels and lines of the log.
+// Checks a text that appears in headers, labels and log lines.
 Status check_name(std::string_view what, std::string_view text,
                   size_t bytes_max = limits::kTaskNameBytesMax) {
   VOXELD_TRY(check_length(what, text, bytes_max));
@@ -80,7 +81,7 @@ bool is_media_type(std::string_view type) {
   return is_one_of(type, kMediaTypes);
 }
 
-// Whether the text is a JSON object within the bounds. The values are built once, to be dropped.
+// Checks that the text is a JSON object within the bounds. The values are built only to be dropped.
 Status check_object(std::string_view what, std::string_view text, const JsonBounds& bounds) {
   auto object = parse_json_bounded(text, bounds);
   if (!object) {

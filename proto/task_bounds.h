@@ -1,10 +1,10 @@
-// Bounds on what a worker may say in a message of the task API.
+// Bounds on the messages of the task API that a worker sends.
 //
-// A worker runs the parsers of uploaded files. One that a hostile file has taken over sends
-// whatever it likes, so the gateway bounds each message in bytes, in depth and in values before it
-// builds anything from it, and each member before it keeps it. A message out of bounds is an error
-// (bad-request), on which the gateway ends the connection and the worker. A worker that does its
-// work keeps to these bounds by far, and checks its completion before it sends it.
+// A worker runs the parsers of uploaded files, and a hostile file may take it over. The gateway
+// therefore bounds each message in bytes, depth and values before it builds anything from it, and
+// each member before it stores it. A message out of bounds is an error (bad-request): the gateway
+// ends the connection and the worker. A correct worker stays far within these bounds and checks its
+// completion before it sends it.
 #pragma once
 
 #include <cstdint>
@@ -19,13 +19,13 @@ namespace voxeld {
 
 namespace limits {
 
-// Bytes of one message: of complete, whose meta is a JSON text within JSON, and of all others.
+// Bytes of a message: of complete, whose meta is a JSON text within JSON, and of all others.
 inline constexpr uint32_t kWorkerMessageBytesMax = 3u << 20;
 inline constexpr uint32_t kWorkerReportBytesMax = 128u << 10;
 inline constexpr int kWorkerMessageDepthMax = 8;
 inline constexpr int64_t kWorkerMessageValuesMax = 4096;
 
-// The facts about a result, and what a worker says of its device: JSON objects as text.
+// Meta of a result, and a worker's description of its device: JSON objects as text.
 inline constexpr int64_t kMetaBytesMax = int64_t{1} << 20;
 inline constexpr int64_t kMetaValuesMax = 200'000;
 inline constexpr int64_t kDeviceJsonBytesMax = int64_t{16} << 10;
@@ -35,8 +35,8 @@ inline constexpr int64_t kMetaMembersMax = 256;  // of one object
 
 inline constexpr size_t kTaskNameBytesMax = 255;   // names of devices, drivers, warnings
 inline constexpr size_t kTaskTextBytesMax = 2000;  // details of warnings, names of files
-// Each text of an error. A worker cuts them at kTaskTextBytesMax; bytes that are no UTF-8 become
-// three each on their way.
+// Bytes of each text of an error. A worker cuts them at kTaskTextBytesMax; bytes that are not UTF-8
+// become three each on the way.
 inline constexpr size_t kTaskErrorBytesMax = 3 * kTaskTextBytesMax;
 inline constexpr size_t kTaskPathBytesMax = 4096;
 inline constexpr size_t kTaskOutputsMax = 8;
@@ -44,12 +44,12 @@ inline constexpr size_t kTaskTimingsMax = 32;
 inline constexpr size_t kTaskWarningsMax = 256;
 inline constexpr double kStageMsMax = 1e10;                   // 115 days
 inline constexpr int64_t kTilesMax = int64_t{1} << 32;        // of one grid, with all its passes
-inline constexpr int64_t kMemoryBytesMax = int64_t{1} << 50;  // that a message can name
+inline constexpr int64_t kMemoryBytesMax = int64_t{1} << 50;  // the most that a message can report
 
 }  // namespace limits
 
-// The JSON of a message from a worker; what the gateway says is read by parse_task_message().
-// Errors: bad-request, which names the kind of message.
+// Parses a message from a worker; parse_task_message() reads those of the gateway. Errors:
+// bad-request, which names the kind of message.
 Result<nlohmann::json> parse_worker_message(std::string_view text);
 
 // Errors: bad-request, which names the member.

@@ -5,7 +5,7 @@
 namespace voxeld {
 namespace {
 
-constexpr uint32_t kReplacement = 0xfffd;  // for what is no character
+constexpr uint32_t kReplacement = 0xfffd;  // for invalid characters
 
 void append_utf8(uint32_t c, std::string& out) {
   const auto add = [&](uint32_t byte) { out += static_cast<char>(byte); };
@@ -26,8 +26,8 @@ void append_utf8(uint32_t c, std::string& out) {
   }
 }
 
-// RFC 2781. A half of a pair without the other becomes U+FFFD; an odd last byte counts as it is, as
-// programs append a single ^Z or NUL.
+// Converts by RFC 2781. A surrogate without its pair becomes U+FFFD. An odd last byte is kept as it
+// is, because some programs append a single ^Z or NUL.
 std::string utf8_from_utf16(std::span<const uint8_t> bytes, bool big_endian) {
   const auto unit_at = [&](size_t i) {
     return big_endian ? uint32_t{bytes[i]} << 8 | bytes[i + 1]
@@ -52,7 +52,7 @@ std::string utf8_from_utf16(std::span<const uint8_t> bytes, bool big_endian) {
   return out;
 }
 
-// The first CR from `begin` on that no LF follows; npos for none.
+// The first CR at or after `begin` that no LF follows; npos if there is none.
 size_t find_lone_cr(std::string_view text, size_t begin) {
   while (begin < text.size()) {
     const void* found = std::memchr(text.data() + begin, '\r', text.size() - begin);
@@ -64,7 +64,7 @@ size_t find_lone_cr(std::string_view text, size_t begin) {
   return text.npos;
 }
 
-// Up to the first NUL or ^Z behind which nothing but more of them and blanks follows.
+// Cuts at the first NUL or ^Z that only more of them and blanks follow.
 std::string_view without_padding(std::string_view text) {
   size_t end = text.size();
   for (size_t i = text.size(); i > 0; --i) {

@@ -1,5 +1,5 @@
-// The voxels of full nodes as runs and the others one by one, for those who fill arrays: a full
-// node costs its rows, not its voxels.
+// Visits the voxels of full nodes as runs and the others one by one, to fill arrays. A full node
+// then costs as much as its rows, not its voxels.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@
 
 namespace voxeld {
 
-// First cell in the grid of a brick of the tile.
+// The first cell, in the grid, of a brick of the tile.
 inline std::array<int32_t, 3> brick_cell(const SparseTile& tile, uint32_t brick_morton) {
   const auto brick = morton_decode(brick_morton);
   std::array<int32_t, 3> cell{};
@@ -34,7 +34,7 @@ void for_each_full_run(const SparseTile& tile, Visit&& visit) {
 }
 
 // Calls visit(x, y, z, voxel_index) for every voxel of the masks in Morton order; voxel_index is
-// that of its attributes.
+// the index of its attributes.
 template <typename Visit>
 void for_each_mask_voxel(const SparseTile& tile, Visit&& visit) {
   size_t voxel = 0;

@@ -1,4 +1,4 @@
-// The streams of one tile in the native container: which codec writes and reads which.
+// The streams of one tile in the native container, with the codec that writes and reads each.
 #pragma once
 
 #include <cstdint>
@@ -10,23 +10,23 @@
 
 namespace voxeld {
 
-// The tile must be canonical and not empty; for a channel, it must have it.
+// The tile must be canonical and not empty, and must have the channel.
 Result<std::vector<uint8_t>> encode_octree_stream(const SparseTile& tile, Codec codec);
 Result<std::vector<uint8_t>> encode_channel_stream(const SparseTile& tile, Channel channel,
                                                    Codec codec);
 
-// Each fills its part of the tile, the octree first: the others need its masks. `has_attributes`:
-// whether the voxels of masks have any. Errors: bad-request.
+// Each fills its part of the tile. Decode the octree first: the channels need its masks.
+// `has_attributes`: whether the voxels of masks have any. Errors: bad-request.
 Status decode_octree_stream(std::span<const uint8_t> bytes, Codec codec, bool has_attributes,
                             SparseTile& tile);
 Status decode_channel_stream(std::span<const uint8_t> bytes, Channel channel, Codec codec,
                              SparseTile& tile);
 
-// How much time the bytes of a channel are worth to codec fast.
+// The kind of a channel's stream, which decides how much time codec fast spends on it.
 StreamKind stream_kind(Channel channel);
 
-// What codec fast compresses of a channel, planes of differences, and back: `raw` must have as many
-// bytes as the tile's masks need, else bad-request.
+// The input of codec fast for a channel, planes of differences, and back. `raw` must have as many
+// bytes as the tile's masks need, otherwise bad-request.
 std::vector<uint8_t> raw_channel_stream(const SparseTile& tile, Channel channel);
 Status set_raw_channel_stream(std::span<const uint8_t> raw, Channel channel, SparseTile& tile);
 

@@ -1,4 +1,4 @@
-// From a cell of a tile to the number of its voxel among those with attributes.
+// Maps a cell of a tile to the number of its voxel among those with attributes.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ class VoxelNumbers {
  public:
   static constexpr uint32_t kNone = ~uint32_t{0};
 
-  // `tile` must outlive it and keep its bricks.
+  // `tile` must outlive this object and keep its bricks.
   explicit VoxelNumbers(const SparseTile& tile)
       : tile_(tile), brick_of_(size_t{1} << (3 * kTileLevels), kNone) {
     uint32_t voxels = 0;
@@ -28,7 +28,7 @@ class VoxelNumbers {
     }
   }
 
-  // kNone for cells that are outside the tile, empty or in a full node.
+  // Returns kNone for cells that are outside the tile, empty or in a full node.
   uint32_t find(int x, int y, int z) const {
     constexpr int kOutside = ~(limits::kTileSide - 1);
     if (((x | y | z) & kOutside) != 0) return kNone;

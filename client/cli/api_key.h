@@ -1,4 +1,4 @@
-// The API key that requests carry.
+// Finds the API key that requests carry, and hides keys in output.
 #pragma once
 
 #include <string>
@@ -6,11 +6,11 @@
 
 namespace voxeld::cli {
 
-// `flag` where it is not empty, else $VOXELD_KEY, else what the file $VOXELD_KEY_FILE holds, else
-// none. Throws client::Error "file" for one that cannot be read.
+// `flag` if it is not empty, else $VOXELD_KEY, else the content of the file $VOXELD_KEY_FILE, else
+// "". Throws client::Error "file" if the file cannot be read.
 std::string api_key(const std::string& flag);
 
-// What is printed: keys that stand in it (a flag was misspelled, say) end after "vxk_".
+// The text for printing. Keys in it (of a misspelled flag, say) are cut after "vxk_".
 std::string without_keys(std::string_view text);
 
 }  // namespace voxeld::cli

@@ -26,7 +26,7 @@ std::string flag_of(std::string_view name) {
   return flag;
 }
 
-// Flags as given; only those that were given go to the daemon.
+// The flags of the command line; only these go to the daemon.
 using Given = std::map<std::string, std::string>;
 
 enum class Flags { kVoxelize, kRender };
@@ -87,7 +87,7 @@ std::string extension_of(const std::string& output) {
   return output.empty() || output == "-" ? "" : std::filesystem::path(output).extension().string();
 }
 
-// The format that the output's name says; an unknown extension is a mistake, not a guess.
+// The format of the output's extension. An unknown one is an error, not a guess.
 std::string format_by_extension(const std::string& output) {
   const std::string extension = extension_of(output);
   if (output.empty() || output == "-") return "";
@@ -102,7 +102,7 @@ std::string format_by_extension(const std::string& output) {
                                  output + "\"");
 }
 
-// A grid's container is not called as a sequence's is.
+// Checks the extension: the containers of grids and of sequences have different ones.
 void check_extension(const std::string& output, bool is_sequence) {
   const std::string extension = extension_of(output);
   const std::string_view grid = format_extension(Format::kNative),
@@ -114,13 +114,13 @@ void check_extension(const std::string& output, bool is_sequence) {
                                                "--animation");
 }
 
-// The kind of picture that the output's name says; "" for one that a .png can be.
+// The kind of image of the output's extension; "" for one that a .png can hold.
 std::string picture_by_extension(const std::string& output) {
   const std::string extension = extension_of(output);
   return extension == ".gif" || extension == ".apng" ? extension.substr(1) : "";
 }
 
-// Checks the options here, by the daemon's own table, before anything is sent.
+// Checks the options with the daemon's own table before anything is sent.
 RequestOptions take_options(const Given& given, OptionScope scope, Arguments& arguments) {
   OptionPairs pairs(given.begin(), given.end());
   auto parsed = parse_options(pairs, scope);
@@ -263,7 +263,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
     set_urgency(arguments);
     check_outputs(arguments);
   } catch (const CLI::Success& request) {
-    app.exit(request);  // --help, --version: on stdout
+    app.exit(request);  // --help, --version: to stdout
     return kSuccess;
   } catch (const CLI::ParseError& error) {
     std::fprintf(stderr, "voxel: %s\nvoxel --help tells more\n",

@@ -1,5 +1,5 @@
-// The command line of voxel: subcommands and flags. Flags that go to the daemon come from the one
-// table of options (proto/options.h).
+// The command line of voxel: subcommands and flags. Flags for the daemon come from its table of
+// options (proto/options.h).
 #pragma once
 
 #include <optional>
@@ -27,29 +27,31 @@ struct Arguments {
   } command = Command::kVoxelize;
   std::string url;
   std::string key;     // --key; empty: see api_key.h
-  bool json = false;   // say what happened as JSON on stdout
-  bool quiet = false;  // neither progress nor warnings on stderr
-  int timeout_s = 0;   // of one exchange with the daemon; 0: none
+  bool json = false;   // report on stdout as JSON
+  bool quiet = false;  // no progress and no warnings on stderr
+  int timeout_s = 0;   // of one exchange with the daemon; 0: no limit
 
   std::string input;                // path, or "-" for stdin
   std::vector<std::string> beside;  // paths of files that are sent with it
-  std::string output;               // path, or "-" for stdout; empty: stdout if that is no terminal
+  std::string output;               // path, or "-" for stdout; empty: stdout unless it is a
+                                    // terminal
   std::string grid;                 // render: the id of a stored grid instead of a mesh
   std::string sequence;             // render: the id of a stored sequence instead
   client::Options options;
   std::optional<int> priority;       // of the job
   std::optional<double> deadline_s;  // of the job, from its acceptance on
 
-  std::string job;               // jobs: one of them; share
-  std::vector<std::string> ids;  // rm: what is deleted
-  std::string kept = "results";  // ls: which list
-  int seconds = 3600;            // share: how long the link lives
+  std::string job;               // jobs: a single one; share
+  std::vector<std::string> ids;  // rm: ids to delete
+  std::string kept = "results";  // ls: the list to show
+  int seconds = 3600;            // share: lifetime of the link
   bool cancel = false;           // jobs: cancel it
   int limit = 20;                // jobs, ls: how many
-  bool once = false;             // top: one look, without a terminal
+  bool once = false;             // top: one snapshot, without a terminal
 };
 
-// The arguments, or the status to end with; help, the version and mistakes are printed here.
+// Parses the arguments, or returns the status to exit with. Help, version and errors are printed
+// here.
 std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv);
 
 }  // namespace voxeld::cli

@@ -31,15 +31,16 @@ std::string lower(std::string text) {
   return text;
 }
 
-// Collects names, each once, that stay inside the mesh's folder and exist there. A mesh file may
-// come from anyone: what it names is sent away, so no name and no symbolic link may lead out.
+// Collects distinct names of existing files inside the mesh's folder. A mesh file may come from
+// anyone, and the files it names are sent away. Therefore no name and no symbolic link may lead out
+// of the folder.
 class Names {
  public:
   explicit Names(fs::path folder) : folder_(folder.empty() ? fs::path(".") : std::move(folder)) {
     std::error_code error;
     real_folder_ = fs::canonical(folder_, error);
   }
-  // The path as it is listed; empty for a name that is not taken.
+  // Adds a name and returns its path as listed; empty if it is refused.
   std::string add(std::string name) {
     std::ranges::replace(name, '\\', '/');
     const fs::path path = fs::path(name).lexically_normal();
@@ -48,7 +49,7 @@ class Names {
     if (seen_.insert(path.string()).second) list_.push_back(path.string());
     return path.string();
   }
-  // Whether it is a file whose links, followed, end inside the folder.
+  // Whether it is a file that is inside the folder after all links are followed.
   bool is_file_inside(const fs::path& path) const {
     std::error_code error;
     const fs::path real = fs::canonical(folder_ / path, error);
@@ -68,7 +69,7 @@ struct Statement {
   std::string key, rest;
 };
 
-// A file in memory, as the daemon would read its text. Empty where it cannot be read.
+// A file in memory, with its text as the daemon would read it. Empty if it cannot be read.
 class FileText {
  public:
   explicit FileText(const fs::path& path) {
@@ -88,7 +89,7 @@ class FileText {
   FileText(const FileText&) = delete;
   FileText& operator=(const FileText&) = delete;
 
-  // Each line, without its end.
+  // Visits each line, without its end.
   template <typename Visit>
   void for_each_line(Visit&& visit) const {
     for (std::string_view left = text_; !left.empty();) {
@@ -105,7 +106,7 @@ class FileText {
   std::string_view text_;
 };
 
-// Lines "key rest", without comment lines and outer blanks.
+// Visits lines "key rest", without comment lines and outer blanks.
 template <typename Visit>
 void for_each_statement(const fs::path& path, Visit&& visit) {
   FileText(path).for_each_line([&](std::string_view line) {
@@ -119,7 +120,7 @@ void for_each_statement(const fs::path& path, Visit&& visit) {
   });
 }
 
-// Where the words of a line begin.
+// The offsets of a line's words.
 std::vector<size_t> word_starts(const std::string& text) {
   std::vector<size_t> starts;
   for (size_t at = text.find_first_not_of(" \t"); at != std::string::npos;) {
@@ -133,8 +134,8 @@ std::string word_at(const std::string& text, size_t start) {
   return text.substr(start, text.find_first_of(" \t", start) - start);
 }
 
-// The end of a line as it is, since a name may hold a '#', and without the comment that it may end
-// with.
+// The rest of a line in two versions: unchanged, because a name may contain '#', and without a
+// trailing comment.
 std::vector<std::string> with_and_without_comment(const std::string& rest) {
   std::vector<std::string> both = {rest};
   for (const size_t start : word_starts(rest)) {
@@ -145,8 +146,8 @@ std::vector<std::string> with_and_without_comment(const std::string& rest) {
   return both;
 }
 
-// A texture's name may hold blanks and comes after options, whose number of values is not known for
-// all: it is the longest end of the line that is a file.
+// Adds a texture. Its name may contain blanks and follows options, some with an unknown number of
+// values. It is therefore the longest end of the line that is a file.
 void add_texture(const std::string& line, Names& names) {
   for (const std::string& rest : with_and_without_comment(line)) {
     for (const size_t start : word_starts(rest)) {
@@ -155,8 +156,8 @@ void add_texture(const std::string& line, Names& names) {
   }
 }
 
-// A mtllib line is one name with blanks, or else every word is a name. Gives the names that were
-// taken.
+// Adds the names of a mtllib line: one name with blanks, or otherwise every word. Returns the names
+// that were added.
 std::vector<std::string> add_libraries(const std::string& line, Names& names) {
   const std::vector<std::string> both = with_and_without_comment(line);
   for (const std::string& rest : both) {
@@ -206,7 +207,7 @@ std::string percent_decoded(const std::string& text) {
   return out;
 }
 
-// The daemon reads a URI so.
+// Trims as the daemon does when it reads a URI.
 std::string without_outer_blanks(const std::string& uri) {
   const auto is_blank = [](unsigned char c) { return c <= 0x20; };
   const auto begin = std::ranges::find_if_not(uri, is_blank);
@@ -217,7 +218,7 @@ std::string without_outer_blanks(const std::string& uri) {
 std::vector<std::string> files_of_gltf(const fs::path& mesh) {
   Names names(mesh.parent_path());
   std::ifstream file(mesh);
-  // A broken document is sent as it is: the daemon says what is wrong with it.
+  // A broken document is sent unchanged, so the daemon reports the error.
   const Json document = Json::parse(file, nullptr, false);
   for (const char* list : {"buffers", "images"}) {
     if (!document.is_object() || !document.contains(list) || !document[list].is_array()) continue;
@@ -236,13 +237,14 @@ bool is_image(const fs::path& path) {
   return extensions.contains(lower(path.extension().string()));
 }
 
-// In lower case, without folders and extension: how shaders, materials and files find each other.
+// The name in lower case, without folders and extension. Shaders, materials and files are matched
+// by it.
 std::string stem_of(std::string name) {
   std::ranges::replace(name, '\\', '/');
   return lower(fs::path(name).stem().string());
 }
 
-// Names of joints: what is quoted first in each line of the block `name`.
+// Names of joints: the first quoted text in each line of the block `name`.
 std::set<std::string> md5_joints(const fs::path& path, std::string_view block) {
   std::set<std::string> joints;
   enum { kBefore, kInside, kBehind } place = kBefore;
@@ -264,7 +266,7 @@ std::set<std::string> md5_joints(const fs::path& path, std::string_view block) {
   return joints;
 }
 
-// The animations among `files` whose joints are those of the mesh.
+// Adds the animations in `files` that have the joints of the mesh.
 void add_animations(const fs::path& mesh, const std::vector<fs::path>& files, Names& names) {
   std::set<std::string> joints;
   for (const fs::path& file : files) {
@@ -274,8 +276,8 @@ void add_animations(const fs::path& mesh, const std::vector<fs::path>& files, Na
   }
 }
 
-// The animations and material files of the folder, and its images whose name a shader of the mesh
-// or a material has; which of them counts is the daemon's decision.
+// The folder's animations and material files, and its images named like a shader of the mesh or a
+// material. The daemon decides which of them apply.
 std::vector<std::string> files_of_md5(const fs::path& mesh) {
   std::set<std::string> wanted;
   for_each_statement(mesh, [&](const Statement& statement) {
@@ -313,7 +315,7 @@ std::vector<std::string> files_of_md5(const fs::path& mesh) {
   throw client::Error("file", 0, path.string() + ": cannot be put into an archive: " + why);
 }
 
-// A name for a new file in the temporary folder.
+// The path of a new file in the temporary folder.
 fs::path temporary_path() {
   std::string path = (fs::temp_directory_path() / "voxel-XXXXXX").string();
   const int descriptor = mkstemp(path.data());
@@ -342,7 +344,7 @@ void write_zip(const fs::path& archive, const std::vector<Entry>& entries) {
       zip_discard(zip);
       fail_zip(entry.path, why);
     }
-    // The way to the daemon is short: storing is faster than deflating.
+    // Stored, not deflated: the path to the daemon is short, so storing is faster.
     zip_set_file_compression(zip, static_cast<zip_uint64_t>(index), ZIP_CM_STORE, 0);
   }
   if (zip_close(zip) != 0) {
@@ -352,7 +354,7 @@ void write_zip(const fs::path& archive, const std::vector<Entry>& entries) {
   }
 }
 
-// The mesh first, what it names, and the files beside it, which are called by their own names.
+// The mesh first, then the files it names, then the files beside it under their own names.
 std::vector<Entry> entries_of(const fs::path& mesh, std::span<const std::string> beside) {
   std::vector<Entry> entries = {{mesh, mesh.filename().string()}};
   std::set<std::string> beside_names;

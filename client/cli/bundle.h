@@ -1,4 +1,4 @@
-// A mesh file and the files that it names, as one zip.
+// Packs a mesh file and the files that it names into one zip.
 #pragma once
 
 #include <filesystem>
@@ -11,14 +11,15 @@
 
 namespace voxeld::cli {
 
-// What is sent for one input of the command line.
+// The data to send for one input of the command line.
 class MeshSource {
  public:
-  // `input`: a path, or "-" for stdin. An .obj, .gltf or .md5mesh that names other files
-  // (materials, textures, buffers, animations) becomes a zip of all that are there, in a temporary
-  // file; names that lead out of the mesh's folder and files that are missing are left out (the
-  // daemon's answer names them).
-  // `beside`: paths of files that are sent with it under their own names, animations for one.
+  // Opens `input`, a path or "-" for stdin. An .obj, .gltf or .md5mesh that names other files
+  // (materials, textures, buffers, animations) becomes a zip with them, in a temporary file. Names
+  // that lead out of the mesh's folder and missing files are omitted; the daemon's response names
+  // them.
+  //
+  // `beside`: paths of files that are sent with it under their own names, such as animations.
   // Throws client::Error "file".
   static MeshSource open(const std::string& input, std::span<const std::string> beside = {});
 
@@ -31,9 +32,9 @@ class MeshSource {
   std::shared_ptr<void> temporary_;  // removes the zip
 };
 
-// Relative paths that the file names, in order and once each; only those that stay in its folder.
+// Relative paths that the file names, in order and once each; only those inside its folder.
 // Understands .obj (with the .mtl it names), .gltf and .md5mesh (with .mtr files and images of its
-// folder, and the .md5anim whose joints have the same names); empty for other files.
+// folder, and .md5anim files with the same joints). Empty for other files.
 std::vector<std::string> referenced_files(const std::filesystem::path& mesh);
 
 }  // namespace voxeld::cli

@@ -44,7 +44,7 @@ void print_json(const Json& value) {
   std::printf("%s\n", text.c_str());
 }
 
-// Where data goes when -o is not given.
+// The path for data; without -o it is stdout.
 std::string output_of(const Arguments& arguments) {
   if (!arguments.output.empty()) return arguments.output;
   if (isatty(STDOUT_FILENO) == 1) {
@@ -60,7 +60,7 @@ void tell_warnings(const Arguments& arguments, const JobInfo& job) {
   }
 }
 
-// One line for a person, on stderr where it cannot mix with data.
+// Prints one line for people, to stderr, so it cannot mix with data.
 void tell_grid(const JobInfo& job, const Json& meta, const std::string& output,
                std::uint64_t bytes) {
   if (isatty(STDERR_FILENO) != 1) return;
@@ -75,7 +75,7 @@ void tell_grid(const JobInfo& job, const Json& meta, const std::string& output,
                meta["voxel_count"].get<long long>(), static_cast<unsigned long long>(bytes));
 }
 
-// Runs `make(sink, progress)`, which gives the bytes of one job's result, into the output.
+// Runs `make(sink, progress)`, which produces one job's result, and writes it to the output.
 template <typename Make>
 void write_result(const Arguments& arguments, Make&& make) {
   const std::string path = output_of(arguments);
@@ -97,7 +97,7 @@ void write_result(const Arguments& arguments, Make&& make) {
   }
 }
 
-// Waits for a job that this command submitted; interrupted, it takes the job back.
+// Waits for a job that this command submitted. If interrupted, cancels the job.
 JobInfo wait_or_cancel(Client& daemon, const std::string& job,
                        const client::ProgressCallback& progress, const std::stop_token& stop) {
   try {
@@ -107,7 +107,7 @@ JobInfo wait_or_cancel(Client& daemon, const std::string& job,
   }
   try {
     daemon.cancel(job);
-  } catch (const Error&) {  // it ended, or the daemon is gone: what the user wanted holds
+  } catch (const Error&) {  // the job ended or the daemon is gone: both are as the user wanted
   }
   throw Error("interrupted", 0, "stopped by the caller");
 }
@@ -193,7 +193,7 @@ void run_share(const Arguments& arguments) {
   }
 }
 
-// A line of `voxel ls`: id, bytes, what else names it.
+// Prints a line of `voxel ls`: id, bytes, other names.
 void print_kept(const Json& kept) {
   const auto text = [&](const char* name) { return kept.value(name, std::string()); };
   const std::string id = kept.contains("id") ? text("id") : text("job");
@@ -215,7 +215,7 @@ void run_list(const Arguments& arguments) {
   for (const Json& kept : *list) print_kept(kept);
 }
 
-// Goes on behind an id that cannot be deleted; the first such error is the command's.
+// Continues after an id that cannot be deleted. The first such error becomes the command's.
 void run_remove(const Arguments& arguments) {
   Client daemon(settings_of(arguments));
   Json removed = Json::array();
@@ -236,7 +236,7 @@ void run_remove(const Arguments& arguments) {
   if (first) throw *first;
 }
 
-// "3 of 10", or "3" where there is no limit.
+// A text such as "3 of 10", or "3" without a limit.
 std::string use_of(const Json& me, const char* name) {
   const auto path = [&](const char* of) {
     return Json::json_pointer(std::string(of) + "/" + name);
@@ -289,7 +289,7 @@ std::vector<std::byte> read_whole(const std::string& path) {
   return bytes;
 }
 
-// Of a grid or a sequence.
+// Prints the placement of a grid or a sequence.
 template <typename Voxels>
 void print_place(const Voxels& voxels) {
   std::string holds = "occupancy";
@@ -374,7 +374,7 @@ void info_of_mesh(const Arguments& arguments, const std::stop_token& stop) {
   tell_warnings(arguments, job);
   std::printf("asset      %s\n", asset.c_str());
   for (const auto& [name, value] : meta.items()) {
-    if (name == "warnings") continue;  // told above
+    if (name == "warnings") continue;  // printed above
     const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
     std::printf("%-10s %s\n", name.c_str(), text.c_str());
   }

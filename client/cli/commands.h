@@ -1,4 +1,4 @@
-// What each subcommand does. Data goes to stdout or the output file, everything else to stderr.
+// The subcommands. Data goes to stdout or the output file, everything else to stderr.
 #pragma once
 
 #include <stop_token>
@@ -7,7 +7,7 @@
 
 namespace voxeld::cli {
 
-// Throws client::Error; returns normally when all went well.
+// Throws client::Error on failure.
 void run_command(const Arguments& arguments, const std::stop_token& stop);
 
 }  // namespace voxeld::cli

@@ -1,4 +1,4 @@
-// What a shell learns of how voxel ended. Documented in docs/voxel.md.
+// The exit status of voxel. Documented in docs/voxel.md.
 #pragma once
 
 #include "client/include/voxeld/client.h"

@@ -25,7 +25,7 @@ Interrupt::Interrupt() {
 
 Interrupt::~Interrupt() {
   thread_.request_stop();
-  // Wakes it: nothing waits for a thread that waits for a signal.
+  // Wakes the thread, which waits for a signal; otherwise its join would never return.
   pthread_kill(thread_.native_handle(), SIGINT);
 }
 

@@ -6,8 +6,8 @@
 
 namespace voxeld::cli {
 
-// From construction on, the first SIGINT or SIGTERM requests a stop; a second one ends the process
-// at once. Make it before any other thread starts.
+// Requests a stop at the first SIGINT or SIGTERM after construction; a second one ends the process
+// at once. Construct it before any other thread starts, because threads inherit its signal mask.
 class Interrupt {
  public:
   Interrupt();

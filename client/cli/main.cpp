@@ -1,4 +1,4 @@
-// voxel: the command line client of voxeld. docs/voxel.md tells its use.
+// voxel: the command line client of voxeld. docs/voxel.md describes its use.
 #include <cstdio>
 #include <exception>
 

@@ -17,7 +17,7 @@ OutputFile::OutputFile(const std::string& path) : path_(path) {
   }
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
-  // A device or a pipe (/dev/null, a fifo) cannot be replaced by a new file.
+  // A device or a pipe (/dev/null, a fifo) must not be replaced by a new file.
   const bool is_special =
       std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
   if (is_special) {

@@ -1,4 +1,4 @@
-// Where data goes: a file that appears only when it is whole, or stdout.
+// The output of a command: a file that appears only when it is complete, or stdout.
 #pragma once
 
 #include <cstddef>
@@ -10,17 +10,17 @@
 
 namespace voxeld::cli {
 
-// Throws client::Error "file" (what, where, why) when something cannot be written.
+// Throws client::Error "file" (what, where, why) if something cannot be written.
 class OutputFile {
  public:
-  // "-": stdout.
+  // "-" is stdout.
   explicit OutputFile(const std::string& path);
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
-  ~OutputFile();  // removes what was not kept
+  ~OutputFile();  // removes an unfinished file
 
   void write(std::span<const std::byte> piece);
-  // Everything came: the file gets its name, over one that was there.
+  // Call it after the last piece: gives the file its name and replaces an existing file.
   void keep();
   std::uint64_t bytes() const { return bytes_; }
 

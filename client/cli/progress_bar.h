@@ -1,4 +1,4 @@
-// One line on stderr that tells how far a job is; nothing where stderr is no terminal.
+// A progress line on stderr; nothing if stderr is not a terminal.
 #pragma once
 
 #include <chrono>

@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How long a stop, or a new size of the window, may be overlooked.
+// The longest delay until a stop, or a new window size, is noticed.
 constexpr auto kSlice = 50ms;
 
 void write_out(const std::string& text) {

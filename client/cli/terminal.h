@@ -1,4 +1,4 @@
-// A terminal that shows one screen until it is given back.
+// Shows full-screen text in a terminal, and restores the terminal afterwards.
 #pragma once
 
 #include <termios.h>
@@ -12,8 +12,8 @@
 
 namespace voxeld::cli {
 
-// From construction to destruction stdin gives keys at once and unseen, and stdout shows the
-// alternate screen; then all is as it was before.
+// During its lifetime, stdin delivers keys at once and without echo, and stdout shows the alternate
+// screen. The destructor restores both.
 class Terminal {
  public:
   Terminal();
@@ -23,7 +23,7 @@ class Terminal {
 
   static ScreenSize size();
   void show(const std::vector<std::string>& lines) const;
-  // Until `deadline`, a key, a new size of the window, or a stop. Returns the key, or 0.
+  // Waits until `deadline`, a key, a new window size, or a stop. Returns the key, or 0.
   static char wait(std::chrono::steady_clock::time_point deadline, const std::stop_token& stop);
 
  private:

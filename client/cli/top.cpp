@@ -16,7 +16,7 @@ using Clock = TopView::Clock;
 
 constexpr auto kRefresh = std::chrono::seconds(1);
 constexpr int kJobsShown = 200;
-constexpr ScreenSize kPaper{200, 1000};  // of --once
+constexpr ScreenSize kPaper{200, 1000};  // screen size for --once
 
 int64_t unix_now_ms() {
   const auto since = std::chrono::system_clock::now().time_since_epoch();
@@ -49,7 +49,7 @@ void watch_queue(const Arguments& arguments, client::Client& daemon, const std::
         std::min(lines.front().size(), static_cast<size_t>(Terminal::size().columns)));
     terminal.show(lines);
     if (const char key = Terminal::wait(next, stop); key == 'q' || key == 'Q') return;
-    if (Clock::now() < next) continue;  // another key, or another size
+    if (Clock::now() < next) continue;  // woken by another key or a new size
     next = Clock::now() + kRefresh;
     try {
       queue = daemon.queue(kJobsShown);

@@ -1,4 +1,4 @@
-// `voxel top`: the daemon's devices and queue, again every second.
+// `voxel top`: the daemon's devices and queue, refreshed every second.
 #pragma once
 
 #include <stop_token>
@@ -7,8 +7,9 @@
 
 namespace voxeld::cli {
 
-// One look, as text or JSON, where that is asked for or stdout is no terminal; else until q, Ctrl-C
-// or SIGTERM. Throws client::Error; a daemon that goes away while it is watched is waited for.
+// Prints one snapshot, as text or JSON, if requested or if stdout is not a terminal. Otherwise runs
+// until q, Ctrl-C or SIGTERM. If the daemon goes away meanwhile, it waits for it. Throws
+// client::Error.
 void watch_queue(const Arguments& arguments, client::Client& daemon, const std::stop_token& stop);
 
 }  // namespace voxeld::cli

@@ -13,16 +13,17 @@ using client::Queue;
 using client::QueuedJob;
 
 constexpr size_t kJobWidth = 12, kTenantWidth = 14, kKindWidth = 9;
-constexpr int kRowsMin = 4;  // the head, a device, the head of the queue and what does not fit
+constexpr int kRowsMin = 4;  // header, one device, header of the queue, and the count of omitted
+                             // rows
 
-// Names come from elsewhere: nothing but printable ASCII reaches the terminal.
+// Names are untrusted, so only printable ASCII reaches the terminal.
 std::string plain(std::string_view text) {
   std::string safe;
   for (const char c : text) safe += c >= 0x20 && c < 0x7f ? c : '?';
   return safe;
 }
 
-// Exactly so wide.
+// The text cut or padded to exactly `width`.
 std::string cell(std::string_view text, size_t width) {
   std::string fitted = plain(text).substr(0, width);
   if (text.size() > width && width > 1) fitted[width - 1] = '~';
@@ -52,7 +53,7 @@ std::string tenant_text(const std::string& tenant) {
   return tenant.empty() ? "-" : tenant;
 }
 
-// Frames where there are several, else tiles.
+// The count of frames if there are several, else of tiles.
 std::pair<int64_t, int64_t> counts_of(const JobInfo& job) {
   if (job.frames_total > 1) return {job.frames_done, job.frames_total};
   return {job.tiles_done, job.tiles_total};
@@ -63,7 +64,7 @@ std::string job_cells(const QueuedJob& one) {
          cell(one.job.kind, kKindWidth);
 }
 
-// Of a job that was started and gave its worker to another one; empty of those that are new.
+// The progress of a queued job that was preempted; empty for a job that has not started.
 std::string parked_text(const JobInfo& job) {
   const auto [done, total] = counts_of(job);
   if (done == 0 || total == 0) return "";

@@ -1,4 +1,4 @@
-// What `voxel top` shows, as lines of text.
+// The screen of `voxel top`, as lines of text.
 #pragma once
 
 #include <chrono>
@@ -15,14 +15,14 @@ struct ScreenSize {
   int columns = 80, rows = 24;
 };
 
-// Remembers from one look to the next how far each job was, for its rate.
+// Remembers each job's last progress, to compute its rate.
 class TopView {
  public:
   using Clock = std::chrono::steady_clock;
 
   explicit TopView(std::string url) : url_(std::move(url)) {}
-  // At most `size.rows` lines of at most `size.columns` characters; what does not fit is counted.
-  // `now_ms`: Unix time; `at`: when the answer came.
+  // Returns at most `size.rows` lines of at most `size.columns` characters; omitted rows are
+  // counted. `now_ms`: Unix time; `at`: when the response arrived.
   std::vector<std::string> lines(const client::Queue& queue, ScreenSize size, int64_t now_ms,
                                  Clock::time_point at);
 

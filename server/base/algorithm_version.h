@@ -1,5 +1,5 @@
-// Part of the name of every result: raise it in the commit that changes the bytes that any request
-// gives, and results that were cached before are computed anew.
+// The version of the algorithms, a part of every result's name. Raise it in the commit that changes
+// the bytes of any result; cached results are then computed anew.
 #pragma once
 
 namespace voxeld {

@@ -33,7 +33,7 @@ bool is_loopback(const in_addr& address) {
   return (ntohl(address.s_addr) >> 24) == 127;
 }
 
-// ::ffff:127.0.0.1 is the IPv4 address as sockets for both families write it.
+// ::ffff:127.0.0.1 is how dual-stack sockets write the IPv4 address.
 bool is_loopback(const in6_addr& address) {
   if (IN6_IS_ADDR_V4MAPPED(&address)) return address.s6_addr[12] == 127;
   return IN6_IS_ADDR_LOOPBACK(&address) != 0;

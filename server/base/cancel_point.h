@@ -1,10 +1,12 @@
-// Cancellation of long computations that do not know of tasks: parsers, decoders, encoders.
+// Cancellation of long computations that know nothing about tasks: parsers, decoders, encoders.
 //
-// A task installs its flag with a CancelScope; every loop whose length a file decides calls
-// cancel_point(), which throws Cancelled once the flag is set. An exception, because the loops are
-// many levels deep in code whose results have nothing to do with tasks; it is caught in one place
-// (server/worker/run_task.cpp). Between two cancel points lie at most about 50 ms of work; a call
-// of a library that takes longer is named where it is made.
+// A task installs its flag with a CancelScope. Every loop whose length a file decides calls
+// cancel_point(), which throws Cancelled once the flag is set. It is an exception because the loops
+// are many levels deep, in code whose results do not concern tasks. One place catches it
+// (server/worker/run_task.cpp).
+//
+// At most about 50 ms of work lie between two cancellation points. Library calls that take longer
+// are noted where they are made.
 #pragma once
 
 #include <atomic>
@@ -12,7 +14,7 @@
 
 namespace voxeld {
 
-// Not a std::exception: handlers of what libraries throw let it pass.
+// Not a std::exception, so handlers of library exceptions do not catch it.
 class Cancelled {};
 
 namespace internal {
@@ -20,20 +22,20 @@ extern constinit thread_local const std::atomic<bool>* cancel_flag;
 }  // namespace internal
 
 // Whether this thread's scope is cancelled; false without a scope. For callbacks of C libraries,
-// through which nothing may be thrown.
+// which must not throw.
 inline bool is_cancelled() {
   const std::atomic<bool>* flag = internal::cancel_flag;
   return flag != nullptr && flag->load(std::memory_order_relaxed);
 }
 
-// Throws Cancelled where this thread's scope is cancelled; without a scope nothing. A nanosecond:
-// may stand in a loop over vertices.
+// Throws Cancelled if this thread's scope is cancelled; does nothing without a scope. It takes a
+// nanosecond, so a loop over vertices may call it.
 inline void cancel_point() {
   if (is_cancelled()) [[unlikely]]
     throw Cancelled();
 }
 
-// Covers the calling thread alone: threads that it starts have no cancel points. Scopes nest.
+// Applies to the calling thread only: threads that it starts have no scope. Scopes nest.
 class CancelScope {
  public:
   explicit CancelScope(const std::atomic<bool>& flag)

@@ -1,5 +1,5 @@
-// CHECK aborts with file, line and a message. It guards what no input can make false; what a user
-// can cause is a Result.
+// CHECK aborts with file, line and a message. It guards conditions that no input can violate; for
+// failures that a user can cause, use Result.
 #pragma once
 
 #include <string_view>

@@ -18,11 +18,11 @@ extern char** environ;
 namespace voxeld {
 namespace {
 
-// Drivers that write to stdout must not fill the memory.
+// A limit, because drivers that write to stdout must not fill the memory.
 constexpr size_t kAnswerBytesMax = size_t{1} << 20;
 
-// Starts `program arguments...` with stdout on a pipe and stderr away: drivers complain there, and
-// what matters is in the answer. Returns the pid, or -1 with errno.
+// Starts `program arguments...` with stdout on a pipe and stderr discarded, because drivers
+// complain there. Returns the pid, or -1 with errno.
 pid_t start_child(const std::vector<std::string>& command, int stdout_fd) {
   std::vector<char*> arguments;
   arguments.reserve(command.size() + 1);
@@ -41,7 +41,7 @@ pid_t start_child(const std::vector<std::string>& command, int stdout_fd) {
   return -1;
 }
 
-// Reads until the end of the pipe; false when the time is up.
+// Reads until the end of the pipe. Returns false on timeout.
 bool read_answer(int fd, std::chrono::milliseconds timeout, std::string& text) {
   const Stopwatch clock;
   char buffer[4096];

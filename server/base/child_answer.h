@@ -1,4 +1,4 @@
-// Runs a program and reads what it says: for work that a driver may crash or hang in.
+// Runs a program and reads its output: for work in which a driver may crash or hang.
 #pragma once
 
 #include <chrono>
@@ -8,17 +8,18 @@
 
 namespace voxeld {
 
-// What a child wrote to stdout and how it ended.
+// The stdout of a child, and how it ended.
 struct ChildAnswer {
   std::string text;
-  std::string failure;  // empty: it exited by itself with status 0
+  std::string failure;  // empty: it exited with status 0
 };
 
-// `command`: a path and its arguments. The child's stderr goes nowhere: drivers complain there. A
-// child that takes longer than `timeout` is killed.
+// Runs `command`, a path and its arguments. The child's stderr is discarded, because drivers
+// complain there. A child that exceeds `timeout` is killed.
 ChildAnswer run_child(const std::vector<std::string>& command, std::chrono::milliseconds timeout);
 
-// From the last line that starts with a brace on: drivers may have written others before it.
+// The text from the last line on that starts with a brace. Drivers may have printed other lines
+// before it.
 std::string_view last_json_line(std::string_view text);
 
 }  // namespace voxeld

@@ -16,12 +16,13 @@
 namespace voxeld {
 namespace {
 
-constexpr int kCannotExecute = 127;  // as the shell's
+constexpr int kCannotExecute = 127;  // the status that shells use
 
-// Between fork and exec of a process with threads: only async-signal-safe calls.
+// Runs between fork and exec in a process with threads, so only async-signal-safe calls are
+// allowed.
 [[noreturn]] void run_child(pid_t parent, const char* executable, char* const* arguments) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::getppid() != parent) ::_exit(kCannotExecute);  // it died before the line above
+  if (::getppid() != parent) ::_exit(kCannotExecute);  // the parent died before prctl
   ::setpgid(0, 0);
   struct sigaction by_default {};
   by_default.sa_handler = SIG_DFL;
@@ -66,7 +67,7 @@ ExitReason ChildProcess::wait() {
   const pid_t child = pid();
   VOXELD_CHECK(child != 0, "wait without a child");
   siginfo_t info{};
-  // WNOWAIT: the number stays taken until the lock is held, so send_signal cannot miss.
+  // WNOWAIT leaves the pid taken until the lock is held, so send_signal cannot hit a later process.
   while (::waitid(P_PID, static_cast<id_t>(child), &info, WEXITED | WNOWAIT) != 0 &&
          errno == EINTR) {
   }

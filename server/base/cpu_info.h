@@ -1,14 +1,14 @@
-// The processor that this runs on.
+// Facts about this machine's processor.
 #pragma once
 
 #include <string>
 
 namespace voxeld {
 
-// "AMD EPYC 9B14", as the kernel names it; the architecture where it names none.
+// The kernel's name of the processor, such as "AMD EPYC 9B14", or the architecture if it has none.
 std::string cpu_model();
 
-// Processors that the scheduler offers, at least 1.
+// The number of processors that the scheduler offers, at least 1.
 int cpu_thread_count();
 
 }  // namespace voxeld

@@ -13,7 +13,7 @@
 namespace voxeld {
 namespace {
 
-// What a worker leaves is one level deep; a tree that is deeper than this is somebody's attack.
+// Limits the recursion. A worker's files are one level deep, so a deeper tree is an attack.
 constexpr int kDepthMax = 32;
 
 struct Closer {
@@ -25,7 +25,7 @@ bool is_entry(std::string_view name) {
   return name != "." && name != "..";
 }
 
-// Takes the descriptor over.
+// Takes ownership of the descriptor.
 void remove_content(int fd, int depth) noexcept {
   const OpenDirectory directory(::fdopendir(fd));
   if (directory == nullptr) {

@@ -1,5 +1,5 @@
-// Directories, read and removed. Those of std::filesystem end the process where memory runs out:
-// their iterators are noexcept and allocate.
+// Reads and removes directories. The iterators of std::filesystem are noexcept but allocate, so
+// they end the process when memory runs out.
 #pragma once
 
 #include <filesystem>
@@ -10,9 +10,9 @@
 
 namespace voxeld {
 
-// Names in a directory, without . and .., in no order. None where there is no such directory.
+// Names in a directory, without . and .., in no order. Empty if the directory does not exist.
 Result<std::vector<std::string>> directory_names(const std::filesystem::path& directory);
-// Removes it with all that is in it, as far as that can be done.
+// Removes the directory with all its contents, as far as possible.
 void remove_tree(const std::filesystem::path& directory) noexcept;
 
 }  // namespace voxeld

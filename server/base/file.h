@@ -54,15 +54,16 @@ class MappedFile {
 };
 
 Result<std::vector<uint8_t>> read_file(const std::filesystem::path& path);
-// Writes, without sync: scratch files. storage-full on ENOSPC and EDQUOT, else internal.
+// Writes a file without sync; for scratch files. Errors: storage-full on ENOSPC and EDQUOT, else
+// internal.
 Status write_file(const std::filesystem::path& path, std::span<const uint8_t> bytes);
-// write(2) until all is out; retries EINTR.
+// Calls write(2) until everything is written; retries after EINTR.
 Status write_all(int fd, std::span<const uint8_t> bytes);
-// fsync of a file, or of a directory so that a rename in it survives power loss.
+// Syncs a file, or a directory so that a rename in it survives power loss.
 Status sync_path(const std::filesystem::path& path);
-// Error from errno: "<action> <path>: <strerror>"; storage-full for ENOSPC and EDQUOT.
+// An Error from errno: "<action> <path>: <strerror>"; storage-full for ENOSPC and EDQUOT.
 Error errno_error(std::string_view action, const std::filesystem::path& path);
-// The same from what std::filesystem says.
+// The same from an error code of std::filesystem.
 Error code_error(std::string_view action, const std::filesystem::path& path,
                  const std::error_code& code);
 

@@ -11,7 +11,7 @@
 namespace voxeld {
 namespace {
 
-// The number that the holder wrote, for the message.
+// The pid that the holder wrote, for the message.
 std::string holder_of(int fd) {
   std::array<char, 32> text{};
   const ssize_t count = ::pread(fd, text.data(), text.size() - 1, 0);

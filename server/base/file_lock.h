@@ -1,4 +1,4 @@
-// A lock on a file or a directory that holds until the process ends, however it ends.
+// A lock on a file or a directory that lasts until the process ends, however it ends.
 #pragma once
 
 #include <filesystem>
@@ -8,12 +8,10 @@
 
 namespace voxeld {
 
-// Creates the file, locks it (flock) and writes the process's number into it. Keep the descriptor
-// as long as the lock should hold. Errors: conflict with the other process's number when it is
-// taken.
+// Creates the file, locks it (flock) and writes this process's pid into it. The lock lasts as long
+// as the descriptor. Errors: conflict with the other process's pid if it is taken.
 Result<UniqueFd> lock_file(const std::filesystem::path& path);
-// The same for a directory, which no file in it can be removed to get around. DIR/lock tells the
-// process's number.
+// Locks a directory. Removing a file in it cannot circumvent this lock. DIR/lock holds the pid.
 Result<UniqueFd> lock_directory(const std::filesystem::path& directory);
 // Whether some process holds lock_directory().
 bool is_directory_locked(const std::filesystem::path& directory);

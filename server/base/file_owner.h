@@ -1,4 +1,4 @@
-// Checks who may change a file or directory that the daemon trusts.
+// Checks the owner and mode of files and directories that the daemon trusts.
 #pragma once
 
 #include <filesystem>
@@ -9,10 +9,11 @@
 
 namespace voxeld {
 
-// That it belongs to this process's user or to root, and that nobody else can write to it. Errors:
-// conflict, with the command that mends it.
+// Checks that it belongs to this process's user or to root, and that no other user can write to it.
+// Errors: conflict, with the command that repairs it.
 Status check_trusted(const struct stat& info, const std::filesystem::path& path);
-// The same for a secret, which nobody else can read either. `owner`: another user whose it may be.
+// The same for a secret, which no other user may read either. `owner`: a further user who may own
+// it.
 Status check_secret(const struct stat& info, const std::filesystem::path& path, uid_t owner);
 
 }  // namespace voxeld

@@ -36,12 +36,12 @@ Error connection_closed() {
   return {ErrorCode::kGone, "connection closed", "", ""};
 }
 
-// The time that is left for a frame. Without a limit, calls block.
+// The time left for a frame. Without a limit, calls block.
 class FrameTime {
  public:
   explicit FrameTime(double seconds_max) : seconds_max_(seconds_max) {}
   int flags() const { return seconds_max_ > 0 ? MSG_DONTWAIT : 0; }
-  // Waits until the socket is ready; false: the time is over.
+  // Waits until the socket is ready. Returns false on timeout.
   bool wait(int fd, short events) const {
     const double left_ms = seconds_max_ * 1000.0 - watch_.ms();
     pollfd one{fd, events, 0};
@@ -62,7 +62,7 @@ bool would_block() {
   return errno == EAGAIN || errno == EWOULDBLOCK;
 }
 
-// Reads up to `count` bytes as they come; 0 at the end of the stream.
+// Reads up to `count` available bytes; 0 at the end of the stream.
 Result<size_t> read_some(int fd, char* out, size_t count, int flags) {
   while (true) {
     const ssize_t got = ::recv(fd, out, count, flags);
@@ -71,12 +71,12 @@ Result<size_t> read_some(int fd, char* out, size_t count, int flags) {
     if (would_block()) {
       return Error{ErrorCode::kDeadlineExceeded, "no task message within the time limit", "", ""};
     }
-    if (errno == ECONNRESET) return size_t{0};  // the peer died with our message unread
+    if (errno == ECONNRESET) return size_t{0};  // the peer died before it read our message
     return errno_error("receive from", "task socket");
   }
 }
 
-// Reads until `done` is `count`, or the stream ends. False: the time is over.
+// Reads until `done` is `count` or the stream ends. Returns false on timeout.
 Result<bool> read_rest(int fd, char* out, size_t count, const FrameTime& time, size_t& done) {
   while (done < count) {
     const auto got = read_some(fd, out + done, count - done, time.flags());

@@ -10,7 +10,7 @@ void log_exception(std::string_view what, const char* reason) noexcept {
   try {
     log::error("an exception was caught", {{"in", std::string(what)}, {"reason", reason}});
   } catch (const std::exception&) {
-    // No memory for a line of the log.
+    // There is no memory even for a log line.
     constexpr std::string_view kText = "voxeld: out of memory\n";
     [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, kText.data(), kText.size());
   }

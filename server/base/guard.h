@@ -1,4 +1,4 @@
-// Threads whose uncaught exception would end the daemon.
+// Guards threads in which an uncaught exception would end the daemon.
 #pragma once
 
 #include <exception>
@@ -10,11 +10,11 @@ namespace voxeld {
 
 // Logs that `what` failed for this reason; never throws.
 void log_exception(std::string_view what, const char* reason) noexcept;
-// The same as an Error; without the reason when there is no memory for it.
+// The exception as an Error; without the reason if there is no memory for it.
 Error exception_error(const std::exception& failure) noexcept;
 
-// Runs `work`. What it throws (out of memory, mostly) is logged and ends nothing but this; then
-// false.
+// Runs `work`. An exception (mostly out of memory) is logged and ends only this call, which then
+// returns false.
 template <typename Work>
 bool guarded(std::string_view what, Work&& work) noexcept {
   try {

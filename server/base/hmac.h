@@ -6,7 +6,7 @@
 
 namespace voxeld {
 
-// 64 lower-case hex digits.
+// The HMAC as 64 lower-case hex digits.
 std::string hmac_sha256(std::string_view key, std::string_view text);
 
 }  // namespace voxeld

@@ -16,10 +16,10 @@ namespace {
 
 constexpr int64_t kKibi = 1024;
 
-// Between those of daemons (0) and the first to go (1000).
+// Between daemons (0) and the first process to be killed (1000).
 constexpr int kOomScore = 500;
 
-// "VmHWM:	  504484 kB"
+// The value of a line such as "VmHWM:       504484 kB", in bytes.
 int64_t status_bytes(std::string_view name, const std::string& process = "self") {
   std::ifstream status("/proc/" + process + "/status");
   for (std::string line; std::getline(status, line);) {
@@ -33,15 +33,15 @@ int64_t status_bytes(std::string_view name, const std::string& process = "self")
   return 0;
 }
 
-// The number that the file holds; 0 for none, also for "max".
+// The number in the file; 0 if there is none, also for "max".
 int64_t number_in(const std::filesystem::path& path) {
   std::ifstream file(path);
   int64_t value = 0;
   return file >> value ? value : 0;
 }
 
-// memory.max of this process's control group and of those around it (version 2), or of the root
-// that a container sees (version 1).
+// memory.max of this process's control group and of its ancestors (version 2), or of the root that
+// a container sees (version 1).
 int64_t control_group_bytes() {
   const std::filesystem::path root = "/sys/fs/cgroup";
   std::ifstream own("/proc/self/cgroup");

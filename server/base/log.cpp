@@ -35,7 +35,7 @@ spdlog::level::level_enum to_spdlog(Level level) {
   return spdlog::level::info;
 }
 
-// Control characters would let a client forge log lines.
+// Control characters are removed, because a client could forge log lines with them.
 void append_value(std::string& line, std::string_view value) {
   const bool quote = value.find_first_of(" \"=") != std::string_view::npos;
   if (quote) line += '"';

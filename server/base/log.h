@@ -1,5 +1,5 @@
-// Structured logging: one line per event, "message key=value …", to stderr. Thin over spdlog so
-// that only log.cpp compiles it.
+// Structured logging to stderr: one line per event, "message key=value …". A thin layer over
+// spdlog, so only log.cpp compiles it.
 #pragma once
 
 #include <initializer_list>
@@ -11,8 +11,8 @@ namespace voxeld::log {
 
 enum class Level { kDebug, kInfo, kWarn, kError };
 
-// A field's value is quoted where it holds spaces, and cleaned of control characters: what users
-// send belongs into fields. Fields with an empty value are left out.
+// A key and its value. The value is quoted if it contains spaces, and cleaned of control
+// characters: put text from users into fields. Fields with an empty value are omitted.
 struct Field {
   std::string_view key;
   std::string value;
@@ -26,8 +26,8 @@ struct Field {
   Field(std::string_view k, double v) : key(k), value(std::to_string(v)) {}
 };
 
-// Lowest level that is written; default kInfo. `process` ("gateway", "worker llvmpipe") stands in
-// every line. Call once, before threads start.
+// Sets the lowest level that is written (default kInfo) and the process name of every line
+// ("gateway", "worker llvmpipe"). Call it once, before threads start.
 void configure(Level lowest, std::string_view process);
 void write(Level level, std::string_view message, std::initializer_list<Field> fields = {});
 

@@ -1,4 +1,4 @@
-// What a mapped file keeps in memory.
+// Releases the resident pages of a mapped file.
 #pragma once
 
 #include <cstdint>
@@ -6,9 +6,9 @@
 
 namespace voxeld {
 
-// Lets go of the whole pages of read-only mapped bytes; they come back from the file when they are
-// read again. For a reader of files larger than memory. Only for bytes of a mapped file: the
-// contents of other memory would be lost.
+// Releases whole pages of read-only mapped bytes; a later read loads them from the file again. For
+// readers of files larger than memory. Only for bytes of a mapped file: other memory would lose its
+// contents.
 void drop_mapped_pages(std::span<const uint8_t> bytes);
 
 }  // namespace voxeld

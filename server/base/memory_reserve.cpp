@@ -41,7 +41,8 @@ void hold_memory_reserve(size_t bytes) {
 bool memory_reserve_is_whole() {
   const size_t bytes = reserve().bytes;
   if (bytes == 0 || reserve().start.load() != nullptr) return true;
-  // Not by malloc, whose failure tests and sanitizers have a word in. Nothing is written to it.
+  // mmap instead of malloc, because tests and sanitizers can make malloc fail. The pages are never
+  // written.
   void* const taken =
       ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (taken == MAP_FAILED) return false;

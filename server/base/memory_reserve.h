@@ -1,23 +1,23 @@
-// Memory that is set aside for the moment when there is none.
+// A memory reserve for the moment when memory runs out.
 //
-// Where operator new gets nothing, the reserve is let go and it tries again. So the first failures
-// do not throw: not where nobody expects it either, such as in destructors that allocate (those of
-// nlohmann-json 3.11.2 do) and would end the process. Meanwhile the process takes no new work, and
-// the reserve is taken back as soon as that works.
+// If operator new gets no memory, the reserve is released and the allocation is retried. The first
+// failures therefore do not throw. That matters in destructors that allocate (those of
+// nlohmann-json 3.11.2 do), where an exception would end the process. Meanwhile the process takes
+// no new work, and the reserve is restored as soon as possible.
 #pragma once
 
 #include <cstddef>
 
 namespace voxeld {
 
-// Enough for what runs to end and to say so.
+// Enough for running work to end and to report.
 constexpr size_t kMemoryReserveBytes = size_t{4} << 20;
 
-// Takes `bytes` aside, in the place of an earlier reserve, and installs the handler
-// (std::set_new_handler) for the whole process; 0: none any more. Not beside other calls of it.
+// Allocates a reserve of `bytes`, replacing an earlier one, and installs the process's new handler
+// (std::set_new_handler). 0 removes both. Calls must not be concurrent.
 void hold_memory_reserve(size_t bytes = kMemoryReserveBytes);
 
-// Whether the reserve is whole, or could just be made whole again. True where none was ever held.
+// Whether the reserve is complete, or could just be restored. True if none was ever held.
 // Thread-safe.
 bool memory_reserve_is_whole();
 

@@ -5,8 +5,8 @@
 
 namespace voxeld {
 
-// Seconds that all threads of the process have run since it started; negative: there is no such
-// process. What a process says of itself need not be believed.
+// CPU seconds of all threads of the process since it started; negative if there is no such process.
+// The kernel's count is used because a process's own report cannot be trusted.
 double process_cpu_seconds(int64_t pid);
 
 }  // namespace voxeld

@@ -1,5 +1,5 @@
-// What a process gives up before it touches bytes of strangers: files (Landlock), system calls
-// (seccomp) and some limits. None of it can be taken back, and children inherit all of it.
+// A sandbox for a process that reads untrusted bytes: it gives up files (Landlock), system calls
+// (seccomp) and resources. Nothing of it can be undone, and children inherit it.
 #pragma once
 
 #include <cstdint>
@@ -11,37 +11,36 @@
 
 namespace voxeld {
 
-// One hierarchy, or one file, that stays reachable.
+// A directory tree or file that stays accessible.
 struct FileRule {
   enum class Access {
     kRead,
-    kReadWrite,  // what exists
-    kOutput,     // also make and remove plain files, and rename among them
+    kReadWrite,  // existing files
+    kOutput,     // also create and remove plain files, and rename among them
     kDevice,     // read, write and ioctl
   };
   std::filesystem::path path;
   Access access = Access::kRead;
 };
 
-// 0: the kernel has no Landlock, or it is switched off.
+// The version of Landlock; 0: the kernel lacks it, or it is switched off.
 int landlock_abi();
 
-// From now on this thread, and those that it starts, reach the files of `rules` alone, and give no
-// signal to and look into no process from before. Threads that run already are not bound by it:
-// Landlock has no call for those, so this comes before the first thread. Paths that do not exist
-// are left out. Files that are open already stay so. Errors: device-unavailable where the kernel
-// cannot.
+// Restricts this thread, and threads that it starts, to the files of `rules`. They also can no
+// longer signal or inspect processes outside the sandbox. Threads that run already are not
+// restricted, because Landlock has no call for that: call it before the first thread. Paths that do
+// not exist are ignored. Open files stay open. Errors: device-unavailable if the kernel cannot.
 Status restrict_files(const std::vector<FileRule>& rules);
 
-// From now on this process, with the threads that it has, does no other system calls than those
-// that computing, drivers and their files need: no new sockets, no new processes, no signals to
-// others, no change of owners, modes and links. What only an attack would try kills the process;
-// the rest fails with EPERM, or with ENOSYS so that libraries fall back. Errors: as above.
+// Restricts this process, with all its threads, to the system calls that computing, drivers and
+// their files need. It cannot make new sockets or processes, signal others, or change owners, modes
+// and links. Calls that only an attack would make kill the process. The others fail with EPERM, or
+// with ENOSYS so that libraries fall back. Errors: as above.
 Status restrict_calls();
-// Whether this kernel has what restrict_calls() needs.
+// Whether this kernel supports restrict_calls().
 bool seccomp_available();
 
-// No dumped core, few descriptors, and no file that fills a disk.
+// Forbids core dumps and limits descriptors and file size.
 Status restrict_resources();
 
 }  // namespace voxeld

@@ -24,27 +24,27 @@ namespace voxeld {
 namespace {
 
 constexpr rlim_t kDescriptorsMax = 1024;
-// Of one file: what is larger fails with EFBIG, before a worker gone mad fills the disk.
+// Bytes of one file. A longer one fails with EFBIG, so a faulty worker does not fill the disk.
 constexpr rlim_t kFileBytesMax = rlim_t{64} << 30;
-constexpr uint64_t kLow32Bits = 0xffffffff;  // what the kernel reads of an int
+constexpr uint64_t kLow32Bits = 0xffffffff;  // the bits of an int that the kernel reads
 
-// What stays. Names that an architecture does not have are left out.
+// Allowed system calls. Names that an architecture lacks are ignored.
 constexpr const char* kAllowed[] = {
     // memory
     "brk", "get_mempolicy", "madvise", "mbind", "membarrier", "memfd_create", "mincore", "mlock",
     "mlock2", "mmap", "mprotect", "mremap", "msync", "munlock", "munmap", "set_mempolicy",
-    // files that are open, and those that restrict_files() leaves
+    // open files, and those that restrict_files() leaves
     "access", "close", "close_range", "copy_file_range", "creat", "dup", "dup2", "dup3",
     "faccessat", "faccessat2", "fadvise64", "fallocate", "fcntl", "fdatasync", "flock", "fstat",
     "fstatfs", "fsync", "ftruncate", "getcwd", "getdents64", "ioctl", "lseek", "lstat", "mkdir",
     "mkdirat", "newfstatat", "open", "openat", "pread64", "preadv", "pwrite64", "pwritev", "read",
     "readahead", "readlink", "readlinkat", "readv", "rename", "renameat", "renameat2", "rmdir",
     "sendfile", "stat", "statfs", "statx", "unlink", "unlinkat", "write", "writev",
-    // waiting, and the sockets that are connected already
+    // waiting, and sockets that are already connected
     "epoll_create1", "epoll_ctl", "epoll_pwait", "epoll_wait", "eventfd", "eventfd2", "getpeername",
     "getsockname", "getsockopt", "pipe", "pipe2", "poll", "ppoll", "pselect6", "recvfrom", "select",
     "sendto", "setsockopt", "shutdown", "timerfd_create", "timerfd_gettime", "timerfd_settime",
-    // threads of this process; new ones come by a rule below
+    // threads of this process; a rule below allows new ones
     "exit", "exit_group", "futex", "get_robust_list", "getcpu", "getpriority", "gettid", "rseq",
     "sched_get_priority_max", "sched_get_priority_min", "sched_getaffinity", "sched_getattr",
     "sched_getparam", "sched_getscheduler", "sched_setaffinity", "sched_setscheduler",
@@ -55,12 +55,12 @@ constexpr const char* kAllowed[] = {
     // time
     "clock_getres", "clock_gettime", "clock_nanosleep", "gettimeofday", "nanosleep", "time",
     "times",
-    // what a process may know
+    // facts that a process may know
     "arch_prctl", "getegid", "geteuid", "getgid", "getpgrp", "getpid", "getppid", "getrandom",
     "getresgid", "getresuid", "getrlimit", "getrusage", "getuid", "sysinfo", "uname"};
 
-// A library may try these and says what failed. What stands in no list gives ENOSYS, as an older
-// kernel would: libraries then take the call that they used before it.
+// Calls that a library may try; it then reports the failure. Unlisted calls give ENOSYS, as an
+// older kernel would, and libraries fall back to an earlier call.
 constexpr const char* kRefused[] = {"accept",
                                     "accept4",
                                     "bind",
@@ -108,7 +108,7 @@ constexpr const char* kRefused[] = {"accept",
                                     "rt_tgsigqueueinfo",
                                     "sched_setattr"};
 
-// No library of a worker tries these.
+// Calls that no library of a worker tries; they kill the process.
 constexpr const char* kKilling[] = {"acct",
                                     "add_key",
                                     "bpf",
@@ -198,10 +198,10 @@ scmp_arg_cmp is_int(unsigned argument, uint64_t value) {
 }
 
 #ifndef VOXELD_SANITIZED
-// Those that are allowed for some arguments.
+// Calls that are allowed for some arguments.
 Status add_conditional(const Filter& filter) {
-  // A thread shares all with this process; what clone() makes without the flag is a process. The
-  // flags of clone3() are in memory, where a filter cannot look: ENOSYS, and glibc takes clone().
+  // clone() with CLONE_THREAD makes a thread; without it, a process. The flags of clone3() are in
+  // memory, where a filter cannot look. It gives ENOSYS, and glibc falls back to clone().
   VOXELD_TRY(add(filter, SCMP_ACT_ALLOW, "clone", {masked(0, CLONE_THREAD, CLONE_THREAD)}));
   const auto self = static_cast<uint64_t>(::getpid());
   for (const char* name : {"kill", "tgkill"}) {
@@ -222,7 +222,7 @@ Result<Filter> allow_list() {
   for (const char* name : kAllowed) VOXELD_TRY(add(filter, SCMP_ACT_ALLOW, name));
   for (const char* name : kRefused) VOXELD_TRY(add(filter, SCMP_ACT_ERRNO(EPERM), name));
 #ifdef VOXELD_SANITIZED
-  // The leak check at the end stops the process's threads by tracing them from a clone.
+  // The leak check at exit stops the process's threads by tracing them from a clone.
   for (const char* name : {"clone", "ptrace", "prctl", "wait4", "kill", "tgkill", "personality"}) {
     VOXELD_TRY(add(filter, SCMP_ACT_ALLOW, name));
   }
@@ -237,13 +237,13 @@ Result<Filter> allow_list() {
   return filter;
 }
 
-// A second filter, as rules with arguments beside one without do not add up in libseccomp. The
-// stricter of both answers counts.
+// A second filter, because libseccomp does not combine rules with arguments and one without. The
+// stricter of the two results counts.
 Result<Filter> deny_list() {
   VOXELD_ASSIGN(Filter filter, make_filter(SCMP_ACT_ALLOW));
   const uint32_t refused = SCMP_ACT_ERRNO(EPERM);
-  // Text into the terminal that the daemon was started from; signals when a descriptor is ready,
-  // to any process of the same user.
+  // Refuses ioctls that put text into the daemon's terminal, or that signal any process of the same
+  // user when a descriptor is ready.
   for (const uint64_t request :
        {uint64_t{TIOCSTI}, uint64_t{TIOCLINUX}, uint64_t{FIOSETOWN}, uint64_t{SIOCSPGRP}}) {
     VOXELD_TRY(add(filter, refused, "ioctl", {is_int(1, request)}));
@@ -251,7 +251,7 @@ Result<Filter> deny_list() {
   for (const int command : {F_SETOWN, F_SETOWN_EX, F_SETSIG, F_SETLEASE, F_NOTIFY}) {
     VOXELD_TRY(add(filter, refused, "fcntl", {is_int(1, static_cast<uint64_t>(command))}));
   }
-  // Landlock before ABI 3 does not see that a file is cut on being opened for reading.
+  // Before ABI 3, Landlock does not notice O_TRUNC when a file is opened for reading.
   constexpr uint64_t kAsked = O_TRUNC | O_ACCMODE;
   VOXELD_TRY(add(filter, refused, "open", {masked(1, kAsked, O_TRUNC)}));
   VOXELD_TRY(add(filter, refused, "openat", {masked(2, kAsked, O_TRUNC)}));
@@ -267,7 +267,7 @@ bool seccomp_available() {
 Status restrict_calls() {
   VOXELD_ASSIGN(const Filter denied, deny_list());
   VOXELD_ASSIGN(const Filter allowed, allow_list());
-  // The second load needs seccomp(), which the allow-list does not have.
+  // The denying filter first: the second load needs seccomp(), which the allow-list forbids.
   if (const int code = seccomp_load(denied.get()); code != 0) return failed("load", code);
   if (const int code = seccomp_load(allowed.get()); code != 0) return failed("load", code);
   return {};
@@ -287,7 +287,7 @@ Status restrict_resources() {
       return errno_error("set", "a resource limit");
     }
   }
-  ::signal(SIGXFSZ, SIG_IGN);  // EFBIG instead
+  ::signal(SIGXFSZ, SIG_IGN);  // a too long file gives EFBIG instead
   return {};
 }
 

@@ -10,7 +10,7 @@
 #include "server/base/file.h"
 #include "server/base/sandbox.h"
 
-// Of kernels later than the headers of Debian 12, which end at ABI 2.
+// Constants of kernels later than the headers of Debian 12, which end at ABI 2.
 #ifndef LANDLOCK_ACCESS_FS_TRUNCATE
 #define LANDLOCK_ACCESS_FS_TRUNCATE (1ULL << 14)
 #endif
@@ -21,8 +21,8 @@
 namespace voxeld {
 namespace {
 
-// landlock_ruleset_attr of ABI 6. An older kernel takes the longer struct as long as what it does
-// not know is 0.
+// The landlock_ruleset_attr of ABI 6. An older kernel accepts the longer struct if the fields it
+// does not know are 0.
 struct RulesetAttributes {
   uint64_t handled_access_fs = 0;
   uint64_t handled_access_net = 0;
@@ -38,7 +38,7 @@ constexpr uint64_t kWriteAccess = LANDLOCK_ACCESS_FS_WRITE_FILE | LANDLOCK_ACCES
 constexpr uint64_t kOutputAccess = LANDLOCK_ACCESS_FS_MAKE_REG | LANDLOCK_ACCESS_FS_REMOVE_FILE |
                                    LANDLOCK_ACCESS_FS_MAKE_DIR | LANDLOCK_ACCESS_FS_REMOVE_DIR |
                                    LANDLOCK_ACCESS_FS_REFER;
-// What a rule on a plain file may name.
+// Rights that a rule on a plain file may have.
 constexpr uint64_t kFileAccess = LANDLOCK_ACCESS_FS_EXECUTE | LANDLOCK_ACCESS_FS_READ_FILE |
                                  kWriteAccess | LANDLOCK_ACCESS_FS_IOCTL_DEV;
 

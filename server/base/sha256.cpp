@@ -12,7 +12,7 @@ namespace voxeld {
 
 namespace {
 constexpr std::string_view kPrefix = "sha256-";
-// Looked up before main(): OpenSSL 3.0 crashes when memory runs out while it sets itself up.
+// Fetched before main(): OpenSSL 3.0 crashes if memory runs out during its initialization.
 const EVP_MD* const kAlgorithm = EVP_MD_fetch(nullptr, "SHA256", nullptr);
 }  // namespace
 
@@ -22,7 +22,7 @@ struct Sha256::Impl {
 };
 
 Sha256::Sha256() : impl_(std::make_unique<Impl>()) {
-  // It can fail for want of memory alone.
+  // Fails only if memory runs out.
   if (impl_->context == nullptr || EVP_DigestInit_ex(impl_->context, kAlgorithm, nullptr) != 1) {
     throw std::bad_alloc();
   }

@@ -21,7 +21,7 @@ class Sha256 {
 
   void update(std::span<const uint8_t> bytes);
   void update(std::string_view text);
-  // "sha256-<64 hex>". Call once.
+  // Returns "sha256-<64 hex>". Call it once.
   std::string finish_id();
 
  private:
@@ -31,7 +31,7 @@ class Sha256 {
 
 std::string sha256_id(std::span<const uint8_t> bytes);
 std::string sha256_id(std::string_view text);
-// True for exactly "sha256-" and 64 lower-case hex digits: safe as a file name.
+// Whether the text is exactly "sha256-" and 64 lower-case hex digits, and thus safe as a file name.
 bool is_sha256_id(std::string_view id);
 
 }  // namespace voxeld

@@ -1,4 +1,4 @@
-// The hash of a file that need not fit into memory.
+// Hashes a file that need not fit into memory.
 #pragma once
 
 #include <filesystem>
@@ -8,7 +8,7 @@
 
 namespace voxeld {
 
-// "sha256-<64 hex>". Errors: those of MappedFile::open().
+// Returns "sha256-<64 hex>". Errors: those of MappedFile::open().
 Result<std::string> sha256_file_id(const std::filesystem::path& path);
 
 }  // namespace voxeld

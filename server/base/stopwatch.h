@@ -25,7 +25,7 @@ class Stopwatch {
   Clock::time_point start_ = Clock::now();
 };
 
-// Adds `ms` to the stage, in order of first use.
+// Adds `ms` to the stage. Stages are in the order of first use.
 inline void add_stage(StageTimes& times, std::string_view stage, double ms) {
   for (auto& [name, total] : times) {
     if (name == stage) {

@@ -1,5 +1,5 @@
-// The thread contract in the type: clang's -Wthread-safety checks GUARDED_BY and REQUIRES at
-// compile time (the tsan and asan presets compile with clang). Other compilers see nothing.
+// Annotations for clang's -Wthread-safety, which checks GUARDED_BY and REQUIRES at compile time
+// (the tsan and asan presets compile with clang). Other compilers see nothing.
 #pragma once
 
 #include <condition_variable>
@@ -24,7 +24,7 @@
 
 namespace voxeld {
 
-// std::mutex that clang's analysis understands.
+// A std::mutex with annotations for clang's analysis.
 class CAPABILITY("mutex") Mutex {
  public:
   void lock() ACQUIRE() { mutex_.lock(); }
@@ -35,7 +35,7 @@ class CAPABILITY("mutex") Mutex {
   std::mutex mutex_;
 };
 
-// Holds a Mutex for a scope. Also a BasicLockable, so that CondVar can release it while waiting.
+// Holds a Mutex for a scope. It is also a BasicLockable, so CondVar can release it while waiting.
 class SCOPED_CAPABILITY MutexLock {
  public:
   explicit MutexLock(Mutex& mutex) ACQUIRE(mutex) : mutex_(mutex) { mutex_.lock(); }
@@ -43,7 +43,7 @@ class SCOPED_CAPABILITY MutexLock {
   MutexLock(const MutexLock&) = delete;
   MutexLock& operator=(const MutexLock&) = delete;
 
-  // For CondVar alone.
+  // Only for CondVar.
   void lock() NO_THREAD_SAFETY_ANALYSIS { mutex_.lock(); }
   void unlock() NO_THREAD_SAFETY_ANALYSIS { mutex_.unlock(); }
 
@@ -51,8 +51,8 @@ class SCOPED_CAPABILITY MutexLock {
   Mutex& mutex_;
 };
 
-// cv.wait(lock); as with std::condition_variable_any. Use in a while loop over the condition: the
-// analysis does not follow predicates given as lambdas.
+// A condition variable; use cv.wait(lock) in a while loop over the condition. The analysis does not
+// follow predicates given as lambdas.
 using CondVar = std::condition_variable_any;
 
 }  // namespace voxeld

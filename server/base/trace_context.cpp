@@ -10,7 +10,7 @@
 namespace voxeld {
 namespace {
 
-// version-trace id-span id-flags
+// Layout: version-trace id-span id-flags.
 constexpr size_t kTextBytes = 55, kTraceAt = 3, kTraceBytes = 32, kSpanAt = 36, kSpanBytes = 16,
                  kFlagsAt = 53;
 
@@ -37,7 +37,7 @@ std::optional<TraceContext> parse_traceparent(std::string_view text) {
   if (text.size() < kTextBytes) return std::nullopt;
   const std::string_view version = text.substr(0, 2);
   if (!is_hex(version) || version == "ff") return std::nullopt;
-  // Versions to come may append fields.
+  // Future versions may append fields.
   const bool has_more = text.size() > kTextBytes;
   if (has_more && (version == "00" || text[kTextBytes] != '-')) return std::nullopt;
   TraceContext trace{std::string(text.substr(kTraceAt, kTraceBytes)),
@@ -57,7 +57,7 @@ TraceContext new_trace() {
 }
 
 TraceContext child_span(const TraceContext& parent) {
-  // Of the flags only `sampled` is known.
+  // `sampled` is the only known flag.
   return {parent.trace_id, random_id(kSpanBytes), static_cast<uint8_t>(parent.flags & 1)};
 }
 

@@ -1,4 +1,4 @@
-// W3C Trace Context: whose request something is part of, across services.
+// W3C Trace Context: links work to the request that caused it, across services.
 #pragma once
 
 #include <cstdint>
@@ -14,13 +14,14 @@ struct TraceContext {
   uint8_t flags = 0;     // 1: sampled
 };
 
-// Of the header traceparent, as strictly as its specification says; nullopt starts a new trace.
+// Parses the header traceparent, as strictly as its specification demands. nullopt: the caller
+// starts a new trace.
 std::optional<TraceContext> parse_traceparent(std::string_view text);
-// Of its own, with random ids. Not sampled.
+// A new trace with random ids, not sampled.
 TraceContext new_trace();
-// A span of the same trace.
+// A new span of the same trace.
 TraceContext child_span(const TraceContext& parent);
-// "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"
+// A text such as "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01".
 std::string traceparent_text(const TraceContext& trace);
 
 }  // namespace voxeld

@@ -12,7 +12,8 @@ class SignExtension {
   SignExtension(const std::array<size_t, 3>& sides, float background)
       : sides_(sides), background_(background) {}
 
-  // Of the values of one place on the axes before `axis`. False where none is known: they stay NaN.
+  // Processes all values at one place on the axes before `axis`. Returns false if none is known;
+  // they stay NaN.
   bool run(std::span<float> values, size_t axis) const {
     if (axis == sides_.size()) return !std::isnan(values.front());
     const size_t length = values.size() / sides_[axis];

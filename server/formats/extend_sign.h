@@ -1,4 +1,4 @@
-// Cells of a dense array of signed distances that are not in the band.
+// Fills in the sign of a dense array of signed distances outside the band.
 #pragma once
 
 #include <array>
@@ -7,10 +7,9 @@
 
 namespace voxeld {
 
-// Gives values that are NaN +background or -background, as the cells that they border on: between
-// two neighbours of which one is not in a band of a voxel or more to each side, there is no
-// surface. sides: cells along the axes, the one that changes slowest first. +background where no
-// value is known.
+// Replaces NaN by +background or -background, with the sign of the bordering cells. A band extends
+// a voxel or more to each side, so no surface lies between two neighbours of which one is outside
+// it. sides: cells along the axes, slowest first. +background if no value is known.
 void extend_sign(std::span<float> values, const std::array<size_t, 3>& sides, float background);
 
 }  // namespace voxeld

@@ -1,4 +1,4 @@
-// Grid -> bytes, one file per output format.
+// Encodes a grid as bytes, with one source file per output format.
 #pragma once
 
 #include <cstdint>
@@ -13,20 +13,21 @@
 
 namespace voxeld {
 
-// Errors: grid-too-large when a dense format exceeds kDenseCellsMax (says cells, limit and which
-// formats are sparse).
+// Encodes a grid. Errors: grid-too-large if a dense format exceeds kDenseCellsMax, with cells,
+// limit and the sparse formats.
 Result<std::vector<uint8_t>> encode(const Grid& grid, const OutputOptions& options);
-// The check alone, before anything is computed.
+// Performs only the check, before anything is computed.
 Status check_encodable(const GridSpec& spec, const OutputOptions& options);
 
-// What an encoded grid loses in the programs that it is meant for: "outside-world" for a .vox of
-// more cells than MagicaVoxel shows. The file holds everything all the same.
+// Warnings about what an encoded grid loses in its usual programs: "outside-world" for a .vox with
+// more cells than MagicaVoxel shows. The file is still complete.
 std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& options);
 
 Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options);
 Result<std::vector<uint8_t>> encode_npz(const Grid& grid, const OutputOptions& options);
 Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options);
-// The container in the codec asked for; Codec::kSmall is for those who keep or send it.
+// Encodes the container in the requested codec. Codec::kSmall is for grids that are stored for long
+// or sent.
 Result<std::vector<uint8_t>> encode_native(const Grid& grid, const OutputOptions& options);
 
 }  // namespace voxeld

@@ -20,7 +20,7 @@ bool same_place(const GridHeader& a, const GridHeader& b) {
          a.channels == b.channels;
 }
 
-// Where a batch ends that begins with tile `begin`.
+// The end of the batch that begins with tile `begin`.
 size_t batch_end(const GridReader& reader, size_t begin) {
   const uint64_t voxel_bytes = 1 + attribute_bytes(reader.header().channels);
   size_t end = begin;
@@ -90,7 +90,7 @@ Status NativeSequence::add_tiles_of(const std::filesystem::path& container,
                  ""};
   }
   size_t begin = 0;
-  do {  // once where there is no tile
+  do {  // runs once if there are no tiles
     if (before_tiles) VOXELD_TRY(before_tiles(begin, reader.tile_count()));
     const size_t end = batch_end(reader, begin);
     VOXELD_TRY(add_batch(file.bytes(), reader, begin, end));
@@ -102,7 +102,8 @@ Status NativeSequence::add_tiles_of(const std::filesystem::path& container,
 
 Status NativeSequence::add_batch(std::span<const uint8_t> bytes, const GridReader& reader,
                                  size_t begin, size_t end) {
-  const StreamCodecs fast = StreamCodecs::all(Codec::kFast);  // as read, also without channels
+  const StreamCodecs fast = StreamCodecs::all(Codec::kFast);  // as a reader sees it: absent
+                                                              // channels are fast too
   std::vector<uint8_t> out;
   if (header_.codecs == fast && reader.header().codecs == fast) {
     std::vector<StoredTile> tiles;

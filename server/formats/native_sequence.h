@@ -19,26 +19,27 @@ namespace voxeld {
 
 class NativeSequence {
  public:
-  // Contents of the tiles of a container that are in memory at once, and one tile more.
+  // Bytes of tile contents in memory at once, plus one tile.
   static constexpr size_t kBatchBytesMax = size_t{64} << 20;
-  // Before tiles are read: how many of the frame's have been, and how many there are. Its error
+  // Called before tiles are read, with the number read of this frame and their total. Its error
   // ends the writing.
   using BeforeTiles = std::function<Status(size_t done, size_t total)>;
 
-  // `common`: place, channels and meta of all frames. Errors: those of SequenceFile and
+  // `common`: placement, channels and meta of all frames. Errors: those of SequenceFile and
   // SequenceWriter::open().
   static Result<std::unique_ptr<NativeSequence>> create(const Grid& common, double fps, Codec codec,
                                                         const std::filesystem::path& path);
-  // Removes the file, but not one that was finished.
+  // Removes the file unless it was finished.
   ~NativeSequence();
   NativeSequence(const NativeSequence&) = delete;
   NativeSequence& operator=(const NativeSequence&) = delete;
 
-  // After an error of these no frame can follow. Errors: those of SequenceWriter; storage-full.
+  // Adds a frame. After an error no frame can follow. Errors: those of SequenceWriter;
+  // storage-full.
   Status add(double time_s, std::span<const SparseTile> tiles);
-  // The grid that a native container holds, a batch of tiles at a time. Its streams are taken over
-  // where the sequence's codec is theirs, else they are decoded. Errors: those of the container, in
-  // words that begin with the frame's number, from 0: "frame 7: grid container, byte 96: ...".
+  // Adds the grid of a native container, a batch of tiles at a time. Its streams are copied if the
+  // codecs agree; otherwise they are decoded. Errors: those of the container, prefixed with the
+  // frame's number from 0: "frame 7: grid container, byte 96: ...".
   Status add_container(double time_s, const std::filesystem::path& container,
                        const BeforeTiles& before_tiles = {});
   Status finish();

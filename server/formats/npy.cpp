@@ -28,8 +28,8 @@ float linear_from_srgb(uint8_t byte) {
   return table[byte];
 }
 
-// Offset of a cell's first sample: x fastest; the channels of a C-ordered array are inside the
-// cell, those of a Fortran-ordered one are whole arrays after each other.
+// The offset of a cell's first sample; x is fastest. In C order the channels are inside the cell;
+// in Fortran order each channel is a whole array.
 struct Layout {
   size_t nx, ny, cells, channels;
   bool fortran;
@@ -40,7 +40,7 @@ struct Layout {
   }
 };
 
-// Header and zeroed samples; `data` is where the samples begin.
+// A header and zeroed samples, which begin at `data`.
 struct Array {
   std::vector<uint8_t> bytes;
   size_t data = 0;
@@ -72,7 +72,7 @@ Array make_array(const Grid& grid, const OutputOptions& options, std::optional<C
   const std::vector<uint8_t> header =
       npy_header(type.descr, fortran, shape_of(grid.spec, options, type));
   const auto cells = static_cast<size_t>(grid.spec.cell_count());
-  // Gigabytes take a second to clear.
+  // Cleared in steps with cancellation points, because gigabytes take a second.
   constexpr size_t kClearedBytes = size_t{16} << 20;
   const size_t total = header.size() + cells * channels * sample_bytes;
   array.bytes.reserve(total);
@@ -87,7 +87,7 @@ Array make_array(const Grid& grid, const OutputOptions& options, std::optional<C
   return array;
 }
 
-// Voxels that have attributes; those of full nodes have none.
+// Visits voxels with attributes; those of full nodes have none.
 template <typename Visit>
 void for_each_cell(const Grid& grid, Visit&& visit) {
   for (const SparseTile& tile : grid.tiles) {
@@ -232,7 +232,7 @@ std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options
     const size_t at = array.layout.at(x, y, z, 0);
     is_float ? array.set(at, static_cast<float>(sample) / 255) : array.set(at, sample);
   });
-  // What is entirely inside is covered.
+  // Voxels of full nodes are entirely covered.
   for (const SparseTile& tile : grid.tiles) {
     cancel_point();
     for_each_full_run(tile, [&](int x, int y, int z, int length) {
@@ -247,9 +247,9 @@ std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options
 
 namespace {
 
-// What cells without a distance have in a dense array.
+// The value of cells without a distance in a dense array.
 struct DistanceBackground {
-  bool is_band = false;  // the sign of their neighbours; else outside
+  bool is_band = false;  // true: the sign of their neighbours; false: outside
   float voxels = 0;
 };
 
@@ -272,7 +272,7 @@ DistanceBackground distance_background(const Grid& grid) {
 std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options) {
   Array array = make_array(grid, options, Channel::kDistance);
   const DistanceBackground background = distance_background(grid);
-  // The header is a multiple of 64 bytes long.
+  // The cast is aligned: the header's length is a multiple of 64 bytes.
   const std::span<float> cells(reinterpret_cast<float*>(array.bytes.data() + array.data),
                                array.layout.cells);
   std::ranges::fill(cells, background.is_band ? NAN : background.voxels);

@@ -1,4 +1,4 @@
-// Arrays with a frame axis. The samples of a frame are those that its grid has alone, and frames
+// Writes arrays with a frame axis. The samples of a frame equal those of its grid alone. Frames
 // follow one another in memory: (f, z, y, x, …), or, in Fortran order, (x, y, z, …, f).
 #include <optional>
 #include <string>
@@ -11,7 +11,7 @@
 namespace voxeld {
 namespace {
 
-// A .npy file into `out` (SequenceFile, ZipWriter), frame by frame.
+// Appends a .npy file to `out` (SequenceFile, ZipWriter), frame by frame.
 template <typename Append>
 Status append_frames(const FrameSource& source, std::optional<Channel> channel,
                      const OutputOptions& options, Append&& append) {

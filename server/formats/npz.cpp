@@ -1,4 +1,5 @@
-// NumPy's .npz: a zip of .npy members, deflated. Dates are fixed, so equal grids give equal bytes.
+// Writes NumPy's .npz: a zip of deflated .npy members. Dates are fixed, so equal grids give equal
+// bytes.
 #include <zip.h>
 
 #include <array>
@@ -12,9 +13,9 @@
 namespace voxeld {
 namespace {
 
-// 1980-01-01, the first date that a zip can say.
+// 1980-01-01, the earliest date of a zip.
 constexpr zip_uint16_t kDosDate = 0x21;
-constexpr zip_uint32_t kDeflateLevel = 1;  // voxels are runs: more effort buys little
+constexpr zip_uint32_t kDeflateLevel = 1;  // voxels are runs: more effort gains little
 
 struct Member {
   std::string name;
@@ -74,7 +75,7 @@ Result<std::vector<uint8_t>> zip_members(const std::vector<Member>& members) {
     zip_discard(archive);
     return status.error();
   }
-  // libzip asks after each piece that it has deflated.
+  // libzip calls this after each deflated piece.
   const auto cancelled = [](zip_t*, void*) { return is_cancelled() ? 1 : 0; };
   zip_register_cancel_callback_with_state(archive, cancelled, nullptr, nullptr);
   if (zip_close(archive) != 0) {

@@ -14,8 +14,8 @@ double linear_from_srgb(double s) {
   return s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4);
 }
 
-// OKLab of an sRGB colour; coefficients of Ottosson, "A perceptual color space for image
-// processing", 2020.
+// OKLab of an sRGB colour. Coefficients: Ottosson, "A perceptual color space for image processing",
+// 2020.
 Lab oklab(uint32_t key) {
   const double r = linear_from_srgb((key & 255) / 255.0);
   const double g = linear_from_srgb((key >> 8 & 255) / 255.0);
@@ -37,7 +37,7 @@ struct Sample {
 struct Cluster {
   size_t first, last;  // of the samples, half-open
   int axis = 0;
-  double spread = 0;  // weighted variance along axis: what a cut can gain
+  double spread = 0;  // weighted variance along axis: the possible gain of a cut
 };
 
 double distance2(const Lab& a, const Lab& b) {
@@ -65,7 +65,7 @@ Cluster measured(const std::vector<Sample>& samples, size_t first, size_t last) 
   return cluster;
 }
 
-// Where the weight is halved along the widest axis; both parts keep at least one sample.
+// The place that halves the weight along the widest axis. Both parts keep at least one sample.
 size_t cut_of(std::vector<Sample>& samples, const Cluster& cluster) {
   const auto axis = static_cast<size_t>(cluster.axis);
   const auto begin = samples.begin() + static_cast<std::ptrdiff_t>(cluster.first);
@@ -116,7 +116,7 @@ size_t nearest(const std::vector<Lab>& centers, const Lab& lab) {
   return best;
 }
 
-// The mean sRGB of each cluster's colours, in linear light.
+// The mean of each cluster's colours, taken in linear light, as sRGB.
 Rgb mean_color(const std::array<double, 4>& linear_sum) {
   Rgb color{};
   for (size_t c = 0; c < 3; ++c) {

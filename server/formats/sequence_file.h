@@ -1,4 +1,4 @@
-// A file that grows from its beginning to its end, and whose first bytes are known last.
+// A file that is written front to back, and whose first bytes are known last.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +12,11 @@ namespace voxeld {
 
 class SequenceFile {
  public:
-  // Created or replaced. Errors: storage-full, internal.
+  // Creates or replaces the file. Errors: storage-full, internal.
   static Result<SequenceFile> create(const std::filesystem::path& path);
 
   Status append(std::span<const uint8_t> bytes);
-  // Over what stands there; it must lie in what was appended.
+  // Overwrites bytes that were appended before.
   Status replace(uint64_t offset, std::span<const uint8_t> bytes);
   uint64_t size() const { return size_; }
 

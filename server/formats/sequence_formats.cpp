@@ -8,7 +8,7 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kVoxFramesShown = 120;  // what MagicaVoxel's editor plays
+constexpr size_t kVoxFramesShown = 120;  // frames that MagicaVoxel's editor plays
 
 }  // namespace
 

@@ -1,5 +1,5 @@
-// The frames of a sequence -> one file, one source file per output format. Frames are read and
-// written one after the other: not all of them need to fit into memory.
+// Writes the frames of a sequence to one file, with one source file per output format. Frames are
+// read and written one after the other, so they need not all fit into memory.
 #pragma once
 
 #include <filesystem>
@@ -14,24 +14,25 @@
 
 namespace voxeld {
 
-// Writes the frames in the request's format to `path`, which is created or replaced; sequence_
-// media_type() and sequence_extension() (proto/sequence_format.h) say what it is. The same frames
-// give the same bytes. Errors: as encode() and check_sequence_encodable(); grid-too-large for a
-// .vox that gets longer than its 32-bit lengths can say; storage-full; the source's. What is at
-// `path` after an error is not a whole file.
+// Writes the frames in the request's format to `path`, which is created or replaced.
+// sequence_media_type() and sequence_extension() (proto/sequence_format.h) name the type. Equal
+// frames give equal bytes. After an error, `path` does not hold a complete file. Errors: as
+// encode() and check_sequence_encodable(); grid-too-large for a .vox that exceeds its 32-bit
+// lengths; storage-full; the source's.
 Status write_sequence(const FrameSource& source, const OutputOptions& options,
                       const std::filesystem::path& path);
 
-// The check alone, before anything is computed. Errors: as check_encodable() for each frame, and
-// grid-too-large for dense formats of more than limits::kSequenceDenseCellsMax cells in all frames.
+// Performs only the check, before anything is computed. Errors: as check_encodable() for each
+// frame, and grid-too-large for dense formats with more than limits::kSequenceDenseCellsMax cells
+// in all frames.
 Status check_sequence_encodable(const GridSpec& spec, size_t frames, const OutputOptions& options);
 
-// As encode_warnings(), and "many-frames" for a .vox of more frames than MagicaVoxel's editor
+// Like encode_warnings(), plus "many-frames" for a .vox with more frames than MagicaVoxel's editor
 // plays.
 std::vector<Warning> sequence_warnings(const GridSpec& spec, size_t frames,
                                        const OutputOptions& options);
 
-// One per format, as write_sequence() calls them.
+// One writer per format; write_sequence() calls them.
 Status write_native_sequence(const FrameSource& source, const OutputOptions& options,
                              const std::filesystem::path& path);
 Status write_vox_sequence(const FrameSource& source, const OutputOptions& options,

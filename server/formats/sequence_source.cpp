@@ -1,4 +1,4 @@
-// How the streams of a frame are made: from tiles, or from what their container has.
+// Makes the streams of a frame, from tiles or from those of their container.
 #include "server/formats/sequence_source.h"
 
 #include <string>
@@ -23,7 +23,7 @@ StreamKind kind_of(size_t kind) {
   return kind == 0 ? StreamKind::kOctree : stream_kind(kChannels[kind - 1].channel);
 }
 
-// The key of contents that stand for themselves.
+// The key of contents that do not depend on another stream.
 std::string key_of(size_t kind, const std::vector<uint8_t>& contents) {
   return std::to_string(kind) + sha256_id(contents);
 }
@@ -32,7 +32,7 @@ std::string counts_text(uint64_t bricks, uint64_t voxels) {
   return std::to_string(bricks) + " bricks and " + std::to_string(voxels) + " voxels";
 }
 
-// The contents of a stream of a tile that has `mask_voxels` voxels with attributes.
+// The contents of a stored stream. The tile has `mask_voxels` voxels with attributes.
 Result<std::vector<uint8_t>> stored_contents(const StoredTile& tile, size_t kind,
                                              uint64_t mask_voxels) {
   const size_t expected = kind == 0 ? kOctreeBytesMax : kChannels[kind - 1].bytes() * mask_voxels;
@@ -42,7 +42,7 @@ Result<std::vector<uint8_t>> stored_contents(const StoredTile& tile, size_t kind
                std::to_string(expected), std::to_string(contents.size())};
 }
 
-// Voxels that have attributes, where the octree is that of the tile.
+// Counts voxels with attributes, and checks that the octree has the tile's counts.
 Result<uint64_t> counted_voxels(const StoredTile& tile, const std::vector<uint8_t>& octree) {
   VOXELD_ASSIGN(const OctreeCounts counts, count_octree(octree));
   if (counts.bricks == tile.brick_count && counts.voxels == tile.voxel_count) {
@@ -55,7 +55,7 @@ Result<uint64_t> counted_voxels(const StoredTile& tile, const std::vector<uint8_
 
 }  // namespace
 
-// The sources of one tile: kStreamKinds from `sources` on.
+// Fills the sources of one tile: kStreamKinds from `sources` on.
 Status SequenceWriter::prepare(const SparseTile& tile, Tile& entry, Source* sources) const {
   VOXELD_TRY(check_tile(tile, header_));
   if (tile.empty()) return no_container("an empty tile");
@@ -76,7 +76,8 @@ Status SequenceWriter::prepare(const SparseTile& tile, Tile& entry, Source* sour
         kind == 0 ? octree_from_tile(*shared)
                   : raw_channel_stream(*shared, kChannels[kind - 1].channel));
     source.key = key_of(kind, *source.contents);
-    // Codec small tells a channel in the order and by the neighbours that the octree gives.
+    // Codec small codes a channel in the order and by the neighbours of the octree, so the key
+    // includes it.
     if (kind > 0 && codec(kind) == Codec::kSmall) source.key += sources[0].key;
   }
   return {};
@@ -128,7 +129,7 @@ Status SequenceWriter::encode(Source& source, bool as_difference) const {
   return {};
 }
 
-// What is there already is not encoded again.
+// Encodes only streams that the container does not have yet.
 Status SequenceWriter::encode_all(std::vector<Source>& sources) const {
   std::vector<std::pair<Source*, bool>> work;  // the source, and whether as a difference
   for (Source& source : sources) {

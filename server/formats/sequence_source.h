@@ -1,4 +1,5 @@
-// A stream on its way into a sequence container, for the two files of SequenceWriter.
+// One stream on its way into a sequence container. Shared by the two source files of
+// SequenceWriter.
 #pragma once
 
 #include <memory>
@@ -10,20 +11,20 @@
 
 namespace voxeld {
 
-// What comes from this server and cannot be written all the same.
+// The error for data that this server made but cannot write.
 inline Error no_container(const std::string& detail) {
   return {ErrorCode::kInternal, "sequence container: " + detail, "", ""};
 }
 
-// Sources of one tile share its canonical form. What is known of a stream already is stored once.
+// A stream to write. Sources of one tile share its canonical form. A known stream is stored once.
 struct SequenceWriter::Source {
-  std::shared_ptr<const SparseTile> tile;  // null: taken over from a container
+  std::shared_ptr<const SparseTile> tile;  // null: copied from a container
   Place place;
   std::string key;
-  Contents contents;  // what codec fast compresses; null: there is no such stream, or it is kept
+  Contents contents;  // the input of codec fast; null: no such stream, or it is known
   uint32_t number = sequence_layout::kNoStream;
   bool is_new = false;
-  // Of those that are new:
+  // Only for new streams:
   uint32_t base = sequence_layout::kNoStream;
   Contents base_contents;
   bool was_tried = false;          // as a difference

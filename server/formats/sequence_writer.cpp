@@ -17,17 +17,18 @@ using namespace sequence_layout;
 
 namespace {
 
-// A difference costs readers another stream: it has to be smaller than 15/16 of the whole.
+// A difference makes readers decode a further stream, so it must be smaller than 15/16 of the
+// whole.
 bool is_worth_it(size_t difference_bytes, size_t plain_bytes) {
   return difference_bytes < plain_bytes - plain_bytes / 16;
 }
 
-// Frames without a try after one that lost, at most; consecutive losses get there. What moves
-// slowly wins again and again; of what moves fast each try would cost more than all else that is
-// done for it.
+// The most frames without a try after a failed difference; consecutive failures lead there. For
+// slow motion, differences succeed again and again. For fast motion, each try would cost more than
+// all other work on the stream.
 constexpr uint32_t kRestFramesMax = 3;
 
-// The lists of a container end where memory does, but numbers have 32 bits.
+// Memory bounds the lists of a container, but numbers have only 32 bits.
 bool has_room(uint64_t count, size_t more) {
   return count + more < kNoStream;
 }
@@ -77,7 +78,7 @@ Status SequenceWriter::begin_frame(double time_s) {
   return {};
 }
 
-// That they go on where the frame's tiles are.
+// Checks that the tiles follow those of the frame so far.
 Status SequenceWriter::check_order(std::span<const std::array<int32_t, 3>> coords) const {
   const bool ascends = std::ranges::adjacent_find(coords, std::ranges::greater_equal{},
                                                   grid_layout::tile_order) == coords.end();
@@ -106,7 +107,8 @@ void SequenceWriter::find_known(std::vector<Source>& sources) {
   }
 }
 
-// What the place had in the last frame; where the chain is too long by then, what it began with.
+// The base is the place's stream in the last frame, or the first of its chain if the chain is too
+// long.
 void SequenceWriter::find_base(Source& source) const {
   const auto before = kept_.find(source.place);
   if (before == kept_.end() || options_.chain_max == 1) return;
@@ -132,7 +134,7 @@ void SequenceWriter::store(Source& source, std::vector<uint8_t>& out) {
   out.insert(out.end(), bytes.begin(), bytes.end());
 }
 
-// Remembers the source's contents for the next frame, in place of the last one's.
+// Stores the source's contents for the next frame, in place of the last frame's.
 void SequenceWriter::keep(Source& source) {
   const auto before = kept_.extract(source.place);
   if (codec(source.place.second) != Codec::kFast) return;

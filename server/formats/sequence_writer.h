@@ -1,5 +1,5 @@
-// Writes the sequence container (proto/sequence_format.h) frame by frame: the index is in memory,
-// and what the next frame's streams may be differences to.
+// Writes the sequence container (proto/sequence_format.h) frame by frame. In memory are the index
+// and the streams that the next frame's may be differences to.
 #pragma once
 
 #include <array>
@@ -20,44 +20,44 @@
 
 namespace voxeld {
 
-// How a container is written; read, all are the same.
+// Options of writing; readers handle all of them alike.
 struct SequenceWriterOptions {
-  // Streams that a reader needs for one, 1..kStreamChainMax; 1: no differences.
+  // Streams that a reader decodes for one, 1..kStreamChainMax; 1: no differences.
   uint32_t chain_max = kStreamChainMax;
-  // Contents of the last frame that are remembered; tiles beyond are written whole.
+  // Bytes of the last frame's contents in memory; further tiles are written whole.
   size_t kept_bytes_max = size_t{1} << 30;
 };
 
 class SequenceWriter {
  public:
-  // `header`: as of every frame's grid, with the sequence's meta; fps as in the container. Errors:
-  // internal, for a header that no container can have.
+  // `header`: that of every frame's grid, with the sequence's meta; fps as in the container.
+  // Errors: internal for a header that no container can have.
   static Result<SequenceWriter> open(GridHeader header, double fps,
                                      const SequenceWriterOptions& options = {});
 
-  // What the file begins with; the first kSequenceHeaderBytes of it are replaced at the end.
+  // The beginning of the file. Its first kSequenceHeaderBytes are replaced at the end.
   std::vector<uint8_t> front() const;
-  // Encodes the next frame, on all cores, and returns what follows in the file. Tiles ascend in
-  // Morton order of coord. Errors: internal, for tiles that no grid container can have, times that
-  // go back, and more than limits::kFramesMax frames.
+  // Encodes the next frame on all cores and returns the bytes that follow in the file. Tiles must
+  // ascend in Morton order of coord. Errors: internal for tiles that no grid container can have,
+  // times that go back, and more than limits::kFramesMax frames.
   Result<std::vector<uint8_t>> add(double time_s, std::span<const SparseTile> tiles);
 
-  // The same in parts, for frames that need not be in memory at once: tiles ascend over all parts,
-  // and end_frame() comes last. After an error of a part the writer is of no use.
+  // Adds a frame in parts, so it need not be in memory at once. Tiles ascend over all parts, and
+  // end_frame() comes last. After an error of a part the writer is unusable.
   Status begin_frame(double time_s);
   Result<std::vector<uint8_t>> add_tiles(std::span<const SparseTile> tiles);
-  // Takes over the streams of a container, whose codecs are those of this header: all fast. The
-  // file is that of add_tiles() for the decoded tiles. Each stream is decompressed, for its
-  // checksum, its length, and as what differences are told of; that nodes and voxels are where the
-  // grid may have them is what only decoding finds out. Errors: bad-request, for streams that are
-  // broken or disagree with their tile; internal, as add_tiles() and for a codec that is not fast.
+  // Copies the streams of a container. Its codecs must be those of this header, all fast. The file
+  // equals that of add_tiles() for the decoded tiles. Each stream is decompressed for its checksum,
+  // its length, and as the base of differences. Only decoding would check that nodes and voxels are
+  // inside the grid. Errors: bad-request for streams that are broken or disagree with their tile;
+  // internal as add_tiles(), and for a codec that is not fast.
   Result<std::vector<uint8_t>> add_stored(std::span<const StoredTile> tiles);
   void end_frame();
   struct End {
-    std::vector<uint8_t> header;  // at the beginning of the file
+    std::vector<uint8_t> header;  // the last bytes of the file
     std::vector<uint8_t> index;   // the last that follows
   };
-  // Errors: internal, when there is no frame.
+  // Errors: internal if there is no frame.
   Result<End> finish() const;
 
  private:
@@ -75,21 +75,21 @@ class SequenceWriter {
   };
   struct Stream {
     uint64_t offset;
-    uint32_t bytes, base, chain, root;  // root: where the chain begins
+    uint32_t bytes, base, chain, root;  // root: the first stream of the chain
   };
-  // A place whose differences do not win: they are not tried in the next frames.
+  // A place whose differences failed, so none is tried in the next frames.
   struct Tries {
-    uint32_t rest = 0, left = 0;  // frames, after the last try and from now on
+    uint32_t rest = 0, left = 0;  // frames: after the last try, and from now on
   };
-  // What a place (tile and kind) had in the last frame.
+  // The stream of a place (tile and kind) in the last frame.
   struct Kept {
     uint32_t number = sequence_layout::kNoStream;
     Contents contents;
-    Contents root;  // of the stream's chain; null where it is not known any more
+    Contents root;  // of the chain's first stream; null if no longer in memory
     Tries tries;
   };
   using Place = std::pair<uint32_t, size_t>;  // tile_order() and kind
-  struct Source;                              // one stream of the part at work
+  struct Source;                              // one stream of the current part
 
   SequenceWriter(GridHeader header, double fps, const SequenceWriterOptions& options);
   Codec codec(size_t kind) const;
@@ -116,11 +116,12 @@ class SequenceWriter {
   std::vector<Stream> streams_;
   std::unordered_map<std::string, uint32_t> number_of_;  // kind and hash of contents -> stream
   std::unordered_map<std::string, Frame> frame_of_;      // hash of its tiles' entries -> frame
-  std::map<Place, Kept> kept_;       // of the last frame, but places that this one has had
+  std::map<Place, Kept> kept_;       // of the last frame, without places that this frame has
+                                     // reached
   std::map<Place, Kept> next_kept_;  // of this frame
   size_t next_kept_bytes_ = 0;
-  Frame frame_{};    // the one at work
-  uint64_t offset_;  // of what comes next
+  Frame frame_{};    // the current one
+  uint64_t offset_;  // of the next stream
 };
 
 }  // namespace voxeld

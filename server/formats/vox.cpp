@@ -1,13 +1,12 @@
-// MagicaVoxel's .vox, version 150: chunks of id, content bytes, children bytes. Models of at most
-// 256 cells a side, placed by a scene graph; one palette of 255 colours for the file.
+// Writes MagicaVoxel's .vox, version 150: chunks of id, content bytes, children bytes. A scene
+// graph places models of at most 256 cells a side. The file has one palette of 255 colours.
 //
 //   VOX 150 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA }
 //
-// z points up there: a cell (x, y, z) of the grid is written at (x, -z, y), which keeps handedness.
-// Where a grid has labels or materials and no colour, each id has a colour (id_color()). Voxels
+// In the file z points up: cell (x, y, z) of the grid becomes (x, -z, y), which keeps handedness.
+// If a grid has labels or materials and no colour, each id has a colour (id_color()). Voxels
 // without colour or id (those of full nodes, and all of a grid without either) get the mean colour
-// of the others, or a neutral grey. dims, origin and voxel_size stand in the attributes of
-// the root node.
+// of the others, or a neutral grey. The root node's attributes hold dims, origin and voxel_size.
 #include <array>
 #include <string>
 
@@ -17,11 +16,12 @@
 namespace voxeld {
 namespace {
 
-constexpr int kSceneSideMax = 2000;  // the editor's world: 2000 x 2000 x 1000
+constexpr int kSceneSideMax = 2000;  // the editor's world is 2000 x 2000 x 1000
 constexpr int kSceneHeightMax = 1000;
 constexpr uint32_t kVersion = 150;
 
-// Root transform, group, and a transform and a shape per model; node ids in file order.
+// Writes the root transform, the group, and a transform and a shape per model; node ids follow file
+// order.
 void add_scene_graph(vox::Bytes& out, const vox::Models& models, const Grid& grid) {
   vox::add_root(out, grid, models.size());
   int index = 0;
@@ -52,7 +52,7 @@ std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& 
 }
 
 Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options) {
-  // Before any memory is taken.
+  // Checked before memory is allocated.
   VOXELD_TRY(vox::check_length(sizeof(vox::Voxel) * grid.voxel_count()));
   const vox::Colors colors(grid);
   ColorCounts counts;

@@ -67,7 +67,7 @@ std::array<int, 3> scene_size(const GridSpec& spec) {
 Models models_of(const Grid& grid, const Colors& colors, const Palette& palette) {
   Models models;
   Place last_model = {-1, -1, -1};
-  std::vector<Voxel>* last = nullptr;  // of last_model; a map's elements stay where they are
+  std::vector<Voxel>* last = nullptr;  // of last_model; a map's elements do not move
   const auto add = [&](int x, int y, int z, uint8_t entry) {
     const std::array<int, 3> p = {x, grid.spec.dims.z - 1 - z, y};
     const Place model = {p[0] / kModelSide, p[1] / kModelSide, p[2] / kModelSide};
@@ -127,7 +127,7 @@ void add_transform(Bytes& out, int node, const Place& place, const std::array<in
   const std::array<int, 3> size = model_size(place, scene);
   std::string text;
   for (size_t c = 0; c < 3; ++c) {
-    // The pivot of a model is its middle; the scene is centred, standing on the floor.
+    // A model's pivot is its middle. The scene is centred and stands on the floor.
     const int centre = c == 2 ? 0 : scene[c] / 2;
     text += (c == 0 ? "" : " ") + std::to_string(place[c] * kModelSide + size[c] / 2 - centre);
   }

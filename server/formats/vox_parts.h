@@ -1,4 +1,4 @@
-// What a .vox of one grid and one of a sequence have in common: chunks, models, palette, nodes.
+// The parts that a .vox of one grid and one of a sequence share: chunks, models, palette, nodes.
 #pragma once
 
 #include <array>
@@ -62,7 +62,7 @@ struct Voxel {
 using Place = std::array<int, 3>;
 using Models = std::map<Place, std::vector<Voxel>>;
 
-// Gives voxels their colours, as keys of the palette.
+// Chooses the colours of voxels, as keys of the palette.
 class Colors {
  public:
   explicit Colors(const Grid& grid);
@@ -74,28 +74,29 @@ class Colors {
  private:
   bool has_color_;
   std::optional<Channel> ids_;
-  uint32_t other_;  // of voxels without
+  uint32_t other_;  // for voxels without a colour
 };
 
-// Adds the colours of the grid's voxels.
+// Adds the colours of the grid's voxels to `counts`.
 void count_colors(const Grid& grid, const Colors& colors, ColorCounts& counts);
 Palette palette_of(ColorCounts counts, const Colors& colors, int colors_max);
 
 // Size of the scene with z up.
 std::array<int, 3> scene_size(const GridSpec& spec);
-// Cells of each model that has some.
+// The cells of each non-empty model.
 Models models_of(const Grid& grid, const Colors& colors, const Palette& palette);
 
 void add_file_header(Bytes& out, uint32_t version, uint32_t children_bytes);
-// Chunks SIZE and XYZI.
+// Writes the chunks SIZE and XYZI.
 void add_model(Bytes& out, const Place& place, const std::vector<Voxel>& voxels,
                const std::array<int, 3>& scene);
-// Node 0 with the grid's place in its attributes, and node 1, the group of nodes 2, 4, ...
+// Writes node 0, with the grid's placement in its attributes, and node 1, the group of nodes 2, 4,
+// ...
 void add_root(Bytes& out, const Grid& grid, size_t models);
-// The transform that puts the shape `node` + 1 where its models belong.
+// Writes the transform that places the shape `node` + 1.
 void add_transform(Bytes& out, int node, const Place& place, const std::array<int, 3>& scene);
 void add_palette(Bytes& out, const Palette& palette);
-// grid-too-large for more bytes than a .vox can say.
+// Errors: grid-too-large for more bytes than a .vox can have.
 Status check_length(uint64_t bytes);
 
 }  // namespace voxeld::vox

@@ -1,11 +1,11 @@
-// MagicaVoxel's animated .vox, version 200 (see vox.cpp for what it shares with a grid's).
+// Writes MagicaVoxel's animated .vox, version 200. vox.cpp describes what it shares with that of a
+// grid.
 //
 //   VOX 200 MAIN { (SIZE XYZI)*  nTRN 0 -> nGRP 1 -> (nTRN -> nSHP)*  RGBA  META }
 //
-// A shape has one model for each frame in which its cells change: {"_f": frame}; it stays until the
-// next one. Models that are equal, in whatever frames, are written once. All frames share one
-// palette, for which they are read twice. Voxels without colour or id have the mean colour of the
-// first frame's.
+// A shape has one model for each frame in which its cells change: {"_f": frame}. It is shown until
+// the next one. Equal models of any frames are written once. All frames share one palette, so they
+// are read twice. Voxels without colour or id get the mean colour of the first frame.
 #include <map>
 #include <set>
 #include <string>
@@ -23,7 +23,7 @@ namespace {
 constexpr uint32_t kVersion = 200;
 constexpr size_t kFileHeaderBytes = 20;
 
-// One nSHP: which model from which frame on.
+// One nSHP: pairs of first frame and model.
 using Shape = std::vector<std::pair<size_t, uint32_t>>;
 
 class VoxSequence {
@@ -44,7 +44,7 @@ class VoxSequence {
   }
 
  private:
-  // From all frames.
+  // Chooses the palette from all frames.
   Status choose_palette(int colors_max) {
     VOXELD_ASSIGN(const Grid first, source_.frame(0));
     colors_.emplace(first);
@@ -62,7 +62,7 @@ class VoxSequence {
     VOXELD_ASSIGN(const Grid frame, source_.frame(index));
     vox::Models models = vox::models_of(frame, *colors_, palette_);
     if (models.empty() && shapes_.empty()) models[{0, 0, 0}] = {};
-    // A place that had cells before and has none now shows a model without any.
+    // A place that becomes empty shows a model without cells.
     for (const auto& [place, shape] : shapes_) models.try_emplace(place);
     for (const auto& [place, voxels] : models) {
       VOXELD_ASSIGN(const uint32_t model, model_of(place, voxels));

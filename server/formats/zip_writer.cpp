@@ -12,13 +12,13 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kSliceBytes = size_t{1} << 20;
-constexpr size_t kBatchSlices = 32;  // deflated together
-constexpr int kDeflateLevel = 1;     // voxels are runs: more effort buys little
+constexpr size_t kBatchSlices = 32;  // slices deflated together
+constexpr int kDeflateLevel = 1;     // voxels are runs: more effort gains little
 constexpr int kRawDeflate = -15;
 constexpr int kMemoryLevel = 8;
-constexpr uint16_t kVersion = 45;  // of zip64
+constexpr uint16_t kVersion = 45;  // zip64
 constexpr uint16_t kDeflated = 8;
-constexpr uint16_t kDosDate = 0x21;  // 1980-01-01, the first date that a zip can say
+constexpr uint16_t kDosDate = 0x21;  // 1980-01-01, the earliest date of a zip
 constexpr uint32_t kIn64 = 0xffffffff;
 constexpr uint16_t kExtra64 = 1;
 constexpr size_t kLocalCrcByte = 14, kLocalFixedBytes = 30;
@@ -48,7 +48,7 @@ struct Slice {
   bool is_ok = false;
 };
 
-// Slices end at a byte; what follows one another is one deflate stream.
+// Deflates one slice. Slices end at a byte, so consecutive ones form one deflate stream.
 Slice deflate_slice(std::span<const uint8_t> raw, bool is_last) {
   Slice slice;
   slice.crc = static_cast<uint32_t>(crc32(0, raw.data(), static_cast<uInt>(raw.size())));
@@ -78,7 +78,7 @@ Status ZipWriter::begin(const std::string& name) {
   member.name = name;
   member.offset = file_.size();
   is_open_ = true;
-  Record local;  // checksum and lengths come when they are known
+  Record local;  // checksum and lengths are filled in once they are known
   local.put(uint32_t{0x04034b50}).put(kVersion).put(uint16_t{0}).put(kDeflated);
   local.put(uint16_t{0}).put(kDosDate).put(uint32_t{0}).put(kIn64).put(kIn64);
   local.put(static_cast<uint16_t>(name.size())).put(uint16_t{20}).put(name);

@@ -1,6 +1,6 @@
-// A zip that is written while its members come, each deflated in slices on all cores: members need
-// neither fit into memory nor say their length before. Members of 4 GiB and more, and archives,
-// are zip64 (PKWARE's APPNOTE 6.3, 4.3.9 and 4.5.3).
+// A zip writer for members that arrive piece by piece, each deflated in slices on all cores.
+// Members need not fit into memory or know their length in advance. Members of 4 GiB and more, and
+// such archives, are zip64 (PKWARE's APPNOTE 6.3, 4.3.9 and 4.5.3).
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ class ZipWriter {
  public:
   explicit ZipWriter(SequenceFile file) : file_(std::move(file)) {}
 
-  // Begins a member; bytes that are added belong to the one begun last. `name`: ASCII.
+  // Begins a member; added bytes belong to the member begun last. `name`: ASCII.
   Status begin(const std::string& name);
   Status add(std::span<const uint8_t> bytes);
   // Ends the last member and writes the archive's directory.

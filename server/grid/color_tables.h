@@ -1,5 +1,5 @@
-// sRGB (IEC 61966-2-1) to and from 16-bit linear light, as tables that every pass and the CPU
-// share.
+// Tables from sRGB (IEC 61966-2-1) to 16-bit linear light and back. Every pass and the CPU share
+// them.
 #pragma once
 
 #include <array>
@@ -8,9 +8,10 @@
 
 namespace voxeld {
 
-// round(65535 * linear light) of an sRGB byte.
+// Maps an sRGB byte to round(65535 * linear light).
 const std::array<uint32_t, 256>& linear16_from_srgb8();
-// round(255 * sRGB) of 16-bit linear light; 65536 entries. Inverse of the above on its values.
+// Maps 16-bit linear light to round(255 * sRGB); 65536 entries. It inverts the table above on its
+// values.
 const std::vector<uint8_t>& srgb8_from_linear16();
 
 }  // namespace voxeld

@@ -12,7 +12,7 @@
 namespace voxeld {
 namespace {
 
-// In place of the next tile's coord, which is never negative.
+// Stands in place of the next tile's coord, which is never negative.
 constexpr int32_t kFullNodesFollow = -1;
 
 template <typename T>

@@ -1,4 +1,5 @@
-// The hash that says that two grids are equal, whatever made them and whatever file they are in.
+// The content hash of a grid: equal grids have equal hashes, whatever pipeline or file they are
+// from.
 #pragma once
 
 #include <string>
@@ -8,16 +9,16 @@
 
 namespace voxeld {
 
-// Hash of dims, origin, voxel size, occupancy and attributes, without meta: equal grids from other
-// pipelines, drivers and formats have equal hashes. "sha256-<64 hex>".
+// Hashes dims, origin, voxel size, occupancy and attributes, but not meta. Equal grids of other
+// pipelines, drivers and formats therefore have equal hashes. "sha256-<64 hex>".
 std::string content_hash(const Grid& grid);
 
-// The same for a grid whose tiles come one by one.
+// Hashes a grid whose tiles come one by one.
 class ContentHasher {
  public:
-  // Of `grid`, its place and channels count.
+  // Uses the placement and channels of `grid`; its tiles are ignored.
   explicit ContentHasher(const Grid& grid);
-  // In ascending Morton order of coord. Empty tiles do not count.
+  // Adds a tile. Tiles must be in ascending Morton order of coord. Empty tiles are ignored.
   void add(const SparseTile& tile);
   std::string finish() { return hash_.finish_id(); }
 

@@ -1,4 +1,4 @@
-// The sparse grid in CPU memory: its place and its occupied tiles.
+// The sparse grid in CPU memory: its placement and its occupied tiles.
 #pragma once
 
 #include <array>
@@ -22,24 +22,24 @@ struct Grid {
   uint64_t voxel_count() const;
 };
 
-// Mean colour of the voxels that have one, of linear light, as sRGB R, G, B; for pictures and
-// palettes, which need a colour for the voxels of full nodes. kNeutralColor where no voxel has any.
+// The mean colour, in linear light, of the voxels that have one, as sRGB R, G, B. Images and
+// palettes use it for the voxels of full nodes. kNeutralColor if no voxel has a colour.
 std::array<uint8_t, 3> mean_color(const Grid& grid);
 inline constexpr std::array<uint8_t, 3> kNeutralColor = {0xb4, 0xb4, 0xb4};
 
-// An sRGB colour for an id, for pictures and palettes of grids whose voxels have ids but no colour:
-// ids that follow each other differ much. 0, no id, is kNeutralColor.
+// An sRGB colour for an id, for images and palettes of grids with ids but no colour. Consecutive
+// ids differ much. Id 0 (none) gives kNeutralColor.
 std::array<uint8_t, 3> id_color(uint16_t id);
-// The channel whose ids colour the voxels of a grid without colour: label, else material; none
-// where the grid has colour or neither.
+// The channel whose ids colour a grid without colour: label, else material. nullopt if the grid has
+// colour, or neither.
 std::optional<Channel> coloring_ids(const Grid& grid);
-// A voxel's number in a tile -> its id in that channel.
+// The id of a voxel, by its number in the tile.
 uint16_t voxel_id(const SparseTile& tile, Channel channel, size_t voxel);
 
-// Tiles of a grid ascend by this: the Morton order of their coords.
+// The sort key of a grid's tiles: the Morton code of the coord.
 uint32_t tile_order(const SparseTile& tile);
 
-// Brings tiles into storage order and drops empty ones.
+// Sorts tiles into storage order and drops empty ones.
 void normalize_tiles(Grid& grid);
 
 // Reads a whole native container. Errors as GridReader.

@@ -10,18 +10,19 @@
 namespace voxeld {
 namespace {
 
-// Extents beyond these leave no precision for 1/256 of a voxel, or overflow.
+// Extents beyond these overflow, or leave no precision for 1/256 of a voxel.
 constexpr double kExtentMax = 1e30;
 constexpr double kExtentMin = 1e-30;
 constexpr double kExtentToReachMin = 1e-9;
-// A side that is longer than N voxels by less than this is rounding, not another cell.
+// A side that exceeds N voxels by less than this is a rounding error and gets no further cell.
 constexpr double kCellTolerance = 1.0 / 4096;
 
 Error invalid(std::string detail, std::string expected, std::string got) {
   return {ErrorCode::kInvalidOption, std::move(detail), std::move(expected), std::move(got)};
 }
 
-// Cells to cover `extent`; at least 1. Large numbers stay doubles so that nothing overflows.
+// Cells that cover `extent`, at least 1. The result is a double so that large numbers do not
+// overflow.
 double cells_for(double extent, double voxel_size) {
   return std::max(1.0, std::ceil(extent / voxel_size - kCellTolerance));
 }
@@ -30,7 +31,7 @@ struct Box {
   glm::dvec3 min, max;
   glm::dvec3 extent() const { return max - min; }
   double longest() const { return std::max({extent().x, extent().y, extent().z}); }
-  // Largest coordinate on an axis.
+  // The largest absolute coordinate on an axis.
   double reach(int c) const { return std::max(std::abs(min[c]), std::abs(max[c])); }
 };
 
@@ -41,7 +42,7 @@ Result<Box> box_to_place(const PlacementOptions& options, const glm::dvec3& min,
     const auto& b = *options.bounds;
     box = {{b[0], b[1], b[2]}, {b[3], b[4], b[5]}};
   }
-  // max() passes over what is not a number, a sum does not.
+  // max() ignores NaN, a sum does not.
   const glm::dvec3 extent = box.extent();
   const double longest = std::isnan(extent.x + extent.y + extent.z) ? NAN : box.longest();
   if (!std::isfinite(longest) || longest < 0 || longest > kExtentMax) {
@@ -85,7 +86,7 @@ Result<GridSpec> place_by_size(const Box& box, int size, double padding) {
   const double voxel = longest > 0 ? longest / inner : 1.0;
   glm::dvec3 cells;
   for (int c = 0; c < 3; ++c) {
-    // The longest side is N by definition, not by division.
+    // The longest side has N cells by definition; a division could round.
     cells[c] = (box.extent()[c] == longest && longest > 0
                     ? inner
                     : std::min(inner, cells_for(box.extent()[c], voxel))) +
@@ -103,7 +104,7 @@ Result<GridSpec> place_by_dims(const Box& box, const std::array<int, 3>& dims, d
                    std::to_string(static_cast<int>(padding)));
   }
   const glm::dvec3 extent = box.extent();
-  // Elsewhere voxels are as large as the longest side asks for.
+  // Without an exact box, the longest side decides the voxel size.
   for (int c = 0; exact_box && c < 3; ++c) {
     if (extent[c] < std::max(kExtentMin, box.reach(c) * kExtentToReachMin)) {
       return invalid(

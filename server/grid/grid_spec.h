@@ -1,4 +1,4 @@
-// Where a grid lies in the world, and how a mesh's bounds and the request's placement give it.
+// The placement of a grid in the world, computed from a mesh's bounds and a request.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ struct GridSpec {
   glm::dvec3 voxel_size{1.0};    // world units per cell, each > 0
 
   int64_t cell_count() const { return static_cast<int64_t>(dims.x) * dims.y * dims.z; }
-  // Tiles to each side: ceil(dims / kTileSide).
+  // Tiles on each side: ceil(dims / kTileSide).
   glm::ivec3 tile_dims() const;
   glm::dvec3 grid_from_world(const glm::dvec3& p_world) const {
     return (p_world - origin_world) / voxel_size;
@@ -29,7 +29,7 @@ struct GridSpec {
   }
 };
 
-// The matrix that takes the file's coordinates to world space: `up`, then `transform`.
+// The matrix from the file's coordinates to world space: `up`, then `transform`.
 glm::dmat4 world_from_file(const PlacementOptions& options);
 
 // Places the grid around [bounds_min, bounds_max] (world, of the transformed mesh; the request's

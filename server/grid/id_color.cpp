@@ -8,7 +8,7 @@ namespace voxeld {
 
 std::array<uint8_t, 3> id_color(uint16_t id) {
   if (id == 0) return kNeutralColor;
-  // Hues a golden section of the circle apart, in sixths of 256 steps, at three brightnesses.
+  // Hues a golden section of the circle apart, in six sectors of 256 steps, at three brightnesses.
   const uint32_t hue = (id * 949u) % 1536u;
   const uint32_t bright = std::array{235u, 190u, 150u}[id / 7u % 3u], dark = bright / 4;
   const uint32_t rising = dark + (bright - dark) * (hue % 256u) / 255u;

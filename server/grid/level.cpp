@@ -16,10 +16,10 @@ namespace {
 constexpr int kTileBits = 8;
 static_assert(limits::kTileSide == 1 << kTileBits);
 
-// Tiles of the source that are decoded before their cells are put together.
+// The least number of source tiles to decode before their cells are merged.
 constexpr size_t kTilesAtATimeMin = 8;
 
-// Cells of a tile of the source in its tile of the level: Morton codes from here on.
+// The Morton code, in the level's tile, at which the cells of a source tile begin.
 uint32_t first_code(const TileCoord& coord, int level) {
   std::array<uint32_t, 3> cell{};  // of the level
   for (size_t c = 0; c < 3; ++c) {
@@ -31,12 +31,12 @@ uint32_t first_code(const TileCoord& coord, int level) {
 
 }  // namespace
 
-// What one tile of the source gives.
+// The contribution of one source tile.
 struct LevelTiles::Part {
   Status status;
   std::vector<uint32_t> codes;      // of voxels of the level, in its tile
-  std::vector<VoxelValues> values;  // where the grid has channels
-  LevelSums sums;                   // where the tile is a part of one voxel alone
+  std::vector<VoxelValues> values;  // if the grid has channels
+  LevelSums sums;                   // if the tile is a part of a single voxel
 };
 
 GridSpec level_spec(const GridSpec& spec, int level) {
@@ -57,7 +57,7 @@ LevelTiles::LevelTiles(const TileSource& source, int level, LevelRule rule)
   grid_.spec = level_spec(grid.spec, level);
   grid_.channels = grid.channels;
   grid_.meta_json = grid.meta_json;
-  // Tiles under one follow each other in Morton order.
+  // Source tiles under one tile are consecutive in Morton order.
   for (size_t i = 0; i < source.coords().size(); ++i) {
     TileCoord coord = source.coords()[i];
     for (int32_t& c : coord) c >>= level;
@@ -69,7 +69,7 @@ LevelTiles::LevelTiles(const TileSource& source, int level, LevelRule rule)
   }
 }
 
-// Finished voxels of the level where a tile has whole ones, else its sums of one voxel.
+// Finished voxels if the tile has whole ones; otherwise the sums for its part of one voxel.
 LevelTiles::Part LevelTiles::reduce(size_t at) const {
   Part part;
   const auto tile = source_.tile(at);
@@ -93,7 +93,7 @@ LevelTiles::Part LevelTiles::reduce(size_t at) const {
 
 Result<SparseTile> LevelTiles::tile(size_t index) const {
   TileAppender out(coords_[index], grid_.channels);
-  LevelSums open;  // of a voxel that several tiles are under
+  LevelSums open;  // of a voxel that several tiles share
   uint32_t open_code = 0;
   const auto close = [&] {
     if (open.cells >= cells_min_) out.add(open_code, open.mean(level_));

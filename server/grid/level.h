@@ -1,5 +1,5 @@
-// Levels of detail of a grid: at level L one voxel stands for a cube of 2^L cells to a side. What
-// the words mean: server/grid/README.md. Crassin, GigaVoxels (2009) draws from such a pyramid.
+// Levels of detail of a grid. At level L, one voxel stands for a cube of 2^L cells on a side.
+// server/grid/README.md defines the terms. Crassin, GigaVoxels (2009) draws from such a pyramid.
 #pragma once
 
 #include <utility>
@@ -10,14 +10,15 @@
 
 namespace voxeld {
 
-// Of kGridSideMax cells one voxel remains.
+// At this level one voxel remains of kGridSideMax cells.
 inline constexpr int kLevelMax = 14;
 
-// dims = ceil(dims / 2^level), the same origin, voxels 2^level times as large.
+// The placement of a level: dims = ceil(dims / 2^level), the same origin, voxels 2^level times as
+// large.
 GridSpec level_spec(const GridSpec& spec, int level);
 
-// The tiles of a level, each made from the 8^level ones of the source under it, which are read
-// once. The source must outlive it. In memory: the tile, and a batch of the source's.
+// The tiles of a level. Each is made from up to 8^level tiles of the source, which are read once.
+// The source must outlive it. In memory are the tile and a batch of the source's.
 class LevelTiles final : public TileSource {
  public:
   // level: 1 to kLevelMax.
@@ -31,8 +32,8 @@ class LevelTiles final : public TileSource {
 
   const TileSource& source_;
   int level_;
-  uint64_t cells_min_;                            // occupied ones that an occupied voxel has
-  std::vector<std::pair<size_t, size_t>> under_;  // of each tile: those of the source
+  uint64_t cells_min_;                            // occupied cells that make a voxel occupied
+  std::vector<std::pair<size_t, size_t>> under_;  // for each tile, the range of source tiles
 };
 
 }  // namespace voxeld

@@ -63,7 +63,7 @@ void LevelSums::add(const LevelSums& other) {
 VoxelValues LevelSums::mean(int level) const {
   VoxelValues values;
   if (cells > 0) {
-    // Those without attributes are entirely inside of a solid.
+    // Voxels without attributes are entirely inside a solid, so their coverage is 255.
     const uint64_t sum = coverage + 255 * (cells - valued);
     values.coverage = static_cast<uint8_t>((sum + cells / 2) / cells);
   }

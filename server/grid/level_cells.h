@@ -1,6 +1,5 @@
-// The cubes of one tile that are one voxel of a level of detail each. Cells lie in Morton order,
-// and so do their attributes: a cube's are a run of them, and one pass over the tile makes all
-// sums.
+// Sums over the cubes of one tile that each become one voxel of a level of detail. Cells and
+// attributes are in Morton order, so those of a cube are consecutive, and one pass makes all sums.
 #pragma once
 
 #include <algorithm>
@@ -15,35 +14,36 @@
 
 namespace voxeld {
 
-// How many cells have each id; few ids meet in one cube.
+// Counts cells by id. A cube has few distinct ids.
 class IdCounts {
  public:
   void add(uint16_t id, uint64_t cells = 1);
   void add(const IdCounts& other);
-  uint16_t most_frequent() const;  // the lowest of several; 0 where there is none
+  uint16_t most_frequent() const;  // the lowest of equals; 0 if there is none
 
  private:
   std::vector<std::pair<uint16_t, uint64_t>> counts_;  // ids ascending, none 0
 };
 
-// What is known of the occupied cells of one cube. Integers, so neither order nor grouping of the
-// cells changes anything.
+// Sums over the occupied cells of one cube. They are integers, so neither order nor grouping of the
+// cells changes the result.
 struct LevelSums {
   uint64_t cells = 0;               // occupied
-  uint64_t colored = 0;             // of them, those with a colour
+  uint64_t colored = 0;             // those with a colour
   uint64_t directed = 0;            // those with a normal
-  std::array<uint64_t, 4> color{};  // R, G, B as 16-bit linear light, A as it is
+  std::array<uint64_t, 4> color{};  // R, G, B as 16-bit linear light, A unchanged
   std::array<int64_t, 3> normal{};
   uint64_t valued = 0;    // those with attributes of any kind
-  int64_t distance = 0;   // of them
-  uint64_t coverage = 0;  // of them
+  int64_t distance = 0;   // over valued cells
+  uint64_t coverage = 0;  // over valued cells
   IdCounts materials, labels;
 
   void add(const VoxelValues& values);
   void add(const LevelSums& other);
-  // Mean colour in linear light, rounded as server/voxel/README.md says, and the direction of the
-  // mean normal; none where that is shorter than a thousandth. The most frequent id, the lowest of
-  // several, of those that are not 0; mean distance, in voxels of the level, and mean coverage.
+  // The values of the voxel: mean colour in linear light, rounded as in server/voxel/README.md; the
+  // direction of the mean normal, or none if that is shorter than a thousandth; the most frequent
+  // id that is not 0 (the lowest of equals); mean distance, in voxels of the level, and mean
+  // coverage.
   VoxelValues mean(int level) const;
 };
 
@@ -52,7 +52,7 @@ void add_values(const SparseTile& tile, size_t first, size_t count, LevelSums& s
 
 namespace level_detail {
 
-// Calls part(group, bits) for the groups of 8^level cells of a brick that hold some, level 1 or 2.
+// Calls part(group, bits) for each non-empty group of 8^level cells of a brick, level 1 or 2.
 template <typename Part>
 void for_each_group(const BrickMask& mask, int level, Part&& part) {
   for (uint32_t word = 0; word < 8; ++word) {
@@ -70,9 +70,9 @@ void for_each_group(const BrickMask& mask, int level, Part&& part) {
 
 }  // namespace level_detail
 
-// Calls emit(code, sums) for the cubes of 2^level cells to a side that hold voxels, in Morton
-// order. code: the cube's place in the tile, Morton, in cubes; from level 8 on the tile is (a part
-// of) one cube. level: 1 to 14.
+// Calls emit(code, sums) for each non-empty cube of 2^level cells on a side, in Morton order. code
+// is the cube's Morton code in the tile, in cubes; from level 8 on, the tile is (part of) one cube.
+// level: 1 to 14.
 template <typename Emit>
 void for_each_level_cell(const SparseTile& tile, int level, Emit&& emit) {
   LevelSums open;

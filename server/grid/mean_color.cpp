@@ -9,7 +9,7 @@ namespace {
 
 constexpr uint64_t kLinearOne = 1u << 20;
 
-// Linear light of each sRGB byte, in integers so that sums do not depend on their order.
+// Linear light of each sRGB byte. Integers, so sums do not depend on their order.
 const std::array<uint64_t, 256>& linear_table() {
   static const std::array<uint64_t, 256> table = [] {
     std::array<uint64_t, 256> made{};

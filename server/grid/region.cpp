@@ -21,8 +21,7 @@ glm::ivec3 first_cell(const TileCoord& coord) {
   return glm::ivec3(coord[0], coord[1], coord[2]) * limits::kTileSide;
 }
 
-// The cells of a tile of the region while it is put together: which are occupied, and then what
-// they have.
+// A tile of the region while it is assembled: first the occupied cells, then their values.
 class Canvas {
  public:
   // `low`, `high`: cells of the source that the tile covers.
@@ -35,7 +34,7 @@ class Canvas {
     });
   }
 
-  // After all tiles are marked.
+  // Call it after all tiles are marked.
   void number_voxels() {
     firsts_.resize(kTileBricks);
     size_t count = 0;
@@ -203,7 +202,7 @@ Result<Selection> Selection::open(const TileSource& source, const OutputOptions&
     selection.stages_.push_back(std::move(stage));
   };
   if (options.region) {
-    // Whole tiles under the region's cubes: what else there is is never read.
+    // Only whole tiles under the region's cubes; other tiles are never read.
     push(std::make_unique<SomeTiles>(source, [&](const TileCoord& coord) {
       const int64_t scale = int64_t{1} << options.level;
       for (int c = 0; c < 3; ++c) {

@@ -1,4 +1,4 @@
-// A box of a grid as a grid of its own, and the part of a grid that a request asks for.
+// A box of a grid as a grid of its own, and the selection that a request makes from a grid.
 #pragma once
 
 #include <memory>
@@ -9,9 +9,9 @@
 
 namespace voxeld {
 
-// Of the cells [box.min, box.max) of another source, which become [0, box.max - box.min): the
-// voxels stay where they are in the world. Of the source, tiles that the box touches are read, each
-// for up to eight tiles of the region. The source must outlive it.
+// The cells [box.min, box.max) of another source, which become [0, box.max - box.min). Voxels keep
+// their place in the world. Only source tiles that the box touches are read, each for up to eight
+// tiles of the region. The source must outlive it.
 class RegionTiles final : public TileSource {
  public:
   // Needs 0 <= min < max <= dims on each axis.
@@ -26,14 +26,14 @@ class RegionTiles final : public TileSource {
   CellBox box_;
 };
 
-// What level, level_rule and region of a request make of a grid.
+// Applies level, level_rule and region of a request to a grid.
 class Selection {
  public:
-  // The source must outlive it. Errors: invalid-option for a region that is not in the grid.
+  // The source must outlive it. Errors: invalid-option for a region outside the grid.
   static Result<Selection> open(const TileSource& source, const OutputOptions& options);
 
   const TileSource& tiles() const { return *last_; }
-  // The cells of the level, or of the grid, that the region asks for.
+  // The selected cells, at the requested level.
   const CellBox& box() const { return box_; }
 
  private:
@@ -43,11 +43,11 @@ class Selection {
   CellBox box_;
 };
 
-// Whether a request asks for less than the grid as it is.
+// Whether a request selects less than the whole grid at level 0.
 bool selects(const OutputOptions& options);
 
-// The region in cells of `level`: of the cubes that it touches; the whole level without one.
-// Errors: invalid-option for one that is empty or reaches beyond the grid.
+// The region in cells of `level`: all cubes that it touches, or the whole level if there is no
+// region. Errors: invalid-option if it is empty or reaches beyond the grid.
 Result<CellBox> region_at_level(const GridSpec& spec, const OutputOptions& options, int level);
 
 }  // namespace voxeld

@@ -6,7 +6,7 @@
 namespace voxeld {
 namespace {
 
-constexpr uint32_t kBrickCodeBits = 9;  // of a cell in its brick
+constexpr uint32_t kBrickCodeBits = 9;  // bits of a cell's code in its brick
 constexpr size_t kBrickVoxels = size_t{1} << kBrickCodeBits;
 
 bool is_full(const BrickMask& mask) {

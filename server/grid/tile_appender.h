@@ -9,8 +9,8 @@
 
 namespace voxeld {
 
-// The attributes of one voxel. All zero and covered entirely is "none", what the voxels of full
-// nodes have.
+// The attributes of one voxel. The defaults, all zero with full coverage, mean "none", as for the
+// voxels of full nodes.
 struct VoxelValues {
   std::array<uint8_t, 4> color{};  // sRGB R, G, B and linear A
   std::array<int8_t, 3> normal{};
@@ -21,17 +21,17 @@ struct VoxelValues {
   bool operator==(const VoxelValues&) const = default;
 };
 
-// Voxel `index` of those of a tile that have attributes; as by default for channels that the
-// tile does not have, and for kNoAttributes.
+// The values of voxel `index` among those with attributes. Channels that the tile lacks have
+// defaults; kNoAttributes gives only defaults.
 VoxelValues values_of(const SparseTile& tile, size_t index);
 
 class TileAppender {
  public:
   TileAppender(const std::array<int32_t, 3>& coord, const ChannelSet& channels);
 
-  // code: of the cell in the tile, 24 bits; above that of the voxel before.
+  // code: the cell's Morton code in the tile, 24 bits; must exceed that of the voxel before.
   void add(uint32_t code, const VoxelValues& values);
-  // The tile, canonical. Entirely occupied bricks without values are full nodes.
+  // Returns the canonical tile. Full bricks without values become full nodes.
   SparseTile finish();
 
  private:

@@ -14,7 +14,7 @@
 namespace voxeld {
 namespace {
 
-// Two for each core, so that a slow one does not leave the others without work.
+// Two per core, so a slow tile does not leave the other cores idle.
 size_t parallel_batch() {
   return size_t{2} * std::max(1u, std::thread::hardware_concurrency());
 }
@@ -37,9 +37,9 @@ CellBox box_of(const SparseTile& tile) {
   return box;
 }
 
-// Where the occupied cells begin along an axis, or end where `high`. Of the outermost layer of
-// tiles that holds any; a tile whose voxels reach the layer's own face ends the search. 0 where
-// there are none.
+// The first occupied cell along an axis, or the end of the last one if `high`. Searches the
+// outermost layer of tiles that has voxels. A tile whose voxels reach the layer's outer face ends
+// the search. 0 if there are no voxels.
 Result<int> find_side(const TileSource& source, size_t axis, bool high) {
   const auto& coords = source.coords();
   std::vector<size_t> order(coords.size());

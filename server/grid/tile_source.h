@@ -1,5 +1,5 @@
-// Tiles of a grid that need not be in memory: what levels of detail, regions and pictures of grids
-// larger than memory are made from, tile by tile.
+// Tiles of a grid that need not be in memory. Levels of detail, regions and images of grids larger
+// than memory are made from them, tile by tile.
 #pragma once
 
 #include <array>
@@ -24,7 +24,7 @@ using TileCoord = std::array<int32_t, 3>;  // in tiles
 
 uint32_t coord_order(const TileCoord& coord);
 
-// The grid that a container's header tells of, without tiles.
+// The grid that a container's header describes, without tiles.
 Grid grid_of_header(const GridHeader& header);
 
 class TileSource {
@@ -33,15 +33,15 @@ class TileSource {
   TileSource(const TileSource&) = delete;
   TileSource& operator=(const TileSource&) = delete;
 
-  // The grid's place, channels and meta; without tiles.
+  // The grid's placement, channels and meta, without tiles.
   const Grid& grid() const { return grid_; }
-  // Where tiles may be, in ascending Morton order.
+  // Coords at which tiles may be, in ascending Morton order.
   const std::vector<TileCoord>& coords() const { return coords_; }
-  // The tile at coords()[index]: canonical, perhaps empty. From any thread.
+  // The tile at coords()[index]: canonical, possibly empty. Any thread may call it.
   virtual Result<SparseTile> tile(size_t index) const = 0;
-  // Voxels of that tile where they are known without reading it; else 0.
+  // The tile's voxels, if known without reading it; otherwise 0.
   virtual uint64_t voxels(size_t /*index*/) const { return 0; }
-  // How many tiles to ask for at a time; 1 where a tile takes all cores by itself.
+  // How many tiles to request at a time; 1 if a tile uses all cores by itself.
   virtual size_t batch() const = 0;
 
  protected:
@@ -50,14 +50,15 @@ class TileSource {
   std::vector<TileCoord> coords_;
 };
 
-// Tiles [begin, end) of the source, in their order; on all cores. Errors: the first of theirs.
+// Reads tiles [begin, end) of the source in order, on all cores. Errors: the first of theirs.
 Result<std::vector<SparseTile>> read_tiles(const TileSource& source, size_t begin, size_t end);
 
-// Calls take(tiles) for batches of tiles that are not empty, in ascending order. Errors: theirs.
+// Calls take(tiles) for batches of non-empty tiles, in ascending order. Errors: those of the source
+// and of `take`.
 Status for_each_batch(const TileSource& source,
                       const std::function<Status(std::vector<SparseTile>)>& take);
 
-// Of a native container.
+// The tiles of a native container.
 class ContainerTiles final : public TileSource {
  public:
   // `before_tile` is called before each tile, from any thread; its error ends the reading. The
@@ -73,7 +74,7 @@ class ContainerTiles final : public TileSource {
   std::function<Status()> before_tile_;
 };
 
-// Of a grid in memory, which must outlive the source.
+// The tiles of a grid in memory, which must outlive the source.
 class GridTiles final : public TileSource {
  public:
   explicit GridTiles(const Grid& grid);
@@ -85,7 +86,7 @@ class GridTiles final : public TileSource {
   const Grid& whole_;
 };
 
-// Those tiles of another source that `wanted` names. The source must outlive it.
+// The tiles of another source whose coords `wanted` accepts. The source must outlive it.
 class SomeTiles final : public TileSource {
  public:
   SomeTiles(const TileSource& source, const std::function<bool(const TileCoord&)>& wanted);
@@ -98,8 +99,8 @@ class SomeTiles final : public TileSource {
   std::vector<size_t> indexes_;
 };
 
-// Keeps the tiles that were asked for last, up to a number of bytes: for those who ask for each
-// tile some times. The source must outlive it.
+// Caches the tiles that were used last, up to a number of bytes, for callers that read each tile
+// several times. The source must outlive it.
 class CachedTiles final : public TileSource {
  public:
   explicit CachedTiles(const TileSource& source, size_t bytes_max = size_t{128} << 20);
@@ -114,7 +115,7 @@ class CachedTiles final : public TileSource {
   const TileSource& source_;
   size_t bytes_max_;
   mutable std::mutex mutex_;
-  mutable std::list<Kept> kept_;  // the last used first
+  mutable std::list<Kept> kept_;  // the most recently used first
   mutable std::unordered_map<size_t, std::list<Kept>::iterator> places_;
   mutable size_t bytes_ = 0;
 };
@@ -122,12 +123,12 @@ class CachedTiles final : public TileSource {
 // Bytes of a tile's arrays.
 size_t tile_bytes(const SparseTile& tile);
 
-// Cells [min, max) hold all occupied ones; equal corners where there are none.
+// Cells [min, max) that contain all occupied ones; equal corners if there are none.
 struct CellBox {
   glm::ivec3 min{0}, max{0};
   bool empty() const { return min == max; }
 };
-// Reads no more than the outermost tiles along each axis. Errors: the source's.
+// Finds the box from only the outermost tiles along each axis. Errors: the source's.
 Result<CellBox> occupied_box(const TileSource& source);
 
 }  // namespace voxeld

@@ -1,4 +1,4 @@
-// The bundles of an upload that is one mesh file, and of several uploads. Zips: zip_bundle.cpp.
+// The bundles of one mesh file and of several uploads. Zips are in zip_bundle.cpp.
 #include <memory>
 #include <utility>
 

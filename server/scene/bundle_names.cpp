@@ -32,7 +32,7 @@ std::optional<size_t> find_name(std::span<const std::string> names, Match match)
 
 std::optional<size_t> find_path(std::span<const std::string> names, std::string_view reference,
                                 std::string_view folder) {
-  // From the folder of the file, then from the top.
+  // Try the folder of the file first, then the top.
   std::array<std::optional<std::string>, 2> paths;
   if (!reference.empty() && reference[0] != '/' && reference[0] != '\\') {
     paths[0] = normalized_name(std::string(folder) + std::string(reference));

@@ -1,4 +1,4 @@
-// Which format a file is in.
+// Detects the format of a mesh file.
 #include <algorithm>
 #include <cstring>
 
@@ -14,14 +14,15 @@ namespace {
 
 constexpr std::string_view kFormatsRead =
     "obj, ply, stl, off, gltf, glb, md5mesh, or a zip of one of them with its files";
-// Enough to see "asset" in front of the buffers of a glTF, and a statement after a long comment.
+// Bytes to examine: enough to see "asset" in front of a glTF's buffers, and a statement after a
+// long comment.
 constexpr size_t kHeadBytes = size_t{64} * 1024;
 
 bool starts_with(std::string_view text, std::string_view prefix) {
   return text.substr(0, prefix.size()) == prefix;
 }
 
-// Formats whose first bytes leave no doubt; they win over any extension.
+// The format, if the first bytes leave no doubt; it wins over any extension.
 std::optional<MeshFormat> proven_format(std::string_view text) {
   using namespace std::string_view_literals;
   if (starts_with(text, "glTF"sv)) return MeshFormat::kGlb;
@@ -48,7 +49,7 @@ std::optional<MeshFormat> format_of_extension(std::string_view filename) {
   return std::nullopt;
 }
 
-// "OFF", "COFF", "STCNOFF", "4OFF", "nOFF", "OFF8".
+// Accepts "OFF", "COFF", "STCNOFF", "4OFF", "nOFF", "OFF8".
 bool is_off_keyword(std::string_view word) {
   const size_t off = word.find("OFF");
   if (off == word.npos) return false;
@@ -58,7 +59,7 @@ bool is_off_keyword(std::string_view word) {
   return only(word.substr(0, off), "STCN4n") && only(word.substr(off + 3), "0123456789");
 }
 
-// Meshes and animations of MD5 begin in the same way.
+// Meshes and animations of MD5 begin with the same word.
 bool looks_like_md5(std::string_view text) {
   return TextCursor(text).token() == "MD5Version";
 }
@@ -67,7 +68,7 @@ bool looks_like_md5_animation(std::string_view text) {
          (text.find("numFrames") != text.npos || text.find("numberOfFrames") != text.npos);
 }
 
-// "md5anim" is no format that is read by itself.
+// An md5anim file is not a mesh: it is only read together with one.
 bool is_md5_animation(std::string_view filename, std::span<const uint8_t> bytes) {
   constexpr std::string_view kExtension = ".md5anim";
   if (filename.size() > kExtension.size() &&
@@ -79,7 +80,7 @@ bool is_md5_animation(std::string_view filename, std::span<const uint8_t> bytes)
       plain_text(bytes.first(std::min(bytes.size(), kHeadBytes)), storage));
 }
 
-// Two statements that an OBJ file must have, each with its numbers.
+// Whether the text has the two statements that every OBJ needs, each with its numbers.
 bool looks_like_obj(std::string_view text) {
   bool vertex = false;
   while (!text.empty()) {

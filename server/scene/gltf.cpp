@@ -1,6 +1,6 @@
-// load_gltf, load_animated_gltf: the story of one glTF file. Not read, as a grid has no use for it:
-// doubleSided, alphaMode, metal and roughness, cameras, lights. In the scene, skins and morph
-// targets stand in the pose in which the file leaves them.
+// load_gltf and load_animated_gltf: reads one glTF file. doubleSided, alphaMode, metalness and
+// roughness, cameras and lights are ignored: a grid has no use for them. Skins and morph targets
+// stand in the pose in which the file leaves them.
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -32,7 +32,7 @@ void warn_about_unread(std::string_view name, const nlohmann::json& json, bool i
   }
 }
 
-// Out of the document, before it is reduced to what stands still.
+// Moves the animations out of the document, before it is reduced to its static parts.
 Result<nlohmann::json> take_animations(std::string_view name, nlohmann::json& json) {
   VOXELD_TRY(check_gltf_animation_schema(name, json));
   const auto animations = json.find("animations");
@@ -40,7 +40,7 @@ Result<nlohmann::json> take_animations(std::string_view name, nlohmann::json& js
   return std::move(*animations);
 }
 
-// What moves it as well where `animated` is not null.
+// Loads the scene, and the rig if `animated` is not null.
 Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                    const LoadOptions& options, AnimatedScene* animated) {
   VOXELD_ASSIGN(const GltfContainer container, open_gltf_container(name, bytes));
@@ -57,7 +57,7 @@ Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const 
   GltfBuffers buffers(name, container, bundle, json);
   std::vector<GltfImage> images = take_gltf_images(json);
   VOXELD_ASSIGN(const GltfDocument document, read_gltf_document(name, json));
-  json.clear();  // a tree of millions of values, and not needed any more
+  json.clear();  // a tree of millions of values, not needed any more
   VOXELD_ASSIGN(const GltfNodes nodes, walk_gltf_nodes(name, document));
 
   GltfAccessors accessors(name, document, buffers);
@@ -84,8 +84,8 @@ Result<Scene> load(std::string_view name, std::span<const uint8_t> bytes, const 
   return scene;
 }
 
-// What is left of exceptions: nlohmann's, where check_gltf_schema has a hole. Their texts speak of
-// types of JSON and not of the file, so none of them is told.
+// Catches nlohmann's exceptions, which remain possible if check_gltf_schema has a hole. Their texts
+// are about JSON types and not about the file, so they are not shown.
 template <typename Load>
 auto guarded(std::string_view name, const Load& load_file) -> decltype(load_file()) {
   try {

@@ -13,7 +13,7 @@ namespace {
 
 enum ComponentType { kI8 = 5120, kU8 = 5121, kI16 = 5122, kU16 = 5123, kU32 = 5125, kF32 = 5126 };
 
-// 0 for types that do not exist.
+// Bytes of a component type; 0 for an unknown one.
 int bytes_of(int component_type) {
   switch (component_type) {
     case kI8:
@@ -82,7 +82,7 @@ bool GltfReader::is_float() const {
   return component_type_ == kF32;
 }
 
-// Scaling of integers: glTF 2.0, 3.6.2.2 and KHR_mesh_quantization.
+// Scales integers: glTF 2.0, 3.6.2.2 and KHR_mesh_quantization.
 double GltfReader::component(const uint8_t* element, int c, bool scaled) const {
   const uint8_t* at = element + std::ptrdiff_t{c} * component_bytes_;
   switch (component_type_) {
@@ -149,7 +149,7 @@ Result<std::span<const uint8_t>> GltfAccessors::view_bytes(int view) {
   return buffer.subspan(v.offset_bytes, v.length_bytes);
 }
 
-// `offset` is below 2^53 and `bytes` below 2^40, so that nothing wraps.
+// The sums cannot wrap: `offset` is below 2^53 and `bytes` below 2^40.
 Result<std::span<const uint8_t>> GltfAccessors::range(int view, uint64_t offset, uint64_t bytes,
                                                       const std::string& path) {
   VOXELD_ASSIGN(const std::span<const uint8_t> all, view_bytes(view));
@@ -184,7 +184,7 @@ Status GltfAccessors::check_type(const GltfAccessor& accessor, const std::string
     return malformed_mesh(name_, path + ".count", "elements of " + what,
                           "at most " + std::to_string(kCountMax), std::to_string(accessor.count));
   }
-  // Keys and matrices have bounds of their own.
+  // Keys and matrices have limits of their own.
   const bool is_geometry = expected.types != GltfExpected::kFloat;
   if (is_geometry && accessor.view < 0 && accessor.count > kGltfZeroElementsMax) {
     return malformed_mesh(name_, path + ".count", "elements of " + what + " without a bufferView",
@@ -222,7 +222,7 @@ Result<GltfReader> GltfAccessors::open(int index, const GltfExpected& expected) 
   return reader;
 }
 
-// Copies the elements into a dense array and puts the sparse ones in their places.
+// Copies the elements into a dense array and writes the sparse ones over it.
 Status GltfAccessors::fill_sparse(int index, const std::string& path, GltfReader& reader) {
   const GltfSparse& sparse = *document_.accessors[static_cast<size_t>(index)].sparse;
   const auto element_bytes = static_cast<uint64_t>(reader.component_bytes_) *

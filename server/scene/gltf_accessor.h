@@ -1,5 +1,5 @@
-// Typed reads out of the accessors of a glTF document. Opening one checks every byte range with
-// 64-bit arithmetic, so that the reads need no checks.
+// Typed reads from the accessors of a glTF document. Opening an accessor checks every byte range in
+// 64-bit arithmetic, so the reads need no checks.
 #pragma once
 
 #include <cstdint>
@@ -18,28 +18,28 @@
 
 namespace voxeld {
 
-// Elements of an accessor of indices or attributes without a buffer view, which are zeros:
-// malformed-mesh above. Nothing in the file bounds their count, so a few bytes could stand for all
-// triangles that a scene may have.
+// Elements of an accessor of indices or attributes without a buffer view, which are all zero. More:
+// malformed-mesh. Nothing in the file bounds their count, so a few bytes could claim all triangles
+// that a scene may have.
 inline constexpr uint64_t kGltfZeroElementsMax = uint64_t{1} << 24;
-// Bytes of all sparse accessors of one file after they are filled in: malformed-mesh above.
+// Bytes of all sparse accessors of one file after they are filled in. More: malformed-mesh.
 inline constexpr uint64_t kGltfSparseBytesMax = uint64_t{1} << 30;
 
-// Reads elements of one accessor. Valid as long as the GltfAccessors that opened it.
+// Reads elements of one accessor. Valid for the lifetime of the GltfAccessors that opened it.
 class GltfReader {
  public:
   uint64_t count() const { return count_; }
   int component_count() const { return component_count_; }
   bool is_float() const;
 
-  // The first four components of element i < count(); absent ones are 0. Integers are scaled to
-  // [-1, 1] or [0, 1] where the accessor is normalized.
+  // The first four components of element i < count(); absent ones are 0. Integers of a normalized
+  // accessor are scaled to [-1, 1] or [0, 1].
   glm::dvec4 vector(uint64_t i) const;
-  // The same, integers always scaled: colours and weights.
+  // The same, but integers are always scaled: for colours and weights.
   glm::dvec4 unit_vector(uint64_t i) const;
-  // Element i < count() of a SCALAR of unsigned integers.
+  // Element i < count() of a SCALAR accessor of unsigned integers.
   uint32_t index(uint64_t i) const;
-  // Element i < count() of a MAT4 of floats.
+  // Element i < count() of a MAT4 accessor of floats.
   glm::dmat4 matrix(uint64_t i) const;
 
  private:
@@ -54,7 +54,7 @@ class GltfReader {
   bool normalized_ = false;
 };
 
-// What a caller takes; anything else is malformed-mesh.
+// The types that a caller accepts; any other is malformed-mesh.
 struct GltfExpected {
   std::string_view use;  // for errors: "POSITION"
   int components_min, components_max;
@@ -66,7 +66,7 @@ class GltfAccessors {
   GltfAccessors(std::string_view name, const GltfDocument& document, GltfBuffers& buffers)
       : name_(name), document_(document), buffers_(buffers) {}
 
-  // Errors: malformed-mesh for a wrong type or a range outside of its buffer, with the path.
+  // Errors: malformed-mesh with the path, for a wrong type or a range outside its buffer.
   Result<GltfReader> open(int accessor, const GltfExpected& expected);
   // The bytes of a buffer view. Errors: malformed-mesh, and those of its buffer.
   Result<std::span<const uint8_t>> view_bytes(int view);

@@ -62,7 +62,7 @@ class AnimationReader {
   }
 
  private:
-  // False for a target that is left out.
+  // Returns false for a target that is ignored.
   Result<bool> read_target(const Json& target, const std::string& at, GltfChannel& channel) {
     const auto& path = target.at("path").get_ref<const std::string&>();
     const auto property = property_of(path);
@@ -186,11 +186,11 @@ class AnimationReader {
   uint64_t number_count_ = 0;
 };
 
-// Where a time lies: at a key, or between it and the next.
+// The place of a time: at a key, or between it and the next.
 struct KeyPlace {
   size_t key = 0;
   bool is_between = false;
-  double share = 0.0;   // in (0, 1): of the way to the next key
+  double share = 0.0;   // in (0, 1): fraction of the way to the next key
   double length = 0.0;  // seconds to the next key
 };
 
@@ -207,7 +207,7 @@ KeyPlace place_of(const GltfKeys& keys, double seconds) {
   return place;
 }
 
-// Of key k: its value, or the tangent towards it (-1) or away from it (+1).
+// The numbers of key k: its value, or the tangent towards it (-1) or away from it (+1).
 std::span<const float> numbers_of(const GltfKeys& keys, size_t k, int tangent = 0) {
   const bool is_spline = keys.interpolation == Interpolation::kCubicSpline;
   const size_t at = is_spline ? 3 * k + static_cast<size_t>(1 + tangent) : k;

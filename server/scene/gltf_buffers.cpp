@@ -40,7 +40,7 @@ std::optional<std::vector<uint8_t>> decode_base64(std::string_view text) {
   return bytes;
 }
 
-// The extension whose data stands in for a buffer that has none itself; empty for no such buffer.
+// The extension whose data replaces a buffer without data; empty if there is none.
 std::string compression_of(const nlohmann::json& element) {
   const auto extensions = element.find("extensions");
   if (extensions == element.end()) return {};

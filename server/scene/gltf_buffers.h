@@ -17,21 +17,21 @@
 
 namespace voxeld {
 
-// Bytes of all buffers together, as read: malformed-mesh above. Several buffers may name one file,
-// so a bound on the upload alone would not bound this.
+// Bytes of all buffers together, as read. More: malformed-mesh. Several buffers may name one file,
+// so a limit on the upload alone would not bound this.
 inline constexpr uint64_t kGltfBufferBytesMax = uint64_t{8} << 30;
 
-// "buffers", each read when bytes of it are first asked for: a buffer that nothing uses may have no
-// data. One per load; the container and the bundle must outlive it.
+// The document's "buffers", each read on first use: an unused buffer may have no data. One per
+// load; the container and the bundle must outlive it.
 class GltfBuffers {
  public:
-  // Moves the URIs out of a document that passed check_gltf_schema; data: URIs are large.
+  // Moves the URIs out of a document that passed check_gltf_schema, because data: URIs are large.
   GltfBuffers(std::string_view name, const GltfContainer& container, const Bundle& bundle,
               nlohmann::json& document);
 
   // Exactly byteLength bytes of an element of "buffers". Errors: malformed-mesh for a buffer that
-  // is missing, broken or shorter than byteLength, unsupported-feature for one whose data only an
-  // extension can read, naming it; the bundle's own errors.
+  // is missing, broken or shorter than byteLength; unsupported-feature, naming the extension, if
+  // only an extension can read the data; the bundle's own errors.
   Result<std::span<const uint8_t>> bytes(size_t index);
 
  private:
@@ -53,12 +53,12 @@ class GltfBuffers {
   uint64_t total_bytes_ = 0;
 };
 
-// "uri" of a buffer or an image, moved out of the element; without blanks and control characters at
-// its ends, as the WHATWG URL standard reads it. nullopt where there is none.
+// The "uri" of a buffer or an image, moved out of the element. Blanks and control characters at its
+// ends are removed, as in the WHATWG URL standard. nullopt if there is none.
 std::optional<std::string> take_uri(nlohmann::json& element);
 bool is_data_uri(std::string_view uri);
-// The bytes of "data:[type][;base64],…" (RFC 2397). nullopt where it is none, or broken. Base64 may
-// use both alphabets of RFC 4648, and its padding may be missing.
+// The bytes of "data:[type][;base64],…" (RFC 2397); nullopt if the URI is another or broken. Base64
+// may use both alphabets of RFC 4648, and its padding may be missing.
 std::optional<std::vector<uint8_t>> decode_data_uri(std::string_view uri);
 
 }  // namespace voxeld

@@ -62,7 +62,7 @@ Result<GltfContainer> open_gltf_container(std::string_view name, std::span<const
   container.is_glb = true;
   VOXELD_ASSIGN(const size_t length, checked_length(name, bytes));
   for (size_t at = kHeaderBytes; at < length;) {
-    // Up to 3 bytes of padding may follow the last chunk.
+    // The last chunk may be followed by up to 3 bytes of padding.
     if (length - at < 4 && at > kHeaderBytes) break;
     if (length - at < kChunkHeaderBytes) {
       return malformed_mesh(name, byte_of(at), "the header of a GLB chunk is cut off",

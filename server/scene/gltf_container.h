@@ -19,9 +19,9 @@ struct GltfContainer {
   bool is_glb = false;
 };
 
-// By the first bytes. The views point into `bytes`. Chunks of unknown types are skipped, as the
-// specification asks. Errors: malformed-mesh with the byte, unsupported-feature for a container
-// version other than 2.
+// Opens either form, by the first bytes. The views point into `bytes`. Chunks of unknown types are
+// skipped, as the specification demands. Errors: malformed-mesh with the byte, unsupported-feature
+// for a container version other than 2.
 Result<GltfContainer> open_gltf_container(std::string_view name, std::span<const uint8_t> bytes);
 
 }  // namespace voxeld

@@ -19,13 +19,13 @@ using Json = nlohmann::json;
 constexpr int kGlClampToEdge = 33071;
 constexpr int kGlMirroredRepeat = 33648;
 
-// Members of a document that passed check_gltf_schema: absent, or of their type.
+// Members of a document that passed check_gltf_schema: each is absent or of its type.
 
 uint64_t size_of(const Json& object, const char* key) {
   return object.value(key, uint64_t{0});
 }
 
-// A small number; larger ones, up to 2^53, become the largest int, which means nothing anywhere.
+// A small integer. Larger ones, up to 2^53, become the largest int, which is invalid everywhere.
 int int_of(const Json& object, const char* key, int absent) {
   const auto member = object.find(key);
   if (member == object.end()) return absent;
@@ -53,7 +53,7 @@ glm::dvec2 pair_of(const Json& object, const char* key, double absent) {
   return numbers.size() == 2 ? glm::dvec2(numbers[0], numbers[1]) : glm::dvec2(absent);
 }
 
-// Null where the element has none.
+// Returns null if the element lacks the extension.
 const Json* extension_of(const Json& element, const char* name) {
   const auto extensions = element.find("extensions");
   if (extensions == element.end()) return nullptr;
@@ -111,7 +111,7 @@ void set_texture(GltfMaterial& material, const Json& info) {
   material.transform.rotation_rad = transform->value("rotation", 0.0);
 }
 
-// Of the workflow that keys name: colour and texture.
+// Sets colour and texture of the workflow with these keys.
 void set_base(GltfMaterial& material, const Json& from, const char* factor_key,
               const char* texture_key) {
   material.base_color_given = from.contains(factor_key);
@@ -126,7 +126,7 @@ void set_base(GltfMaterial& material, const Json& from, const char* factor_key,
 
 GltfMaterial material_of(const Json& from) {
   GltfMaterial to;
-  // Where a file has both workflows, the older one says more.
+  // If a file has both workflows, the older one carries more information.
   const Json* older = extension_of(from, "KHR_materials_pbrSpecularGlossiness");
   const auto pbr = from.find("pbrMetallicRoughness");
   if (older != nullptr) {
@@ -185,7 +185,7 @@ GltfMesh mesh_of(const Json& from) {
   return to;
 }
 
-// Sets matrix and transform.
+// Sets the node's matrix and transform.
 Status set_transform(std::string_view name, size_t index, const Json& from, GltfNode& to) {
   const auto read = [&](const char* key, size_t count) -> Result<std::vector<double>> {
     std::vector<double> numbers = array_of<double>(from, key);

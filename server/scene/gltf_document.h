@@ -1,5 +1,5 @@
 // A glTF document as plain data, reduced to what voxeld uses, with defaults filled in. Every index
-// names an element that exists; byte ranges are checked when an accessor is opened
+// names an existing element. Byte ranges are checked only when an accessor is opened
 // (gltf_accessor.h).
 #pragma once
 
@@ -28,7 +28,7 @@ struct GltfView {
   uint64_t stride_bytes = 0;  // 0: tightly packed
 };
 
-// Elements of an accessor that differ from its buffer view (or from zero).
+// Elements of an accessor that replace those of its buffer view, or zeros.
 struct GltfSparse {
   uint64_t count = 0;
   int index_view = -1, value_view = -1;
@@ -61,8 +61,8 @@ struct GltfMaterial {
 };
 
 struct GltfTexture {
-  int image = -1;             // -1: none in a format that is read
-  std::string unread_format;  // an extension with an image that is not read; empty: none
+  int image = -1;             // -1: no image in a format that voxeld reads
+  std::string unread_format;  // the extension of an image that voxeld does not read; empty: none
   Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
 };
 
@@ -86,7 +86,7 @@ struct GltfSkin {
   std::vector<int> joints;         // nodes
 };
 
-// First scaled, then turned, then moved.
+// A transform: scales first, then rotates, then translates.
 struct GltfTransform {
   glm::dvec3 translation{0.0};
   glm::dquat rotation{1.0, 0.0, 0.0, 0.0};  // of length 1
@@ -98,9 +98,9 @@ struct GltfNode {
   std::string name;
   int mesh = -1, skin = -1;
   std::vector<int> children;
-  std::vector<double> weights;  // empty: those of the mesh
+  std::vector<double> weights;  // empty: those of the mesh apply
   glm::dmat4 parent_from_node{1.0};
-  // What parent_from_node is made of, where the file gives no matrix.
+  // The parts of parent_from_node, if the file gives no matrix.
   bool has_matrix = false;
   GltfTransform transform;
 };
@@ -113,15 +113,15 @@ struct GltfDocument {
   std::vector<GltfMesh> meshes;
   std::vector<GltfSkin> skins;
   std::vector<GltfNode> nodes;
-  // Nodes of the default scene, of the first scene where no default is named; nullopt: no scenes.
+  // Nodes of the default scene, or of the first scene if there is no default; nullopt: no scenes.
   std::optional<std::vector<int>> scene_nodes;
 };
 
-// Components of an accessor's type: "VEC3" has 3, "MAT4" 16; 0 for one that voxeld does not read,
-// nullopt for no such type.
+// Components of an accessor's type: "VEC3" has 3, "MAT4" 16. 0 for a type that voxeld does not
+// read, nullopt for an unknown type.
 std::optional<int> gltf_component_count(std::string_view type);
 
-// Of a document that passed check_gltf_schema. Errors: malformed-mesh.
+// Reads a document that passed check_gltf_schema. Errors: malformed-mesh.
 Result<GltfDocument> read_gltf_document(std::string_view name, const nlohmann::json& document);
 
 }  // namespace voxeld

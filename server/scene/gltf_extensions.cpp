@@ -15,7 +15,8 @@ constexpr std::string_view kReadExtensions =
 
 using Names = std::set<std::string, std::less<>>;
 
-// Members of "extensions" everywhere but in extras. The depth is limits::kGltfJsonDepthMax at most.
+// Collects the members of every "extensions" outside extras. The recursion is at most
+// limits::kGltfJsonDepthMax deep.
 void add_used(const nlohmann::json& value, Names& names) {
   if (value.is_array()) {
     for (const nlohmann::json& element : value) add_used(element, names);

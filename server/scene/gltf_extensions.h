@@ -1,5 +1,5 @@
-// Which glTF extensions voxeld reads, which it may leave out without loss, and what users are told
-// of the others.
+// glTF extensions: those that voxeld reads, those it can ignore without loss, and the messages
+// about the others.
 #pragma once
 
 #include <string>
@@ -12,17 +12,18 @@
 
 namespace voxeld {
 
-// True for extensions that are read, or that say nothing about the shape and the base colour.
+// Whether the extension is read, or does not affect shape and base colour.
 bool is_read_extension(std::string_view name);
-// True for formats of textures: without them the shape is whole, and colours are missing.
+// Whether the extension is a texture format. Without it the shape is complete, but colours are
+// missing.
 bool is_texture_extension(std::string_view name);
 
-// unsupported-feature: without `extension`, what stands at `where` cannot be read.
+// unsupported-feature: the item at `where` cannot be read without `extension`.
 Error unread_extension(std::string_view name, std::string_view where, std::string_view what,
                        std::string_view extension);
 
-// Of a file that passed check_gltf_schema: the warning "ignored-extension" for each extension that
-// is not read, whether the file lists it or only uses it.
+// Adds the warning "ignored-extension" for each extension that is not read, whether the file lists
+// it or only uses it. The document must have passed check_gltf_schema.
 void warn_about_extensions(std::string_view name, const nlohmann::json& document, Scene& scene);
 
 }  // namespace voxeld

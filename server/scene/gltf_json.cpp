@@ -16,8 +16,8 @@ std::string byte_of(size_t at) {
   return "byte " + std::to_string(at);
 }
 
-// Counts brackets and commas outside strings. It need not understand JSON: whatever nests deeper
-// than the limit, or has more values, has that many brackets or commas.
+// Counts brackets and commas outside strings. This needs no parser: text that nests deeper than the
+// limit, or has more values, has at least that many brackets or commas.
 Status check_shape(std::string_view name, std::string_view text) {
   int depth = 0;
   size_t value_count = 1;
@@ -45,8 +45,8 @@ Status check_shape(std::string_view name, std::string_view text) {
   return {};
 }
 
-// "[json.exception.parse_error.101] parse error at line 1, column 5: syntax error …" without the
-// brackets and the place.
+// Shortens "[json.exception.parse_error.101] parse error at line 1, column 5: syntax error …" by
+// the brackets and the place.
 std::string short_reason(std::string_view what) {
   if (const size_t end = what.find("] "); end != what.npos) what.remove_prefix(end + 2);
   const size_t at = what.find("column ");

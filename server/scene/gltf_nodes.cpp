@@ -12,7 +12,7 @@ std::string path_of(int node) {
   return "nodes[" + std::to_string(node) + "]";
 }
 
-// -1 for roots.
+// The parent of each node; -1 for roots.
 Result<std::vector<int>> parents_of(std::string_view name, const GltfDocument& document) {
   std::vector<int> parents(document.nodes.size(), -1);
   for (size_t i = 0; i < document.nodes.size(); ++i) {
@@ -44,7 +44,7 @@ Result<GltfNodes> walk_gltf_nodes(std::string_view name, const GltfDocument& doc
   if (document.scene_nodes) {
     for (const int node : *document.scene_nodes) is_listed[static_cast<size_t>(node)] = true;
   }
-  // A node is shown when it, or one above it, is listed by the scene.
+  // A node is shown if the scene lists it or a node above it.
   std::vector<bool> is_shown(count), is_visited(count);
   std::vector<Visit> stack;
   for (size_t i = count; i-- > 0;) {
@@ -73,7 +73,7 @@ Result<GltfNodes> walk_gltf_nodes(std::string_view name, const GltfDocument& doc
       stack.push_back({node.children[c], visit.depth + 1});
     }
   }
-  // With one parent each, the nodes that no root reaches stand in cycles.
+  // Each node has one parent, so nodes that no root reaches are in cycles.
   for (size_t i = 0; i < count; ++i) {
     if (is_visited[i]) continue;
     return malformed_mesh(name, path_of(static_cast<int>(i)), "the node stands in a cycle",

@@ -1,4 +1,4 @@
-// The node tree of a glTF document: which nodes the scene shows, and where they stand.
+// The node tree of a glTF document: the nodes that the scene shows, and their places.
 #pragma once
 
 #include <string_view>
@@ -12,14 +12,15 @@
 namespace voxeld {
 
 struct GltfNodes {
-  std::vector<glm::dmat4> world_from_node;  // of every node, for joints may stand outside the scene
+  std::vector<glm::dmat4> world_from_node;  // of every node, because joints may be outside the
+                                            // scene
   std::vector<int> shown;                   // nodes of the scene, parents before children
   std::vector<int> parents;                 // of every node; -1 for roots
   std::vector<int> order;                   // every node, parents before children
 };
 
-// Errors: malformed-mesh for a node with two parents, a cycle, or a tree deeper than
-// limits::kGltfNodeDepthMax.
+// Walks the tree. Errors: malformed-mesh for a node with two parents, a cycle, or a tree deeper
+// than limits::kGltfNodeDepthMax.
 Result<GltfNodes> walk_gltf_nodes(std::string_view name, const GltfDocument& document);
 
 }  // namespace voxeld

@@ -16,15 +16,15 @@ namespace {
 
 enum Mode { kTriangles = 4, kStrip = 5, kFan = 6 };
 
-// Gives the vertices of a file new numbers in the order of their first use. A plain array where
-// most are used; a hash table where a primitive uses few of many.
+// Renumbers the vertices of a file in the order of their first use. It uses a plain array if most
+// are used, and a hash table if a primitive uses few of many.
 class Renumbering {
  public:
   Renumbering(uint64_t vertex_count, size_t corner_count)
       : is_dense_(vertex_count <= 8 * static_cast<uint64_t>(corner_count) + 1024) {
     if (is_dense_) dense_.assign(vertex_count, kNone);
   }
-  // The number of `vertex`, or `next`, which it has from then on; second: whether it is new.
+  // The number of `vertex`, or `next` if it has none yet; second: whether it is new.
   std::pair<uint32_t, bool> number_of(uint32_t vertex, uint32_t next) {
     if (!is_dense_) return table_.find_or_add({vertex, 0, 0, 0}, next);
     uint32_t& number = dense_[vertex];
@@ -57,7 +57,7 @@ Status GltfMeshes::add_node(int node) {
   return {};
 }
 
-// What has no name is called by its place in the file, as in errors.
+// An unnamed mesh or node is named by its place in the file, as in errors.
 void GltfMeshes::set_origin(int node_index, size_t index, MeshPart& part) {
   const GltfNode& node = document_.nodes[static_cast<size_t>(node_index)];
   const auto mesh_name = [&] {
@@ -72,7 +72,7 @@ void GltfMeshes::set_origin(int node_index, size_t index, MeshPart& part) {
                                 [&] { return mesh_name() + "/" + std::to_string(index); });
 }
 
-// A new part, or a full scene's last one with the same material and attributes.
+// Returns a new part, or, in a full scene, the last one with the same material and attributes.
 MeshPart& GltfMeshes::part_for(int node_index, size_t index, int material,
                                const GltfVertexSource& source) {
   const auto layout = std::make_tuple(material, source.normal.has_value(), source.uv.has_value(),
@@ -133,7 +133,8 @@ Status GltfMeshes::add_primitive(int node, size_t index) {
   return {};
 }
 
-// Whether an accessor has no bytes but those of an extension that is not read. They would be zeros.
+// Whether some accessor gets its bytes only from an extension that is not read; it would be all
+// zeros.
 bool GltfMeshes::is_compressed(const GltfPrimitive& primitive) const {
   if (primitive.compressed_by.empty()) return false;
   const auto is_empty = [&](int accessor) {
@@ -181,7 +182,7 @@ Result<std::vector<uint32_t>> GltfMeshes::triangles_of(const GltfPrimitive& prim
       return indices ? indices->index(k) : static_cast<uint32_t>(k);
     };
     const uint32_t triangle[3] = {at(a), at(b), at(c)};
-    // Strips repeat corners to turn or to jump.
+    // Strips repeat corners to turn or to jump; such bridges are no faces.
     const bool is_bridge =
         primitive.mode == kStrip &&
         (triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0]);

@@ -1,4 +1,4 @@
-// Triangles of glTF primitives into mesh parts, in world space.
+// Converts triangles of glTF primitives into mesh parts in world space.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +22,8 @@
 
 namespace voxeld {
 
-// Adds the meshes of nodes to a scene, and what their vertices follow to a rig where there is one.
-// Vertices that no triangle uses are left out: files share one vertex array among many primitives.
+// Adds the meshes of nodes to a scene, and their bindings to a rig if there is one. Unused vertices
+// are omitted, because files share one vertex array among many primitives.
 class GltfMeshes {
  public:
   GltfMeshes(std::string_view name, const GltfDocument& document, const GltfNodes& nodes,
@@ -40,14 +40,14 @@ class GltfMeshes {
         nodes_(scene.nodes),
         groups_(scene.groups) {}
 
-  // The mesh of a node, if it has one. Errors: malformed-mesh.
+  // Adds the node's mesh, if it has one. Errors: malformed-mesh.
   Status add_node(int node);
-  // Primitives of points and lines, which have no surface.
+  // Primitives of points and lines, which have no surface, are skipped.
   int64_t skipped_primitive_count() const { return skipped_primitive_count_; }
 
  private:
   bool is_compressed(const GltfPrimitive& primitive) const;
-  // `index`: of the primitive in the node's mesh.
+  // `index`: the primitive's place in the node's mesh.
   Status add_primitive(int node, size_t index);
   // Vertex numbers of the file, 3 per triangle.
   Result<std::vector<uint32_t>> triangles_of(const GltfPrimitive& primitive,
@@ -67,7 +67,7 @@ class GltfMeshes {
   NameList<std::pair<int, size_t>> groups_;  // mesh, primitive
   int64_t skipped_primitive_count_ = 0;
   int64_t triangle_count_ = 0, vertex_count_ = 0;
-  // Material and which attributes there are, to the last part with them.
+  // (material, attributes present) -> the last such part.
   std::map<std::tuple<int, bool, bool, bool>, size_t> part_of_layout_;
 };
 

@@ -12,7 +12,7 @@
 namespace voxeld {
 namespace {
 
-// A property of the node, or its morph weights, at a time.
+// Sets a property of the node, or its morph weights, at a time.
 void apply(const GltfChannel& channel, double seconds, GltfTransform& transform,
            std::span<double> weights) {
   std::array<double, 4> value{};
@@ -137,8 +137,8 @@ Status GltfRigBuilder::end_vertex(SkinPart& part) {
                     count);
 }
 
-// Joints of the skins that vertices follow, in the order of the tree; the parent of one is the next
-// joint above it.
+// Adds the joints of the skins that vertices follow, in the order of the tree. A joint's parent is
+// the next joint above it.
 void GltfRigBuilder::add_joints(AnimatedScene& animated) const {
   std::vector<bool> is_joint(document_.nodes.size());
   for (const int skin : skins_) {
@@ -146,7 +146,7 @@ void GltfRigBuilder::add_joints(AnimatedScene& animated) const {
       is_joint[static_cast<size_t>(node)] = true;
     }
   }
-  std::vector<int> joint_above(document_.nodes.size(), -1);  // or the node's own
+  std::vector<int> joint_above(document_.nodes.size(), -1);  // or the node itself
   for (const int node : nodes_.order) {
     const auto at = static_cast<size_t>(node);
     const int parent = nodes_.parents[at];
@@ -173,7 +173,7 @@ uint32_t GltfRigBuilder::root_of(const GltfAnimation* animation) const {
   const auto found = std::find_if(nodes_.order.begin(), nodes_.order.end(), [&](int node) {
     return is_candidate[static_cast<size_t>(node)];
   });
-  // The scene shows a mesh, so there is a node.
+  // A node always exists, because the scene shows a mesh.
   return static_cast<uint32_t>(found != nodes_.order.end() ? *found : nodes_.order.at(0));
 }
 

@@ -1,4 +1,4 @@
-// The node tree of a glTF document as what moves a scene.
+// A rig made of the node tree of a glTF document.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace voxeld {
 
-// Nodes, their animations, and what of them vertices follow.
+// Nodes, their animations, and the matrices and weights that vertices follow.
 struct GltfRigParts {
   // A matrix of the pose: world_from_node * node_from_bound.
   struct Bound {
@@ -30,11 +30,12 @@ struct GltfRigParts {
   std::vector<double> morph_weights;                // at rest
   std::map<uint32_t, uint32_t> first_morph_weight;  // by node
   std::vector<GltfAnimation> animations;
-  std::vector<uint32_t> roots;  // per animation, and at rest: the node of the root joint
+  std::vector<uint32_t> roots;  // per animation, and last for the rest pose: the node of the root
+                                // joint
 };
 
-// A matrix for each joint of a skin that vertices follow, and each node whose mesh has vertices
-// without a skin.
+// Gives one matrix per joint of each skin in use, and one per node whose mesh has vertices without
+// a skin.
 class GltfRig final : public Rig {
  public:
   explicit GltfRig(GltfRigParts parts);
@@ -42,31 +43,31 @@ class GltfRig final : public Rig {
   Pose at(size_t animation, double seconds) const override;
 
  private:
-  // `parent_from_node`: of the animated nodes alone, by node.
+  // `parent_from_node`: of every node, animated or not.
   Pose pose_of(const std::vector<glm::dmat4>& parent_from_node, uint32_t root) const;
   GltfRigParts parts_;
   std::vector<glm::dmat4> rest_parent_from_node_;
 };
 
-// Records while meshes are loaded what their vertices follow. One per load; what it refers to must
-// outlive it.
+// Records the vertices' bindings while meshes are loaded. One per load; the objects it refers to
+// must outlive it.
 class GltfRigBuilder {
  public:
   GltfRigBuilder(std::string_view name, const GltfDocument& document, const GltfNodes& nodes)
       : name_(name), document_(document), nodes_(nodes) {}
 
-  // Index of the matrix of a node without skin, of the first joint of a skin; made on first use.
+  // Index of the matrix of a node without skin, or of the first joint of a skin; made on first use.
   uint32_t matrix_of_node(int node);
   uint32_t first_matrix_of_skin(int skin, const std::vector<glm::dmat4>& inverse_bind);
-  // Index of the first of `count` weights of a node's mesh, which begin as `weights`, then zeros.
+  // Index of the first of `count` weights of a node's mesh. They begin with `weights`, followed by
+  // zeros.
   uint32_t first_weight_of_node(int node, const std::vector<double>& weights, size_t count);
-  // Where the vertices of a part of the scene go.
+  // The table for the vertices of one part of the scene.
   SkinPart& part(size_t index);
-  // After each vertex. Errors: malformed-mesh for more influences or morphs than
-  // kSkinInfluencesMax.
+  // Closes a vertex. Errors: malformed-mesh for more influences or morphs than kSkinInfluencesMax.
   Status end_vertex(SkinPart& part);
 
-  // At the end: `animated` has the scene.
+  // Completes `animated`, which has its scene already.
   Status finish(GltfAccessors& accessors, const nlohmann::json& animations,
                 AnimatedScene& animated);
 

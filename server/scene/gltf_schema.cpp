@@ -1,5 +1,5 @@
-// The part of the glTF 2.0 schema that voxeld reads, as tables. What is read later, without checks
-// of its own, stands here: types, ranges, and that indices exist.
+// The part of the glTF 2.0 schema that voxeld reads, as tables. Later steps read without checks, so
+// every type, range and index that they rely on must be listed here.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -26,15 +26,15 @@ enum class Kind {
   kStrings,
   kType,  // of an accessor's elements
   kNumber,
-  kNumbers,   // array of them
+  kNumbers,   // array of numbers
   kSize,      // integer in [0, 2^53]; 1.0 is one
   kStride,    // 0, or a multiple of 4 up to 252
-  kIndex,     // of an element of the top-level array `target`
-  kIndices,   // array of them
+  kIndex,     // of an existing element of the top-level array `target`
+  kIndices,   // array of indices
   kIndexMap,  // object whose values are such indices
   kIndexMaps,
   kObject,
-  kObjects,  // array of them
+  kObjects,  // array of objects
 };
 
 enum Presence { kOptional, kRequired };
@@ -146,16 +146,17 @@ constexpr Rule kAnimation[] = {{"channels", Kind::kObjects, nullptr, kChannel, k
                                {"samplers", Kind::kObjects, nullptr, kKeySampler, kRequired}};
 constexpr Rule kAnimatedRoot[] = {{"animations", Kind::kObjects, nullptr, kAnimation}};
 
-constexpr uint64_t kSizeMax = uint64_t{1} << 53;  // exact in every JSON writer
+constexpr uint64_t kSizeMax = uint64_t{1} << 53;  // the largest integer that every JSON writer
+                                                  // keeps exact
 
-// What stands there, for an error: short scalars as they are, else their type.
+// The value for an error: short scalars in full, otherwise their type.
 std::string got_of(const Json& value) {
   if (value.is_string()) return shown(value.get_ref<const std::string&>());
   if (value.is_number() || value.is_boolean()) return value.dump();
   return value.type_name();
 }
 
-// An integer in [0, 2^53], also where it is written as 1.0 or 1e2 (the JSON schema's "integer").
+// An integer in [0, 2^53]; 1.0 and 1e2 are integers too, as in JSON schema.
 std::optional<uint64_t> size_of(const Json& value) {
   if (value.is_number_unsigned()) {
     const auto size = value.get<uint64_t>();
@@ -168,7 +169,7 @@ std::optional<uint64_t> size_of(const Json& value) {
   return static_cast<uint64_t>(number);
 }
 
-// What is expected where nothing stands.
+// The expected value, for an error about an absent one.
 std::string_view text_of(const Rule& rule) {
   switch (rule.kind) {
     case Kind::kBool:
@@ -196,7 +197,7 @@ std::string_view text_of(const Rule& rule) {
   return {};
 }
 
-// False for the attribute names that only hostile files have.
+// Whether an attribute name is plain. Only hostile files have others.
 bool is_word(std::string_view key) {
   return key.size() <= 40 && std::all_of(key.begin(), key.end(), [](char c) {
            return c == '_' || (c >= '0' && c <= '9') || (c >= 'A' && c <= 'Z') ||
@@ -204,7 +205,7 @@ bool is_word(std::string_view key) {
          });
 }
 
-// Walks the tree along the tables. The path is only put together for an error.
+// Walks the tree along the tables. The path is built only for an error.
 class Checker {
  public:
   Checker(std::string_view name, const Json& root) : name_(name), root_(root) {}

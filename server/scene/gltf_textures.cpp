@@ -12,7 +12,7 @@
 namespace voxeld {
 namespace {
 
-// Names the image for people: its file, else its name, else its number.
+// A readable name of the image: its file, else its name, else its number.
 std::string label_of(const GltfImage& image, int index) {
   if (!image.uri.empty() && !is_data_uri(image.uri)) return image.uri;
   if (!image.name.empty()) return image.name;
@@ -95,7 +95,7 @@ int GltfTextures::load_image(int index, const std::string& needed_by) {
   cancel_point();
   const GltfImage& image = images_[static_cast<size_t>(index)];
   const std::string label = label_of(image, index);
-  // Many elements may name one large file: neither successes nor failures are tried without end.
+  // Many elements may name one large file, so both successes and failures are limited.
   if (refused_count_ >= kSceneWarningsMax) return -1;
   if (budget_.is_spent()) return refuse(label, needed_by, "too-many-pixels", too_many_pixels());
   const auto bytes = image_bytes(image);
@@ -124,8 +124,9 @@ int GltfTextures::refuse(const std::string& label, const std::string& needed_by,
   return -1;
 }
 
-// The specification's text turns counter-clockwise as seen, with v downwards: its example (offset
-// 0 1, rotation 90 degrees, scale 0.5) must land in the lower left quarter of the image.
+// Transforms a texture coordinate. The specification's rotation appears counter-clockwise with v
+// downwards. Its example (offset 0 1, rotation 90 degrees, scale 0.5) must land in the lower left
+// quarter of the image.
 glm::vec2 transformed_uv(const GltfTextureTransform& transform, const glm::dvec2& uv) {
   const double c = std::cos(transform.rotation_rad), s = std::sin(transform.rotation_rad);
   const glm::dvec2 scaled = transform.scale * uv;

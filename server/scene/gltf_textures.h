@@ -1,4 +1,4 @@
-// Materials of a glTF document and their base colour images, into a scene.
+// Loads the materials of a glTF document and their base colour images into a scene.
 #pragma once
 
 #include <map>
@@ -25,10 +25,11 @@ struct GltfImage {
   int view = -1;
 };
 
-// Moves "images" out of a document that passed check_gltf_schema; their data: URIs are large.
+// Moves "images" out of a document that passed check_gltf_schema, because their data: URIs are
+// large.
 std::vector<GltfImage> take_gltf_images(nlohmann::json& document);
 
-// Decodes each image once, and only those that a used material names. One per load; what it refers
+// Decodes each image once, and only images of used materials. One per load; the objects it refers
 // to must outlive it.
 class GltfTextures {
  public:
@@ -43,8 +44,8 @@ class GltfTextures {
         options_(options),
         scene_(scene) {}
 
-  // Index into scene.materials of the document's material; adds it on first use. An image that is
-  // missing or broken adds a warning ("missing-texture", "bad-texture", "too-many-pixels") and an
+  // Index into scene.materials of the document's material, which is added on first use. A missing
+  // or broken image adds a warning ("missing-texture", "bad-texture", "too-many-pixels") and an
   // entry of missing_files.
   int use_material(int material);
 
@@ -52,9 +53,9 @@ class GltfTextures {
   int use_texture(int texture, const std::string& needed_by);
   int use_image(int image, const std::string& needed_by);
   int load_image(int image, const std::string& needed_by);
-  // nullopt for a file that is not there.
+  // Returns nullopt for an absent file.
   Result<std::optional<std::vector<uint8_t>>> image_bytes(const GltfImage& image);
-  // Adds the warning; -1.
+  // Adds the warning and returns -1.
   int refuse(const std::string& label, const std::string& needed_by, std::string_view code,
              const std::string& why);
 
@@ -70,7 +71,7 @@ class GltfTextures {
   size_t refused_count_ = 0;
 };
 
-// KHR_texture_transform of a texture coordinate whose origin is the top left.
+// Applies KHR_texture_transform to a texture coordinate whose origin is the top left.
 glm::vec2 transformed_uv(const GltfTextureTransform& transform, const glm::dvec2& uv);
 
 }  // namespace voxeld

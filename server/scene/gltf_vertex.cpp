@@ -12,7 +12,7 @@
 namespace voxeld {
 namespace {
 
-// Of all primitives of a mesh, which should have the same.
+// The number of morph targets: the most that any primitive of the mesh has. They should agree.
 size_t target_count(const GltfDocument& document, int mesh) {
   size_t count = 0;
   for (const GltfPrimitive& primitive : document.meshes[static_cast<size_t>(mesh)].primitives) {
@@ -94,7 +94,7 @@ Status GltfVertices::open_targets(int node_index, const GltfPrimitive& primitive
   return {};
 }
 
-// The place of a skinned mesh comes from its joints alone (glTF 2.0, 3.7.3.1), at the pose in which
+// Opens the skin. Only its joints place a skinned mesh (glTF 2.0, 3.7.3.1), in the pose in which
 // the file leaves its nodes.
 Status GltfVertices::open_skin(int skin, const GltfPrimitive& primitive, GltfVertexSource& source) {
   for (int set = 0; set < GltfVertexJoints::kSetsMax; ++set) {
@@ -106,7 +106,7 @@ Status GltfVertices::open_skin(int skin, const GltfPrimitive& primitive, GltfVer
     if (!joints || !weights) break;
     source.influences.push_back({*joints, *weights});
   }
-  if (source.influences.empty()) return {};  // nothing is bound to the joints
+  if (source.influences.empty()) return {};  // not bound to any joint
   if (!world_from_bound_.contains(skin)) VOXELD_TRY(bind_joints(skin));
   source.world_from_bound = &world_from_bound_.at(skin);
   if (rig_ != nullptr) {
@@ -165,7 +165,7 @@ Result<GltfVertexJoints> GltfVertices::joints_of(const GltfVertexSource& source,
 Result<glm::dmat4> GltfVertices::world_from_vertex(const GltfVertexSource& source,
                                                    uint32_t index) const {
   VOXELD_ASSIGN(const GltfVertexJoints bound, joints_of(source, index));
-  if (bound.count == 0) return source.world_from_mesh;  // bound to nothing
+  if (bound.count == 0) return source.world_from_mesh;  // not bound to any joint
   glm::dmat4 sum(0.0);
   for (size_t i = 0; i < bound.count; ++i) {
     sum += bound.joints[i].second * (*source.world_from_bound)[bound.joints[i].first];
@@ -178,7 +178,7 @@ Result<bool> GltfVertices::is_mirrored(const GltfVertexSource& source, uint32_t 
   return glm::determinant(glm::dmat3(matrix)) < 0.0;
 }
 
-// Weights count by their share of the sum (glTF 2.0, 3.7.3.3, asks writers for a sum of 1).
+// Weights are divided by their sum, although glTF 2.0, 3.7.3.3 asks writers for a sum of 1.
 Status GltfVertices::append_to_rig(const GltfVertexSource& source, uint32_t index,
                                    SkinPart& skin) const {
   skin.points.emplace_back(source.position.vector(index));

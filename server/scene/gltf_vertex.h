@@ -1,4 +1,4 @@
-// One vertex of a glTF primitive as it stands in the world: morphed, skinned, transformed.
+// One vertex of a glTF primitive in world space: morphed, skinned, transformed.
 #pragma once
 
 #include <array>
@@ -37,16 +37,16 @@ struct GltfVertexSource {
   std::optional<GltfReader> normal, uv, color;
   GltfTextureTransform uv_transform;
   std::vector<Target> targets;
-  glm::dmat4 world_from_mesh{1.0};  // of a mesh without skin
+  glm::dmat4 world_from_mesh{1.0};  // of a mesh without a skin
   std::vector<Influences> influences;
   const std::vector<glm::dmat4>* world_from_bound = nullptr;  // per joint; null: no skin
   // Indices of a rig's matrices and weights: GltfRigBuilder.
   uint32_t node_matrix = 0, first_joint_matrix = 0, first_weight = 0;
 };
 
-// What a vertex is bound to: its joints with a weight above 0.
+// The joints that a vertex is bound to with a weight above 0.
 struct GltfVertexJoints {
-  static constexpr int kSetsMax = 4;  // of four; real files have at most two
+  static constexpr int kSetsMax = 4;  // sets of four; real files have at most two
   std::array<std::pair<uint32_t, double>, size_t{4} * kSetsMax> joints;
   size_t count = 0;
   double weight_sum = 0.0;
@@ -54,7 +54,7 @@ struct GltfVertexJoints {
 
 class GltfVertices {
  public:
-  // `rig`: null where nobody asks what vertices follow.
+  // `rig`: null if the caller needs no bindings.
   GltfVertices(std::string_view name, const GltfDocument& document, const GltfNodes& nodes,
                GltfAccessors& accessors, GltfRigBuilder* rig)
       : name_(name), document_(document), nodes_(nodes), accessors_(accessors), rig_(rig) {}
@@ -62,11 +62,11 @@ class GltfVertices {
   // Errors: malformed-mesh, for accessors of wrong types, ranges and counts.
   Result<GltfVertexSource> open(int node, const GltfPrimitive& primitive, const std::string& path);
   // Appends vertex `index` < source.position.count() to every attribute of the part, and to `skin`,
-  // the part of the rig; null without a rig. Errors: malformed-mesh for coordinates that are not
-  // finite, and joints that do not exist.
+  // the part's table in the rig (null without a rig). Errors: malformed-mesh for coordinates that
+  // are not finite, and for joints that do not exist.
   Status append(const GltfVertexSource& source, uint32_t index, MeshPart& part,
                 SkinPart* skin) const;
-  // Whether the transform mirrors, so that triangles turn the other way round.
+  // Whether the transform mirrors, which reverses the orientation of triangles.
   Result<bool> is_mirrored(const GltfVertexSource& source, uint32_t index) const;
 
  private:

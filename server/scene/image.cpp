@@ -18,8 +18,8 @@
 namespace voxeld {
 namespace {
 
-// One reader of OpenImageIO per format, found by the first bytes. The many others that Debian links
-// (ffmpeg, libraw, DICOM, …) are never offered a file.
+// One reader of OpenImageIO per format, chosen by the first bytes. The many others that Debian
+// links (ffmpeg, libraw, DICOM, …) never see a file, which keeps the attack surface small.
 struct ImageFormat {
   std::string_view magic;
   size_t magic_at;
@@ -63,7 +63,7 @@ uint8_t srgb_byte(float linear) {
   return static_cast<uint8_t>(std::lround(255.0f * encoded));
 }
 
-// One row of 1 to 4 channels: grey, grey and alpha, RGB, RGBA.
+// Expands one row of 1 to 4 channels: grey, grey and alpha, RGB, RGBA.
 void expand_row(const uint8_t* from, int channel_count, int width, uint8_t* to) {
   for (int x = 0; x < width; ++x, from += channel_count, to += 4) {
     const bool is_grey = channel_count < 3;
@@ -74,7 +74,8 @@ void expand_row(const uint8_t* from, int channel_count, int width, uint8_t* to) 
   }
 }
 
-// Radiance pictures are linear and have no upper end: clamped to 1, then encoded as sRGB.
+// Reads a Radiance image. It is linear and unbounded, so it is clamped to 1 and then encoded as
+// sRGB.
 bool read_linear(OIIO::ImageInput& input, int channel_count, Image& image) {
   std::vector<float> row(static_cast<size_t>(image.width) * channel_count);
   std::vector<uint8_t> bytes(row.size());
@@ -88,9 +89,9 @@ bool read_linear(OIIO::ImageInput& input, int channel_count, Image& image) {
   return true;
 }
 
-// All rows, some at a time where the format has rows: a cancel does not wait for 67 megapixels.
-// Readers of tiles, and of WebP and GIF, which decode the whole image with its first row, take up
-// to a second.
+// Reads all rows, in chunks if the format has rows, so a cancellation does not wait for 67
+// megapixels. Readers of tiles, and of WebP and GIF, decode the whole image with its first row and
+// take up to a second.
 bool read_packed(OIIO::ImageInput& input, int channel_count, const Image& image, uint8_t* packed) {
   constexpr int kPixelsAtOnce = 1 << 20;
   const OIIO::ImageSpec& spec = input.spec();
@@ -110,8 +111,8 @@ bool read_packed(OIIO::ImageInput& input, int channel_count, const Image& image,
   return true;
 }
 
-// Decodes in place: the rows of fewer channels stand at the end of the pixels and are expanded from
-// the front, which never overtakes them.
+// Decodes in place. Rows of fewer channels are stored at the end of the pixels and expanded from
+// the front; the expansion never overtakes them.
 bool read_bytes(OIIO::ImageInput& input, int channel_count, Image& image) {
   const size_t row_bytes = static_cast<size_t>(image.width) * channel_count;
   uint8_t* packed = image.rgba.data() + image.rgba.size() - row_bytes * image.height;
@@ -135,12 +136,12 @@ Result<Image> decode(std::string_view name, const ImageFormat& format,
   config["oiio:UnassociatedAlpha"] = 1;
   void* proxy = &memory;
   config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
-  // Not ImageInput::open: it may look at the bytes first, and the DDS reader does not rewind.
+  // ImageInput::open would not do: it may read the bytes first, and the DDS reader does not rewind.
   const auto input = OIIO::ImageInput::create(format.file_name, false, &config, &memory, "");
   if (!input) return malformed(name, OIIO::geterror());
   memory.seek(0);
   if (!input->open(format.file_name, spec, config)) return malformed(name, input->geterror());
-  input->threads(1);  // else it makes a pool of its own
+  input->threads(1);  // without it, OpenImageIO makes a thread pool of its own
   VOXELD_TRY(check_image_size(name, spec.width, spec.height));
   if (spec.depth > 1 || spec.nchannels < 1 || spec.nchannels > 4) {
     return Error{ErrorCode::kMalformedImage, std::string(name) + ": channels of the image",

@@ -1,6 +1,6 @@
-// Textures out of untrusted bytes, by OpenImageIO with a reader chosen from the first bytes and
-// caps checked before any pixel is decoded. Without GL builds (VOXELD_WITH_GL off) decode_image
-// reports unsupported-feature, so that sanitizer builds need no OpenImageIO.
+// Decodes textures from untrusted bytes with OpenImageIO. The first bytes choose the reader, and
+// limits are checked before any pixel is decoded. In builds without GL (VOXELD_WITH_GL off),
+// decode_image reports unsupported-feature, so sanitizer builds need no OpenImageIO.
 #pragma once
 
 #include <cstdint>
@@ -14,22 +14,22 @@
 
 namespace voxeld {
 
-// Pixels of all textures of one scene together; further ones are named in a warning and left out.
-// 268 Mpx are 1 GiB as RGBA8.
+// Pixels of all textures of one scene; 268 Mpx are 1 GiB as RGBA8. Further textures are omitted
+// with a warning that names them.
 inline constexpr int64_t kScenePixelsMax = int64_t{1} << 28;
 
-// What the textures of one scene may cost. An image is paid for before it is decoded, whatever
-// comes of it: one that is broken at its end costs as much as a good one, and a file of 500 bytes
-// can hold the largest.
+// A budget for decoding the textures of one scene. Every image is charged before it is decoded. One
+// that is broken at its end costs as much as a good one, and a file of 500 bytes can hold the
+// largest.
 class PixelBudget {
  public:
-  // Beyond the pixels of one image of the largest size, files pay for theirs: less than one bit of
-  // a file for each 32 pixels is no picture.
+  // Pixels per byte of the file. The pixels of one image of the largest size are free; beyond them,
+  // a file must have this size. Less than one bit of a file for 32 pixels is no real image.
   static constexpr int64_t kPixelsPerByteMax = 256;
 
   // Errors: payload-too-large.
   Status take(std::string_view name, int64_t width, int64_t height, size_t file_bytes);
-  // Something did not get what it asked for: no more of the scene's images need be looked at.
+  // Whether some request was refused; the scene's remaining images need not be examined.
   bool is_spent() const { return is_spent_; }
 
  private:
@@ -38,12 +38,12 @@ class PixelBudget {
   bool is_spent_ = false;
 };
 
-// What a warning says of an image that the budget does not suffice for.
+// The text of the warning about an image that exceeds the budget.
 std::string too_many_pixels();
 
-// PNG, JPEG, TGA, BMP, DDS, WebP, HDR(tonemapped by clamping), TIFF, GIF (first frame). Errors:
-// malformed-image with the name, unsupported-media-type for other bytes, payload-too-large over
-// kImagePixelsMax, and where the budget (null: none) does not suffice. Has cancel points.
+// Decodes PNG, JPEG, TGA, BMP, DDS, WebP, HDR (tonemapped by clamping), TIFF and GIF (first frame).
+// Errors: malformed-image with the name, unsupported-media-type for other bytes, and
+// payload-too-large over kImagePixelsMax or over the budget (null: none). Has cancellation points.
 Result<Image> decode_image(std::string_view name, std::span<const uint8_t> bytes,
                            PixelBudget* budget = nullptr);
 

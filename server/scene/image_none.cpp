@@ -1,4 +1,4 @@
-// Builds without OpenImageIO: sanitizers and fuzzers.
+// The image decoder of builds without OpenImageIO: sanitizers and fuzzers.
 #include <string>
 
 #include "server/scene/image.h"

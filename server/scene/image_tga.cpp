@@ -50,7 +50,7 @@ bool is_color_bits(int bits) {
   return bits == 15 || bits == 16 || bits == 24 || bits == 32;
 }
 
-// nullopt where the fields do not fit together.
+// Reads the header; nullopt if its fields contradict each other.
 std::optional<Header> parse_header(std::span<const uint8_t> bytes) {
   if (bytes.size() < kHeaderBytes || bytes[1] > 1 || bytes[17] >> 6 != 0) return std::nullopt;
   Header h;
@@ -101,7 +101,8 @@ class Reader {
     VOXELD_TRY(read_palette());
     const size_t pixel_count = static_cast<size_t>(header_.width) * header_.height;
     const size_t pixel_bytes = bytes_of(header_.bits);
-    // A packet of 1 + pixel_bytes makes at most 128 pixels: room is made for what can be there.
+    // A packet of 1 + pixel_bytes makes at most 128 pixels. Memory is allocated only if the file
+    // can hold enough packets.
     const size_t fewest = header_.is_run_length ? (pixel_count + 127) / 128 * (1 + pixel_bytes)
                                                 : pixel_count * pixel_bytes;
     VOXELD_TRY(need(fewest));
@@ -151,7 +152,7 @@ class Reader {
     const size_t entry_bytes = bytes_of(header_.palette_bits);
     VOXELD_TRY(need(header_.palette_count * entry_bytes));
     for (int i = 0; i < header_.palette_count; ++i) {
-      // Palettes have no alpha depth of their own; 32 bits are taken as meant.
+      // Palettes have no alpha depth of their own; entries of 32 bits count as having 8.
       palette_.push_back(color_at(&bytes_[at_], header_.palette_bits,
                                   header_.palette_bits == 32 ? 8 : header_.alpha_bits));
       at_ += entry_bytes;
@@ -159,7 +160,7 @@ class Reader {
     return {};
   }
 
-  // need() was asked for its bytes.
+  // The caller has checked with need() that the bytes are there.
   Result<Rgba> next_pixel() {
     const uint8_t* at = &bytes_[at_];
     const size_t begin = at_;
@@ -223,7 +224,7 @@ std::string too_many_pixels() {
 }
 
 Status PixelBudget::take(std::string_view name, int64_t width, int64_t height, size_t file_bytes) {
-  constexpr size_t kBytesMax = kScenePixelsMax / kPixelsPerByteMax;  // more pay for no more
+  constexpr size_t kBytesMax = kScenePixelsMax / kPixelsPerByteMax;  // a larger file gains nothing
   const int64_t pixels = width * height;
   paid_ += static_cast<int64_t>(std::min(file_bytes, kBytesMax)) * kPixelsPerByteMax;
   is_spent_ = pixels > left_ || pixels > paid_;

@@ -1,4 +1,4 @@
-// Truevision TGA, read by ourselves: it is what MD5 models come with, and the reader of Debian 12's
+// A reader of Truevision TGA, the texture format of MD5 models. The reader of Debian 12's
 // OpenImageIO has memory errors that were never fixed there (CVE-2023-22845, CVE-2023-24473).
 #pragma once
 
@@ -12,16 +12,17 @@
 
 namespace voxeld {
 
-// Whether the first 18 bytes can be a TGA header; the format has no magic number.
+// Whether the first 18 bytes can be a TGA header. The format has no magic number.
 bool looks_like_tga(std::span<const uint8_t> bytes);
 
-// Types 1, 2, 3 and their run-length forms 9, 10, 11; 8, 15, 16, 24 and 32 bits; any origin.
-// Errors: malformed-image with the byte, payload-too-large over limits::kImagePixelsMax.
+// Decodes types 1, 2, 3 and their run-length forms 9, 10, 11, with 8, 15, 16, 24 or 32 bits and any
+// origin. Errors: malformed-image with the byte, payload-too-large over limits::kImagePixelsMax.
 Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes,
                          PixelBudget* budget = nullptr);
 
+// Checks an image's size. Every reader must call it before it allocates pixels. Errors:
 // payload-too-large over limits::kImagePixelsMax and kImageSideMax, malformed-image for empty
-// images. For every reader, before it allocates pixels.
+// images.
 Status check_image_size(std::string_view name, int64_t width, int64_t height);
 
 }  // namespace voxeld

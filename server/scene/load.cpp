@@ -1,4 +1,4 @@
-// The story of one load: what format, which file of a zip, which loader.
+// Loads a scene: detects the format, chooses the file of a zip, and calls the loader.
 #include "server/scene/load.h"
 
 #include <utility>
@@ -36,7 +36,7 @@ Result<Scene> load_format(MeshFormat format, std::string_view name, std::span<co
                "a zip"};
 }
 
-// Mesh files by extension, without what macOS and editors leave behind.
+// Whether the name is that of a mesh file, and not one that macOS or an editor left behind.
 bool is_mesh_entry(std::string_view name) {
   for (size_t begin = 0; begin < name.size();) {
     const size_t end = std::min(name.find('/', begin), name.size());
@@ -67,7 +67,8 @@ std::vector<std::string> names_of(const Bundle& bundle, bool meshes_only) {
   return names;
 }
 
-// The mesh of a zip or bundle: the one that `member` names, or the only one. `kind`: "zip".
+// The mesh of a zip or bundle: the one that `member` names, or the only one. `kind` is "zip" or the
+// like, for errors.
 Result<std::string> choose_mesh(std::string_view zip_name, std::string_view member,
                                 std::string_view kind, const Bundle& bundle) {
   const std::string in_it = " in the " + std::string(kind);
@@ -91,7 +92,7 @@ Result<std::string> choose_mesh(std::string_view zip_name, std::string_view memb
                listed(meshes)};
 }
 
-// The scene alone, or with what moves it.
+// Loads the scene, and its rig if the format has one.
 Result<AnimatedScene> load_animated_format(MeshFormat format, std::string_view name,
                                            std::span<const uint8_t> bytes, const Bundle& bundle,
                                            const LoadOptions& options) {

@@ -1,5 +1,5 @@
-// md5mesh files as scenes: the mesh as it was bound to its joints. Turned so that +y is up, as
-// everywhere in voxeld (the files have +z up), and counter-clockwise (they are clockwise).
+// Loads md5mesh files as scenes in their bind pose. The files have +z up and clockwise triangles;
+// scenes have +y up and counter-clockwise ones.
 #include "server/scene/md5.h"
 
 #include <glm/geometric.hpp>
@@ -17,14 +17,14 @@
 namespace voxeld {
 namespace {
 
-// Which material of the scene each part has.
+// Assigns each part its material of the scene.
 class Md5Textures {
  public:
   Md5Textures(Scene& scene, const Bundle& bundle, const std::string& from,
               const LoadOptions& options)
       : scene_(scene), images_(bundle, from), textures_(scene, bundle, "", options) {}
 
-  // Where no shader finds an image and the bundle has a single one, that is for all of them.
+  // If no shader finds an image and the bundle has exactly one, all parts use that one.
   void assume_image(std::string_view name, const std::vector<Md5Part>& parts,
                     const Bundle& bundle) {
     for (const Md5Part& part : parts) {
@@ -48,7 +48,7 @@ class Md5Textures {
     if (assumed_ >= 0) {
       material.image = assumed_;
     } else if (image || !shader.empty()) {
-      // What is not there is missed by the shader's name.
+      // A missing image is reported by the shader's name.
       material.image = textures_.image_index(image.value_or(shader), "material " + shown(shader));
     }
     scene_.materials.push_back(std::move(material));
@@ -69,7 +69,7 @@ class Md5Textures {
 
 std::vector<glm::dvec3> md5_normals(std::span<const glm::dvec3> positions,
                                     std::span<const uint32_t> indices) {
-  // Vertices along a seam of the texture stand at one place.
+  // Vertices along a texture seam share a position, so normals are summed by position.
   using Key = std::tuple<double, double, double>;
   std::map<Key, glm::dvec3> sums;
   const auto key = [&](uint32_t v) { return Key{positions[v].x, positions[v].y, positions[v].z}; };
@@ -127,7 +127,7 @@ Result<Scene> md5_scene(std::string_view name, Md5Mesh& mesh, const Bundle& bund
   for (const Md5Part& part : mesh.parts) {
     scene.parts.push_back(md5_mesh_part(part, mesh.joints));
     scene.parts.back().material = textures.material_index(part.shader);
-    // A mesh of the file is a node, too.
+    // Each mesh of the file is also a node.
     scene.parts.back().mesh = scene.parts.back().node = static_cast<uint32_t>(scene.meshes.size());
     scene.meshes.push_back(scene.parts.back().name);
     triangles += part.indices.size() / 3;

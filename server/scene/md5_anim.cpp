@@ -93,7 +93,7 @@ class Md5AnimReader {
     return check_components();
   }
 
-  // Whoever comes last, of hierarchy and component count.
+  // Checks the hierarchy against the component count, once both were read, in either order.
   Status check_components() const {
     for (const Md5AnimJoint& joint : anim_.joints) {
       const uint64_t end =
@@ -131,7 +131,7 @@ class Md5AnimReader {
     return check_components();
   }
 
-  // They are not tight, and boxes are computed from what is drawn.
+  // The boxes of the file are not tight; voxeld computes them from the posed vertices.
   Status skip_bounds() {
     VOXELD_TRY(lexer_.expect('{', "bounds"));
     for (;;) {
@@ -219,7 +219,7 @@ class Md5AnimReader {
   std::vector<uint32_t> frame_numbers_;  // in the order of the file
 };
 
-// Of one frame; a quaternion that is too long is a direction.
+// The joint in one frame. A quaternion that is too long counts as a direction and is normalized.
 Md5Pose joint_in_frame(const Md5Anim& anim, const Md5AnimJoint& joint, size_t frame) {
   std::array<double, 6> value = {joint.base_position.x,    joint.base_position.y,
                                  joint.base_position.z,    joint.base_orientation.x,
@@ -233,14 +233,14 @@ Md5Pose joint_in_frame(const Md5Anim& anim, const Md5AnimJoint& joint, size_t fr
   return {{value[0], value[1], value[2]}, glm::normalize(glm::dquat(w, xyz.x, xyz.y, xyz.z))};
 }
 
-// Empty for a root.
+// The name of the parent; empty for a root.
 template <typename Joint>
 std::string_view parent_name(const std::vector<Joint>& joints, int parent) {
   if (parent == kMd5RootParent) return {};
   return joints[static_cast<size_t>(parent)].name;
 }
 
-// "a", "b" and 3 more
+// Lists names for an error: "a", "b" and 3 more.
 std::string listed(const std::vector<std::string>& names) {
   std::string text;
   for (size_t i = 0; i < names.size() && i < kListedJointsMax; ++i) {

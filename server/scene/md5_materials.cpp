@@ -14,10 +14,10 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kImageExtensions[] = {".tga", ".png", ".jpg", ".jpeg", ".dds", ".bmp"};
-// Image functions may be nested; a hostile file nests them without end.
+// Image functions may be nested. The limit stops a hostile file that nests them without end.
 constexpr int kExpressionTokensMax = 64;
 
-// As names of materials are compared.
+// The form in which material names are compared.
 std::string folded(std::string_view name) {
   std::string text(name);
   for (char& c : text) {
@@ -36,7 +36,7 @@ std::string_view without_commas(std::string_view text) {
   return text;
 }
 
-// A path, or a function of paths: the first of them.
+// Reads a path, or a function of paths, of which the first counts.
 std::string read_image(Md5Lexer& lexer) {
   for (int i = 0; i < kExpressionTokensMax; ++i) {
     const auto token = lexer.next();
@@ -50,7 +50,7 @@ std::string read_image(Md5Lexer& lexer) {
   return "";
 }
 
-// The inside of "name { … }", up to its end. `image` keeps the first diffuse one.
+// Reads the inside of "name { … }" up to its end. `image` keeps the first diffuse one.
 void read_material(Md5Lexer& lexer, std::string& image) {
   int depth = 1;
   bool in_diffuse_stage = false;
@@ -90,7 +90,7 @@ std::map<std::string, std::string> parse_mtr(std::string_view text) {
     const auto token = lexer.next();
     if (!token || token->kind == Md5Token::kEnd) return images;
     if (!token->is('{')) {
-      // "material name {" is allowed: the last word counts.
+      // "material name {" is allowed, so the last word is the name.
       name = folded(token->text);
       continue;
     }

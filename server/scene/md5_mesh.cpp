@@ -12,13 +12,13 @@
 namespace voxeld {
 namespace {
 
-// Files print six digits.
+// Files print six digits, so orientations are not exactly of unit length.
 constexpr double kOrientationTolerance = 1e-2;
-// The shortest entries, "vert 0(0 0)0 1", "tri 0 0 0 0" and "weight 0 0 0(0 0 0)": what a count at
-// the head may promise at most.
+// Bytes of the shortest entries, "vert 0(0 0)0 1", "tri 0 0 0 0" and "weight 0 0 0(0 0 0)". They
+// bound the counts at the head by the size of the file.
 constexpr int64_t kVertexBytesMin = 14, kTriangleBytesMin = 11, kWeightBytesMin = 19;
 
-// Puts entries into the order of their numbers where these are 0..n-1, each once.
+// Sorts entries by their numbers, if these are 0..n-1, each once. Otherwise returns false.
 template <typename Entry>
 bool sort_by_number(std::vector<Entry>& entries, const std::vector<uint32_t>& numbers) {
   std::vector<uint8_t> seen(entries.size());
@@ -97,7 +97,7 @@ class Md5MeshReader {
     }
   }
 
-  // The joints may stand behind the meshes, so weights are checked at the end.
+  // Joints may follow the meshes, so weights are checked at the end.
   Status read_part() {
     if (mesh_.parts.size() == kScenePartsMax) {
       VOXELD_ASSIGN(const Md5Token token, lexer_.peek());
@@ -135,7 +135,7 @@ class Md5MeshReader {
     return {};
   }
 
-  // A count that the rest of the file can hold.
+  // Reads a count and checks that the rest of the file can hold so many.
   Result<int64_t> count(std::string_view what, int64_t bytes_min, int64_t limit) {
     VOXELD_ASSIGN(const Md5Token token, lexer_.peek());
     VOXELD_ASSIGN(const int64_t said, lexer_.integer(what, 0, limit));
@@ -149,7 +149,7 @@ class Md5MeshReader {
     return said;
   }
 
-  // `count` entries that begin with one of two keywords and a number.
+  // Reads `count` entries that begin with one of two keywords and a number.
   template <typename Entry, typename ReadEntry>
   Status read_entries(int64_t count, std::string_view keyword, std::string_view long_keyword,
                       std::vector<Entry>& entries, const ReadEntry& read_entry) {
@@ -225,7 +225,8 @@ class Md5MeshReader {
     });
   }
 
-  // What vertices and triangles refer to exists; `end` closes the mesh.
+  // Checks that the vertices and triangles refer to existing items. `end` is the token that closes
+  // the mesh.
   Status check_part(const Md5Part& part, const Md5Token& end) const {
     const std::string where =
         "line " + std::to_string(end.line) + ", mesh " + std::to_string(mesh_.parts.size());

@@ -16,9 +16,10 @@
 
 namespace voxeld {
 
-// Joints of one mesh or animation.
+// Joints of one mesh or animation. More: malformed-mesh.
 inline constexpr int64_t kMd5JointsMax = 65'536;
-// Files have up to 14; without a limit vertices times weights could take hours.
+// Weights of one vertex. Files have up to 14; without a limit, vertices times weights could take
+// hours.
 inline constexpr int64_t kMd5VertexWeightsMax = 256;
 inline constexpr int kMd5RootParent = -1;
 
@@ -51,24 +52,27 @@ struct Md5Part {
 struct Md5Mesh {
   std::vector<Md5Joint> joints;
   std::vector<Md5Part> parts;
-  std::vector<Warning> warnings;  // counts that lie, numbers out of order
+  std::vector<Warning> warnings;  // wrong counts, numbers out of order
 };
 
-// The spelled-out keywords of the textbook grammar (numberOfJoints, numberOfMeshes,
-// numberOfTriangles, triangle, numberOfWeights) are read as well; `name` stands in errors. Counts
-// at the head that disagree with what is there are warnings, and what is there counts; inside a
-// mesh they are errors. Vertices, triangles and weights may come in any order of their numbers if
-// each number is there once; else the order counts, with a warning, as in the game. Errors:
-// malformed-mesh with line, expected and got; unsupported-feature for versions other than 10.
+// Parses an md5mesh. The long keywords of the textbook grammar (numberOfJoints, numberOfMeshes,
+// numberOfTriangles, triangle, numberOfWeights) are accepted; `name` appears in errors.
+//
+// A wrong count at the head is a warning, and the actual number counts; inside a mesh it is an
+// error. Vertices, triangles and weights may come in any order of their numbers if each number
+// occurs once. Otherwise their order counts, with a warning, as in the game.
+//
+// Errors: malformed-mesh with line, expected and got; unsupported-feature for versions other than
+// 10.
 Result<Md5Mesh> parse_md5_mesh(std::string_view name, std::string_view text);
 
-// The w of an orientation of which the file has x, y and z: never positive, as the game's matrices
-// are transposed. Errors: nullopt where x, y and z are longer than a unit quaternion's by more than
+// The orientation with x, y and z of the file. Its w is never positive, because the game's matrices
+// are transposed. Returns nullopt if x, y and z are longer than a unit quaternion's by more than
 // rounding.
 std::optional<glm::dquat> md5_orientation(const glm::dvec3& xyz);
 
 // Positions of a part's vertices in the model: the sum of bias * (joint position + joint
-// orientation * weight position). `joints` as in the mesh, in any pose.
+// orientation * weight position). `joints` are those of the mesh, in any pose.
 std::vector<glm::dvec3> md5_positions(const Md5Part& part, const std::vector<Md5Joint>& joints);
 
 // Reads "( x y z ) ( x y z )", the position and orientation of a joint.

@@ -15,9 +15,10 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kAnimExtension = ".md5anim";
-constexpr double kUnevenWeights = 1e-2;  // files print six digits of each bias
+constexpr double kUnevenWeights = 1e-2;  // tolerance of a sum of biases; files print six digits of
+                                         // each
 
-// The joint's axes as columns, with +y up.
+// A matrix with the joint's axes as columns and +y up.
 glm::dmat4 world_from_joint(const glm::dvec3& position, const glm::dquat& orientation) {
   const glm::dmat3 turn = glm::mat3_cast(orientation);
   glm::dmat4 matrix(1.0);
@@ -51,7 +52,7 @@ Status add_part(std::string_view name, const Md5Mesh& mesh, const Md5Part& part,
   return {};
 }
 
-// Without what macOS leaves behind.
+// Whether an entry has the extension and is not one that macOS left behind.
 bool has_extension(std::string_view entry, std::string_view extension) {
   if (entry.size() <= extension.size() || entry.starts_with("__MACOSX/")) return false;
   const size_t stem_bytes = entry.size() - extension.size();
@@ -60,8 +61,8 @@ bool has_extension(std::string_view entry, std::string_view extension) {
          equals_ignoring_case(entry.substr(stem_bytes), extension);
 }
 
-// What its animations are called, by file: "walk" for "models/walk.md5anim". Files of one name in
-// several folders have the folders in their names.
+// The name of each animation file: "walk" for "models/walk.md5anim". Files of one name in several
+// folders keep the folders in their names.
 std::map<std::string, std::string> animation_names(const Bundle& bundle) {
   std::map<std::string, int> counts;
   std::map<std::string, std::string> names;
@@ -117,7 +118,8 @@ Pose Md5Rig::rest() const {
   for (const Md5Joint& joint : joints_) {
     pose.world_from_bound.push_back(world_from_joint(joint.position, joint.orientation));
   }
-  pose.root = glm::dvec3(pose.world_from_bound.at(0)[3]);  // a parent stands before its joints
+  pose.root = glm::dvec3(pose.world_from_bound.at(0)[3]);  // joint 0 is a root, because a parent
+                                                           // precedes its joints
   return pose;
 }
 

@@ -1,4 +1,4 @@
-// MD5 joints and animations as what moves a scene.
+// A rig made of MD5 joints and animations.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@
 
 namespace voxeld {
 
-// A matrix per joint of the mesh takes points of the joint into the world (+y up).
+// Gives one matrix per joint of the mesh, which takes points of the joint into the world (+y up).
 class Md5Rig final : public Rig {
  public:
   struct Clip {
@@ -21,7 +21,7 @@ class Md5Rig final : public Rig {
     std::vector<uint32_t> anim_joints;  // per joint of the mesh; match_md5_joints()
   };
   explicit Md5Rig(std::vector<Md5Joint> joints) : joints_(std::move(joints)) {}
-  // The next animation; an empty clip for one that cannot be used.
+  // Adds the next animation; an empty clip stands for an unusable one.
   void add(Clip clip) { clips_.push_back(std::move(clip)); }
   const std::vector<Md5Joint>& joints() const { return joints_; }
 
@@ -33,9 +33,9 @@ class Md5Rig final : public Rig {
   std::vector<Clip> clips_;
 };
 
-// A point and a normal per weight, in its joint. Biases count as the file has them, as in the game:
-// `uneven_count` is that of the vertices where they do not add up to 1. Errors: malformed-mesh for
-// more than kSkinInfluencesMax.
+// The skin table: a point and a normal per weight, in its joint. Biases are used as in the file, as
+// the game does. `uneven_count` receives the number of vertices whose biases do not add up to 1.
+// Errors: malformed-mesh for more than kSkinInfluencesMax.
 Result<SkinTable> md5_skin_table(std::string_view name, const Md5Mesh& mesh, int64_t& uneven_count);
 
 }  // namespace voxeld

@@ -1,5 +1,5 @@
-// How loaders say what is wrong with a mesh file: always the file, the place, what was expected and
-// what stands there.
+// Errors and warnings about a mesh file. Each names the file, the place, the expected and the
+// actual text.
 #pragma once
 
 #include <cstdint>
@@ -11,19 +11,19 @@
 
 namespace voxeld {
 
-// Largest magnitude of a coordinate, in world units: malformed-mesh above. Sums and products of
-// three such numbers stay far from the end of double's range.
+// The largest magnitude of a coordinate, in world units. More: malformed-mesh. Sums and products of
+// three such numbers stay far below the end of double's range.
 inline constexpr double kCoordinateAbsMax = 1e30;
 
-// Warnings that one scene keeps; the last one says that more were left out. A hostile file cannot
-// fill an answer with them.
+// Warnings of one scene; the last one says that more were omitted. The limit keeps a hostile file
+// from filling a response with them.
 inline constexpr size_t kSceneWarningsMax = 100;
 
-// Parts that names alone make (groups of an OBJ, solids of an STL): further ones go into a part
-// that is there already. A file of many tiny groups cannot cost more than its triangles.
+// Parts that arise only from names (groups of an OBJ, solids of an STL). Further ones are merged
+// into an existing part, so a file of many tiny groups costs no more than its triangles.
 inline constexpr size_t kScenePartsMax = 65'536;
 
-// False for NaN, infinities and magnitudes above kCoordinateAbsMax.
+// Whether x is a valid coordinate: no NaN, no infinity, no magnitude above kCoordinateAbsMax.
 inline bool is_coordinate(double x) {
   return x >= -kCoordinateAbsMax && x <= kCoordinateAbsMax;
 }
@@ -32,24 +32,24 @@ inline bool is_coordinate(double x) {
 // empty.
 Error malformed_mesh(std::string_view name, std::string_view where, std::string_view what,
                      std::string expected = {}, std::string got = {});
-// The same for a place in a text file.
+// The same error, for a place in a text file.
 Error malformed_line(std::string_view name, int64_t line, std::string_view what,
                      std::string expected = {}, std::string got = {});
 // malformed-mesh for a count above a limit of limits.h: "at most 5", got "6".
 Error over_limit(std::string_view name, std::string_view where, std::string_view what,
                  int64_t limit, int64_t got);
-// What an index into `count` things may be, for an error: "0..3", "0", or "none, as there are no
+// The valid indices into `count` things, for an error: "0..3", "0", or "none, as there are no
 // vertices".
 std::string index_range(int64_t count, std::string_view things);
 Error empty_mesh(std::string_view name, std::string_view why);
 
-// Text of a file for an error message: in quotes, cut after 40 bytes, other than printable ASCII as
-// \xNN. "the end of the file" for an empty text.
+// Text of a file for an error message: in quotes, cut after 40 bytes, with \xNN for anything but
+// printable ASCII. An empty text becomes "the end of the file".
 std::string shown(std::string_view text);
 
 // Appends to scene.warnings, up to kSceneWarningsMax.
 void add_warning(Scene& scene, std::string_view code, std::string detail);
-// "skipped-faces" for `count` faces with fewer than 3 corners; nothing for 0.
+// Adds "skipped-faces" for `count` faces with fewer than 3 corners; nothing for 0.
 void warn_skipped_faces(Scene& scene, std::string_view name, int64_t count);
 
 }  // namespace voxeld

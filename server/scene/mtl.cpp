@@ -10,7 +10,7 @@
 namespace voxeld {
 namespace {
 
-// Options of texture statements with the number of values that follow; -o, -s and -t take up to 3.
+// Options of texture statements with the number of values that follow. -o, -s and -t take up to 3.
 struct MapOption {
   std::string_view name;
   int value_count;
@@ -36,7 +36,7 @@ class MtlReader {
   void read_statement(LineCursor& words) {
     const std::string_view keyword = words.token();
     if (keyword == "newmtl") {
-      // Names may hold blanks and '#'.
+      // The name is the rest of the line: it may contain blanks and '#'.
       materials_.emplace_back().name = words.rest();
       return;
     }
@@ -67,7 +67,7 @@ class MtlReader {
       kd[count++] = static_cast<float>(*number);
     }
     if (count == 0) return warn("Kd", "");
-    // One number stands for all three.
+    // A single number is used for all three components.
     for (; count < 3; ++count) kd[count] = kd[0];
     material.kd = kd;
   }
@@ -87,11 +87,11 @@ class MtlReader {
       if (word.empty() || word[0] != '-' || !read_map_option(word, ahead, material)) break;
       words = ahead;
     }
-    // All that is left is the name: it may hold blanks.
+    // The rest is the file's name, which may contain blanks.
     material.map_kd = words.rest();
   }
 
-  // Reads the values of one option; false for a word that is no option.
+  // Reads the values of one option. Returns false if the word is not an option.
   bool read_map_option(std::string_view option, LineCursor& words, MtlMaterial& material) {
     if (option == "-o" || option == "-s" || option == "-t") {
       glm::vec2 value{option == "-s" ? 1.0f : 0.0f};

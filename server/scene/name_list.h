@@ -8,15 +8,15 @@
 
 namespace voxeld {
 
-// Fills one of Scene's lists of names. Key: what tells two of them apart in the file, as names need
-// not.
+// Fills one of Scene's lists of names. The key distinguishes two entries in the file, because their
+// names may be equal.
 template <typename Key>
 class NameList {
  public:
-  // `names` loses what it has, and must outlive the last call.
+  // `names` is cleared, and must outlive the last call.
   explicit NameList(std::vector<std::string>& names) : names_(names) { names_.clear(); }
 
-  // The index of `key`, which is called name() where it is new.
+  // The index of `key`. A new key is added and named name().
   template <typename Name>
   uint32_t index_of(const Key& key, const Name& name) {
     const auto [found, is_new] = indices_.try_emplace(key, static_cast<uint32_t>(names_.size()));

@@ -1,4 +1,4 @@
-// Directions of surfaces under transforms.
+// Normals of surfaces: transformation, normalization and repair.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,9 @@
 
 namespace voxeld {
 
-// Normals go by the inverse transpose. The cofactors are that, times the determinant; they exist
-// for flattening matrices too. Where a matrix mirrors, the normal stays on its side of the surface.
+// Transforms a normal by the inverse transpose. The cofactor matrix is that times the determinant,
+// and also exists for matrices that flatten. If a matrix mirrors, the normal stays on its side of
+// the surface.
 inline glm::dvec3 world_normal(const glm::dmat4& world_from_mesh, const glm::dvec3& n) {
   const glm::dmat3 m(world_from_mesh);
   const glm::dmat3 cofactors(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]),
@@ -24,12 +25,11 @@ inline glm::dvec3 world_normal(const glm::dmat4& world_from_mesh, const glm::dve
   return glm::determinant(m) < 0.0 ? -out : out;
 }
 
-// Unit length, of any finite vector; (0, 0, 0) for directions that are none, which
-// repair_normals() replaces.
+// The unit vector along v. (0, 0, 0) if v has no direction; repair_normals() replaces it.
 inline glm::vec3 direction_of(const glm::dvec3& v) {
   const double length = glm::length(v);
   if (length > 1e-140 && length < 1e140) return glm::vec3(v / length);
-  // Squares of such small or large numbers are not exact any more, or none.
+  // Squares of such small or large numbers are inexact, zero or infinite, so v is scaled first.
   const glm::dvec3 sizes = glm::abs(v);
   const double largest = std::max(sizes.x, std::max(sizes.y, sizes.z));
   const bool is_finite = std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -37,7 +37,7 @@ inline glm::vec3 direction_of(const glm::dvec3& v) {
   return glm::vec3(glm::normalize(v / largest));
 }
 
-// Replaces normals of (0, 0, 0) by that of a triangle of theirs; (0, 0, 1) where that has none.
+// Replaces normals of (0, 0, 0) by that of an adjacent triangle, or by (0, 0, 1) if it has none.
 // `indices`: 3 per triangle, counter-clockwise, each below positions.size(). `normals`: as many as
 // positions, or none.
 void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,

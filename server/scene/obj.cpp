@@ -1,9 +1,9 @@
-// OBJ to Scene: parts by object, group, material and kind of corner; shared vertices by (v, vt,
-// vn). An object ("o") is a mesh and a node; faces out of one, or of a group ("g"), belong to one
-// without a name.
+// Converts OBJ to a Scene: parts by object, group, material and kind of corner; shared vertices by
+// (v, vt, vn). An object ("o") is a mesh and a node. Faces outside any object or group ("g") belong
+// to one without a name.
 //
-// Colours of vertices ("v x y z r g b") are taken as sRGB, and as 0..255 where any component of the
-// file is above kUnitColorMax. Texture coordinates are flipped: OBJ's origin is the bottom left.
+// Vertex colours ("v x y z r g b") are taken as sRGB, and as 0..255 if any component of the file is
+// above kUnitColorMax. Texture coordinates are flipped: OBJ's origin is the bottom left.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -30,8 +30,8 @@ namespace voxeld {
 namespace {
 
 constexpr float kUnitColorMax = 1.5f;
-// Material files that all "mtllib" lines name, and words of one that is not there: further ones are
-// not looked for. Words of a texture statement behind options that are not known.
+// Look-ups that a file may cause: material files in all "mtllib" lines, words of an absent one, and
+// words of a texture statement behind unknown options. Further ones are not tried.
 constexpr size_t kLibraryNamesMax = 100;
 constexpr size_t kLibraryNameWordsMax = 16;
 constexpr size_t kMapWordsMax = 16;
@@ -91,8 +91,8 @@ class ObjLoader {
     }
   }
 
-  // A line names one file or several, each with blanks in its name or without, which end with
-  // ".mtl" or with the line. A comment may follow.
+  // The file names of an "mtllib" line. Each may contain blanks and ends with ".mtl" or with the
+  // line. A comment may follow.
   static std::vector<std::string_view> library_names(std::string_view line) {
     std::vector<std::string_view> names;
     size_t begin = line.npos;  // of the next name
@@ -112,7 +112,7 @@ class ObjLoader {
     return names;
   }
 
-  // One name, or words that are names.
+  // Reads one name, or, if no such file exists, each of its words.
   void read_libraries_of(std::string_view name) {
     if (read_library(name)) return;
     name = before_comment(name);
@@ -123,7 +123,7 @@ class ObjLoader {
       if (++word_count > kLibraryNameWordsMax) break;
       if (!read_library(word)) missing.push_back(word);
     }
-    // With none of the words found, the whole is the better name for what is missing.
+    // If no word is found, the whole text is the better name for the missing file.
     if (missing.size() == word_count) missing.assign(1, name);
     for (const std::string_view word : missing) missing_library(word);
   }
@@ -145,7 +145,7 @@ class ObjLoader {
     return true;
   }
 
-  // The material that "usemtl" means; null for none.
+  // The material that "usemtl" means; null if there is none.
   const MtlMaterial* find_material(std::string_view name) {
     for (const std::string_view candidate : {name, before_comment(name)}) {
       const auto found = library_.find(candidate);
@@ -160,8 +160,8 @@ class ObjLoader {
     return found == by_short_name_.end() ? nullptr : found->second;
   }
 
-  // What a texture statement names: all of it, or without a comment behind it and options that are
-  // not known before it, whatever is in the upload.
+  // The file that a texture statement names: the whole text if the upload has it, otherwise without
+  // a trailing comment and without leading unknown options.
   std::string_view texture_name(std::string_view text) const {
     std::string_view left = text;
     for (size_t i = 0; i < kMapWordsMax && !left.empty(); ++i) {
@@ -184,7 +184,7 @@ class ObjLoader {
     scene_.missing_files.push_back({std::string(reference), std::string(name_)});
   }
 
-  // Index into scene_.materials of the file's material; only used ones get there.
+  // Index into scene_.materials of the file's material. Only used materials are added.
   int material_index(uint32_t number) {
     if (number == 0) return -1;
     const std::string_view written = file_.materials[number];
@@ -264,14 +264,15 @@ class ObjLoader {
     return next;
   }
 
-  // "-s" and "-o" of the material's map, then from bottom left to top left.
+  // Applies "-s" and "-o" of the material's map, then moves the origin from bottom left to top
+  // left.
   static glm::vec2 texel_uv(glm::vec2 uv, const MtlMaterial* mtl) {
     if (mtl != nullptr) uv = uv * mtl->map_scale + mtl->map_offset;
     if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) uv = glm::vec2(0.0f);
     return {uv.x, 1.0f - uv.y};
   }
 
-  // Vertices without a colour in a file that has some are white.
+  // In a file with some vertex colours, vertices without one are white.
   glm::vec4 vertex_color(uint32_t v) const {
     if (v >= file_.colors.size() || file_.colors[v].x < 0.0f) return glm::vec4(1.0f);
     const glm::vec4 color = file_.colors[v] * color_scale_;

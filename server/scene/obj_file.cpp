@@ -16,11 +16,11 @@
 namespace voxeld {
 namespace {
 
-// Materials, and other words, that one file may name: malformed-mesh above.
+// Distinct materials, and other names, in one file. More: malformed-mesh.
 constexpr size_t kNamesMax = 65'536;
 constexpr size_t kIgnoredWordsMax = 20;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-// Statements that say nothing of surfaces made of polygons.
+// Statements that do not describe polygonal surfaces; they are skipped silently.
 constexpr std::string_view kSkipped[] = {"s",         "l",        "p",       "vp",     "mg",
                                          "lod",       "bevel",    "usemap",  "maplib", "shadow_obj",
                                          "trace_obj", "c_interp", "d_interp"};
@@ -32,7 +32,7 @@ class ObjReader {
   }
 
   Result<ObjFile> read() {
-    // Usual exporters write 30 to 40 bytes per vertex and face.
+    // Common exporters write 30 to 40 bytes per vertex and face.
     file_.positions.reserve(left_.size() / 80);
     file_.corners.reserve(left_.size() / 20);
     file_.faces.reserve(left_.size() / 60);
@@ -46,7 +46,7 @@ class ObjReader {
   }
 
  private:
-  // How often something was dropped, and the first time.
+  // Counts dropped items and remembers the first.
   struct Dropped {
     int64_t count = 0;
     std::string first;
@@ -57,7 +57,7 @@ class ObjReader {
     }
   };
 
-  // A kind of attribute that corners refer to.
+  // A kind of attribute that corners refer to, with its dropped items.
   struct Attribute {
     std::string_view index_name;
     Dropped bad_indices, bad_values;
@@ -92,7 +92,7 @@ class ObjReader {
     return line;
   }
 
-  // With its continuations joined into `joined_`, where it has any.
+  // The next statement. Continuations are joined into `joined_`, if there are any.
   std::string_view next_line() {
     std::string_view line = next_physical_line();
     statement_line_ = line_;
@@ -146,15 +146,15 @@ class ObjReader {
     return {};
   }
 
-  // Some exporters repeat the line for every object.
+  // Some exporters repeat the line for every object, so each is stored once.
   void add_library(std::string_view line) {
     std::vector<std::string>& lines = file_.libraries;
     const bool is_known = std::find(lines.begin(), lines.end(), line) != lines.end();
     if (!is_known && lines.size() < kSceneWarningsMax) lines.emplace_back(line);
   }
 
-  // Reads up to values.size() numbers; fewer than `at_least` are an error. From the number
-  // `may_be_bad` on they may be none that is finite: NaN.
+  // Reads up to values.size() numbers; fewer than `at_least` are an error. From number `may_be_bad`
+  // on, a number that is not finite becomes NaN instead of an error.
   Result<size_t> read_numbers(LineCursor& line, std::string_view what, size_t at_least,
                               size_t may_be_bad, std::span<double> values, Dropped& dropped) {
     bool any_bad = false;
@@ -184,7 +184,7 @@ class ObjReader {
     return over_limit(name_, where(), what, limits::kVerticesMax, limits::kVerticesMax + 1);
   }
 
-  // "v x y z", "v x y z w" (the weight is for curves), "v x y z r g b", "v x y z r g b a".
+  // Reads "v x y z", "v x y z w" (the weight is for curves), "v x y z r g b" or "v x y z r g b a".
   Status read_vertex(LineCursor& line) {
     std::array<double, 7> n{};
     Dropped bad;
@@ -216,7 +216,7 @@ class ObjReader {
     std::array<double, 3> n{};
     bool is_bad = false;
     for (double& x : n) {
-      // NaN normals come from degenerate faces of real exporters and are not worth a refusal.
+      // Real exporters write NaN normals for degenerate faces, so they do not fail the file.
       const std::string_view word = line.token();
       const auto number = parse_number(word);
       x = number.value_or(0.0);
@@ -230,7 +230,8 @@ class ObjReader {
     return {};
   }
 
-  // From 1, or from the end: -1 is the last one so far. 0-based; errors name the range.
+  // Reads an index as a 0-based one. The file counts from 1, or from the end: -1 is the last one so
+  // far. Errors name the range.
   Result<uint32_t> read_index(std::string_view word, std::string_view what, size_t count) {
     int64_t index = 0;
     const char* end = word.data() + word.size();
@@ -245,7 +246,7 @@ class ObjReader {
     return static_cast<uint32_t>(index - 1);
   }
 
-  // The same of an attribute, which may be missing: kNone where it is out of range.
+  // Reads the index of an attribute, which may be absent: kNone if it is out of range.
   Result<uint32_t> read_attribute(std::string_view word, Attribute& attribute, size_t count) {
     int64_t index = 0;
     const char* end = word.data() + word.size();
@@ -261,7 +262,7 @@ class ObjReader {
     return ObjCorner::kNone;
   }
 
-  // What an index into `count` things may be.
+  // The valid indices into `count` things, for an error.
   static std::string range_of(size_t count) {
     if (count == 0) return "none, as none are given";
     if (count == 1) return "1 or -1";
@@ -274,7 +275,7 @@ class ObjReader {
                           std::move(got));
   }
 
-  // "v", "v/vt", "v//vn", "v/vt/vn"; empty parts are not given.
+  // Reads "v", "v/vt", "v//vn" or "v/vt/vn"; empty parts are absent.
   Status read_corner(std::string_view word) {
     ObjCorner corner;
     const size_t first = std::min(word.find('/'), word.size());
@@ -317,7 +318,7 @@ class ObjReader {
     return {};
   }
 
-  // Indices may point forward, so all are checked at the end.
+  // Checks all indices at the end, because they may point forward.
   Status check_corners() {
     ObjCorner* corner = file_.corners.data();
     for (const ObjFace& face : file_.faces) {
@@ -328,7 +329,7 @@ class ObjReader {
         }
         check_attribute(face, uv_, file_.uvs.size(), corner->vt);
         check_attribute(face, normal_, file_.normals.size(), corner->vn);
-        // Numbers that are not finite were told of where they stand.
+        // Numbers that are not finite were reported at their own line.
         if (corner->vt != ObjCorner::kNone && !is_finite(file_.uvs[corner->vt])) {
           corner->vt = ObjCorner::kNone;
         }
@@ -347,7 +348,7 @@ class ObjReader {
   uint32_t current_state() {
     if (!state_changed_) return state_index_;
     state_changed_ = false;
-    // Over the cap, names no longer tell parts apart; materials do.
+    // Above the limit, names no longer separate parts; materials still do.
     ObjState state = state_;
     if (states_.size() >= kScenePartsMax && !states_.contains(state)) {
       state = {.material = state_.material};
@@ -363,7 +364,7 @@ class ObjReader {
   Status set_material(std::string_view material) {
     return set_from(material, material_numbers_, file_.materials, state_.material);
   }
-  // A face of several groups ("g arm left") belongs to a group of all their names.
+  // A face of several groups ("g arm left") belongs to a group named after all of them.
   static std::string joined_words(LineCursor& line) {
     std::string words;
     for (std::string_view word = line.token(); !word.empty() && word != "#"; word = line.token()) {
@@ -371,12 +372,12 @@ class ObjReader {
     }
     return words;
   }
-  // "#2" is a part of a name, "# 2" is none.
+  // "#2" is part of a name, "# 2" is a comment.
   static std::string_view without_remark(std::string_view name) {
     return trimmed(name.substr(0, std::min(name.find(" # "), name.size())));
   }
   Status set_name(std::string_view text, uint32_t& current) {
-    // More names than parts may have are not kept.
+    // Names beyond the limit are dropped.
     if (file_.names.size() >= kNamesMax && !text.empty() && !name_numbers_.contains(text)) {
       file_.names_dropped = true;
       text = {};
@@ -410,7 +411,7 @@ class ObjReader {
   std::string_view name_;
   std::string_view left_;
   int64_t line_ = 0;
-  int64_t statement_line_ = 0;  // first line of the statement, where it is continued
+  int64_t statement_line_ = 0;  // the first line of a continued statement
   std::string joined_;
   ObjFile file_;
   ObjState state_;

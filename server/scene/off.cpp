@@ -14,7 +14,7 @@
 namespace voxeld {
 namespace {
 
-// Fractions up to here are in 0..1, give or take an overexposed light.
+// The largest fraction that still means 0..1, with room for an overexposed light.
 constexpr float kUnitFractionMax = 1.5f;
 
 void warn_dropped(Scene& scene, std::string_view name, const OffCount& dropped,
@@ -152,7 +152,7 @@ Result<OffPrefixes> off_prefixes(std::string_view name, int64_t line, std::strin
                         shown(word));
 }
 
-// "BINARY" stands behind the keyword, on its line.
+// "BINARY" follows the keyword on the same line.
 Result<Scene> load_off(std::string_view name, std::span<const uint8_t> bytes) {
   TextCursor head(as_text(bytes), '#');
   const std::string_view keyword = head.token();

@@ -53,7 +53,7 @@ class OffBinaryReader {
                      std::to_string(left()) + " bytes left");
   }
 
-  // The caller has asked for its bytes.
+  // The caller has checked that the bytes are there.
   uint32_t take_word() {
     const uint8_t* b = bytes_.data() + at_;
     at_ += kWordBytes;
@@ -62,7 +62,7 @@ class OffBinaryReader {
   int32_t take_integer() { return static_cast<int32_t>(take_word()); }
   float take_float() { return std::bit_cast<float>(take_word()); }
 
-  // False where one is not finite.
+  // Returns false if a number is not finite.
   bool take_floats(std::span<float> values) {
     bool finite = true;
     for (float& value : values) {
@@ -91,7 +91,7 @@ class OffBinaryReader {
     return {};
   }
 
-  // The header has checked that all vertices are there.
+  // The header check has ensured that all vertices are there.
   Status read_vertices() {
     mesh_.part.positions.reserve(static_cast<size_t>(vertex_count_));
     for (int64_t i = 0; i < vertex_count_; ++i) {

@@ -1,10 +1,10 @@
-// OFF as text. '#' starts a comment. The counts may follow the keyword without a blank, as in
+// Reads OFF as text. '#' starts a comment. The counts may follow the keyword without a blank, as in
 // ModelNet's "OFF8 6 0"; a file may also begin with the counts.
 //
-// Geomview reads vertices word by word and takes what is left on a face's line as its colour. Many
-// programs write colours behind the vertices of a plain "OFF", too, so a vertex is the first
-// numbers of its line, and further columns are its colour. A file is read word by word only where
-// its lines are fewer than its vertices and faces, or its first vertex takes several.
+// Geomview reads vertices word by word and takes the rest of a face's line as its colour. Many
+// programs also write colours behind the vertices of a plain "OFF". A vertex is therefore the first
+// numbers of its line, and further columns are its colour. A file is read word by word only if it
+// has fewer lines than vertices and faces, or if its first vertex takes several lines.
 #include <algorithm>
 #include <array>
 #include <optional>
@@ -20,9 +20,9 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kColorComponentsMax = 4;
-// Position, normal, colour and texture coordinate.
+// The most columns of a vertex: position, normal, colour and texture coordinate.
 constexpr size_t kVertexColumnsMax = 3 + 3 + kColorComponentsMax + 2;
-// The shortest lines, "0 0 0\n" and "0\n".
+// Bytes of the shortest lines, "0 0 0\n" and "0\n".
 constexpr int64_t kVertexBytesMin = 6, kFaceBytesMin = 2;
 
 using Words = std::span<const std::string_view>;
@@ -39,7 +39,7 @@ class OffTextReader {
     for (int64_t i = 0; i < vertex_count_; ++i) {
       VOXELD_TRY(by_lines ? read_vertex_line(i) : read_vertex_words(i));
     }
-    // What a plain header leaves open may be no colours after all.
+    // Columns under a plain header may not be colours after all.
     if (!prefixes_.color && mesh_.vertex_colors.drop_impossible()) {
       mesh_.odd_vertex_columns = assumed_colors_;
     }
@@ -71,7 +71,7 @@ class OffTextReader {
     }
     VOXELD_TRY(read_count(word, "vertices", limits::kVerticesMax, vertex_count_));
     VOXELD_TRY(read_count(cursor_.token(), "faces", limits::kTrianglesMax, face_count_));
-    // The number of edges is never used; some writers leave it out.
+    // The number of edges is never used, and some writers omit it.
     cursor_.token_on_line();
     const int64_t left = static_cast<int64_t>(cursor_.bytes_left()) + 1;
     const int64_t needed = kVertexBytesMin * vertex_count_ + kFaceBytesMin * face_count_;
@@ -90,7 +90,7 @@ class OffTextReader {
     return check_off_count(name_, where(), what, count, limit);
   }
 
-  // Whether `count` lines follow that hold something.
+  // Whether `count` lines with content follow.
   bool has_lines(int64_t count) const {
     TextCursor ahead = cursor_;
     for (; count > 0; --count) {
@@ -108,7 +108,7 @@ class OffTextReader {
     return count >= bare_columns() + (prefixes_.color ? 3 : 0);
   }
 
-  // Columns of a vertex without its colour.
+  // The number of columns of a vertex without its colour.
   size_t bare_columns() const { return 3 + (prefixes_.normal ? 3 : 0) + (prefixes_.uv ? 2 : 0); }
 
   Status read_vertex_line(int64_t vertex) {
@@ -127,7 +127,8 @@ class OffTextReader {
     const size_t further = count - bare;
     size_t color_size = further == 3 ? 3 : 4;
     if (!prefixes_.color) {
-      // Behind texture coordinates or before them? No program is known that writes it.
+      // With texture coordinates the place of the colour would be ambiguous, and no program is
+      // known to write both.
       const bool is_color = (further == 3 || further == 4) && !prefixes_.uv;
       if (!is_color) color_size = 0;
     }
@@ -136,7 +137,7 @@ class OffTextReader {
                       color_size);
   }
 
-  // Word by word. Colours have four numbers, as in Geomview.
+  // Reads a vertex word by word. Its colour has four numbers, as in Geomview.
   Status read_vertex_words(int64_t vertex) {
     std::array<std::string_view, kVertexColumnsMax> words;
     const size_t color_size = prefixes_.color ? 4 : 0;
@@ -176,7 +177,7 @@ class OffTextReader {
     return {};
   }
 
-  // Numbers, or zeros where one of them is not finite.
+  // Reads numbers; all become zero if one of them is not finite.
   Status read_values(std::string_view what, int64_t vertex, Words words, OffCount& bad,
                      std::span<float> values) {
     bool finite = true;
@@ -210,7 +211,7 @@ class OffTextReader {
     return {};
   }
 
-  // kNone, with a count of it, where a number is not finite; nullopt for other words.
+  // The colour in `words`: kNone, and counted, if a number is not finite; nullopt for other words.
   std::optional<OffColor> color_of(Words words) {
     OffColor color{.kind = OffColor::kWhole, .has_alpha = words.size() == 4};
     bool finite = true;
@@ -257,7 +258,7 @@ class OffTextReader {
     return mesh_.add_face(corners_, read_face_color());
   }
 
-  // What is left on the face's line.
+  // Reads the rest of the face's line as its colour.
   OffColor read_face_color() {
     std::array<std::string_view, kColorComponentsMax> words;
     size_t count = 0;
@@ -283,7 +284,7 @@ class OffTextReader {
   OffMesh mesh_;
   OffPrefixes prefixes_;
   int64_t vertex_count_ = 0, face_count_ = 0;
-  OffCount assumed_colors_;  // of vertices, under a header that does not tell of colours
+  OffCount assumed_colors_;  // of vertices, under a header without colours
   std::vector<uint32_t> corners_;
 };
 

@@ -1,4 +1,4 @@
-// PLY to Scene. One part, or one for each texture where faces name several ("texnumber").
+// Converts PLY to a Scene: one part, or one per texture if faces name several ("texnumber").
 #include "server/scene/ply.h"
 
 #include <map>
@@ -15,12 +15,12 @@
 namespace voxeld {
 namespace {
 
-// PLY's texture origin is the bottom left (as MeshLab writes it).
+// Moves the origin from the bottom left, as MeshLab writes it, to the top left.
 glm::vec2 texel_uv(const glm::vec2& uv) {
   return {uv.x, 1.0f - uv.y};
 }
 
-// Unit normals, or none at all where one has no direction: half of them would light wrongly.
+// Normalizes. Returns none if one has no direction: a partial set would light wrongly.
 std::vector<glm::vec3> unit_normals(std::vector<glm::vec3> normals) {
   for (glm::vec3& n : normals) {
     const float square = glm::dot(n, n);
@@ -30,7 +30,7 @@ std::vector<glm::vec3> unit_normals(std::vector<glm::vec3> normals) {
   return normals;
 }
 
-// What faces say of their triangles.
+// The attributes that faces give to their triangles.
 struct TriangleData {
   std::vector<glm::vec4> colors;      // per triangle
   std::vector<glm::vec2> corner_uvs;  // per triangle corner
@@ -67,7 +67,7 @@ Result<MeshPart> shared_part(std::string_view name, PlyMesh& mesh, TriangleData&
   return part;
 }
 
-// Gives each texture its own part; `part` is unshared.
+// Splits the part by texture. `part` must be unshared.
 std::vector<MeshPart> split_by_texture(MeshPart part, const std::vector<int>& textures,
                                        size_t texture_count) {
   std::vector<MeshPart> parts;

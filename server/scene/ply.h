@@ -1,4 +1,4 @@
-// PLY, the Stanford polygon format: header (ply_header), body (ply_body), scene (ply.cpp).
+// Loads PLY, the Stanford polygon format: header (ply_header), body (ply_body), scene (ply.cpp).
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace voxeld {
 
-// load_ply that finds the texture named by "comment TextureFile" in `bundle`.
+// Like load_ply() in load.h, but also finds the texture of "comment TextureFile" in `bundle`.
 Result<Scene> load_ply(std::string_view name, std::span<const uint8_t> bytes, const Bundle& bundle,
                        const LoadOptions& options);
 

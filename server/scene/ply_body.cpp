@@ -13,7 +13,7 @@
 namespace voxeld {
 namespace {
 
-// What a property of a vertex or face is to us.
+// The role of a property of a vertex or face.
 enum Role { kX, kY, kZ, kNx, kNy, kNz, kU, kV, kRed, kGreen, kBlue, kAlpha, kRoleCount };
 constexpr int kNoRole = -1;
 
@@ -42,7 +42,7 @@ constexpr std::pair<std::string_view, Role> kRoles[] = {{"x", kX},
                                                         {"diffuse_blue", kBlue},
                                                         {"diffuse_alpha", kAlpha}};
 
-// Which property has which role in one element.
+// The roles of one element's properties.
 struct Roles {
   std::vector<int> of_property;
   std::array<bool, kRoleCount> given{};
@@ -119,7 +119,7 @@ class PlyBodyReader {
   }
 
  private:
-  // "<name> line 7: vertex 3: <what>".
+  // An error such as "<name> line 7: vertex 3: <what>".
   Error malformed(std::string_view what, std::string expected, std::string got) const {
     return malformed_mesh(name_, source_.where(),
                           element_->name + " " + std::to_string(index_) + ": " + std::string(what),
@@ -140,7 +140,7 @@ class PlyBodyReader {
       return malformed("length of " + property.name, "a whole number from 0",
                        std::to_string(value));
     }
-    // Even a text has a byte for each item.
+    // Even text has a byte for each item, so larger lengths are refused before memory is allocated.
     if (value > static_cast<double>(source_.bytes_left())) {
       return malformed("length of " + property.name, "as many as the file holds",
                        std::to_string(static_cast<int64_t>(std::min(value, 1e18))));

@@ -11,7 +11,8 @@
 namespace voxeld {
 namespace {
 
-// Elements, properties of all elements, and texture files of one header: malformed-mesh above.
+// Limits of one header: elements, properties of all elements, and texture files. More:
+// malformed-mesh.
 constexpr size_t kElementsMax = 64;
 constexpr size_t kPropertiesMax = 1024;
 constexpr size_t kTextureFilesMax = 256;
@@ -29,7 +30,7 @@ class PlyHeaderReader {
   PlyHeaderReader(std::string_view name, std::string_view text) : name_(name), text_(text) {}
 
   Result<PlyHeader> read() {
-    // Lines end as the first one does: in a binary file, the byte after a CR may be data.
+    // All lines end as the first one does: in a binary file, the byte after a CR may be data.
     const size_t end = text_.substr(0, 5).find_first_of("\r\n");
     if (text_.substr(0, 3) != "ply" || end != 3) {
       return malformed("wrong first line", "\"ply\"", shown(text_.substr(0, 16)));
@@ -71,7 +72,7 @@ class PlyHeaderReader {
     if (keyword == "element") return read_element(words);
     if (keyword == "property") return read_property(words);
     if (keyword == "comment") return read_comment(words);
-    // obj_info, and comments whose keyword was forgotten, as Blender 2.47 did.
+    // Ignores obj_info, and comments without their keyword, which Blender 2.47 wrote.
     return {};
   }
 
@@ -160,7 +161,7 @@ class PlyHeaderReader {
     return {};
   }
 
-  // Fewest bytes that one element takes.
+  // The fewest bytes that one element takes.
   uint64_t element_bytes_min(const PlyElement& element) const {
     if (header_.encoding == PlyEncoding::kAscii) return 2 * element.properties.size();
     uint64_t bytes = 0;

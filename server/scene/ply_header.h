@@ -1,4 +1,4 @@
-// What a PLY file says of its own layout.
+// The header of a PLY file, which describes its layout.
 #pragma once
 
 #include <cstddef>
@@ -35,14 +35,14 @@ struct PlyHeader {
   size_t data_offset = 0;                  // bytes
   int64_t data_line = 1;                   // first line after the header
 
-  // nullptr where there is none.
+  // Returns nullptr if there is none.
   const PlyElement* element(std::string_view name) const;
 };
 
 size_t ply_type_bytes(PlyType type);
 
-// Reads the header and checks that the file is large enough for the counts it declares, so that
-// readers may allocate by them. Errors: malformed-mesh with the line.
+// Reads the header and checks that the file is large enough for its counts, so readers may allocate
+// by them. Errors: malformed-mesh with the line.
 Result<PlyHeader> read_ply_header(std::string_view name, std::span<const uint8_t> bytes);
 
 }  // namespace voxeld

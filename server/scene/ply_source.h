@@ -1,5 +1,5 @@
-// Where the numbers of a PLY body come from: text, or bytes of either order. Both have the same
-// functions, so that the reader is written once.
+// Sources of the numbers of a PLY body: text, or bytes of either order. Both have the same
+// functions, so the reader is written only once.
 #pragma once
 
 #include <bit>
@@ -22,7 +22,8 @@ class PlyTextSource {
   PlyTextSource(std::span<const uint8_t> bytes, int64_t first_line)
       : cursor_(as_text(bytes), '\0', first_line) {}
 
-  // The next number; NaN for "nan" and what is too large. nullopt for other words and at the end.
+  // The next number; NaN for "nan" and numbers that are too large. nullopt for other words and at
+  // the end.
   std::optional<double> number(PlyType) {
     word_ = cursor_.token();
     if (const auto value = parse_number(word_)) return value;
@@ -42,7 +43,7 @@ class PlyTextSource {
   std::string got() const { return shown(word_); }
 
  private:
-  // "nan", "-nan(ind)", "inf", "1e999", "1.#QNAN" as printed by C libraries.
+  // Accepts "nan", "-nan(ind)", "inf", "1e999", "1.#QNAN", as C libraries print them.
   static bool is_not_finite(std::string_view word) {
     if (word.find_first_not_of("0123456789+-.eE#nNaAiIfFdDqQtTyYsS()") != word.npos) return false;
     for (const std::string_view mark : {"nan", "NaN", "NAN", "inf", "Inf", "INF", "#", "e", "E"}) {

@@ -1,4 +1,4 @@
-// Takes faces of any number of corners into a part's triangles.
+// Splits faces of any number of corners into a part's triangles.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +11,13 @@
 
 namespace voxeld {
 
-// Appends the face's triangles to part.indices; every corner must be < positions.size(). Faces with
-// fewer than 3 corners must not come here. Errors: malformed-mesh over kTrianglesMax (`name`,
-// `where` for the text), counting what the part already has.
+// Appends triangles to part.indices. Every corner must be < positions.size(), and a face must have
+// 3 corners or more. Errors: malformed-mesh over kTrianglesMax, including the part's earlier
+// triangles; `name` and `where` appear in the text.
 class PolygonSink {
  public:
   explicit PolygonSink(std::string_view name) : name_(name) {}
-  // `local` gets, per triangle corner, its number among the face's corners; may be null.
+  // `local`, which may be null, receives for each triangle corner its number in the face.
   Status add_face(std::span<const uint32_t> corners, MeshPart& part,
                   std::vector<uint32_t>* local = nullptr);
 
@@ -28,9 +28,10 @@ class PolygonSink {
   std::vector<uint32_t> triangles_;
 };
 
-// The part with a vertex of its own for every corner of a triangle, as colours per face need.
+// A copy of the part in which each triangle corner has a vertex of its own, as colours per face
+// need.
 MeshPart unshared(const MeshPart& part);
-// unshared(), with the colour of triangle i, triangle_colors[i], on its three corners.
+// An unshared() copy in which triangle i has the colour triangle_colors[i] on its three corners.
 MeshPart with_triangle_colors(const MeshPart& part, std::span<const glm::vec4> triangle_colors);
 
 }  // namespace voxeld

@@ -1,5 +1,5 @@
-// A scene as plain data: what every loader makes and the voxelizer reads. All positions are in
-// world space (node transforms applied), right-handed.
+// A scene as plain data: loaders make it and the voxelizer reads it. All positions are in world
+// space (node transforms applied), right-handed.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +16,8 @@
 
 namespace voxeld {
 
-// Row 0 is the top row; straight (not premultiplied) alpha; RGB as stored in the file, taken as
-// sRGB.
+// A texture. Row 0 is the top row. Alpha is straight (not premultiplied). RGB is stored as in the
+// file and taken as sRGB.
 struct Image {
   std::string name;  // as the mesh file names it
   int width = 0, height = 0;
@@ -34,8 +34,8 @@ struct Material {
   Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
 };
 
-// Triangles that share a material, and what they belong to in the file. Attribute arrays are empty
-// or as long as positions.
+// Triangles that share a material, with their names in the file. Attribute arrays are empty or as
+// long as positions.
 struct MeshPart {
   std::string name;
   int material = -1;  // index into Scene::materials; -1: none
@@ -67,10 +67,11 @@ struct Scene {
   std::string format;  // "ply", "obj", "stl", "off", "gltf", "glb"
   std::vector<MeshPart> parts;
   std::vector<Material> materials;
-  // Names of what parts belong to, in the order in which the file's surfaces do. A format that
-  // knows no such thing has one, without a name.
+  // Names that parts refer to, in the order in which the file's surfaces first use them. A format
+  // without such names has a single empty one.
   std::vector<std::string> meshes{""}, nodes{""}, groups{""};
-  // There were more than a scene has parts, so some parts hold surfaces of several of them.
+  // Whether some parts hold surfaces of several names, because there were more than a scene has
+  // parts.
   bool parts_merged = false;
   std::vector<Image> images;
   std::vector<Warning> warnings;
@@ -78,10 +79,10 @@ struct Scene {
 
   size_t triangle_count() const;
   size_t vertex_count() const;
-  // Of the vertices that triangles use.
+  // The box of the vertices that triangles use.
   Box3d bounds() const;
-  // Whether the file says anything of colour: vertex colours, textures that were found, or a base
-  // colour that is given. A mesh without it gets no colour channel.
+  // Whether the file has any colour: vertex colours, textures that were found, or a given base
+  // colour. A mesh without it gets no colour channel.
   bool has_colors() const;
   bool colors_given = false;  // set by loaders when a material gives a base colour
 };

@@ -13,11 +13,11 @@
 namespace voxeld {
 namespace {
 
-// Starting a thread costs as much as some thousand vertices.
+// Starting a thread costs as much as some thousand vertices, so small scenes use one.
 constexpr size_t kVerticesPerThreadMin = 8192;
 constexpr size_t kThreadsMax = 8;
 
-// Appends the ends of one part, moved behind those of the parts before.
+// Appends the ends of one part, shifted behind those of the parts before.
 void append_ends(std::vector<uint32_t>& firsts, const std::vector<uint32_t>& ends) {
   const uint32_t base = firsts.back();
   for (const uint32_t end : ends) firsts.push_back(base + end);
@@ -33,7 +33,7 @@ void append(std::vector<T>& to, std::vector<T>& from) {
   from = {};
 }
 
-// The upper three rows of world_from_bound alone.
+// Transforms a point by the upper three rows of world_from_bound.
 glm::dvec3 moved(const glm::dmat4& m, const glm::dvec3& p) {
   return glm::dvec3(m[0]) * p.x + glm::dvec3(m[1]) * p.y + glm::dvec3(m[2]) * p.z +
          glm::dvec3(m[3]);
@@ -86,9 +86,9 @@ bool is_place(const glm::dvec3& p) {
   return is_coordinate(p.x) && is_coordinate(p.y) && is_coordinate(p.z);
 }
 
-// What one thread found.
+// The findings of one thread.
 struct ChunkReport {
-  std::optional<size_t> lost_vertex;  // the first that is at no finite place
+  std::optional<size_t> lost_vertex;  // the first without a finite position
   bool has_vanished_normal = false;
 };
 
@@ -181,7 +181,7 @@ Status skin_vertices(const SkinTable& table, const Scene& bind, const Pose& pose
   for (size_t p = 0; p < bind.parts.size() && has_vanished_normal; ++p) {
     FrameVertices::Part& part = out.parts[p];
     repair_normals(part.positions, bind.parts[p].indices, part.normals);
-    // What no triangle uses.
+    // A vertex that no triangle uses gets (0, 0, 1).
     std::replace(part.normals.begin(), part.normals.end(), glm::vec3(0.0f), glm::vec3(0, 0, 1));
   }
   return {};

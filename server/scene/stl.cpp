@@ -9,8 +9,8 @@
 // 14..10 red, 9..5 green, 4..0 blue. Magics: bit 15 clear = this colour counts, set = the
 // object's; 4..0 red, 9..5 green, 14..10 blue. Taken as sRGB.
 //
-// A count above kTrianglesMax that the size does not bear out, or 84 bytes of text, are no binary
-// STL.
+// A file is not binary STL if it has a count above kTrianglesMax that its size contradicts, or 84
+// bytes of text.
 //
 // Normals of the file are dropped: they follow from the vertices, and many writers leave zeros.
 #include "server/scene/stl.h"
@@ -50,7 +50,7 @@ glm::vec4 color_of_bits(uint32_t red, uint32_t green, uint32_t blue) {
   return {linear_from_srgb(srgb), 1.0f};
 }
 
-// What the attributes of this file mean.
+// Decodes the attributes of one file.
 class FacetColors {
  public:
   explicit FacetColors(std::span<const uint8_t> bytes, uint32_t triangle_count) {
@@ -75,7 +75,7 @@ class FacetColors {
     }
     return bit15 ? color_of_bits(attribute >> 10, attribute >> 5, attribute) : glm::vec4(1.0f);
   }
-  // Two facets with the same key have the same colour.
+  // Facets with equal keys have equal colours.
   uint32_t key(uint32_t attribute) const { return any() ? attribute : 0; }
 
  private:
@@ -97,7 +97,7 @@ Status add_facet(std::string_view name, uint32_t number, const uint8_t* facet,
                               "a finite number up to 1e30", std::to_string(x));
       }
       p[axis] = x;
-      // -0 and 0 are one place.
+      // -0 and 0 are the same position.
       key[static_cast<size_t>(axis)] = x == 0.0f ? 0 : bits;
     }
     const auto next = static_cast<uint32_t>(part.positions.size());
@@ -174,7 +174,7 @@ Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> by
 
 Result<Scene> load_stl(std::string_view name, std::span<const uint8_t> bytes) {
   if (is_binary_stl(bytes)) return load_stl_binary(name, bytes);
-  // Text never holds NUL; a binary header of 80 bytes mostly does.
+  // Text never contains NUL; a binary header of 80 bytes mostly does.
   std::string storage;
   const std::string_view head =
       plain_text(bytes.first(std::min(bytes.size(), kTextHeadBytes)), storage);

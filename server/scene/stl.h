@@ -1,4 +1,4 @@
-// STL, as binary and as text: stl.cpp and stl_ascii.cpp.
+// Loads STL, binary (stl.cpp) and text (stl_ascii.cpp).
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,13 @@
 
 namespace voxeld {
 
-// Whether the size is what a binary STL with its triangle count must have, 84 + 50 n, n > 0. Holds
-// for files whose header begins with "solid", too.
+// Whether the size fits a binary STL with its triangle count: 84 + 50 n, n > 0. The header of such
+// a file may also begin with "solid".
 bool is_binary_stl(std::span<const uint8_t> bytes);
 
 Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> bytes);
-// One part per "solid". Keywords in any case; what stands after "facet" up to the vertices is
-// skipped, as normals are.
+// Makes one part per "solid". Keywords may have any case. Text between "facet" and the vertices is
+// skipped, normals included.
 Result<Scene> load_stl_ascii(std::string_view name, std::string_view text);
 
 }  // namespace voxeld

@@ -31,7 +31,7 @@ class StlTextReader {
     return malformed_line(name_, cursor_.line(), "wrong word", std::move(expected), shown(word));
   }
 
-  // A solid is a mesh and a node.
+  // Makes each solid a mesh and a node.
   void name_meshes() {
     scene_.meshes.clear();
     for (MeshPart& part : scene_.parts) {
@@ -43,7 +43,7 @@ class StlTextReader {
 
   Status read_solid() {
     const std::string_view solid_name = cursor_.rest_of_line();
-    // An empty solid is nothing to voxelize, but no mistake: the next one takes its place.
+    // An empty solid is valid but has no surface, so the next one replaces it.
     const bool reuse = !scene_.parts.empty() && (scene_.parts.back().indices.empty() ||
                                                  scene_.parts.size() == kScenePartsMax);
     if (!reuse) {
@@ -75,7 +75,7 @@ class StlTextReader {
   }
 
   Status read_facet(MeshPart& part) {
-    // "normal x y z", where some writers leave words out and others write "nan".
+    // Skips "normal x y z"; some writers omit words and others write "nan".
     constexpr int kNormalWordsMax = 4;
     for (int i = 0; i < kNormalWordsMax; ++i) {
       if (equals_ignoring_case(cursor_.token(), "outer")) return read_loop(part);
@@ -98,8 +98,8 @@ class StlTextReader {
     return expect("endfacet");
   }
 
-  // Text holds decimals of any length, but STL is a format of floats: positions are rounded to
-  // float, so that the text and the binary form of a mesh give the same vertices.
+  // Rounds positions to float, the type of binary STL, so the text and the binary form of a mesh
+  // give the same vertices.
   Status read_vertex(MeshPart& part) {
     glm::dvec3 p;
     VertexTable::Key key{};
@@ -112,7 +112,7 @@ class StlTextReader {
       }
       const auto x = static_cast<float>(*number);
       p[axis] = x;
-      // -0 and 0 are one place.
+      // -0 and 0 are the same position.
       key[static_cast<size_t>(axis)] = x == 0.0f ? 0 : std::bit_cast<uint32_t>(x);
     }
     const auto next = static_cast<uint32_t>(part.positions.size());

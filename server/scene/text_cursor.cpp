@@ -32,14 +32,14 @@ bool equals_ignoring_case(std::string_view a, std::string_view b) {
 
 std::optional<double> parse_number(std::string_view token) {
   if (token.empty()) return std::nullopt;
-  // from_chars takes no plus sign; "+-1" must stay wrong.
+  // from_chars does not accept a plus sign. "+-1" must stay invalid, so the plus is kept there.
   if (token.size() > 1 && token[0] == '+' && token[1] != '-') token.remove_prefix(1);
   double value = 0.0;
   const char* end = token.data() + token.size();
   const auto [stop, error] = std::from_chars(token.data(), end, value);
   if (stop != end) return std::nullopt;
   if (error == std::errc::result_out_of_range) {
-    // from_chars does not say on which side: a negative exponent means too small.
+    // from_chars does not tell overflow from underflow; a negative exponent means underflow.
     const bool tiny = token.find("e-") != token.npos || token.find("E-") != token.npos;
     return tiny ? std::optional<double>(0.0) : std::nullopt;
   }
@@ -53,7 +53,7 @@ std::optional<double> parse_number_or_nan(std::string_view token) {
   const auto begins = [&](std::string_view word) {
     return equals_ignoring_case(token.substr(0, word.size()), word);
   };
-  // Visual C++ wrote 1.#QNAN, 1.#IND and 1.#INF, and writes nan(ind).
+  // Visual C++ wrote 1.#QNAN, 1.#IND and 1.#INF, and now writes nan(ind).
   bool is_none = (begins("nan") && (token.size() == 3 || token[3] == '(')) ||
                  equals_ignoring_case(token, "inf") || equals_ignoring_case(token, "infinity") ||
                  begins("1.#");

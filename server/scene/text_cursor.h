@@ -1,4 +1,4 @@
-// Reading numbers and words out of the text of a mesh file, without copies and without locales.
+// Reads numbers and words from the text of a mesh file, without copies and independent of locales.
 #pragma once
 
 #include <charconv>
@@ -11,31 +11,32 @@
 
 namespace voxeld {
 
-// Without blanks and line ends at both sides.
+// The text without blanks and line ends at both sides.
 std::string_view trimmed(std::string_view text);
-// Equality that takes ASCII letters of both cases as one.
+// Equality of ASCII text without regard to case.
 bool equals_ignoring_case(std::string_view a, std::string_view b);
 
 // The number that is the whole of `token`: decimal, with an optional sign and exponent. Numbers too
-// small for a double are 0; too large ones, "nan" and "inf" are nullopt.
+// small for a double are 0. Too large ones, "nan" and "inf" are nullopt.
 std::optional<double> parse_number(std::string_view token);
-// The same; NaN for words that stand for no finite number: "nan", "-inf", "1.#QNAN", "1e999".
+// Like parse_number(), but NaN for words that mean no finite number: "nan", "-inf", "1.#QNAN",
+// "1e999".
 std::optional<double> parse_number_or_nan(std::string_view token);
-// The integer that is the whole of `token`; also written as 12.0, as some PLY files do.
+// The integer that is the whole of `token`. 12.0 is accepted, because some PLY files write it.
 std::optional<int64_t> parse_integer(std::string_view token);
 
 // Reads the words of one line from the left.
 class LineCursor {
  public:
   explicit LineCursor(std::string_view line) : at_(line.data()), end_(line.data() + line.size()) {}
-  // Empty at the end of the line.
+  // The next word; empty at the end of the line.
   std::string_view token() {
     skip_blanks();
     const char* begin = at_;
     while (at_ != end_ && !is_blank(*at_)) ++at_;
     return {begin, static_cast<size_t>(at_ - begin)};
   }
-  // What is left, trimmed.
+  // The rest of the line, trimmed.
   std::string_view rest() {
     const std::string_view text(at_, static_cast<size_t>(end_ - at_));
     at_ = end_;
@@ -69,7 +70,7 @@ class TextCursor {
   std::string_view token();
   // The next word on this line; empty at its end.
   std::string_view token_on_line();
-  // The rest of this line, trimmed; goes on to the next line.
+  // The rest of this line, trimmed. Continues on the next line.
   std::string_view rest_of_line();
   // Line of the last word, from 1.
   int64_t line() const { return token_line_; }

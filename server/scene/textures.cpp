@@ -20,7 +20,7 @@ bool is_image_name(std::string_view name) {
   return false;
 }
 
-// The index of an image that is found but whose pixels nobody asked for: inspection.
+// Adds an image. In an inspection it has a name but no pixels.
 int add_image(Scene& scene, Image image) {
   scene.images.push_back(std::move(image));
   return static_cast<int>(scene.images.size()) - 1;

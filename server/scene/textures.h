@@ -1,4 +1,4 @@
-// Textures that a mesh file names, out of its bundle into its scene.
+// Loads the textures that a mesh file names from its bundle into its scene.
 #pragma once
 
 #include <map>
@@ -12,20 +12,19 @@
 
 namespace voxeld {
 
-// The only image of a bundle, which a mesh that names no texture is meant to be used with (spot.zip
-// is one); nullopt for none and for several.
+// The only image of a bundle, for a mesh that names no texture (spot.zip is one). nullopt for none
+// and for several.
 std::optional<std::string> only_image(const Bundle& bundle);
 
 // Decodes each texture once. One per load; not thread-safe; scene and bundle must outlive it.
 class TextureSet {
  public:
-  // `from`: the file whose folder references are relative to.
+  // `from`: the file; references are relative to its folder.
   TextureSet(Scene& scene, const Bundle& bundle, std::string from, const LoadOptions& options)
       : scene_(scene), bundle_(bundle), from_(std::move(from)), options_(options) {}
 
-  // Index into scene.images; -1 for one that is missing or broken, which adds a warning
-  // ("missing-texture", "broken-texture") and an entry of missing_files. `needed_by` names the
-  // material or file.
+  // Index into scene.images. A missing or broken image gives -1, a warning ("missing-texture",
+  // "broken-texture") and an entry of missing_files. `needed_by` names the material or file.
   int image_index(std::string_view reference, std::string_view needed_by);
 
  private:

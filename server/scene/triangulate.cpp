@@ -18,8 +18,8 @@
 namespace voxeld {
 namespace {
 
-// Twice the signed area of the polygon's projections (Newell; Sutherland, Sproull & Schumacker
-// 1974), relative to the first corner so that far polygons keep their precision.
+// Twice the signed areas of the polygon's projections (Newell; Sutherland, Sproull & Schumacker
+// 1974). They are relative to the first corner, so distant polygons keep their precision.
 glm::dvec3 newell_normal(std::span<const glm::dvec3> corners) {
   glm::dvec3 normal{0.0};
   glm::dvec3 previous{0.0};
@@ -31,8 +31,8 @@ glm::dvec3 newell_normal(std::span<const glm::dvec3> corners) {
   return normal;
 }
 
-// Drops the axis along which the normal is longest; the result turns counter-clockwise. Dropping
-// keeps the coordinates as they are, so corners that are collinear stay so.
+// Projects along the longest axis of the normal; the result turns counter-clockwise. Dropping an
+// axis leaves the other coordinates exact, so collinear corners stay collinear.
 std::vector<glm::dvec2> project(std::span<const glm::dvec3> corners, const glm::dvec3& normal) {
   const glm::dvec3 size = glm::abs(normal);
   const int dropped = size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
@@ -43,19 +43,23 @@ std::vector<glm::dvec2> project(std::span<const glm::dvec3> corners, const glm::
   return points;
 }
 
-// Positive where a, b, c turn left.
+// Positive if a, b, c turn left.
 double orient(const glm::dvec2& a, const glm::dvec2& b, const glm::dvec2& c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-// Ear clipping (Meisters 1975, "Polygons have ears") with three additions. Corners that cannot be
-// inside any ear (the convex ones) are never looked at, and the others stand in a grid of cells, so
-// that an ear looks only at those near it. A corner that is no ear is looked at again only when
-// that can have changed: when a neighbour was clipped, or the corner that blocked it was clipped or
-// became convex; so a polygon with few ears at a time (a long band) costs no round per ear. Exact
-// duplicates of an ear's corners (the bridges of polygons with holes) block it only where their
-// edges enter it. Where corners stand on top of one another by the thousand, each look costs all of
-// them: after kLooksMin, or kLooksPerPlace for each place, the rest becomes a fan.
+// Ear clipping (Meisters 1975, "Polygons have ears") with these additions.
+//
+// Convex corners cannot be inside an ear and are never examined. The others are in a grid of cells,
+// so an ear examines only those near it.
+//
+// A corner that is no ear is examined again only if that can have changed: a neighbour was clipped,
+// or the corner that blocked it was clipped or became convex. A polygon with few ears at a time (a
+// long band) therefore costs no full round per ear.
+//
+// Exact duplicates of an ear's corners (the bridges of polygons with holes) block it only if their
+// edges enter it. Thousands of corners at one place would make every look expensive. After
+// kLooksMin looks, or kLooksPerPlace for each place, the rest becomes a fan.
 class EarClipper {
  public:
   EarClipper(std::span<const glm::dvec2> points, std::vector<uint32_t>& out)
@@ -74,8 +78,8 @@ class EarClipper {
 
   void run() {
     for (uint32_t i = 0; i < points_.size(); ++i) enqueue(i);
-    // Once no corner is an ear, touching corners stop blocking; without an ear even then, or after
-    // kStrictLooksPerCorner, the polygon crosses itself and the rest becomes a fan.
+    // Once no corner is an ear, touching corners stop blocking. If there is still no ear, or after
+    // kStrictLooksPerCorner looks, the polygon crosses itself and the rest becomes a fan.
     uint32_t ear = 0;
     for (uint64_t looks = kStrictLooksPerCorner * points_.size();;) {
       clip_queued();
@@ -98,20 +102,20 @@ class EarClipper {
  private:
   static constexpr uint32_t kCellsPerSideMax = 256;
   static constexpr uint64_t kStrictLooksPerCorner = 64;
-  // Looks at cells and at the corners in them, by the places of the corners: polygons whose corners
-  // are all at their own places never take so many. One of 65,536 corners at four places took 1e9
-  // looks and 3 s, and its text is 200 bytes in a zip.
+  // Looks at cells and their corners, per distinct place. Polygons whose corners are all distinct
+  // never need so many. One of 65,536 corners at four places took 1e9 looks and 3 s; its text is
+  // 200 bytes in a zip.
   static constexpr int64_t kLooksPerPlace = limits::kPolygonCornersMax;
   static constexpr int64_t kLooksMin = int64_t{1} << 20;
   static constexpr uint32_t kNone = ~0u;
 
-  // To the end of the queue, from wherever it stands there.
+  // Moves a corner to the end of the queue, from any place in it.
   void enqueue(uint32_t corner) {
     queued_[corner] = static_cast<uint32_t>(queue_.size());
     queue_.push_back(corner);
   }
-  // A clipped corner's neighbours go to the end of the queue: a convex polygon loses every second
-  // corner first and gives no sliver fan.
+  // Clips the queue's ears. A clipped corner's neighbours go to the end of the queue, so a convex
+  // polygon loses every second corner first and gives no sliver fan.
   void clip_queued() {
     for (uint32_t i = 0; i < queue_.size() && left_ > 3; ++i) {
       cancel_point();
@@ -120,7 +124,7 @@ class EarClipper {
     }
     queue_.clear();
   }
-  // `corner`, or one after it that is left.
+  // `corner`, or the next one after it that is left.
   uint32_t left_corner(uint32_t corner) const {
     while (is_clipped(corner)) corner = corner + 1 == points_.size() ? 0 : corner + 1;
     return corner;
@@ -158,7 +162,7 @@ class EarClipper {
   bool is_ear(uint32_t b, bool strict) {
     const uint32_t a = previous_[b], c = next_[b];
     const double turn = corner_turn(b);
-    // A corner on the line through its neighbours takes no area with it.
+    // A corner on the line through its neighbours covers no area, so it may always be clipped.
     if (turn == 0.0) return true;
     if (!(turn > 0.0) || looks_left_ <= 0) return false;
     const glm::dvec2 low = glm::min(points_[a], glm::min(points_[b], points_[c]));
@@ -176,8 +180,8 @@ class EarClipper {
     return true;
   }
 
-  // A corner of the cell that lies in the ear, or kNone. Corners that were clipped or have become
-  // convex leave the cell on the way: they never matter again.
+  // A corner of the cell that lies in the ear, or kNone. Corners that were clipped or became convex
+  // are removed from the cell, because they never matter again.
   uint32_t blocker_in(std::vector<uint32_t>& cell, uint32_t a, uint32_t b, uint32_t c,
                       const glm::dvec2& low, const glm::dvec2& high, bool strict) {
     for (size_t i = 0; i < cell.size() && looks_left_-- > 0;) {
@@ -202,12 +206,12 @@ class EarClipper {
     const glm::dvec2 &pp = points_[p], &pa = points_[a], &pb = points_[b], &pc = points_[c];
     const double ab = orient(pa, pb, pp), bc = orient(pb, pc, pp), ca = orient(pc, pa, pp);
     if (strict) return ab > 0.0 && bc > 0.0 && ca > 0.0;
-    // An edge that leaves from a or c into the ear ends in it or crosses the edge opposite.
+    // An edge that goes from a or c into the ear ends in it or crosses the opposite edge.
     if (pp == pa || pp == pc) return false;
     if (pp == pb) return in_cone(previous_[p], a, b, c) || in_cone(next_[p], a, b, c);
     return ab >= 0.0 && bc >= 0.0 && ca >= 0.0;
   }
-  // Whether q is seen from b strictly between c and a.
+  // Whether q, seen from b, is strictly between c and a.
   bool in_cone(uint32_t q, uint32_t a, uint32_t b, uint32_t c) const {
     return orient(points_[a], points_[b], points_[q]) > 0.0 &&
            orient(points_[b], points_[c], points_[q]) > 0.0;
@@ -235,8 +239,8 @@ class EarClipper {
     release(a, corner_turn(a) <= 0.0);
     release(c, corner_turn(c) <= 0.0);
   }
-  // Queues the corners that `p` blocked; where p still can block, only those at p's own place, for
-  // which its edges count.
+  // Queues the ears that `p` blocked. If p can still block, only those whose tip is at p's own
+  // place are queued, because p's edges decide there.
   void release(uint32_t p, bool still_blocks) {
     looks_left_ -= std::ssize(blocked_by_[p]);
     if (looks_left_ <= 0) return;
@@ -257,9 +261,10 @@ class EarClipper {
   uint32_t left_;  // corners not clipped
   int64_t looks_left_ = 0;
   std::vector<uint32_t> previous_, next_;          // the ring of corners that are left
-  std::vector<uint32_t> queue_;                    // corners to look at, with outdated entries
+  std::vector<uint32_t> queue_;                    // corners to examine; may hold outdated entries
   std::vector<uint32_t> queued_;                   // each corner's last place in the queue
-  std::vector<std::vector<uint32_t>> blocked_by_;  // the ears that a corner was found to block
+  std::vector<std::vector<uint32_t>> blocked_by_;  // for each corner, the ears it was found to
+                                                   // block
   std::vector<std::vector<uint32_t>> cells_;       // reflex and flat corners
   uint32_t cells_per_side_ = 1;
   glm::dvec2 min_{0.0}, max_{0.0};
@@ -273,7 +278,7 @@ void append_fan(size_t count, std::vector<uint32_t>& out) {
   }
 }
 
-// The diagonal 0-2, or 1-3 where 0-2 would leave a concave quadrilateral.
+// Splits along the diagonal 0-2, or along 1-3 if 0-2 would be outside a concave quadrilateral.
 void append_quad(std::span<const glm::dvec3> corners, const glm::dvec3& normal,
                  std::vector<uint32_t>& out) {
   const auto turn = [&](size_t a, size_t b, size_t c) {

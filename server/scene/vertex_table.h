@@ -1,4 +1,4 @@
-// Finds the vertex that was made from the same numbers before.
+// A hash table of vertices by the numbers that they were made from.
 #pragma once
 
 #include <array>
@@ -9,16 +9,16 @@
 
 namespace voxeld {
 
-// Open addressing with linear probing over a vector; keys are up to four 32-bit numbers (indices
-// of an OBJ corner, bits of an STL position). The hash is seeded per process, so that no file can
-// be made to collide.
+// Open addressing with linear probing over a vector. Keys are up to four 32-bit numbers (indices of
+// an OBJ corner, bits of an STL position). The hash is seeded per process, so no file can force
+// collisions.
 class VertexTable {
  public:
   using Key = std::array<uint32_t, 4>;
 
-  // `expected_count`: of keys; only a hint.
+  // `expected_count` of keys is only a hint.
   explicit VertexTable(size_t expected_count = 0);
-  // The value stored for `key`, or `value`, which is stored then; second: whether it is new.
+  // The value stored for `key`. A new key stores `value`; second: whether it is new.
   std::pair<uint32_t, bool> find_or_add(const Key& key, uint32_t value);
 
  private:

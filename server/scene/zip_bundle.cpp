@@ -1,5 +1,5 @@
-// A zip that came from outside. libzip reads it from memory; everything that its headers claim is
-// checked against limits.h before it is believed, and once more while inflating.
+// Reads a zip from outside. libzip reads it from memory. Every claim of its headers is checked
+// against limits.h first, and again while inflating.
 #include <zip.h>
 
 #include <algorithm>
@@ -25,13 +25,14 @@ struct ZipFileCloser {
 
 constexpr size_t kEndRecordBytes = 22;
 constexpr size_t kEndRecordSearchBytes = 65'535 + kEndRecordBytes;
-// Names, extra fields and comments of all entries: malformed-bundle above. libzip allocates about
-// 200 bytes per 46 bytes of this table, so it must be bounded before libzip sees the archive.
+// Bytes of names, extra fields and comments of all entries. More: malformed-bundle. libzip
+// allocates about 200 bytes per 46 bytes of this table, so it must be bounded before libzip sees
+// the archive.
 constexpr uint64_t kDirectoryBytesMax = uint64_t{limits::kBundleEntriesMax} * 4096;
 constexpr uint64_t kRatioCheckedFromBytes = 1 << 20;
 constexpr size_t kBytesAtOnce = size_t{1} << 20;  // between two cancel points
-// A mesh may name one file again and again. All its files may be inflated so often, and so many
-// bytes besides; more: malformed-bundle.
+// A mesh may name one file again and again. The limit on inflated bytes is kRepeatsMax times all
+// files, plus kInflatedBytesMin. More: malformed-bundle.
 constexpr int64_t kRepeatsMax = 4;
 constexpr int64_t kInflatedBytesMin = int64_t{64} << 20;
 
@@ -58,8 +59,8 @@ Status check_directory(uint64_t entry_count, uint64_t directory_bytes) {
   return {};
 }
 
-// libzip takes a name to end at its first NUL, so a name with one must be seen before. What is no
-// directory is left to libzip, which refuses it.
+// Refuses names with a NUL, where libzip would end the name. Bytes that are no directory are left
+// to libzip, which refuses them.
 Status check_names(std::span<const uint8_t> bytes, uint64_t offset, uint64_t directory_bytes) {
   constexpr size_t kHeaderBytes = 46;
   if (offset > bytes.size()) return {};
@@ -80,14 +81,14 @@ Status check_names(std::span<const uint8_t> bytes, uint64_t offset, uint64_t dir
   return {};
 }
 
-// Reads every record at the end of the archive that could be the one that counts, without trusting
-// any: entries and size of the central directory, and its names (APPNOTE 4.3.12 to 4.3.16).
+// Reads every record at the end of the archive that a reader might use, without trusting any:
+// entries and size of the central directory, and its names (APPNOTE 4.3.12 to 4.3.16).
 Status check_end_records(std::span<const uint8_t> bytes) {
   const size_t size = bytes.size();
   if (size < kEndRecordBytes)
     return malformed("truncated", "at least 22 bytes", std::to_string(size));
   bool found = false;
-  uint64_t all_directory_bytes = 0;  // so that many records cost no more than one
+  uint64_t all_directory_bytes = 0;  // summed, so many records cost no more than one
   const size_t first = size > kEndRecordSearchBytes ? size - kEndRecordSearchBytes : 0;
   for (size_t at = first; at + kEndRecordBytes <= size; ++at) {
     const uint8_t* record = bytes.data() + at;
@@ -139,7 +140,7 @@ class ZipBundle final : public Bundle {
   ZipBundle(ZipPointer archive, uint64_t archive_bytes)
       : archive_(std::move(archive)), archive_bytes_(archive_bytes) {}
 
-  // Checks every entry's headers; nothing is inflated.
+  // Checks every entry's headers without inflating.
   Status read_directory() {
     const zip_int64_t count = zip_get_num_entries(archive_.get(), 0);
     VOXELD_TRY(check_directory(static_cast<uint64_t>(count), 0));
@@ -239,7 +240,8 @@ class ZipBundle final : public Bundle {
     return {};
   }
 
-  // Never holds more than the entry's declared size, which passed the checks above.
+  // Inflates one entry. The result never exceeds the entry's declared size, which was checked
+  // before.
   Result<std::vector<uint8_t>> inflate(size_t entry) const {
     const std::string where = "entry " + shown(entries_[entry].name);
     const std::unique_ptr<zip_file_t, ZipFileCloser> file(
@@ -263,7 +265,8 @@ class ZipBundle final : public Bundle {
       if (count == 0) break;
       read += static_cast<size_t>(count);
     }
-    // One byte more makes libzip compare the checksum, and shows a stream that goes on.
+    // Reading one byte more makes libzip compare the checksum, and reveals a stream that is too
+    // long.
     uint8_t beyond = 0;
     const zip_int64_t more = read == declared ? zip_fread(file.get(), &beyond, 1) : 0;
     if (more < 0) return malformed(where + ": " + read_error(file.get()));
@@ -281,7 +284,7 @@ class ZipBundle final : public Bundle {
   uint64_t archive_bytes_;
   int64_t all_bytes_ = 0;               // of all entries, inflated
   mutable int64_t inflated_bytes_ = 0;  // so far
-  std::vector<Entry> entries_;          // files alone
+  std::vector<Entry> entries_;          // files only
   std::vector<std::string> names_;
   std::vector<zip_uint64_t> indices_;  // of the files in the archive
 };

@@ -16,7 +16,7 @@
 namespace voxeld {
 namespace {
 
-// Some 20 MB. When there are more, all are forgotten and read once more.
+// Remembered results, some 20 MB. When there are more, all are dropped and read again.
 constexpr size_t kRememberedMax = 100'000;
 constexpr size_t kReadBytes = size_t{1} << 20;
 
@@ -33,13 +33,13 @@ Error no_file(const std::filesystem::path& path) {
   return errno_error("open", path);
 }
 
-// The stamp, and whether the bytes under it are those of `id`.
+// Returns the stamp, and whether the bytes under it are those of `id`.
 Result<std::pair<FileStamp, bool>> read_blob(const std::string& id,
                                              const std::filesystem::path& path) {
   const UniqueFd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (!fd.valid()) return no_file(path);
   struct stat info {};
-  // Before reading: what is written meanwhile changes the stamp, and is read again.
+  // The stamp is taken before reading: a write in between changes it, and the file is read again.
   if (::fstat(fd.get(), &info) != 0) return errno_error("stat", path);
   VOXELD_ASSIGN(const auto hashed, hash_file(fd.get(), path));
   return std::pair(stamp_from(info), hashed.first == id);
@@ -100,7 +100,7 @@ Result<bool> BlobChecks::is_intact(const std::string& id, const std::filesystem:
     while (reading_.contains(id)) changed_.wait(lock);
     reading_.insert(id);
   }
-  // Given back however this ends.
+  // Ends on every path out of this function.
   struct Reading {
     BlobChecks& checks;
     const std::string& id;

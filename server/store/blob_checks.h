@@ -1,4 +1,5 @@
-// Which blobs hold the bytes that they are named after, as far as this process has looked.
+// Remembers which blobs have the bytes that their names promise, as far as this process has read
+// them.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +15,8 @@
 
 namespace voxeld {
 
-// What changes when somebody writes to a file, cuts it or puts another one in its place. Not the
-// time of the inode's change: links to blobs come and go with the tasks that read them.
+// The attributes of a file that change when someone writes to it, truncates or replaces it. The
+// inode's change time is excluded: tasks that read blobs make and remove links to them.
 struct FileStamp {
   uint64_t device = 0;
   uint64_t inode = 0;
@@ -27,15 +28,15 @@ struct FileStamp {
 // Errors: not-found; internal.
 Result<FileStamp> stamp_of(const std::filesystem::path& path);
 
-// Thread-safe. Remembers what it found until the file's stamp changes, so that a file is read once.
+// Thread-safe. Remembers results until the file's stamp changes, so a file is read once.
 class BlobChecks {
  public:
   // Whether the file's SHA-256 is its id. Blocks while another thread reads the same blob. Errors:
-  // not-found; internal when it cannot be read.
+  // not-found; internal if it cannot be read.
   Result<bool> is_intact(const std::string& id, const std::filesystem::path& path) EXCLUDES(mutex_);
-  // What is known without reading.
+  // The remembered result, without reading.
   std::optional<bool> known(const std::string& id, const FileStamp& stamp) EXCLUDES(mutex_);
-  // These very bytes were hashed a moment ago.
+  // Records that these very bytes were just hashed.
   void note_intact(const std::string& id, const std::filesystem::path& path) EXCLUDES(mutex_);
   // How often a damaged blob was found.
   int64_t damaged_count() const EXCLUDES(mutex_);
@@ -53,7 +54,7 @@ class BlobChecks {
   int64_t damaged_ GUARDED_BY(mutex_) = 0;
 };
 
-// "sha256-…" of what is left of an open file, and its bytes.
+// The id "sha256-…" of the rest of an open file, and the number of bytes.
 Result<std::pair<std::string, int64_t>> hash_file(int fd, const std::filesystem::path& path);
 
 }  // namespace voxeld

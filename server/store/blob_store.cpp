@@ -25,7 +25,7 @@ constexpr std::string_view kBlobs = "blobs";
 constexpr std::string_view kTemporary = "tmp";
 constexpr std::string_view kTrash = "trash";
 constexpr size_t kPrefixBytes = std::string_view("sha256-").size();
-// Of an upload between two looks at the disk, which cost a microsecond.
+// Bytes of an upload between two checks of the disk, each of which costs a microsecond.
 constexpr int64_t kBytesPerLook = int64_t{1} << 20;
 constexpr size_t kFanOutDigits = 2;  // 256 folders keep each below some ten thousand entries
 
@@ -39,14 +39,14 @@ fs::path blob_path(const fs::path& root, std::string_view id) {
   return root / kBlobs / id.substr(kPrefixBytes, kFanOutDigits) / id;
 }
 
-// Makes a directory that survives power loss; one that is there already is fine.
+// Makes a directory that survives power loss. An existing one is no error.
 Status make_directory(const fs::path& path) {
   if (::mkdir(path.c_str(), 0700) == 0) return sync_path(path.parent_path());
   if (errno != EEXIST) return errno_error("create directory", path);
   return {};
 }
 
-// A new file in tmp with a name that nobody else has.
+// Makes a new file in tmp with a unique name.
 Result<std::pair<UniqueFd, fs::path>> make_temporary(const fs::path& root) {
   std::string name = (root / kTemporary / "blob-XXXXXX").native();
   UniqueFd fd(::mkostemp(name.data(), O_CLOEXEC));
@@ -54,7 +54,7 @@ Result<std::pair<UniqueFd, fs::path>> make_temporary(const fs::path& root) {
   return std::pair<UniqueFd, fs::path>(std::move(fd), fs::path(name));
 }
 
-// What cannot be removed only wastes space.
+// Empties the folder. Files that cannot be removed only waste space.
 Status empty_folder(const fs::path& folder) {
   VOXELD_ASSIGN(const auto names, directory_names(folder));
   for (const std::string& name : names) {
@@ -63,7 +63,7 @@ Status empty_folder(const fs::path& folder) {
   return {};
 }
 
-// The 256 folders that blobs lie in, made beforehand: the first blob of one must not take longer.
+// Makes the 256 folders of blobs in advance, so the first blob of a folder does not take longer.
 Status make_fan_out(const fs::path& blobs) {
   for (const char high : kHexDigits) {
     for (const char low : kHexDigits) {
@@ -80,15 +80,16 @@ fs::path trash_path(const fs::path& root, BlobState& state) {
   return root / kTrash / std::to_string(++state.trashed);
 }
 
-// Moves a synced file to its place, also where the same bytes are already: their file is replaced,
-// and whoever reads it reads on.
+// Moves a synced file to its place. An existing file with the same bytes is replaced; its readers
+// keep reading the old one.
 Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& file,
                        const std::string& id, int64_t bytes) {
   const fs::path target = blob_path(root, id);
   BlobInfo info{id, bytes, BlobPins::pin(state.pins, id)};
   struct stat replaced {};
   const bool is_new = ::stat(target.c_str(), &replaced) != 0;
-  // Else the rename would free its bytes here. Where the file system has no links it does.
+  // Links the old file into the trash; otherwise the rename would free its bytes here, which takes
+  // time. A failure is ignored: on file systems without links, the rename does free them.
   [[maybe_unused]] const int linked = ::link(target.c_str(), trash_path(root, state).c_str());
   if (::rename(file.c_str(), target.c_str()) != 0) {
     return errno_error("move into the store", file);
@@ -106,11 +107,11 @@ std::shared_ptr<const void> BlobPins::pin(const std::shared_ptr<BlobPins>& pins,
     const MutexLock lock(pins->mutex_);
     pins->ids_.insert(id);
   }
-  // The pointer owns nothing but the promise to take the id out again.
+  // The pointer's only effect is to unpin the id when the last copy is destroyed.
   return {pins.get(), [pins, id = std::move(id)](const void*) { pins->unpin(id); }};
 }
 
-// Takes no memory, for there may be none.
+// Allocates nothing, because memory may have run out.
 void BlobPins::unpin(std::string_view id) {
   const MutexLock lock(mutex_);
   auto pinned = ids_.extract(ids_.find(id));
@@ -157,7 +158,7 @@ BlobWriter::~BlobWriter() {
   if (!temporary_.empty()) ::unlink(temporary_.c_str());
 }
 
-// Now and then, for an upload may have no end that is known.
+// Checks the disk now and then, because the length of an upload may be unknown.
 Status BlobWriter::look_at_disk(int64_t more_bytes) {
   bytes_until_look_ -= more_bytes;
   if (bytes_until_look_ > 0) return {};
@@ -197,7 +198,8 @@ Result<BlobInfo> BlobWriter::finish() {
 }
 
 void BlobStore::empty_trash() const {
-  [[maybe_unused]] const Status emptied = empty_folder(root_ / kTrash);  // or the next time
+  [[maybe_unused]] const Status emptied = empty_folder(root_ / kTrash);  // a failure is retried
+                                                                         // next time
 }
 
 Result<BlobStore> BlobStore::open(const fs::path& root, int64_t disk_reserve_bytes) {
@@ -220,7 +222,7 @@ Result<BlobWriter> BlobStore::begin(int64_t bytes_max) const {
 }
 
 Result<BlobInfo> BlobStore::adopt(const fs::path& file) const {
-  // O_NOFOLLOW: a worker may not make the store swallow a file of somebody else's by a link.
+  // O_NOFOLLOW: a worker must not make the store adopt another user's file through a link.
   UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (!fd.valid()) return errno_error("open", file);
   struct stat info {};
@@ -263,7 +265,7 @@ fs::path BlobStore::path_of(std::string_view id) const {
   return blob_path(root_, id);
 }
 
-// Takes a blob's file away by `move`, unless the blob is pinned.
+// Removes a blob's file by `move`, unless the blob is pinned.
 Status BlobStore::take_out(std::string_view id,
                            const std::function<Status(const fs::path&)>& move) const {
   if (!is_sha256_id(id)) return not_found(id);
@@ -297,7 +299,7 @@ Status BlobStore::restore(const QuarantinedBlob& blob) const {
   const fs::path target = blob_path(root_, blob.id);
   struct stat info {};
   if (::stat(blob.path.c_str(), &info) != 0) return errno_error("stat", blob.path);
-  // link() and not rename(): what was uploaded meanwhile is not replaced.
+  // link() instead of rename(): a blob uploaded meanwhile is not replaced.
   if (::link(blob.path.c_str(), target.c_str()) == 0) {
     state_->bytes += static_cast<int64_t>(info.st_size);
     VOXELD_TRY(sync_path(target.parent_path()));
@@ -327,7 +329,7 @@ Status BlobStore::recount() const {
   const int64_t before = state_->bytes;
   int64_t total = 0;
   for (const std::string& id : ids) {
-    if (const auto info = stat(id)) total += info->bytes;  // else it went meanwhile
+    if (const auto info = stat(id)) total += info->bytes;  // otherwise it was removed meanwhile
   }
   state_->bytes += total - before;
   return {};

@@ -91,7 +91,7 @@ void DiskRoom::keep_ballast() {
     return;
   }
   was_freed_ = true;
-  if (*free < 3 * *ballast) return;  // what deletes need now stays theirs
+  if (*free < 3 * *ballast) return;  // these bytes stay free for deletes instead
   const UniqueFd fd(::open(ballast_path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (fd.valid() && ::posix_fallocate(fd.get(), 0, *ballast) == 0) {
     was_freed_ = false;

@@ -1,4 +1,4 @@
-// What is left of the disk, and for what.
+// The free space of the disk, and the work that it still permits.
 //
 //   free bytes            uploads, outputs of jobs   new jobs   deletes, evictions, ends of jobs
 //   reserve or more       yes                        yes        yes
@@ -18,12 +18,13 @@ namespace voxeld {
 // Thread-safe.
 class DiskRoom {
  public:
-  // A delete writes some ten pages to the database's log, which begins anew after 4 MB.
+  // The ballast covers deletes: each writes some ten pages to the database's log, which restarts
+  // after 4 MB.
   static constexpr int64_t kBallastBytesMax = int64_t{16} << 20;
-  // On a small disk the reserve would be most of it, and so would the ballast.
+  // Parts of the disk's size, because on a small disk reserve and ballast would be most of it.
   static constexpr int64_t kReservePartOfDisk = 20, kBallastPartOfDisk = 32;
 
-  // `reserve_bytes_max`: of the disk that `data_dir` is on; 0: no reserve.
+  // `reserve_bytes_max`: on the disk of `data_dir`; 0: no reserve.
   DiskRoom(std::filesystem::path data_dir, int64_t reserve_bytes_max)
       : data_dir_(std::move(data_dir)), reserve_bytes_max_(reserve_bytes_max) {}
 
@@ -33,15 +34,15 @@ class DiskRoom {
 
   // Whether data of clients and workers may be stored. Errors: storage-full.
   Status for_data() const;
-  // Whether a job may be taken, which costs some rows. Errors: storage-full.
+  // Whether a job may be accepted, which costs some rows. Errors: storage-full.
   Status for_jobs() const EXCLUDES(mutex_);
-  // Whether so little is left that workers have to stop writing.
+  // Whether so little is left that workers must stop writing.
   bool is_nearly_full() const;
 
-  // Frees the ballast where little else is free: the caller is about to write what frees more.
-  // Whether there was so little.
+  // Frees the ballast if little else is free, because the caller is about to write and thereby free
+  // more. Returns whether so little was free.
   bool make_way() EXCLUDES(mutex_);
-  // Allocates DIR/ballast where it is missing and its place is free. To be called now and then.
+  // Allocates DIR/ballast if it is missing and there is room. Call it now and then.
   void keep_ballast() EXCLUDES(mutex_);
 
  private:

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Job ids are file names; what is not one has no folder.
+// Whether a job id is safe as a file name; others have no folder.
 bool is_plain_name(std::string_view name) {
   return !name.empty() && name.size() <= 64 && !name.starts_with('.') &&
          name.find('/') == std::string_view::npos;
@@ -32,7 +32,7 @@ struct Part {
   std::string hash;
 };
 
-// "12.sha256-…"
+// Parses a name such as "12.sha256-…".
 std::optional<Part> parse_name(std::string_view name) {
   Part part;
   const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), part.position);
@@ -82,7 +82,7 @@ Status PartStore::add(std::string_view job, int64_t position, const fs::path& fi
   VOXELD_TRY(sync_path(file));
   const fs::path folder = folder_ / job;
   VOXELD_TRY(make_folder(folder));
-  // From the last one on: whatever ends this halfway leaves parts that follow on each other.
+  // Remove from the last part on, so an interruption leaves consecutive parts.
   const auto parts = parts_in(folder);
   for (auto it = parts.rbegin(); it != parts.rend() && it->first >= position; ++it) {
     std::error_code failed;

@@ -1,6 +1,6 @@
-// Finished tiles of jobs that have not ended: DIR/parts/JOB/POSITION.sha256-…, native containers as
-// workers handed them over (TaskPart). They are a job's own until it ends, and nobody can ask for
-// them; what makes a part void is found when it is read, so no database names them.
+// Finished tiles of running jobs: DIR/parts/JOB/POSITION.sha256-…, native containers from workers
+// (TaskPart). They belong to their job until it ends, and no client can request them. A void part
+// is detected when it is read, so no database lists them.
 #pragma once
 
 #include <cstdint>
@@ -14,21 +14,20 @@
 
 namespace voxeld {
 
-// Thread-safe as long as one thread at a time works on a job, the one whose worker has it.
+// Thread-safe as long as one thread at a time works on a job: the one whose worker has it.
 class PartStore {
  public:
   // Makes the directory.
   static Result<PartStore> open(const std::filesystem::path& root);
 
-  // Hashes, syncs and moves a worker's file to its place. Parts that were at and after the position
-  // go. Errors: internal for what is not a plain file, storage-full.
+  // Hashes, syncs and moves a worker's file to its place. Parts at and after the position are
+  // removed. Errors: internal if it is not a plain file, storage-full.
   Status add(std::string_view job, int64_t position, const std::filesystem::path& file) const;
-  // The job's parts from the first one on, as far as they are all there and have the bytes that
-  // were added.
+  // The job's parts from the first one on, up to a missing or damaged one.
   std::vector<std::filesystem::path> of_job(std::string_view job) const;
-  // Costs next to nothing where there are none.
+  // Removes the job's parts. It costs next to nothing if there are none.
   void remove(std::string_view job) const;
-  // At start: those of jobs that are not `wanted` any more.
+  // Removes, at start, parts of jobs that are no longer `wanted`.
   void remove_unless(const std::function<bool(std::string_view job)>& wanted) const;
 
  private:

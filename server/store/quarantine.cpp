@@ -76,7 +76,7 @@ Result<int64_t> Quarantine::remove_before(std::string_view day) const {
       removed += static_cast<int64_t>(blobs.size());
       remove_tree(folder_ / name);
     } else {
-      ::rmdir((folder_ / name).c_str());  // fails where there are files
+      ::rmdir((folder_ / name).c_str());  // fails if the folder is not empty
     }
   }
   return removed;

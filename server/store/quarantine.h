@@ -1,5 +1,5 @@
-// DIR/quarantine/DAY/sha256-…: blobs that no row of the database named. They are kept for days,
-// because a database that was restored, removed or rebuilt may not know what was uploaded.
+// Quarantined blobs, which no row of the database named: DIR/quarantine/DAY/sha256-…. They are kept
+// for days, because a restored, removed or rebuilt database may not know all uploads.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace voxeld {
 
-// "2026-11-22", in UTC.
+// A day in UTC, such as "2026-11-22".
 std::string day_text(int64_t unix_ms);
 
 struct QuarantinedBlob {
@@ -20,17 +20,16 @@ struct QuarantinedBlob {
   std::filesystem::path path;
 };
 
-// Holds no state: the folders are. Calls that move a blob belong to its store (BlobStore), which
-// knows what is pinned.
+// Has no state but its folders. BlobStore moves blobs in and out, because it knows the pins.
 class Quarantine {
  public:
   explicit Quarantine(const std::filesystem::path& data_dir) : folder_(data_dir / "quarantine") {}
   // Moves a file to the folder of the day. Errors: internal, storage-full.
   Status take(const std::filesystem::path& blob, std::string_view day) const;
-  // All of them, the newest day first.
+  // All quarantined blobs, the newest day first.
   Result<std::vector<QuarantinedBlob>> list() const;
-  // Removes what was moved before `day`, and empty folders. Returns the number of files. A folder
-  // whose name is no day stays.
+  // Removes files moved before `day`, and empty folders. Returns the number of files. A folder
+  // whose name is not a day stays.
   Result<int64_t> remove_before(std::string_view day) const;
 
  private:

@@ -64,7 +64,7 @@ Result<StoreMark> parse_store_mark(std::string_view text, const std::string& fil
     *numbers[i] = std::max<int64_t>(0, *numbers[i]);
   }
   const bool has_id = mark.id.size() == kIdDigits && is_hex(mark.id);
-  // Whatever it was read from, it is right where the same bytes come out.
+  // Text is valid exactly if writing the mark again gives the same bytes.
   if (has_id && store_mark_text(mark) == text) return mark;
   return Error{ErrorCode::kInternal, file,
                "\"voxeld store 1\", an id of 32 hex digits, and generation, kept_ms and wall_ms of "
@@ -92,7 +92,7 @@ Result<std::unique_ptr<StoreMarkFile>> StoreMarkFile::create(const std::filesyst
                                                              StoreMark mark) {
   std::filesystem::path temporary = path;
   temporary += ".new";
-  ::unlink(temporary.c_str());  // of a process that was killed
+  ::unlink(temporary.c_str());  // left by a process that was killed
   UniqueFd fd(::open(temporary.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   if (!fd.valid()) return errno_error("create", temporary);
   VOXELD_TRY(write_all(fd.get(), bytes_of(store_mark_text(mark))));

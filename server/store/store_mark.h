@@ -32,22 +32,23 @@ struct StoreMark {
   bool operator==(const StoreMark&) const = default;
 };
 
-// A new id, generation 0.
+// A mark with a new id and generation 0.
 StoreMark new_store_mark();
 std::string store_mark_text(const StoreMark& mark);
-// `file` goes into errors. Errors: internal for any text that store_mark_text() does not give.
+// Parses a mark; `file` appears in errors. Errors: internal for any text that store_mark_text()
+// does not produce.
 Result<StoreMark> parse_store_mark(std::string_view text, const std::string& file);
 
-// The file of a running daemon. Thread-safe.
+// The mark file of a running daemon. Thread-safe.
 class StoreMarkFile {
  public:
   static std::filesystem::path path_in(const std::filesystem::path& data_dir);
-  // Null: there is none. Errors: those of parse_store_mark().
+  // Returns null if there is none. Errors: those of parse_store_mark().
   static Result<std::unique_ptr<StoreMarkFile>> open(const std::filesystem::path& path);
-  // Puts a file with `mark` in place, synced.
+  // Writes a file with `mark`, synced.
   static Result<std::unique_ptr<StoreMarkFile>> create(const std::filesystem::path& path,
                                                        StoreMark mark);
-  // A lower generation changes nothing. What cannot be written is tried again with the next one.
+  // A lower generation changes nothing. A failed write is retried with the next generation.
   void raise_generation(int64_t generation) EXCLUDES(mutex_);
   void note_clock(int64_t kept_ms, int64_t wall_ms) EXCLUDES(mutex_);
   StoreMark mark() const EXCLUDES(mutex_);

@@ -30,7 +30,7 @@ size_t skin_bytes(const SkinTable& skin) {
          skin.normals.size() * sizeof(skin.normals[0]);
 }
 
-// The files of a bundle, as they were uploaded.
+// The files of a bundle that was uploaded file by file.
 struct MappedBundle {
   std::vector<MappedFile> files;
   std::unique_ptr<Bundle> bundle;
@@ -56,7 +56,7 @@ Result<MappedBundle> map_bundle(const Task& task) {
   return mapped;
 }
 
-// Calls load(filename, bytes or bundle, options).
+// Calls load(filename, bytes or bundle, options) on the task's input.
 template <typename Load>
 auto load_task(const Task& task, bool decode_images, const Load& load)
     -> decltype(load(std::string_view(), std::span<const uint8_t>(), LoadOptions())) {
@@ -86,7 +86,8 @@ Result<AnimatedScene> load_moving(const Task& task, bool decode_images) {
                    });
 }
 
-// The scene of a moving one is that of the still one.
+// Loads the input, with its rig if `moves`. The cache holds one scene for both cases, because a
+// moving one contains the static one.
 Result<std::shared_ptr<const AnimatedScene>> load_input(TaskRun& run, bool decode_images,
                                                         bool moves) {
   const StageTimer stage(run, "parse");
@@ -96,7 +97,7 @@ Result<std::shared_ptr<const AnimatedScene>> load_input(TaskRun& run, bool decod
   const bool is_cached = cache.scene != nullptr && (cache.scene_key == moving_key ||
                                                     (!moves && cache.scene_key == still_key));
   if (!is_cached) {
-    cache.scene.reset();  // before the next one is made: both may not fit
+    cache.scene.reset();  // freed before the next one is loaded: both may not fit into memory
     VOXELD_ASSIGN(AnimatedScene loaded, moves ? load_moving(run.task, decode_images)
                                               : load_still(run.task, decode_images));
     cache.scene = std::make_shared<const AnimatedScene>(std::move(loaded));
@@ -114,7 +115,7 @@ Result<std::shared_ptr<const AnimatedScene>> load_input(TaskRun& run, bool decod
 }  // namespace
 
 std::string scene_key(const Task& task, bool decode_images) {
-  // The whole name: its warnings have it.
+  // The key has the whole name, because the scene's warnings contain it.
   return task.input_hash + (decode_images ? " images " : " names ") + task.filename;
 }
 

@@ -1,4 +1,4 @@
-// A mesh as the input of a task: from the cache, from one upload, or from the uploads of a bundle.
+// The mesh of a task: from the cache, from one upload, or from the uploads of a bundle.
 #pragma once
 
 #include <memory>
@@ -9,13 +9,14 @@
 
 namespace voxeld {
 
-// What of the input decides the scene: its bytes, and the file name where that names the format.
+// The parts of the input that decide the scene: its bytes, and the file name, which may name the
+// format.
 std::string scene_key(const Task& task, bool decode_images);
 
-// The asset as a scene, from the cache where it is the same as last time. Adds the loader's
-// warnings to the completion. Stage: parse.
+// Loads the asset as a scene, or takes it from the cache if it is that of the last task. Adds the
+// loader's warnings to the completion. Stage: parse.
 Result<std::shared_ptr<const Scene>> load_input_scene(TaskRun& run, bool decode_images);
-// The same with what moves it.
+// Loads the scene with its rig.
 Result<std::shared_ptr<const AnimatedScene>> load_input_animated(TaskRun& run, bool decode_images);
 
 }  // namespace voxeld

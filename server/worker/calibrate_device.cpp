@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-// A driver that compiles slowly on a busy machine needs some 20 seconds.
+// A driver that compiles slowly on a busy machine needs some 20 seconds; this is far more.
 constexpr auto kChildTimeout = std::chrono::seconds(180);
 
 std::string today() {
@@ -59,7 +59,7 @@ CalibratedDevice in_table(const DeviceCalibration& calibration) {
   return device;
 }
 
-// Measures in a child. Errors: device-unavailable with its words.
+// Measures in a child process. Errors: device-unavailable with the child's reason.
 Result<DeviceCalibration> calibrate_in_child(const std::string& self_executable,
                                              const std::string& device) {
   const ChildAnswer answer =
@@ -107,7 +107,7 @@ Result<CalibrationReport> calibrate_devices(const std::string& self_executable,
     }
     report.devices.push_back(in_table(*calibration));
     replace_entry(kept, *std::move(calibration));
-    // After each: what was measured stays when a later device takes for ever.
+    // Written after each device, so a later one that hangs does not lose the measurements.
     VOXELD_TRY(write_calibrations(report.path, kept));
   }
   return report;

@@ -1,4 +1,4 @@
-// `voxeld doctor --calibrate`: measures devices and keeps what it finds in the data directory.
+// `voxeld doctor --calibrate`: measures devices and stores the results in the data directory.
 #pragma once
 
 #include <filesystem>
@@ -10,21 +10,21 @@
 
 namespace voxeld {
 
-// Runs in a child for one device: measures its pipelines and prints the calibration as one line of
-// JSON, or {"reason": …}. Returns the exit status, 0 also when the device does not open.
+// Measures one device's pipelines, in a child process, and prints the calibration as one line of
+// JSON, or {"reason": …}. Returns the exit status, which is 0 also if the device does not open.
 int calibrate_device_main(const gpu::DeviceId& device);
 
 struct CalibratedDevice {
   std::string device;
-  std::string failure;  // why there is no calibration; else empty
+  std::string failure;  // why there is no calibration; otherwise empty
   std::string date;
   // A line of the table for each pipeline and kind of grid.
   std::vector<std::string> rows;
 };
 
 // Measures each device in a child process (`self_executable` calibrate-device …), one after the
-// other, and replaces its entry in data_dir/calibration.json; entries of other devices stay. A file
-// that cannot be read is replaced, and `warning` says so. Errors: those of writing the file.
+// other, and replaces its entry in data_dir/calibration.json. Entries of other devices stay. An
+// unreadable file is replaced, and `warning` says so. Errors: those of writing the file.
 struct CalibrationReport {
   std::filesystem::path path;
   std::string warning;
@@ -34,10 +34,11 @@ Result<CalibrationReport> calibrate_devices(const std::string& self_executable,
                                             const std::vector<gpu::DeviceId>& devices,
                                             const std::filesystem::path& data_dir);
 
-// What a worker on this device would decide by: "calibrated 2026-11-21", or why it is not.
+// The calibration that a worker on this device would use: "calibrated 2026-11-21", or why there is
+// none.
 std::string calibration_state(const std::filesystem::path& data_dir, const gpu::DeviceInfo& info);
 
-// The head of the table.
+// The header of the table.
 std::string calibration_table_head();
 
 }  // namespace voxeld

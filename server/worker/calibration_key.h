@@ -1,4 +1,4 @@
-// What a device's measurements are kept under.
+// The key under which a device's measurements are stored.
 #pragma once
 
 #include "server/base/algorithm_version.h"

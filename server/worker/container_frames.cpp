@@ -25,7 +25,7 @@ std::string text_of(const json& meta) {
   return meta.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-// What is broken in the container of a frame.
+// Adds the frame's number to an error about its container.
 Error of_frame(size_t frame, Error error) {
   if (error.code == ErrorCode::kBadRequest) {
     error.detail = "frame " + std::to_string(frame) + ": " + error.detail;
@@ -45,7 +45,8 @@ Result<Grid> selected_grid(TaskRun& run, const std::filesystem::path& container,
   return grid;
 }
 
-// Of a frame in memory: bricks with few voxels each, and what those have.
+// Upper bound of a frame in memory, with the worst case of few voxels per brick, and its
+// attributes.
 int64_t largest_sequence_bytes(const SequenceManifest& manifest) {
   constexpr int64_t kOccupancyBytes = 16;
   uint64_t voxels = 0;
@@ -55,7 +56,7 @@ int64_t largest_sequence_bytes(const SequenceManifest& manifest) {
       (kOccupancyBytes + static_cast<int64_t>(attribute_bytes(manifest.channels))));
 }
 
-// Lists a sequence that was written.
+// Lists a written sequence as the result.
 Status list_sequence(TaskRun& run, const std::filesystem::path& path, const GridSpec& spec,
                      size_t frames, const OutputOptions& output) {
   add_warnings(run, sequence_warnings(spec, frames, output));
@@ -171,7 +172,7 @@ Status SequenceBeside::frame(double time_s, const std::filesystem::path& contain
   });
 }
 
-// On the side thread.
+// Runs on the side thread.
 Status SequenceBeside::before_tiles(size_t done, size_t total) {
   if (!is_wanted_) return Error{ErrorCode::kCancelled, "the sequence is not wanted", "", ""};
   if (is_last_stage_) {

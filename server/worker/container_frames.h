@@ -1,4 +1,4 @@
-// The frames of a sequence in their containers, as formats and pictures read them.
+// The frames of a sequence in their containers, as the formats and the images read them.
 #pragma once
 
 #include <atomic>
@@ -16,16 +16,15 @@
 
 namespace voxeld {
 
-// The sequence that a task has as its input, and those of its frames that `frames` selects. Stage:
-// parse. Errors: those of the manifest; invalid-option of select_frames().
+// Opens the task's input sequence and selects its frames by `frames`. Stage: parse. Errors: those
+// of the manifest; invalid-option of select_frames().
 Result<MadeSequence> open_sequence(TaskRun& run, const AnimationOptions& options);
 
-// What level and region of the request make of each frame. Each frame that is read is progress, and
-// looks whether the task was cancelled.
+// Reads frames and applies the request's level and region to each. Each frame read reports progress
+// and checks for cancellation.
 class ContainerFrames final : public FrameSource {
  public:
-  // `sequence` and the run must outlive it. Errors: invalid-option for a region that is not in the
-  // grid.
+  // `sequence` and the run must outlive it. Errors: invalid-option for a region outside the grid.
   static Result<ContainerFrames> open(TaskRun& run, const MadeSequence& sequence,
                                       const OutputOptions& output);
 
@@ -47,29 +46,29 @@ class ContainerFrames final : public FrameSource {
   Grid common_;
 };
 
-// The place of a sequence's grids.
+// The placement of a sequence's grids.
 GridSpec sequence_spec(const SequenceManifest& manifest);
 
 // Writes the frames as the request's result. Stage: encode. Errors: those of write_sequence().
 Status write_frames(TaskRun& run, const MadeSequence& sequence, const OutputOptions& output);
 
-// Writes the native sequence of whole frames on a thread of its own while they are made: each from
-// its container, as soon as that is reported. Has the bytes that write_frames() gives.
+// Writes the native sequence on a thread of its own while frames are made, each from its container
+// as soon as it is reported. The bytes equal those of write_frames().
 class SequenceBeside final : public FrameListener {
  public:
-  static bool fits(const OutputOptions& output);  // whether it gives what the request asks for
+  static bool fits(const OutputOptions& output);  // whether its output is the requested one
 
   // The run must outlive it.
   SequenceBeside(TaskRun& run, const OutputOptions& output)
       : run_(run), output_(output), side_(0) {}
-  // Stops at the next batch of tiles; a file that was not finished is removed.
+  // Stops at the next batch of tiles and removes an unfinished file.
   ~SequenceBeside() override { is_wanted_ = false; }
   SequenceBeside(const SequenceBeside&) = delete;
   SequenceBeside& operator=(const SequenceBeside&) = delete;
 
   Status begin(const SequenceManifest& manifest) override;
   Status frame(double time_s, const std::filesystem::path& container) override;
-  // The frames that are left, then lists the result. Stage: encode. Errors: as NativeSequence.
+  // Writes the remaining frames, then lists the result. Stage: encode. Errors: as NativeSequence.
   Status finish();
 
  private:

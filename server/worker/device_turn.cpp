@@ -58,7 +58,7 @@ void DeviceTurn::end() {
   is_held_ = false;
   if (client_ == nullptr) return;
   request_.action = TurnAction::kGive;
-  // A gateway that is gone has no turns to give back to.
+  // A failure is ignored: a gateway that is gone has no time slices to give back to.
   (void)client_->give(request_).ok();
 }
 

@@ -1,4 +1,4 @@
-// The worker's side of turns on its device (proto/task_api.h).
+// The worker's side of time slices on its device (proto/task_api.h).
 #pragma once
 
 #include <chrono>
@@ -10,17 +10,17 @@
 
 namespace voxeld {
 
-// The connection to the gateway for turns. Used by the thread that runs tasks.
+// The connection to the gateway for time slices. Used by the thread that runs tasks.
 class TurnClient {
  public:
   // `gateway` is "unix:/path". Errors: those of connect_gateway().
   static Result<std::unique_ptr<TurnClient>> connect(const std::string& gateway);
   Status hello(const TurnsHello& hello);
-  // Blocks while it is not granted. Errors: gone.
+  // Blocks until it is granted. Errors: gone.
   Result<TurnReply> ask(const TurnRequest& request);
-  // Does not wait.
+  // Does not wait for a reply.
   Status give(const TurnRequest& request);
-  // For a signal handler: shutdown(2) on it makes every call end.
+  // For a signal handler: shutdown(2) on it ends every call.
   int fd() const { return socket_.fd(); }
 
  private:
@@ -28,11 +28,12 @@ class TurnClient {
   FrameSocket socket_;
 };
 
-// A task's turn. Without a client, for those who have the device to themselves, it is always the
-// task's. Used by the thread that runs the task.
+// A task's time slice. Without a client the worker has the device to itself, and the slice is
+// always the task's. Used by the thread that runs the task.
 class DeviceTurn {
  public:
-  // A turn is held so long before the next boundary gives others theirs: asking takes about 0.1 ms.
+  // The shortest time that a slice is held before the next boundary gives others theirs. Asking
+  // takes about 0.1 ms, so this keeps the cost below 1%.
   static constexpr std::chrono::milliseconds kQuantum{50};
 
   DeviceTurn(TurnClient* client, const Task& task);
@@ -40,18 +41,19 @@ class DeviceTurn {
   DeviceTurn(const DeviceTurn&) = delete;
   DeviceTurn& operator=(const DeviceTurn&) = delete;
 
-  // What the task needs in all, with what the process has already; before its first turn.
+  // Sets the memory that the task needs in all, including what the process has already. Call it
+  // before the first time slice.
   void expect(int64_t host_bytes, int64_t device_bytes);
-  // Waits for the turn; the scopes of one task do not nest. Errors: cancelled, also where another
-  // worker owns the task by now; grid-too-large where memory never suffices; internal where the
-  // gateway is gone.
+  // Waits for a time slice; the scopes of one task do not nest. Errors: cancelled, also if another
+  // worker owns the task by now; grid-too-large if memory never suffices; internal if the gateway
+  // is gone.
   Status begin();
   void end();
-  // Between two tiles: where the turn is held long enough, others have theirs first. False: stop,
+  // Called between two tiles. If the slice was held long enough, other tasks go first. False: stop,
   // the result is not wanted.
   bool boundary();
 
-  // From a begin() that went well to the end of a scope.
+  // Holds the slice from a successful begin() to the end of a scope.
   class Scope {
    public:
     explicit Scope(DeviceTurn& turn) : turn_(turn) {}

@@ -1,5 +1,5 @@
-// What a worker keeps from one task to the next: its device, compiled programs, and the inputs that
-// the next task is likely to ask for again.
+// The state that a worker keeps from one task to the next: its device, compiled programs, and the
+// inputs that the next task is likely to use again.
 #pragma once
 
 #include <chrono>
@@ -20,27 +20,28 @@
 
 namespace voxeld {
 
-// Scenes above this are not kept: memory is for the task that runs.
+// Larger scenes are not cached: memory is for the running task.
 inline constexpr size_t kCachedSceneBytesMax = size_t{512} << 20;
 
-// What a lost worker may cost, beside the tile at work.
+// The most work, beside the current tile, that a lost worker may cost.
 inline constexpr std::chrono::milliseconds kPartInterval{5000};
 
-// A grid with what is costly to learn of it.
+// A grid with its content hash, which is costly to compute.
 struct LoadedGrid {
   Grid grid;
   std::string content_hash;
 };
 
-// One of each, the last used: somebody who turns a model looks at the same grid again and again.
+// The last used input of each kind. A client that turns a model requests the same grid again and
+// again.
 struct InputCache {
   std::string scene_key;                       // input hash and file name
-  std::shared_ptr<const AnimatedScene> scene;  // without what moves it where nobody asked for that
+  std::shared_ptr<const AnimatedScene> scene;  // without its rig if no task needed that
   std::string topology_key;                    // of the scene
   std::optional<MeshTopology> topology;
   std::string grid_key;  // hash of the container, or of input and options for renders of a mesh
   std::shared_ptr<const LoadedGrid> grid;
-  // Drawn last, where that was not the grid above but a part or a level of some grid.
+  // The grid drawn last, if it was not the one above but a part or a level of some grid.
   std::string picture_key;
   std::shared_ptr<const LoadedGrid> picture;
   // The grids that the renderers hold, by the same keys.
@@ -51,24 +52,24 @@ struct Engine {
   explicit Engine(OpenedDevice opened)
       : device(std::move(opened)), voxelizer(std::move(device.pipeline)) {}
 
-  // One of the device's renderers and what it holds.
+  // One of the device's renderers and the grid it holds.
   struct ChosenRenderer {
     Renderer* renderer;
     std::string* resident_key;
     std::string_view name;  // "gl" or "cpu"
   };
-  // `auto` draws on the CPU where GL would run on the same cores, only slower
+  // `auto` draws on the CPU if GL would run on the same cores, only slower
   // (tests/bench/render_bench). Errors: device-unavailable for gl without a GL context.
   Result<ChosenRenderer> choose_renderer(RendererChoice asked);
-  // Before each task: what is kept of another tenant's inputs goes (proto/task_api.h tells why).
+  // Call before each task: drops the cached inputs of another tenant (proto/task_api.h tells why).
   void begin_task_of(const std::string& tenant);
 
-  OpenedDevice device;  // its pipeline has gone to the voxelizer
+  OpenedDevice device;  // its pipeline was moved to the voxelizer
   Voxelizer voxelizer;
   InputCache cache;
-  std::string cache_tenant;  // whose inputs the cache holds
+  std::string cache_tenant;  // the owner of the cached inputs
   PictureLimits picture_limits;
-  // How often the tiles of a long job that are done go to the gateway (TileParts).
+  // How often finished tiles of a long job are handed to the gateway (TileParts).
   std::chrono::milliseconds part_interval = kPartInterval;
 };
 

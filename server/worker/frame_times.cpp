@@ -11,7 +11,8 @@
 namespace voxeld {
 namespace {
 
-// Times are told with so many digits, and rates do not divide durations exactly.
+// Tolerance in seconds: clients write times with few digits, and rates do not divide durations
+// exactly.
 constexpr double kTimeTolerance = 1e-6;
 
 std::string short_number(double value) {
@@ -64,7 +65,7 @@ Result<FrameTimes> frame_times(const AnimationOptions& options, const AnimationI
   FrameTimes found{{}, rate_of(options, animation)};
   const double last = std::floor(animation.duration_s * found.fps + kTimeTolerance);
   const double count = std::max(last, 0.0) + 1.0;
-  // What is left out by `frames` may be any number; a size_t holds this one.
+  // Without `frames` the count may be any number; 1e15 fits into a size_t.
   const double counted = std::min(count, 1e15);
   VOXELD_ASSIGN(const FrameRange range,
                 select_frames(options.frames, static_cast<size_t>(counted)));

@@ -28,7 +28,7 @@ Result<UniqueFd> create(const std::filesystem::path& path) {
   return fd;
 }
 
-// All of `from`, from byte `at` on, to the end of `to`.
+// Appends all of `from`, from byte `at` on, to `to`.
 Status copy_rest(const UniqueFd& from, off_t at, const UniqueFd& to,
                  const std::filesystem::path& path) {
   std::vector<uint8_t> buffer(kCopyBytes);
@@ -140,7 +140,7 @@ void GridOutput::note(std::vector<SparseTile> tiles) {
 
 Result<size_t> GridOutput::resume(size_t steps) {
   if (parts_ == nullptr) return size_t{0};
-  // Encoding takes most of what a tile costs here, and the first file's are encoded already.
+  // Tiles of parts are already encoded for the first file; encoding would be most of their cost.
   const auto take = [this](std::span<const EncodedTile> encoded,
                            std::vector<SparseTile> tiles) -> Status {
     const Stopwatch watch;

@@ -1,4 +1,4 @@
-// Native containers that are written while the tiles come, and the sink that feeds them.
+// Native containers that are written while tiles arrive, and the sink that feeds them.
 #pragma once
 
 #include <cstdint>
@@ -19,16 +19,17 @@ namespace voxeld {
 
 class TileParts;
 
-// Tiles are kept beside what is written of them up to this: who has voxelized a mesh mostly looks
-// at it next.
+// Tiles are also kept in memory up to this size: a client that voxelizes a mesh mostly looks at it
+// next.
 inline constexpr size_t kKeptTileBytesMax = size_t{512} << 20;
 
-// One container. Holds back a few tiles' bytes; more are in a file beside `path` until finish().
+// Writes one container. Holds a few encoded tiles in memory; more go to a file beside `path` until
+// finish().
 class GridFile {
  public:
   static constexpr size_t kPendingBytesMax = size_t{32} << 20;
 
-  // pending_bytes_max: of encoded tiles in memory.
+  // pending_bytes_max: bytes of encoded tiles in memory.
   GridFile(std::filesystem::path path, Codec codec, size_t pending_bytes_max = kPendingBytesMax)
       : path_(std::move(path)), codec_(codec), pending_bytes_max_(pending_bytes_max) {}
   ~GridFile();
@@ -36,15 +37,15 @@ class GridFile {
   GridFile& operator=(const GridFile&) = delete;
 
   Status begin(const Grid& grid);
-  // Encodes them, a few at a time in parallel.
+  // Encodes the tiles, a few at a time in parallel.
   Status add(std::span<const SparseTile> tiles);
-  // Of a container with the same channels and codecs.
+  // Adds tiles of a container with the same channels and codecs.
   Status add_encoded(std::span<const EncodedTile> tiles);
   // Writes the file at path().
   Status finish(const std::string& meta_json);
-  // Parts begin with the next tile.
+  // Starts the parts: the first begins with the next tile.
   Status begin_parts();
-  // Writes a container of the tiles that were added since the last part.
+  // Writes a container of the tiles added since the last part.
   Status write_part(const std::filesystem::path& path, const std::string& meta_json);
   const GridHeader& header() const { return writer_->header(); }
 
@@ -67,11 +68,11 @@ class GridFile {
 };
 
 // The sink of a voxelize task: containers in one or two codecs, the content hash, and the grid
-// itself where it is wanted or small enough to stay.
+// itself if it is wanted or small.
 class GridOutput : public TileSink {
  public:
-  // keep: all tiles, whatever they need; else as long as they need no more than kept_bytes_max.
-  // parts: where the first file's tiles are kept for another attempt; null: nowhere.
+  // keep: holds all tiles at any size; otherwise only while they need at most kept_bytes_max.
+  // parts: stores the first file's tiles for a later attempt; null: does not.
   GridOutput(std::vector<GridFile*> files, bool keep, size_t kept_bytes_max = kKeptTileBytesMax,
              TileParts* parts = nullptr)
       : files_(std::move(files)), keep_(keep), kept_bytes_max_(kept_bytes_max), parts_(parts) {}
@@ -81,17 +82,17 @@ class GridOutput : public TileSink {
   bool keeps_tiles() const override { return keep_; }
   Result<size_t> resume(size_t steps) override;
   Status reached(size_t steps_done) override;
-  // Once after the last tile.
+  // Call it once, after the last tile.
   std::string finish_hash() { return hasher_->finish(); }
 
-  const Grid& grid() const { return grid_; }  // its tiles: only if has_tiles()
+  const Grid& grid() const { return grid_; }  // has tiles only if has_tiles()
   Grid take_grid() { return std::move(grid_); }
   bool has_tiles() const { return has_tiles_; }
   uint64_t voxel_count() const { return files_.front()->voxel_count(); }
   double encode_ms() const { return encode_ms_; }
 
  private:
-  // What all files have of them already.
+  // Hashes and keeps tiles that all files have already.
   void note(std::vector<SparseTile> tiles);
 
   std::vector<GridFile*> files_;

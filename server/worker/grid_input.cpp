@@ -18,7 +18,7 @@ namespace {
 
 using nlohmann::json;
 
-// Tiles between two times that what was read of the file is let go of.
+// After this many tiles the pages of the file are released.
 constexpr int64_t kTilesResident = 64;
 
 // The meta of a selection's container.
@@ -99,7 +99,7 @@ Status GridInput::before_tile() {
   const int64_t read = ++read_;
   const auto total = static_cast<int64_t>(tiles_->coords().size());
   if (read % kTilesResident == 0) drop_mapped_pages(file_.bytes());
-  // A tile may be read more than once.
+  // Clamped, because a tile may be read more than once.
   (void)run_.monitor.set_progress(std::min(read, total), total);
   return run_.monitor.check();
 }

@@ -13,13 +13,14 @@ namespace {
 
 constexpr int64_t kMebi = int64_t{1} << 20;
 
-// What a thread of the CPU pipeline, an encoder and the allocator keep: a generous guess.
+// Memory that a thread of the CPU pipeline, an encoder and the allocator hold: a generous guess.
 constexpr int64_t kThreadBytes = 24 * kMebi;
 // Shaders, windows of triangles and sums of attributes of a software driver.
 constexpr int64_t kSoftwareDeviceBytes = 512 * kMebi;
-// Grids whose dense size is below this are not looked at more closely.
+// Grids with a smaller dense size are not examined more closely.
 constexpr int64_t kDenseBytesMin = 64 * kMebi;
-// Records of corners of one triangle (server/voxel/attribute_records.h), with what sorts them.
+// Records of the corners of one triangle (server/voxel/attribute_records.h), including the buffers
+// that sort them.
 constexpr int64_t kRecordBytes = 256;
 
 int64_t threads() {
@@ -32,17 +33,17 @@ int64_t image_bytes(const Scene& scene) {
   return bytes;
 }
 
-// Arrays of a dense format, and the file that is made of them.
+// Arrays of a dense format, and the file that is made from them.
 int64_t dense_bytes(int64_t cells, const ChannelSet& channels, const OutputOptions& output) {
   if (output.format == Format::kNative) return 0;
-  // Distances are written as floats, which are twice as large.
+  // Distances are written as floats, which take twice the bytes.
   const auto attributes =
       static_cast<int64_t>(attribute_bytes(channels)) + (channels.distance ? 2 : 0);
   const int64_t bytes = output.format == Format::kNpy ? 1 : 1 + attributes;
   return 2 * cells * bytes * (output.dtype == DType::kFloat32 ? 4 : 1);
 }
 
-// Of one tile, decoded: bricks of which each has a voxel, and attributes.
+// Upper bound of one decoded tile: one brick per voxel, and attributes.
 int64_t tile_bytes_max(const TileSource& source, size_t index) {
   const int64_t cells = int64_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide;
   const auto known = static_cast<int64_t>(source.voxels(index));
@@ -74,8 +75,8 @@ int64_t grid_bytes(const Engine& engine, const Scene& scene, const RequestOption
 }
 
 int64_t sequence_bytes(int64_t frame_bytes) {
-  // Contents of a batch, what they are compressed to, and their differences; and what is kept of
-  // the last frame, with what its chains began with.
+  // A batch's contents, their compressed form and their differences; and the last frame's streams,
+  // which are kept with the beginnings of their chains.
   constexpr auto kBatchBytes = 4 * static_cast<int64_t>(NativeSequence::kBatchBytesMax);
   constexpr auto kKeptBytes = static_cast<int64_t>(SequenceWriterOptions{}.kept_bytes_max);
   return std::min(4 * frame_bytes, kBatchBytes) + std::min(2 * frame_bytes, kKeptBytes) +
@@ -91,7 +92,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   int64_t result = grid_bytes(engine, scene, options, placed);
   const bool keeps = fills || output.format != Format::kNative;
   if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
-  result += result / 4;  // arrays have room to grow
+  result += result / 4;  // growing arrays reserve more than they use
   const int64_t records =
       channels.any()
           ? static_cast<int64_t>(scene.triangle_count()) * kRecordBytes + 4 * image_bytes(scene)
@@ -107,7 +108,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
 
 int64_t selection_bytes(const TileSource& source, const TileSource& selected,
                         const OutputOptions& output) {
-  // A tile, and the cells of it that are put together.
+  // A tile, and the cells of it that are merged.
   const int64_t batch = std::max<int64_t>(8, 2 * threads());
   const int64_t tiles = 3 * batch * largest_tile_bytes(source);
   const Grid& grid = selected.grid();
@@ -130,7 +131,7 @@ int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOpti
     all += 4 * tile_bytes_max(source, i);  // its tables are less than three times as large
   }
   const auto by = engine.choose_renderer(render.renderer);
-  // A software driver has a copy of a table while it is sent; its shaders come on top.
+  // A software driver copies a table while it is uploaded; its shaders come on top.
   const auto table = static_cast<int64_t>(
       std::min(by ? by->renderer->table_bytes_max() : 0, engine.picture_limits.bytes_max / 2));
   all = std::min(all, limit);
@@ -141,7 +142,7 @@ int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOpti
 void expect_bytes(TaskRun& run, int64_t more, int64_t device_bytes) {
   const int64_t now = resident_bytes();
   add_meta(run, {{"host_bytes_estimate", std::max(peak_resident_bytes(), now + more)}});
-  // Not the peak, which may have been another task's.
+  // The current size, not the peak, which may have been another task's.
   run.turn.expect(now + more, device_bytes);
 }
 

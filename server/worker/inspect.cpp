@@ -12,13 +12,13 @@ namespace {
 
 using nlohmann::json;
 
-// Thousands of parts would make a description that nobody reads, and one that no task message
-// (1 MiB) holds; the counts are of all.
+// Items listed. Thousands of parts would make a description that nobody reads and that no task
+// message (1 MiB) holds. The counts cover all.
 constexpr size_t kListedMax = 200;
 constexpr size_t kNameBytesMax = 200;
-// Of the reason why an animation cannot be used, which names files and joints.
+// Bytes of the reason why an animation is unusable; it names files and joints.
 constexpr size_t kReasonBytesMax = 500;
-// Of the names of ids, which are not left out.
+// Bytes to which names of ids are cut at most; ids are never omitted.
 constexpr size_t kIdNameBytesMin = 32;
 constexpr size_t kIdListBytesMax = size_t{2} << 20;
 
@@ -26,7 +26,7 @@ std::string short_name(const std::string& name) {
   return name.substr(0, kNameBytesMax);
 }
 
-// Of each listed part its distinct positions; null where the mesh is too large to count.
+// The number of distinct positions of each listed part; null if the mesh is too large to count.
 std::vector<json> vertices_of_parts(const Scene& scene,
                                     const std::optional<MeshTopology>& topology) {
   std::vector<json> counts(std::min(scene.parts.size(), kListedMax));
@@ -126,7 +126,7 @@ json describe_missing(const Scene& scene) {
   return list;
 }
 
-// Null where the mesh was too large to look at.
+// Null if the mesh was too large to examine.
 template <typename T>
 json known(const std::optional<MeshTopology>& topology, T MeshTopology::*count) {
   return topology ? json((*topology).*count) : json();
@@ -146,7 +146,7 @@ json describe_topology(const std::optional<MeshTopology>& topology) {
           {"inner_walls", optional(&MeshTopology::inner_walls)}};
 }
 
-// The axes agree on closed meshes.
+// The axes agree on closed meshes, so nothing is ambiguous.
 json ambiguous_fraction(const FillStats& fill, const std::optional<MeshTopology>& topology) {
   if (fill.ambiguous_fraction) return *fill.ambiguous_fraction;
   return topology && topology->closed() ? json(0.0) : json();

@@ -20,7 +20,7 @@ namespace {
 
 using nlohmann::json;
 
-// Of tiles that wait to be encoded.
+// Bytes of tiles that wait to be encoded.
 constexpr size_t kWaitingBytesMax = size_t{64} << 20;
 
 size_t bytes_of(const std::vector<SparseTile>& tiles) {
@@ -29,7 +29,7 @@ size_t bytes_of(const std::vector<SparseTile>& tiles) {
   return bytes;
 }
 
-// Whether this program would make the same container.
+// Whether this version of the program would make the same container.
 bool is_of_this_version(const std::string& path) {
   const auto file = MappedFile::open(path);
   const auto reader = file ? GridReader::open(file->bytes()) : file.error();
@@ -38,7 +38,7 @@ bool is_of_this_version(const std::string& path) {
   return meta.is_object() && meta.value("algorithm_version", 0) == kAlgorithmVersion;
 }
 
-// What the containers of all frames say.
+// Writes the meta of the frames' containers, which is equal for equal frames.
 struct FrameMeta {
   const Task& task;
   const Scene& scene;  // the bind pose
@@ -46,7 +46,8 @@ struct FrameMeta {
   const std::optional<MeshTopology>& topology;
 };
 
-// A frame from its first tile to its report. What is named `later` runs on the side.
+// Takes one frame from its first tile to its report. Work passed to `later` runs on the side
+// thread.
 class FrameOutput final : public TileSink, public std::enable_shared_from_this<FrameOutput> {
  public:
   FrameOutput(TaskRun& run, SideThread& side, size_t index, double time_s)
@@ -64,7 +65,7 @@ class FrameOutput final : public TileSink, public std::enable_shared_from_this<F
   }
   Status add(std::vector<SparseTile> tiles) override {
     const size_t bytes = bytes_of(tiles);
-    // std::function copies what it holds.
+    // std::function copies its captures, so the tiles are shared.
     auto shared = std::make_shared<std::vector<SparseTile>>(std::move(tiles));
     return later(bytes,
                  [shared](FrameOutput& self) { return self.output_.add(std::move(*shared)); });
@@ -123,12 +124,13 @@ class FrameLoop {
     const FrameMeta meta{run_.task, clip_.moving.bind(), options_, mesh.get()};
     describe(made, meta);
     if (listener != nullptr) VOXELD_TRY(listener->begin(made.manifest));
-    // Declared after what it writes to.
+    // declared after the objects it writes to, so it is destroyed first
     SideThread side(kWaitingBytesMax), moving(0);
     VOXELD_ASSIGN(const size_t first, take_done(made, listener));
     VOXELD_TRY(move_later(moving, first));
     VOXELD_TRY(run_.turn.begin());
-    const DeviceTurn::Scope turn(run_.turn);  // of all frames: a turn is longer than most of them
+    const DeviceTurn::Scope turn(run_.turn);  // one time slice for all frames: a slice is longer
+                                              // than most frames
     for (size_t k = first; k < times_s.size(); ++k) {
       VOXELD_TRY(run_.monitor.check());
       run_.monitor.set_can_park(k > first);
@@ -148,15 +150,15 @@ class FrameLoop {
   }
 
  private:
-  // A frame's pose, and its vertices where a device is not expected to move them.
+  // A frame's pose, and its vertices unless a device is expected to move them.
   struct Moved {
     Pose pose;
     FrameVertices vertices;
     bool has_vertices = false;
   };
 
-  // Frames that an earlier attempt at the job left; returns how many. One is left to make, whose
-  // making the answer tells of.
+  // Takes over frames of an earlier attempt and returns their number. At least one frame is left to
+  // make, because the response reports how it was made.
   Result<size_t> take_done(MadeSequence& made, FrameListener* listener) {
     const auto& times_s = clip_.times.times_s;
     const std::vector<TaskDoneFrame>& done = run_.task.done_frames;
@@ -172,7 +174,8 @@ class FrameLoop {
     return count;
   }
 
-  // The frames before this one are reported; the others are left to another attempt.
+  // Preempts the task: the frames before this one are reported, and a later attempt makes the
+  // others.
   Error park(SideThread& side) {
     run_.turn.end();
     const Status reported = side.wait();
@@ -203,7 +206,7 @@ class FrameLoop {
         &stats_);
   }
 
-  // The manifest but its frames.
+  // Fills in the manifest except its frames.
   void describe(MadeSequence& made, const FrameMeta& meta) {
     Grid common;
     common.spec = clip_.spec;

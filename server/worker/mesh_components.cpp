@@ -40,7 +40,7 @@ class Components {
 
   int64_t count() const { return count_; }
 
-  // The parts one by one, in the order of the file.
+  // The components one by one, in the order of the file.
   const std::vector<Component>& list(std::span<const Corners> triangles) {
     sort(triangles);
     for (Component& component : list_) {
@@ -50,8 +50,9 @@ class Components {
     return list_;
   }
 
-  // How often the closed component winds around p: the sum of signs of its triangles on the ray
-  // from p towards +x. Sides in (y, z) are decided alike for both triangles of an edge.
+  // The winding number of the closed component around p: the sum of signs of its triangles on the
+  // ray from p towards +x. The side of an edge in (y, z) is computed alike for both of its
+  // triangles.
   int64_t winding_number(const Component& component, const glm::dvec3& p) const {
     int64_t sum = 0;
     for (const Corners& v : of(component)) {
@@ -63,11 +64,11 @@ class Components {
   }
 
  private:
-  // +-1 where the triangle's edge goes round p in (y, z) on its side towards +z, by the direction.
+  // +1 or -1, by direction, if the triangle's edge passes p in (y, z) on the side towards +z.
   int edge_around(uint32_t from, uint32_t to, const glm::dvec3& p) const {
     const bool from_above = positions_[from].y > p.y, to_above = positions_[to].y > p.y;
     if (from_above == to_above) return 0;
-    // From below to above, so that both triangles of the edge compute the same.
+    // Always from below to above, so both triangles of the edge compute the same value.
     const glm::dvec3& low = positions_[from_above ? to : from];
     const glm::dvec3& high = positions_[from_above ? from : to];
     const double side = (high.y - low.y) * (p.z - low.z) - (high.z - low.z) * (p.y - low.y);
@@ -81,8 +82,8 @@ class Components {
     if (around == 0) return 0;
     const glm::dvec3 a = positions_[v[0]] - p, b = positions_[v[1]] - p, c = positions_[v[2]] - p;
     const double volume = glm::dot(a, glm::cross(b, c));
-    // `around` is positive where the normal's x is negative; the plane lies towards +x of p where
-    // the volume has the sign of the normal's x.
+    // `around` is positive if the normal's x is negative. The plane is on the +x side of p if the
+    // volume has the sign of the normal's x.
     return volume * around < 0 ? around : 0;
   }
 
@@ -139,8 +140,8 @@ class Components {
     component.closed = is_closed(of(component));
   }
 
-  // Every directed edge has its opposite: by sums of hashes, which cancel out. (A sum of 64 bits
-  // that is 0 by chance does not happen.)
+  // Whether every directed edge has its opposite: hashes of both cancel out in a sum. A chance sum
+  // of 0 in 64 bits is negligible.
   static bool is_closed(std::span<const Corners> triangles) {
     uint64_t sum = 0;
     for (const Corners& v : triangles) {

@@ -1,4 +1,4 @@
-// The connected parts of a mesh, and which lie inside of others.
+// Counts the connected components of a mesh, and those that are inside others.
 #pragma once
 
 #include <array>
@@ -12,8 +12,8 @@
 
 namespace voxeld {
 
-// Fills in components, enclosed_components and inner_walls. `triangles`: three numbers of positions
-// each.
+// Fills in components, enclosed_components and inner_walls. Each of `triangles` has three position
+// numbers.
 void count_components(std::span<const std::array<uint32_t, 3>> triangles,
                       const std::vector<glm::dvec3>& positions, MeshTopology& topology);
 

@@ -10,7 +10,7 @@ namespace voxeld {
 MeshReport::MeshReport(InputCache& cache, std::string key, const Scene& scene)
     : cache_(cache), key_(std::move(key)) {
   if (cache_.topology_key == key_) return;
-  // Where no thread is to be had, `deferred` takes its place.
+  // If no thread is available, `deferred` counts on the calling one.
   const auto when = scene.triangle_count() > kBesideTrianglesMax
                         ? std::launch::deferred
                         : std::launch::async | std::launch::deferred;

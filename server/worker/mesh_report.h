@@ -1,4 +1,4 @@
-// The mesh's topology beside the work on its grid.
+// Counts the mesh's topology while its grid is made.
 #pragma once
 
 #include <atomic>
@@ -10,22 +10,22 @@
 
 namespace voxeld {
 
-// Counts on a thread of its own from construction on, so that tiles do not wait for it; large
-// meshes when they are asked for, after the tiles' memory is free. What the cache has of the same
-// scene is not counted again. The scene and the cache must outlive it.
+// Counts on a thread of its own from construction on, so tiles do not wait for it. Large meshes are
+// counted only when asked for, after the tiles' memory is free. A count that the cache has for the
+// same scene is reused. The scene and the cache must outlive it.
 class MeshReport {
  public:
-  // Meshes of more triangles are not counted beside the tiles.
+  // Meshes with more triangles are not counted beside the tiles.
   static constexpr size_t kBesideTrianglesMax = 4'000'000;
 
   // key: of the scene, in the cache.
   MeshReport(InputCache& cache, std::string key, const Scene& scene);
-  // Stops the count where it was not asked for.
+  // Stops the count if it was not asked for.
   ~MeshReport() { is_unwanted_ = true; }
   MeshReport(const MeshReport&) = delete;
   MeshReport& operator=(const MeshReport&) = delete;
 
-  // Waits. Throws std::bad_alloc.
+  // Waits for the count. Throws std::bad_alloc.
   const std::optional<MeshTopology>& get();
 
  private:

@@ -16,10 +16,10 @@ namespace {
 
 using Corners = std::array<uint32_t, 3>;
 
-constexpr size_t kPositionGrain = size_t{1} << 17;  // to a thread
+constexpr size_t kPositionGrain = size_t{1} << 17;  // positions per thread
 
-// The other end of an edge that hangs on its end with the lower number: twice that number, and 1
-// more where the triangle runs from the higher to the lower.
+// An edge, stored at its end with the lower number: twice the number of the other end, plus 1 if
+// the triangle runs from the higher to the lower.
 using HalfEdge = uint32_t;
 
 template <typename Visit>
@@ -33,7 +33,7 @@ void for_each_edge(std::span<const Corners> triangles, const Visit& visit) {
   }
 }
 
-// Few edges hang on a position.
+// Sorts by insertion if there are few, because few edges meet at a position.
 void sort_edges(std::span<HalfEdge> edges) {
   constexpr size_t kFew = 32;
   if (edges.size() > kFew) {
@@ -48,7 +48,7 @@ void sort_edges(std::span<HalfEdge> edges) {
   }
 }
 
-// Sorts and counts the edges that hang on one position.
+// Sorts and counts the edges stored at one position.
 void count_edges_here(std::span<HalfEdge> edges, MeshTopology& topology) {
   sort_edges(edges);
   for (size_t begin = 0; begin < edges.size();) {
@@ -66,10 +66,10 @@ void count_edges_here(std::span<HalfEdge> edges, MeshTopology& topology) {
   }
 }
 
-// Edges are sorted by their lower end in linear time.
+// Counts all edges. They are sorted by their lower end in linear time.
 void count_edges(std::span<const Corners> triangles, size_t position_count,
                  MeshTopology& topology) {
-  // first[i + 1]: where the edges of position i are written next; after that, where they end.
+  // first[i + 1]: where the next edge of position i is written; afterwards, where its edges end.
   std::vector<uint32_t> first(position_count + 2);
   for_each_edge(triangles, [&](uint32_t low, HalfEdge) { ++first[low + 2]; });
   for (size_t i = 2; i < first.size(); ++i) first[i] += first[i - 1];
@@ -91,7 +91,7 @@ void count_edges(std::span<const Corners> triangles, size_t position_count,
   }
 }
 
-// Triangles as numbers of positions; those that name one twice are only counted.
+// Triangles as position numbers. Those that name a position twice are only counted.
 std::vector<Corners> number_corners(const Scene& scene, PositionNumbers& numbers,
                                     MeshTopology& topology) {
   std::vector<Corners> triangles;

@@ -1,10 +1,11 @@
-// An asset's scene while its vertices go through the frames of an animation.
+// An asset's scene whose vertices follow the frames of an animation.
 //
-// Vertices are moved by a device, where it voxelizes them by pipeline compute in batches and its
-// 64-bit floats are the CPU's (voxel/device_skin.h); else by the CPU, in doubles. Both have the
-// same bits: every pipeline then snaps the same numbers, and frames are equal on all of them. The
-// CPU does it beside the voxels of the frame before, in 70 microseconds of one core for Bob with
-// lamp (875 vertices, 33 joints).
+// A device moves the vertices if it voxelizes them by pipeline compute in batches and its 64-bit
+// floats equal the CPU's (voxel/device_skin.h). Otherwise the CPU moves them, in doubles. Both give
+// the same bits, so every pipeline snaps the same numbers and frames are equal on all of them.
+//
+// The CPU works while the frame before is voxelized: 70 microseconds of one core for Bob with lamp
+// (875 vertices, 33 joints).
 #pragma once
 
 #include <functional>
@@ -23,36 +24,38 @@ namespace voxeld {
 
 class MovingScene {
  public:
-  // The animation that the options name, or the first one. Errors: invalid-option for an asset
-  // without animations, and those of find_animation().
+  // Opens the animation that the options name, or the first one. Errors: invalid-option for an
+  // asset without animations, and those of find_animation().
   static Result<MovingScene> open(std::shared_ptr<const AnimatedScene> animated,
                                   const AnimationOptions& options);
 
   const AnimationInfo& animation() const { return animated_->animations[animation_]; }
   size_t animation_index() const { return animation_; }
-  // The pose in which the file leaves it. Not touched by what follows.
+  // The bind pose; the functions below do not change it.
   const Scene& bind() const { return animated_->scene; }
-  // As it was shown last.
+  // The scene in the pose shown last.
   const Scene& scene() const { return scene_; }
 
-  // Where root motion is stripped to: before the first skin(). Errors: those of pose_at().
+  // Sets the place to which root motion is stripped. Call it before the first skin(). Errors: those
+  // of pose_at().
   Status begin(double first_time_s);
-  // What moves the vertices at a time. From any thread, also beside the others. Errors: those of
-  // pose_at().
+  // The pose at a time. Any thread may call it, also concurrently. Errors: those of pose_at().
   Status find_pose(double time_s, Pose& out) const;
-  // The vertices of a pose. From any thread. Errors: those of skin_vertices().
+  // The vertices of a pose, from any thread. Errors: those of skin_vertices().
   Status skin(const Pose& pose, FrameVertices& out) const;
-  // Both. Errors: those of scene_at().
+  // The vertices at a time: both steps. Errors: those of scene_at().
   Status skin(double time_s, FrameVertices& out) const;
-  // Exchanges the scene's vertices with those.
+  // Swaps the scene's vertices with these.
   void show(FrameVertices& vertices) { swap_vertices(vertices, scene_); }
-  // The scene with what is to move its vertices, or has moved them. Must not outlive the pose.
+  // The scene and the pose that will move its vertices, or has moved them. Must not outlive the
+  // pose.
   PosedScene posed(const Pose& pose, bool is_moved) {
     return {&animated_->skin, &pose, &scene_, is_moved};
   }
 
-  // Union of the boxes of the transformed vertices at all times, as a request for each of them
-  // would find it. Shows the last of them. check: between times. Errors: its; those of skin().
+  // Union of the boxes of the transformed vertices at all times, each as a request for it alone
+  // would find it. Shows the last time. `check` runs between times. Errors: those of `check` and of
+  // skin().
   Result<Box3d> box_over(std::span<const double> times_s, const glm::dmat4& world_from_file,
                          const std::function<Status()>& check);
 

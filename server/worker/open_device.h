@@ -1,4 +1,4 @@
-// What a device gives a worker: ways to voxelize and to draw.
+// Opens a device for a worker: its pipelines to voxelize and its renderers.
 #pragma once
 
 #include <functional>
@@ -15,20 +15,21 @@ namespace voxeld {
 
 struct OpenedDevice {
   gpu::DeviceInfo info;
-  std::shared_ptr<void> context;           // what the next two live on; null without GL
+  std::shared_ptr<void> context;           // outlives the next two; null without GL
   std::unique_ptr<TilePipeline> pipeline;  // raster and compute; null without GL
   std::unique_ptr<Renderer> gl_renderer;   // null without GL
   std::unique_ptr<Renderer> cpu_renderer;
-  std::function<Status(std::string_view where)> check;  // whether it still works
-  // Of the device, where its driver tells; nothing on other threads than the one that opened it.
+  std::function<Status(std::string_view where)> check;  // whether the device still works
+  // Memory of the device, if its driver reports it. Call it only on the thread that opened the
+  // device.
   std::function<DeviceMemory()> memory = [] { return DeviceMemory(); };
 };
 
-// Device cpu always opens. `shader_dir`: empty for the shaders built in. Errors:
+// Opens a device; cpu always succeeds. `shader_dir`: empty for the built-in shaders. Errors:
 // device-unavailable.
 Result<OpenedDevice> open_device(const gpu::DeviceId& device, const std::string& shader_dir);
 
-// The same for a device with a GL context.
+// Opens a device with a GL context.
 Result<OpenedDevice> open_gl_device(const gpu::DeviceId& device, const std::string& shader_dir);
 
 }  // namespace voxeld

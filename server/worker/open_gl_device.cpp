@@ -9,7 +9,7 @@
 namespace voxeld {
 namespace {
 
-// Programs and buffers are freed in the context that they belong to, so it goes last.
+// Holds the context first, so it is destroyed last: programs and buffers must be freed in it.
 struct GlState {
   GlState(std::unique_ptr<gpu::Context> gl_context, const std::string& shader_dir)
       : context(std::move(gl_context)), shaders(*context, shader_dir) {}

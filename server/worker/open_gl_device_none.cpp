@@ -1,4 +1,4 @@
-// open_gl_device() of a build without GL.
+// The open_gl_device() of a build without GL.
 #include "server/worker/open_device.h"
 
 namespace voxeld {

@@ -20,8 +20,8 @@ namespace {
 
 using nlohmann::json;
 
-// A brick that a surface passes through has about this many voxels, and a tile about so many
-// bricks: what the first level to try is guessed from. Whether it fits is counted.
+// A brick on a surface has about this many voxels, and a tile about that many bricks. They only
+// choose the first level to try; whether it fits is counted.
 constexpr double kVoxelsPerBrick = 40.0;
 constexpr double kBricksPerTileMax = 4096.0;
 
@@ -41,7 +41,7 @@ Result<PictureLimits> limits_of(Engine& engine, RendererChoice asked) {
   return limits;
 }
 
-// All tiles of the source, as long as they fit.
+// Loads all tiles of the source while they fit; nullopt otherwise.
 Result<std::optional<Grid>> load_within(const TileSource& source, const PictureLimits& limits) {
   Grid grid = source.grid();
   DrawingCost cost;
@@ -89,7 +89,7 @@ std::string known_hash(const Grid& grid) {
   return hash != meta.end() && hash->is_string() ? hash->get<std::string>() : content_hash(grid);
 }
 
-// One picture while its grid is found.
+// Finds the grid for one image.
 class Finder {
  public:
   Finder(TaskRun& run, const TileSource& source, const std::string& source_key,
@@ -105,7 +105,7 @@ class Finder {
   }
 
  private:
-  // Null where the whole grid does not fit.
+  // Returns null if the whole grid does not fit.
   Result<std::shared_ptr<const LoadedGrid>> whole_grid(
       const std::shared_ptr<const LoadedGrid>& whole) {
     std::shared_ptr<const LoadedGrid> none;
@@ -129,7 +129,7 @@ class Finder {
     return {grid, source_key_, options_.render};
   }
 
-  // The tiles in view, at the finest level that is asked for, of use and fits.
+  // The tiles in view, at the finest useful level that fits.
   Result<PictureGrid> find_part() {
     const StageTimer stage(run_, "parse");
     const GridSpec& spec = source_.grid().spec;
@@ -153,7 +153,7 @@ class Finder {
     return picture;
   }
 
-  // Of the whole grid, or of what the region holds of it, whatever of it is drawn.
+  // The camera for the whole grid, or for its region, whichever part is drawn.
   Result<std::array<double, 16>> camera(const TileSource& touched, const CellBox& region) {
     if (options_.render.matrix) return *options_.render.matrix;
     VOXELD_ASSIGN(CellBox box, occupied_box(touched));
@@ -165,7 +165,7 @@ class Finder {
     return row_major(camera.clip_from_world);
   }
 
-  // The first level from this one on that fits.
+  // Loads the first level from this one on that fits.
   Result<std::shared_ptr<const LoadedGrid>> load_part(const TileSource& seen, int level,
                                                       std::string& key) {
     InputCache& cache = run_.engine.cache;
@@ -194,7 +194,7 @@ class Finder {
     }
   }
 
-  // Name of what a level of these tiles is; of the level that is tried first.
+  // The cache key of these tiles at a level. `level` is the one tried first.
   std::string part_key(const TileSource& seen, int level) const {
     Sha256 hash;
     for (const TileCoord& coord : seen.coords()) {

@@ -30,7 +30,7 @@ Error turns_sequence(int views) {
           "a grid, or an animation at one time", std::to_string(views)};
 }
 
-// The frame that a single picture of a sequence shows.
+// The frame of a sequence that a single image shows.
 Result<size_t> shown_frame(const RenderOptions& options, size_t count) {
   if (options.frame >= 0 && static_cast<size_t>(options.frame) < count) {
     return static_cast<size_t>(options.frame);
@@ -39,7 +39,7 @@ Result<size_t> shown_frame(const RenderOptions& options, size_t count) {
                index_text(count, "frames"), std::to_string(options.frame)};
 }
 
-// Draws a grid: one picture, or a turntable.
+// Draws a grid: one image, or a turntable.
 Status draw_grid(TaskRun& run, const std::filesystem::path& container, const std::string& key,
                  const RequestOptions& options) {
   if (options.render.turntable > 0) {
@@ -50,7 +50,7 @@ Status draw_grid(TaskRun& run, const std::filesystem::path& container, const std
   return write_picture(run, picture);
 }
 
-// Writes the native container in the codec that grids are kept in.
+// Writes the native container in the codec of stored grids.
 Status write_grid(TaskRun& run, const Grid& grid) {
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const std::vector<uint8_t> container, encode_native(grid, OutputOptions{}));
@@ -58,11 +58,11 @@ Status write_grid(TaskRun& run, const Grid& grid) {
                     format_extension(Format::kNative));
 }
 
-// scene -> native container -> picture; `key` of the grid, where it is not in the cache.
+// scene -> native container -> image. `key` is the grid's, which is not in the cache.
 Status draw_scene(TaskRun& run, const SceneInput& scene, const std::string& key,
                   const RequestOptions& options) {
   run.engine.cache.grid.reset();
-  RequestOptions all = options;  // of the grid
+  RequestOptions all = options;  // the whole grid, without level and region
   all.output = {};
   VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, scene, all));
   std::erase_if(run.completion.outputs,
@@ -71,7 +71,7 @@ Status draw_scene(TaskRun& run, const SceneInput& scene, const std::string& key,
   return draw_grid(run, made.path, key, options);
 }
 
-// Whether the grid of `key` is at hand; then its container is listed.
+// Whether the cache has the grid of `key`; if so, lists its container.
 Result<bool> write_cached_grid(TaskRun& run, const std::string& key) {
   const InputCache& cache = run.engine.cache;
   if (cache.grid == nullptr || cache.grid_key != key) return false;
@@ -88,7 +88,7 @@ Status render_still(TaskRun& run, const RequestOptions& options) {
   return draw_scene(run, {*scene, scene_key(run.task, false)}, key, options);
 }
 
-// One frame, placed and seen as all of them, or the animation at one time.
+// Renders one frame, placed and seen like all of them, or the animation at one time.
 Status render_moment(TaskRun& run, const RequestOptions& options) {
   const bool is_frame = options.animation.is_sequence();
   std::string key = render_key(run.task, options);
@@ -111,7 +111,7 @@ Status render_moment(TaskRun& run, const RequestOptions& options) {
   return done;
 }
 
-// asset -> sequence -> pictures of its frames
+// asset -> sequence -> images of its frames
 Status render_frames(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(Clip clip, open_clip(run, options));
   if (options.render.picture == PictureKind::kSheet) {
@@ -135,7 +135,7 @@ Status render_mesh(TaskRun& run) {
                                                     : render_moment(run, options);
 }
 
-// Draws frames that are there already.
+// Draws frames of an existing sequence.
 Status render_sequence(TaskRun& run, const RequestOptions& options) {
   if (options.render.turntable > 0) return turns_sequence(options.render.turntable);
   VOXELD_ASSIGN(const MadeSequence sequence, open_sequence(run, options.animation));

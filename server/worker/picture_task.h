@@ -1,14 +1,14 @@
-// The stories of tasks that draw: of meshes, grids and sequences.
+// Tasks that draw meshes, grids and sequences.
 #pragma once
 
 #include "server/worker/task_run.h"
 
 namespace voxeld {
 
-// asset, grid or sequence -> one picture, or the pictures of all frames or views in one file.
-// Meta: width, height (of one picture), pictures where there are several, and those of what is
-// made on the way. Stages: those of what is made; render, encode. Errors: theirs; invalid-option
-// for pictures that the input cannot give.
+// asset, grid or sequence -> one image, or the images of all frames or views in one file. Meta:
+// width, height (of one image), pictures if there are several, and the meta of intermediate
+// results. Stages: those of intermediate results; render, encode. Errors: theirs; invalid-option
+// for images that the input cannot give.
 Status render(TaskRun& run);
 
 }  // namespace voxeld

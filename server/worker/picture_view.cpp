@@ -42,8 +42,8 @@ PictureView::PictureView(const RenderOptions& options, const GridSpec& spec)
 }
 
 bool PictureView::sees(const CellBox& cells) const {
-  // For each plane, whether some corner is on the inner side: a box is convex, and a half space of
-  // clip coordinates is one of the world whatever the sign of w.
+  // For each plane, whether some corner is on its inner side. That suffices because a box is
+  // convex. A half space in clip coordinates is one in the world, whatever the sign of w.
   std::array<bool, 7> inside{};
   for (int i = 0; i < kCorners; ++i) {
     const glm::dvec4 at = corner(cells, i);
@@ -64,7 +64,7 @@ double PictureView::cell_pixels(const CellBox& cells) const {
     const glm::dvec4 clip = clip_from_grid_ * corner(cells, i);
     if (!(clip.w > 0)) return std::numeric_limits<double>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
-      // How fast x/w and y/w change along the axis.
+      // The derivatives of x/w and y/w along the axis.
       const glm::dvec4 step = clip_from_grid_[axis];
       const double scale = 1.0 / (clip.w * clip.w);
       const double x = (step.x * clip.w - clip.x * step.w) * scale * half_width_;

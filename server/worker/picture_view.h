@@ -1,4 +1,4 @@
-// What of a grid a camera sees, and how large its voxels are in the picture.
+// The part of a grid that a camera sees, and the size of its voxels in the image.
 #pragma once
 
 #include <array>
@@ -17,21 +17,21 @@ class PictureView {
   // options.matrix is the camera.
   PictureView(const RenderOptions& options, const GridSpec& spec);
 
-  // Whether some of the cells [low, high) may be in the picture: false where all of them are
-  // outside of one plane of the frustum, or cut away by the section.
+  // Whether some of the cells [low, high) may be in the image. False if all of them are outside one
+  // plane of the frustum, or cut away by the section.
   bool sees(const CellBox& cells) const;
-  // The most pixels that a step of one cell along an axis spans in the picture, at the corners of
-  // the box; infinite where one is not in front of the camera.
+  // The most pixels that a step of one cell along an axis spans in the image, at the corners of the
+  // box. Infinite if a corner is not in front of the camera.
   double cell_pixels(const CellBox& cells) const;
 
  private:
   glm::dmat4 clip_from_grid_;
-  std::optional<glm::dvec4> section_;  // positive where it is cut away; in grid space
-  double half_width_, half_height_;    // of the picture
+  std::optional<glm::dvec4> section_;  // positive in the part that is cut away; in grid space
+  double half_width_, half_height_;    // of the image
 };
 
-// The coarsest level whose voxels are at most kLevelPixelsMax wide where a cell has cell_pixels.
-// What is smaller than that the renderer draws as one anyway (server/render/README.md).
+// The coarsest level whose voxels are at most kLevelPixelsMax pixels wide, if a cell is cell_pixels
+// wide. The renderer draws smaller voxels as one anyway (server/render/README.md).
 inline constexpr double kLevelPixelsMax = 0.7;
 int level_of_pixels(double cell_pixels);
 

@@ -1,4 +1,4 @@
-// Takes vertices with equal positions as one.
+// Merges vertices with equal positions.
 #pragma once
 
 #include <algorithm>
@@ -13,20 +13,20 @@
 
 namespace voxeld {
 
-// Numbers distinct positions in the order in which they come: an open-addressing table of
-// numbers into their list.
+// Numbers distinct positions in the order of their first use. An open-addressing table holds
+// indices into the list of positions.
 class PositionNumbers {
  public:
   static constexpr uint32_t kNone = 0xffffffffu;
 
-  // count_max: of distinct positions, below 2^31.
+  // count_max: distinct positions, below 2^31.
   explicit PositionNumbers(size_t count_max)
       : slots_(std::bit_ceil(count_max * 2 + 2), kNone), mask_(slots_.size() - 1) {
     positions_.reserve(count_max);
   }
 
-  // Numbers those of `positions` that `used` marks (with a value that is not kNone) in its place.
-  // The table is larger than caches: places are fetched ahead.
+  // Replaces each `used` value that is not kNone by the number of its position. The table exceeds
+  // the caches, so slots are prefetched.
   void number(std::span<const glm::dvec3> positions, std::span<uint32_t> used) {
     constexpr size_t kAhead = 16;
     std::array<size_t, kAhead> slots{};
@@ -46,7 +46,7 @@ class PositionNumbers {
   const std::vector<glm::dvec3>& positions() const { return positions_; }
 
  private:
-  // p: + 0.0 has turned -0.0 into 0.0, the same point with other bits.
+  // p must have been added to +0.0, which turns -0.0 into 0.0: the same point with other bits.
   uint32_t number_at(size_t slot, const glm::dvec3& p) {
     while (slots_[slot] != kNone) {
       if (positions_[slots_[slot]] == p) return slots_[slot];

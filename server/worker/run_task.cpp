@@ -22,11 +22,11 @@
 namespace voxeld {
 namespace {
 
-// Below this, giving memory back costs more than it is worth.
+// Below this, returning memory to the system costs more than it saves.
 constexpr int64_t kTrimBytesMin = int64_t{512} << 20;
 constexpr std::string_view kJsonMediaType = "application/json";
 
-// Writes the grid in the format asked for.
+// Writes the grid in the requested format.
 Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output) {
   const StageTimer stage(run, "encode");
   VOXELD_ASSIGN(const std::vector<uint8_t> bytes, encode(grid, output));
@@ -35,7 +35,7 @@ Status write_result(TaskRun& run, const Grid& grid, const OutputOptions& output)
                     format_extension(output.format));
 }
 
-// asset -> scene -> tiles -> native container; -> grid -> the answer's format
+// asset -> scene -> tiles -> native container -> grid -> the response's format
 Status voxelize_scene(TaskRun& run, const SceneInput& scene, const RequestOptions& options) {
   run.engine.cache.grid.reset();
   VOXELD_ASSIGN(WrittenGrid made, voxelize_to_file(run, scene, options));
@@ -52,7 +52,7 @@ Status voxelize_scene(TaskRun& run, const SceneInput& scene, const RequestOption
   return {};
 }
 
-// The same of an animation at one time.
+// Voxelizes an animation at one time.
 Status voxelize_moment(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(Clip clip, open_clip(run, options));
   const double time_s = clip.times.times_s.front();
@@ -63,7 +63,7 @@ Status voxelize_moment(TaskRun& run, const RequestOptions& options) {
   return voxelize_scene(run, {clip.moving.scene(), render_key(run.task, options)}, options);
 }
 
-// asset -> frames -> containers; -> the answer's format
+// asset -> frames -> containers -> the response's format
 Status voxelize_frames(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(Clip clip, open_clip(run, options));
   VOXELD_ASSIGN(const GridSpec selected, selected_spec(clip.spec, options.output));
@@ -86,13 +86,13 @@ Status voxelize(TaskRun& run) {
   return voxelize_scene(run, {*scene, scene_key(run.task, false)}, options);
 }
 
-// sequence -> what is wanted of it in the request's format
+// sequence -> the selected frames in the request's format
 Status export_sequence(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(const MadeSequence sequence, open_sequence(run, options.animation));
   return write_frames(run, sequence, options.output);
 }
 
-// grid -> the grid in another format, or what is wanted of it
+// grid -> the grid, or a selection of it, in another format
 Status export_grid(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kExport));
   if (run.task.input_is_sequence) return export_sequence(run, options);
@@ -108,7 +108,8 @@ Status export_grid(TaskRun& run) {
   return write_result(run, grid->grid, options.output);
 }
 
-// What is told of an asset whose animations are broken is its mesh, and the error as a warning.
+// Loads the scene for a description. If its animations are broken, it loads the mesh alone and adds
+// the error as a warning.
 Result<std::shared_ptr<const AnimatedScene>> load_described(TaskRun& run) {
   auto animated = load_input_animated(run, false);
   if (animated || animated.error().code == ErrorCode::kCancelled) return animated;
@@ -153,7 +154,7 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   TaskRun run{engine, task, scratch, monitor, {}, DeviceTurn(turns, task)};
   run.completion.task = task.id;
   run.completion.fence = task.fence;
-  // What a large task before this one freed is not this one's.
+  // Return memory that a large earlier task freed, so it does not count as this task's.
   if (resident_bytes() > kTrimBytesMin) release_free_memory();
   const PeakMemory peak;
   const CancelScope scope(monitor.cancel_flag());
@@ -169,7 +170,7 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   } catch (const Cancelled&) {
     return monitor.check().error();
   } catch (const std::bad_alloc&) {
-    engine.cache = {};  // gives back what it can
+    engine.cache = {};  // frees as much as it can
     return Error{ErrorCode::kGridTooLarge, "the server ran out of memory for this request", "", ""};
   } catch (const std::exception& failure) {
     engine.cache = {};

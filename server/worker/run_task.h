@@ -1,4 +1,4 @@
-// The story of one task.
+// Runs one task.
 #pragma once
 
 #include <filesystem>
@@ -10,11 +10,11 @@
 
 namespace voxeld {
 
-// `turns` on the device where others use it, too; null where it is this worker's alone.
+// Reads the input, computes, and writes the outputs to `scratch`. `turns` gives time slices of the
+// device; null if this worker has the device to itself.
 //
-// Reads the input, computes, and writes the outputs to `scratch`. Errors: those of loading,
-// voxelizing, rendering and encoding; cancelled; grid-too-large when memory runs out. Of a task
-// that was parked (monitor.is_parked()) the completion has timings and no outputs.
+// Errors: those of loading, voxelizing, rendering and encoding; cancelled; grid-too-large if memory
+// runs out. The completion of a preempted task (monitor.is_parked()) has timings and no outputs.
 Result<TaskCompletion> run_task(Engine& engine, const Task& task,
                                 const std::filesystem::path& scratch, TaskMonitor& monitor,
                                 TurnClient* turns = nullptr);

@@ -17,7 +17,7 @@ namespace voxeld {
 namespace {
 
 constexpr std::string_view kPngMediaType = "image/png";
-// Of pictures that wait to be encoded.
+// Bytes of images that wait to be encoded.
 constexpr size_t kWaitingBytesMax = size_t{64} << 20;
 
 std::vector<double> shown_durations(std::vector<double> durations_s,

@@ -1,4 +1,4 @@
-// Pictures of a grid or of the frames of a sequence, one after another, and what becomes of them.
+// Images of a grid or of the frames of a sequence, taken one after another and encoded.
 #pragma once
 
 #include <filesystem>
@@ -13,7 +13,7 @@
 
 namespace voxeld {
 
-// A grid to draw: in memory, or in its container.
+// A grid to draw, either in memory or in its container.
 struct DrawnInput {
   std::shared_ptr<const LoadedGrid> whole;
   std::unique_ptr<GridInput> container;
@@ -22,34 +22,33 @@ struct DrawnInput {
     return resident != nullptr ? static_cast<const TileSource&>(*resident) : container->tiles();
   }
 };
-// `key`: of the grid's cache entry. Errors: those of GridInput.
+// `key`: the grid's key in the cache. Errors: those of GridInput.
 Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& container,
                               const std::string& key);
 
-// Pictures to be taken, all of one size.
+// Images to be taken, all of one size.
 struct Shots {
-  std::vector<double> durations_s;  // one per picture
+  std::vector<double> durations_s;  // one per image
   std::function<Result<Picture>(size_t)> take;
 };
 
-// One picture of the grid, or of as much of it as is needed. Stages: parse, render.
+// Draws one image of the grid, or of as much of it as is needed. Stages: parse, render.
 Result<Picture> take_picture(TaskRun& run, const DrawnInput& input, const std::string& key,
                              const RequestOptions& options);
 
-// From options.render.turntable sides of the grid.
+// Views from options.render.turntable sides of the grid.
 Shots turntable_shots(TaskRun& run, const std::filesystem::path& container, const std::string& key,
                       const RequestOptions& options);
-// Of each frame, seen by one camera, which frames all of the grids' box. `sequence` must outlive
+// Views of each frame by one camera, which frames the box of all grids. `sequence` must outlive
 // them.
 Shots frame_shots(TaskRun& run, const MadeSequence& sequence, const RequestOptions& options);
-// The same camera, as RenderOptions::matrix; the request's own stays.
+// The camera of frame_shots() as RenderOptions::matrix; a matrix of the request stays.
 RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options);
 
-// Takes one picture and lists it as the result.
+// Lists one image as the result.
 Status write_picture(TaskRun& run, const Picture& picture);
-// Takes all of them and lists them as the result, in the request's kind of picture. Each is encoded
-// while the next one is drawn. Errors: those of the pictures; invalid-option for a sheet that is
-// too large.
+// Takes all images and lists them as the result, in the request's kind. Each is encoded while the
+// next one is drawn. Errors: those of the images; invalid-option for a sheet that is too large.
 Status write_shots(TaskRun& run, const Shots& shots, const RenderOptions& options);
 
 }  // namespace voxeld

@@ -53,7 +53,7 @@ void SideThread::run() {
     } catch (...) {
       thrown = std::current_exception();
     }
-    work = nullptr;  // what it holds is freed before others hear that it is done
+    work = nullptr;  // frees the captures before waiting threads are notified
     MutexLock lock(mutex_);
     bytes_ -= items_.front().bytes;
     items_.pop_front();

@@ -1,4 +1,4 @@
-// A thread beside the one that runs a task.
+// A thread for work beside the thread that runs a task.
 #pragma once
 
 #include <deque>
@@ -11,20 +11,22 @@
 
 namespace voxeld {
 
-// Does one thing after another, in the order in which they were given. After an error it does
-// nothing more. One thread gives work; exceptions of the work are thrown again there.
+// Runs items one after another, in order. After an error it runs no more. One thread pushes items;
+// their exceptions are rethrown there.
 class SideThread {
  public:
-  // bytes_max: of what waits, as push() is told; one thing more than fits is not waited with.
+  // bytes_max: limit of the waiting items' bytes, as push() is told. A single larger item does not
+  // wait.
   explicit SideThread(size_t bytes_max);
-  // What still waits is not done.
+  // Drops the items that still wait.
   ~SideThread();
   SideThread(const SideThread&) = delete;
   SideThread& operator=(const SideThread&) = delete;
 
-  // Waits where too much waits already. Errors: the first of the work's so far; it is not done.
+  // Waits while too many bytes wait already. Errors: the first of the items so far; the new one is
+  // then dropped.
   Status push(size_t bytes, std::function<Status()> work) EXCLUDES(mutex_);
-  // Until all is done. Errors: the first of the work's.
+  // Waits until all items are done. Errors: the first of the items.
   Status wait() EXCLUDES(mutex_);
 
  private:
@@ -38,7 +40,7 @@ class SideThread {
   const size_t bytes_max_;
   Mutex mutex_;
   CondVar changed_;
-  std::deque<Item> items_ GUARDED_BY(mutex_);  // the first is being done
+  std::deque<Item> items_ GUARDED_BY(mutex_);  // the first is running
   size_t bytes_ GUARDED_BY(mutex_) = 0;
   bool ending_ GUARDED_BY(mutex_) = false;
   std::optional<Error> error_ GUARDED_BY(mutex_);

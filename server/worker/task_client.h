@@ -16,13 +16,13 @@ namespace voxeld {
 Result<UniqueFd> connect_gateway(const std::string& gateway);
 
 // One connection to the gateway. Thread-safe: each call is one request and its reply. All calls
-// give the error `gone` once the gateway has closed the connection.
+// return the error `gone` once the gateway has closed the connection.
 class TaskClient {
  public:
   // Errors: those of connect_gateway().
   static Result<std::unique_ptr<TaskClient>> connect(const std::string& gateway);
 
-  // Before hello().
+  // Call it before hello().
   Result<WorkerFolders> prepare();
   // Returns the directory for outputs.
   Result<std::string> hello(const WorkerHello& hello);
@@ -31,11 +31,11 @@ class TaskClient {
   Result<TaskProgressReply> progress(const TaskProgress& progress);
   Result<TaskFrameReply> frame(const TaskFrame& frame);
   Result<TaskPartReply> part(const TaskPart& part);
-  // True when the report counted; false when another worker owns the task.
+  // Returns true if the report counted, false if another worker owns the task.
   Result<bool> complete(const TaskCompletion& completion);
   Result<bool> fail(const TaskFailure& failure);
   Result<bool> park(const TaskPark& park);
-  // For a signal handler: shutdown(2) on it makes every call end.
+  // For a signal handler: shutdown(2) on it ends every call.
   int fd() const { return fd_; }
 
  private:

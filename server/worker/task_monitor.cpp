@@ -78,7 +78,7 @@ Result<TaskFrameReply> TaskMonitor::report_frame(TaskFrame frame) {
   if (dropped_ || reply->cancel) cancelled_ = true;
   if (!reply) return reply;
   if (reply->fenced) VOXELD_TRY(check());
-  // A cancel stops what comes after this frame, which is kept.
+  // A cancellation stops the later frames; this one is stored.
   MutexLock lock(mutex_);
   ++progress_.frames_done;
   return reply;

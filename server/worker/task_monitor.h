@@ -1,4 +1,4 @@
-// What the gateway hears while a task runs, and what the task hears from it.
+// Reports on a running task to the gateway, and receives cancellation and preemption from it.
 #pragma once
 
 #include <atomic>
@@ -14,44 +14,44 @@
 
 namespace voxeld {
 
-// Lives as long as one task. A thread of its own reports every kPeriod, so that a long pass is not
-// taken for a dead worker, and learns whether to stop. The task's thread calls the rest.
+// Lives as long as one task. A thread of its own reports every kPeriod and learns whether to stop,
+// so a long pass is not taken for a dead worker. The task's thread calls the rest.
 class TaskMonitor {
  public:
   static constexpr std::chrono::milliseconds kPeriod{100};
 
-  // Asked on the threads that call set_stage() and set_progress(), at most every kPeriod.
+  // Called on the threads that call set_stage() and set_progress(), at most every kPeriod.
   using ReadDeviceMemory = std::function<DeviceMemory()>;
 
   TaskMonitor(TaskClient& client, const Task& task, ReadDeviceMemory device_memory = nullptr);
-  // Ends the reports; no message about the task is sent after this.
+  // Ends the reports; no message about the task is sent afterwards.
   ~TaskMonitor();
 
   void set_stage(std::string_view stage) EXCLUDES(mutex_);
   // False: stop, the result is not wanted.
   bool set_progress(int64_t tiles_done, int64_t tiles_total) EXCLUDES(mutex_);
   void set_frames(int64_t frames_done, int64_t frames_total) EXCLUDES(mutex_);
-  // Hands a frame to the gateway, and counts it as done. Sets task and fence of it. From any
-  // thread. Errors: cancelled, also where the task belongs to another worker by now; the gateway's
-  // words.
+  // Hands a frame to the gateway and counts it as done. Sets the frame's task and fence. Any thread
+  // may call it. Errors: cancelled, also if another worker owns the task by now; the gateway's
+  // error.
   Result<TaskFrameReply> report_frame(TaskFrame frame) EXCLUDES(mutex_);
   // Hands a part (TaskPart) to the gateway. Errors: as report_frame().
   Status report_part(int64_t position, const std::filesystem::path& path);
   // Errors: cancelled.
   Status check() const;
-  // For cancel points (server/base/cancel_point.h): what check() looks at.
+  // The flag behind check(), for cancellation points (server/base/cancel_point.h).
   const std::atomic<bool>& cancel_flag() const { return cancelled_; }
-  // Whether all that the task has done is with the gateway, or will be once it is asked to park;
-  // the time until it first was is what its preparation took.
+  // Whether a preemption would lose nothing: the gateway has all finished work, or will have it on
+  // request. The time until this is first true is the task's preparation.
   void set_can_park(bool can_park) EXCLUDES(mutex_);
-  // Whether the gateway would have the worker back.
+  // Whether the gateway wants to preempt the task.
   bool is_asked_to_park() const { return park_asked_; }
-  // All that was done is handed over: the task ends here and is queued again. Always an error,
-  // cancelled, on which the task unwinds as on a cancel.
+  // Preempts the task after its work was handed over: it ends here and is queued again. Always
+  // returns the error cancelled, on which the task unwinds as on a cancellation.
   Error park();
   bool is_parked() const { return is_parked_; }
   TaskProgress progress() const EXCLUDES(mutex_);
-  // True when nobody waits for a report on this task any more: fenced, or the gateway is gone.
+  // True if no report on this task is awaited any more: fenced, or the gateway is gone.
   bool dropped() const { return dropped_; }
 
  private:

@@ -29,7 +29,7 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-// A hostile mesh can give any number of warnings; the answer lists some.
+// Warnings listed. A hostile mesh can cause any number of them.
 constexpr size_t kWarningsMax = 100;
 
 // "models/bunny.ply" -> "bunny"; "bundle.zip!a/spot.obj" -> "spot"; "" -> "voxels"
@@ -49,8 +49,8 @@ json device_facts(const Engine& engine) {
           {"driver", info.version}};
 }
 
-// `text` with "the mesh" for the name of the upload, in the places where warnings have it: at the
-// beginning, and behind "named by".
+// Replaces the upload's name by "the mesh" where warnings have it: at the beginning, and after
+// "named by".
 std::string without_name(const std::string& text, std::string_view name) {
   constexpr std::string_view kNamedBy = ", named by ", kMesh = "the mesh";
   if (name.empty()) return text;
@@ -73,17 +73,18 @@ std::string without_name(const std::string& text, std::string_view name) {
   return out.append(text, done);
 }
 
-// A container's id is the hash of its bytes: it may not depend on what its upload was called.
+// Removes the upload's name from warnings. A container's id is the hash of its bytes, so it must
+// not depend on the name.
 json nameless_warnings(const std::vector<Warning>& warnings, const std::string& filename) {
   std::vector<Warning> nameless = warnings;
   for (Warning& warning : nameless) warning.detail = without_name(warning.detail, filename);
   return describe_warnings(nameless);
 }
 
-// What of a container's meta an answer carries: of long lists of ids the first, and how many there
-// are; the container names all. Tasks and their completions are JSON of at most 1 MiB.
+// The part of a container's meta that a response carries. Long lists of ids are cut, with their
+// length; the container has them all. Tasks and their completions are JSON of at most 1 MiB.
 json answer_meta(json meta) {
-  meta.erase("warnings");  // an answer has them beside its meta
+  meta.erase("warnings");  // a response has them beside its meta
   constexpr size_t kListBytesMax = size_t{100} << 10;
   for (const char* name : {"materials", "labels"}) {
     const auto list = meta.find(name);
@@ -101,7 +102,7 @@ json answer_meta(json meta) {
   return meta;
 }
 
-// Where the grid lies: as the mesh does, or as all frames.
+// The placement of the grid: by its mesh, or that of all frames.
 Result<Placed> place(const SceneInput& input, const VoxelizeOptions& options) {
   if (input.frames == nullptr) return place_scene(input.scene, options);
   return Placed{world_from_file(options.placement), input.frames->spec()};

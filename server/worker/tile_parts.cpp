@@ -18,11 +18,11 @@ namespace {
 
 using nlohmann::json;
 
-// After so many parts, and again after as many, they come half as often: of the longest jobs, too,
-// there are fewer than kPartsMax.
+// After this many parts, and again after as many, parts are made half as often. Even the longest
+// jobs then have fewer than kPartsMax.
 constexpr int64_t kPartsBeforeDoubling = 512;
 
-// How many steps all parts up to this one are; 0 where it is not a part of this work.
+// The steps that all parts up to this one cover; 0 if it does not belong to this work.
 size_t steps_of(const GridHeader& part, size_t steps, const GridHeader& header) {
   const json meta = json::parse(part.meta_json, nullptr, false);
   if (!meta.is_object() || meta.value("algorithm_version", 0) != kAlgorithmVersion ||
@@ -38,7 +38,7 @@ size_t steps_of(const GridHeader& part, size_t steps, const GridHeader& header) 
 
 }  // namespace
 
-// All are looked at before the first tile goes anywhere.
+// Checks all parts before the first tile is passed on.
 bool TileParts::fits(size_t steps, const GridHeader& header, size_t& steps_done) const {
   steps_done = 0;
   for (const std::string& path : run_.task.part_paths) {
@@ -60,7 +60,7 @@ Result<size_t> TileParts::load(size_t steps, const GridHeader& header, const Tak
     log::warn("parts of an earlier attempt are of other work", {{"job", run_.task.id}});
     return size_t{0};
   }
-  // Nothing of this needs the device.
+  // Loading does not need the device.
   run_.turn.end();
   for (const std::string& path : run_.task.part_paths) VOXELD_TRY(load_part(path, take));
   VOXELD_TRY(run_.turn.begin());
@@ -108,7 +108,7 @@ Status TileParts::reached(GridFile& file, size_t steps_done) {
     ++position_;
     return parks ? Status(run_.monitor.park()) : Status();
   }
-  // Without this part the later ones would not follow on those before.
+  // Without this part, later ones would not follow the earlier ones, so no more are made.
   position_ = kPartsMax;
   if (kept.error().code == ErrorCode::kCancelled) return kept;
   log::warn("a part cannot be kept", {{"job", run_.task.id}, {"error", kept.error().message()}});

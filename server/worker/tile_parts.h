@@ -1,5 +1,5 @@
-// Finished tiles that the gateway keeps while a job runs, so that another attempt at it goes on
-// after them: a restart, a crash of the driver or another user's turn costs a few seconds of work.
+// Finished tiles that the gateway stores while a job runs, so a later attempt goes on after them. A
+// restart, a crash of the driver or a preemption then costs only a few seconds of work.
 #pragma once
 
 #include <cstddef>
@@ -18,24 +18,24 @@
 
 namespace voxeld {
 
-// A part is a native container with the tiles of some steps of Voxelizer, after those of the parts
-// before. Its meta tells by which algorithm and how far all parts reach together:
+// Parts of a job. A part is a native container with the tiles of some steps of Voxelizer, after
+// those of earlier parts. Its meta has the algorithm and the steps of all parts so far:
 //   {"algorithm_version": 4, "steps_done": 120, "steps": 512}
 class TileParts {
  public:
   // The run must outlive it.
   explicit TileParts(TaskRun& run) : run_(run) {}
 
-  // Gives the tiles of the task's parts to `take`, in their order, as they stand there and decoded.
-  // The task's turn on the device is given up meanwhile. Returns how many of `steps` they are; 0
-  // where they are of another algorithm, grid or codec, which are left aside. Errors: those of
-  // `take` and of turns, cancelled, internal for containers that are broken.
+  // Passes the tiles of the task's parts to `take` in order, both encoded and decoded. The task's
+  // time slice is given up meanwhile. Returns how many of `steps` they cover; 0 if they are of
+  // another algorithm, grid or codec, and are ignored. Errors: those of `take` and of time slices,
+  // cancelled, internal for broken containers.
   using Take = std::function<Status(std::span<const EncodedTile>, std::vector<SparseTile>)>;
   Result<size_t> load(size_t steps, const GridHeader& header, const Take& take);
 
-  // Hands what the file has more than the last part to the gateway, when it is time to, or when the
-  // task is to be parked. Errors: cancelled, also where it is parked now; what cannot be kept
-  // otherwise is not, and the job goes on.
+  // Hands the tiles since the last part to the gateway, when it is time or when the task is to be
+  // preempted. Errors: cancelled, also if the task is preempted now. If a part cannot be stored for
+  // another reason, the job goes on without it.
   Status reached(GridFile& file, size_t steps_done);
 
  private:

@@ -35,8 +35,8 @@ constexpr int kExitContextLost = 4;        // Supervisor::kExitContextLost
 // The sockets to the gateway, for the signal handler.
 std::atomic<int> gateway_fd{-1}, turns_fd{-1};
 
-// SIGTERM closes the connection: a claim that waits returns, a task that runs is cancelled by its
-// monitor, and the gateway puts it back.
+// SIGTERM closes the connections. A waiting claim returns, the monitor cancels a running task, and
+// the gateway queues the task again.
 extern "C" void close_gateway(int) {
   ::shutdown(gateway_fd.load(), SHUT_RDWR);
   ::shutdown(turns_fd.load(), SHUT_RDWR);
@@ -49,11 +49,11 @@ void handle_signals(int fd, int fd_of_turns) {
   action.sa_handler = close_gateway;
   action.sa_flags = SA_RESTART;
   ::sigaction(SIGTERM, &action, nullptr);
-  ::signal(SIGINT, SIG_IGN);  // Ctrl-C is the daemon's; it sends SIGTERM
+  ::signal(SIGINT, SIG_IGN);  // Ctrl-C goes to the daemon, which sends SIGTERM
   ::signal(SIGPIPE, SIG_IGN);
 }
 
-// memory_bytes: 0 where the driver does not tell.
+// memory_bytes: 0 if the driver does not report it.
 json device_json(const gpu::DeviceInfo& info, int64_t memory_bytes) {
   return {{"vendor", info.vendor},
           {"renderer", info.renderer},
@@ -78,14 +78,15 @@ WorkerHello make_hello(const gpu::DeviceId& device) {
   return hello;
 }
 
-// Tells the gateway why there will be no worker, so that /readyz can say it.
+// Tells the gateway why there will be no worker; /readyz reports the reason.
 int report_unavailable(TaskClient& client, const gpu::DeviceId& device, const Error& error) {
   log::error("cannot open the device", {{"error", error.message()}});
   if (client.hello(make_hello(device))) (void)client.fail({"", 0, error}).ok();
   return kExitDeviceUnavailable;
 }
 
-// What the gateway would take for the words of a hijacked worker ends the job instead.
+// Fails the job if its completion exceeds the bounds. The gateway would take such a message for one
+// of a hijacked worker.
 Result<TaskCompletion> within_bounds(Result<TaskCompletion> completion) {
   if (!completion) {
     for (std::string* text :
@@ -100,7 +101,7 @@ Result<TaskCompletion> within_bounds(Result<TaskCompletion> completion) {
                "the answer is not one that can be told: " + bounded.error().message(), "", ""};
 }
 
-// Runs one task and reports on it. Returns an exit status when the process should end.
+// Runs one task and reports on it. Returns an exit status if the process should end.
 std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* turns,
                                const Task& task, const std::filesystem::path& scratch) {
   const Stopwatch watch;
@@ -130,8 +131,8 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* t
              {"error", completion ? "" : completion.error().message()}});
   if (!completion && (completion.error().code == ErrorCode::kInternal ||
                       completion.error().code == ErrorCode::kDeviceUnavailable)) {
-    // Where the driver has lost the context, the job may do well in a fresh process: no report, so
-    // that the gateway puts it back when this one ends.
+    // If the driver has lost the context, the job may succeed in a fresh process. It is not
+    // reported, so the gateway queues it again when this process ends.
     const Status context = engine.device.check("after a failed task");
     if (!context) {
       log::error("the context is lost", {{"job", task.id}, {"error", context.error().message()}});
@@ -142,7 +143,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* t
     const auto counted = parked       ? client.park(*parked)
                          : completion ? client.complete(*completion)
                                       : client.fail({task.id, task.fence, completion.error()});
-    if (!counted) return kExitClean;  // the gateway has gone
+    if (!counted) return kExitClean;  // the gateway is gone
   }
   return std::nullopt;
 }
@@ -164,7 +165,7 @@ int serve_tasks(Engine& engine, TaskClient& client, TurnClient* turns,
 
 namespace {
 
-// A file that cannot be used costs the choice of pipelines its numbers, nothing else.
+// Loads the calibration. Without a usable file, only the choice of pipelines lacks its numbers.
 void use_calibration(const std::filesystem::path& data_dir, Engine& engine) {
   const gpu::DeviceInfo& info = engine.device.info;
   CalibrationLookup lookup = find_calibration(data_dir / kCalibrationFileName,
@@ -198,7 +199,7 @@ Result<int> run_worker(const WorkerConfig& config) {
       std::chrono::milliseconds(static_cast<int64_t>(config.part_seconds * 1000.0));
   const gpu::DeviceInfo& info = engine.device.info;
   if (!config.data_dir.empty()) use_calibration(config.data_dir, engine);
-  // Drivers have loaded their libraries and started their threads.
+  // Sandbox last: drivers have now loaded their libraries and started their threads.
   if (Status entered = sandbox.close(); !entered) {
     return report_unavailable(*client, config.device, entered.error());
   }

@@ -16,17 +16,17 @@ struct WorkerConfig {
   std::string gateway;  // "unix:/path/to/tasks.sock"
   gpu::DeviceId device;
   std::string shader_dir;   // empty: embedded
-  std::string data_dir;     // where calibration.json is looked for; empty: nowhere
-  double part_seconds = 5;  // how often finished tiles are kept (Engine::part_interval)
+  std::string data_dir;     // directory of calibration.json; empty: none
+  double part_seconds = 5;  // seconds between two parts (Engine::part_interval)
   SandboxMode sandbox = SandboxMode::kAuto;
 };
 
-// Connects, then claims and runs tasks until the gateway goes away or SIGTERM. Exit status: 0 after
-// a clean end, 3 when the device cannot be opened (the supervisor reports it and backs off).
+// Connects, then claims and runs tasks until the gateway goes away or SIGTERM arrives. Exit status:
+// 0 after a clean end, 3 if the device cannot be opened (the supervisor reports it and backs off).
 int worker_main(const WorkerConfig& config);
 
-// Claims and runs tasks; returns the status that the process ends with. Part of worker_main().
-// `turns`: as of run_task().
+// Claims and runs tasks; returns the process's exit status. Part of worker_main(). `turns`: as for
+// run_task().
 int serve_tasks(Engine& engine, TaskClient& client, TurnClient* turns,
                 const std::filesystem::path& scratch);
 

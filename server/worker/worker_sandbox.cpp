@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using Access = FileRule::Access;
 
-// Read by the loader, libEGL, Mesa, Vulkan's loader and NVIDIA's libraries.
+// Paths that the loader, libEGL, Mesa, Vulkan's loader and NVIDIA's libraries read.
 constexpr std::array kReadPaths = {"/usr/lib",
                                    "/usr/lib32",
                                    "/usr/lib64",
@@ -55,13 +55,13 @@ constexpr std::array kReadPaths = {"/usr/lib",
                                    "/proc/sys/kernel",
                                    "/proc/sys/vm",
                                    "/proc/version"};
-// server/base/host_memory resets the peak of the process there.
+// clear_refs: server/base/host_memory resets the peak of the process there.
 constexpr std::array kReadWritePaths = {"/proc/self/clear_refs", "/dev/full",    "/dev/null",
                                         "/dev/random",           "/dev/urandom", "/dev/zero"};
 constexpr std::array kDevicePaths = {"/dev/dri", "/dev/kfd"};
 constexpr std::string_view kNvidiaPrefix = "nvidia";  // /dev/nvidia0, /dev/nvidiactl, …
 
-// Where whoever runs the daemon keeps drivers of their own.
+// Variables by which an operator names drivers of their own.
 constexpr std::array kPathVariables = {"LD_LIBRARY_PATH",
                                        "LIBGL_DRIVERS_PATH",
                                        "VK_ADD_DRIVER_FILES",
@@ -70,8 +70,8 @@ constexpr std::array kPathVariables = {"LD_LIBRARY_PATH",
                                        "__EGL_VENDOR_LIBRARY_DIRS",
                                        "__EGL_VENDOR_LIBRARY_FILENAMES"};
 
-// Compiled shaders, which a worker that was taken over could leave for the next: each has its
-// own.
+// Variables of shader cache folders. Each worker gets its own: a hijacked one could otherwise leave
+// shaders for the next.
 constexpr std::array kCacheVariables = {"MESA_SHADER_CACHE_DIR", "__GL_SHADER_DISK_CACHE_PATH"};
 
 void add_variable_paths(const char* variable, std::vector<FileRule>& rules) {
@@ -107,7 +107,7 @@ bool is_beneath(const fs::path& path, const fs::path& folder) {
   return folder_end == folder.end();
 }
 
-// What is open for drivers must not hold the tenants' files.
+// Checks that paths opened for drivers do not contain the tenants' files.
 Status check_apart(const std::vector<FileRule>& rules, const fs::path& data_dir) {
   std::error_code failed;
   const fs::path data = fs::canonical(data_dir, failed);

@@ -1,5 +1,5 @@
-// What a worker gives up, so that a hostile file that takes it over finds nothing but the inputs of
-// the task that it runs, its own outputs, and the files that drivers read.
+// The sandbox of a worker. A hostile file that takes the worker over finds only the inputs of the
+// running task, its outputs, and the files that drivers read.
 #pragma once
 
 #include <filesystem>
@@ -12,25 +12,26 @@
 namespace voxeld {
 
 enum class SandboxMode {
-  kAuto,     // as much as the kernel can take; a warning names what is missing
+  kAuto,     // as much as the kernel supports; a warning names what is missing
   kRequire,  // all of it, or the worker does not start
   kOff,
 };
-// "auto", "require", "off"; other text is kAuto.
+// Parses "auto", "require", "off"; other text is kAuto.
 SandboxMode sandbox_mode(std::string_view text);
-// "full", or what this kernel does not have, for people.
+// "full", or the features that this kernel lacks, for people.
 std::string sandbox_support();
 
-// Two steps, as drivers load libraries and connect to servers when they are opened, and have
-// threads from then on, which Landlock does not bind any more. One thread.
+// Closes in two steps, because opening a driver loads libraries and connects to servers. Drivers
+// also start threads then, which Landlock can no longer restrict. Used by one thread.
 class WorkerSandbox {
  public:
   explicit WorkerSandbox(SandboxMode mode) : mode_(mode) {}
-  // Files. Before any thread starts. Points the shader caches of drivers into the worker's folder.
-  // Errors, in kRequire alone: device-unavailable with what is missing.
+  // Restricts files. Call it before any thread starts. Points the shader caches of drivers into the
+  // worker's folder. Errors, only in kRequire: device-unavailable with what is missing.
   Status restrict_to(const WorkerFolders& folders, const std::filesystem::path& data_dir,
                      const std::filesystem::path& shader_dir);
-  // System calls and limits, of all threads. After the device was opened. Errors: as above.
+  // Restricts system calls and limits of all threads. Call it after the device was opened. Errors:
+  // as above.
   Status close();
   // "full", "off", or what is missing.
   std::string level() const;

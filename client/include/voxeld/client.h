@@ -1,4 +1,5 @@
-// libvoxeld_client: talks to a voxeld daemon. C++20; no HTTP or JSON library shows in this header.
+// libvoxeld_client: a client of the voxeld daemon. C++20; this header needs no HTTP or JSON
+// library.
 //
 //   voxeld::client::Client client("http://127.0.0.1:8080");
 //   voxeld::client::Options options;
@@ -30,17 +31,17 @@
 
 namespace voxeld::client {
 
-// What went wrong. code() is the stable name of the API ("invalid-option", "grid-too-large", …), or
-// one of the client's own: "unreachable" (no connection), "timeout", "interrupted" (stopped by the
-// caller), "bad-answer" (not a voxeld daemon), "content-mismatch" (a download whose bytes are not
-// those that its content id names), "file" (a local file).
+// A failure. code() is the stable name of the API ("invalid-option", "grid-too-large", …), or one
+// of the client's own: "unreachable" (no connection), "timeout", "interrupted" (stopped by the
+// caller), "bad-answer" (not a voxeld daemon), "content-mismatch" (the bytes of a download do not
+// match its content id), "file" (a local file).
 class VOXELD_CLIENT_API Error : public std::runtime_error {
  public:
   Error(std::string code, int http_status, const std::string& message, std::string expected = "",
         std::string got = "", std::string request_id = "");
   ~Error() override;
   const std::string& code() const { return code_; }
-  int http_status() const { return http_status_; }  // 0: no answer
+  int http_status() const { return http_status_; }  // 0: no response
   const std::string& expected() const { return expected_; }
   const std::string& got() const { return got_; }
   const std::string& request_id() const { return request_id_; }
@@ -52,18 +53,19 @@ class VOXELD_CLIENT_API Error : public std::runtime_error {
 
 struct Settings {
   std::string url = "http://127.0.0.1:8080";
-  // API key ("vxk_…"), empty for a daemon that needs none. Sent to `url` alone, with every request.
+  // API key ("vxk_…"), empty for a daemon that needs none. Sent with every request, only to `url`.
   std::string key;
   std::chrono::seconds connect_timeout{10};
-  // For one exchange with the daemon (the upload, one look at the job, the download); zero: none.
+  // For one exchange with the daemon (the upload, one poll of the job, the download); zero: no
+  // limit.
   std::chrono::seconds timeout{0};
   // Further tries after 429, 503 or a refused connection, with a pause that doubles from 200 ms (or
-  // what Retry-After says). An interrupted download is resumed where it stopped.
+  // as long as Retry-After says). An interrupted download is resumed where it stopped.
   int retries = 3;
 };
 
-// Names and values as in the API: set("size", "256"), and of a job set("priority", "20") and
-// set("deadline_ms", "60000"). They are checked by the daemon.
+// Names and values as in the API: set("size", "256"), and for a job set("priority", "20") and
+// set("deadline_ms", "60000"). The daemon checks them.
 class VOXELD_CLIENT_API Options {
  public:
   Options& set(std::string name, std::string value);
@@ -74,14 +76,15 @@ class VOXELD_CLIENT_API Options {
   std::vector<std::pair<std::string, std::string>> pairs_;
 };
 
-// Where the bytes of a mesh come from. Files and streams are sent piece by piece.
+// A source of a mesh's bytes. Files and streams are sent piece by piece.
 class VOXELD_CLIENT_API Source {
  public:
-  // `filename` names the format ("a.ply"); empty: the path's own name.
+  // `filename` decides the format ("a.ply"); empty: the path's own name.
   static Source file(std::filesystem::path path, std::string filename = "");
-  // Here an empty `filename` leaves the format to the first bytes.
+  // If `filename` is empty here, the first bytes decide the format.
   static Source memory(std::vector<std::byte> bytes, std::string filename);
-  // Fills the buffer and returns how many bytes; 0 at the end. Called until then, once.
+  // `read` fills the buffer and returns the number of bytes; 0 at the end. A stream can be read
+  // only once.
   static Source stream(std::function<size_t(std::span<std::byte>)> read, std::string filename);
 
   const std::string& filename() const { return filename_; }
@@ -97,7 +100,7 @@ class VOXELD_CLIENT_API Source {
 using Color = std::array<std::uint8_t, 4>;  // sRGB R, G, B and linear A
 using Normal = std::array<std::int8_t, 3>;  // unit normal times 127
 
-// One voxel of a grid, with what its channels say: 0 for channels that the grid does not have.
+// One voxel of a grid with its channels; channels that the grid lacks are 0.
 struct Voxel {
   int x = 0, y = 0, z = 0;
   bool has_attributes = false;  // false for the inside of a solid: channels are 0, coverage 255
@@ -105,7 +108,7 @@ struct Voxel {
   Normal normal{};
   std::uint16_t material = 0, label = 0;  // ids; meta_json() names them
   float distance = 0;                     // signed, in voxels
-  std::uint8_t coverage = 0;              // 255: all of it
+  std::uint8_t coverage = 0;              // 255: the whole voxel is covered
 };
 
 // A sparse grid, decoded. Cell (x,y,z) covers origin + voxel_size * [x,x+1) x [y,y+1) x [z,z+1).
@@ -123,20 +126,20 @@ class VOXELD_CLIENT_API Grid {
   std::uint64_t voxel_count() const;
   bool has_color() const;
   bool has_normal() const;
-  // "color", "normal", "material", "label", "distance", "coverage": those that the grid has.
+  // The grid's channels, of "color", "normal", "material", "label", "distance", "coverage".
   std::vector<std::string_view> channels() const;
   const std::string& meta_json() const;
 
   bool occupied(int x, int y, int z) const;
-  // nullopt where the cell is empty, or the grid or this voxel (the inside of a solid) has no
+  // nullopt if the cell is empty, or if the grid or this voxel (the inside of a solid) has no
   // colour.
   std::optional<Color> color(int x, int y, int z) const;
-  // nullopt where the cell is empty.
+  // nullopt if the cell is empty.
   std::optional<Voxel> voxel(int x, int y, int z) const;
-  // Every voxel, in Morton order within each tile.
+  // Visits every voxel, in Morton order within each tile.
   void for_each(const std::function<void(const Voxel&)>& visit) const;
-  // The same; `color` and `normal` are null where the
-  // grid or the voxel (the inside of a solid) has none.
+  // Visits every voxel. `color` and `normal` are null if the grid or the voxel (the inside of a
+  // solid) has none.
   void for_each(const std::function<void(int x, int y, int z, const Color* color,
                                          const Normal* normal)>& visit) const;
   // One byte per cell, x fastest, 1 = occupied: dims[0]*dims[1]*dims[2] bytes.
@@ -149,12 +152,11 @@ class VOXELD_CLIENT_API Grid {
   std::unique_ptr<Impl> impl_;
 };
 
-// The grids of an animation's frames, all in one place of the world. Frames are decoded when they
-// are asked for; in their order it is fastest, as each is told by what changed. One thread at a
-// time.
+// The grids of an animation's frames, all in one placement. A frame is decoded on request; reading
+// in order is fastest, because frames are stored as differences. One thread at a time.
 class VOXELD_CLIENT_API Sequence {
  public:
-  // Takes a native container (.voxs) over. Throws Error "bad-answer".
+  // Takes ownership of a native container (.voxs). Throws Error "bad-answer".
   static Sequence decode(std::vector<std::byte> container);
   Sequence(Sequence&&) noexcept;
   Sequence& operator=(Sequence&&) noexcept;
@@ -165,10 +167,10 @@ class VOXELD_CLIENT_API Sequence {
   std::array<double, 3> voxel_size() const;
   std::vector<std::string_view> channels() const;  // as Grid's
   const std::string& meta_json() const;
-  double fps() const;  // 0 where frames are at times of their own
+  double fps() const;  // 0 if the frames have times of their own
   std::size_t frame_count() const;
-  // Of frame `index`. Throw Error "not-found" where there is no such frame, frame() also
-  // "bad-answer".
+  // Facts and voxels of frame `index`. Throw Error "not-found" if there is no such frame; frame()
+  // also throws "bad-answer".
   double time_s(std::size_t index) const;
   std::uint64_t voxel_count(std::size_t index) const;
   Grid frame(std::size_t index);
@@ -183,7 +185,7 @@ class VOXELD_CLIENT_API Sequence {
 struct Progress {
   std::string stage;                 // "upload", "queued", "parse", "voxelize", "download", …
   std::int64_t done = 0, total = 0;  // total 0: unknown
-  std::string unit = "bytes";        // what is counted: "bytes", "tiles" or "frames"
+  std::string unit = "bytes";        // the unit of done and total: "bytes", "tiles" or "frames"
 };
 // Return false to stop: the job is cancelled and Error "interrupted" thrown.
 using ProgressCallback = std::function<bool(const Progress&)>;
@@ -192,7 +194,7 @@ struct JobInfo {
   std::string id, kind, state;  // state: queued, running, done, failed, cancelled
   std::string stage;
   std::int64_t tiles_done = 0, tiles_total = 0, queue_position = 0, bytes = 0;
-  std::int64_t frames_done = 0, frames_total = 0;  // 0, 0: one grid, no sequence
+  std::int64_t frames_done = 0, frames_total = 0;  // 0, 0: a single grid
   std::string grid, sequence, media_type;
   std::vector<std::string> warnings;  // "missing-texture: skin.png"
   std::string meta_json;              // of the result
@@ -200,45 +202,45 @@ struct JobInfo {
   bool ended() const { return state == "done" || state == "failed" || state == "cancelled"; }
 };
 
-// Who works and who waits, as far as the key's holder may know.
+// The queue: busy devices and waiting jobs, as far as the key's holder may see them.
 struct QueueDevice {
   std::string device, renderer;
-  std::int64_t workers = 0;  // that are connected
+  std::int64_t workers = 0;  // connected ones
   std::int64_t workers_busy = 0;
-  std::vector<std::string> jobs;  // ids of those on it that are the holder's
+  std::vector<std::string> jobs;  // ids of the holder's jobs that run on it
 };
 struct QueuedJob {
   JobInfo job;
-  std::string tenant, device;                   // device: that runs it, or empty
+  std::string tenant, device;                   // device: the one that runs it, or empty
   std::int64_t created_ms = 0, started_ms = 0;  // Unix time
 };
 struct Queue {
   std::vector<QueueDevice> devices;
-  std::vector<QueuedJob> jobs;                         // running ones, then by position
+  std::vector<QueuedJob> jobs;                         // running ones, then queued ones by position
   std::int64_t queued = 0, running = 0;                // of all tenants
   std::int64_t others_queued = 0, others_running = 0;  // of other tenants
-  std::string json;                                    // the whole answer
+  std::string json;                                    // the whole response
 };
 
 // A frame that a job has finished.
 struct FrameInfo {
   std::int64_t index = 0;
   double time_s = 0;
-  std::string grid;  // its id; equal frames have the same
+  std::string grid;  // its id; equal frames have equal ids
   std::uint64_t voxel_count = 0;
   std::string content_hash;
 };
 
-// What there is of a job's sequence by now.
+// The frames of a job's sequence that are finished so far.
 struct JobFrames {
   std::string sequence;  // its id; empty until all frames are done
   std::int64_t total = 0;
   std::vector<FrameInfo> frames;
 };
 
-// What a job works on: one of the three is set.
+// The input of a job: exactly one of the three is set.
 struct Input {
-  std::string asset;     // what upload() or bundle() returned
+  std::string asset;     // as returned by upload() or bundle()
   std::string grid;      // JobInfo::grid
   std::string sequence;  // JobInfo::sequence
   static Input of_asset(std::string id) { return {std::move(id), "", ""}; }
@@ -246,15 +248,15 @@ struct Input {
   static Input of_sequence(std::string id) { return {"", "", std::move(id)}; }
 };
 
-// A file of a bundle, by the name that the others refer to it with, and the id of its upload.
+// A file of a bundle: the name by which other files refer to it, and the id of its upload.
 struct BundleFile {
   std::string name, asset;
 };
 
-// Gets pieces of a result in order.
+// Receives the pieces of a result in order.
 using Sink = std::function<void(std::span<const std::byte>)>;
 
-// Whoever has the URL may fetch what it names, without a key, until it expires.
+// A link to a result. Anyone with the URL may fetch it without a key, until it expires.
 struct Link {
   std::string url;
   std::int64_t expires_ms = 0;  // Unix time
@@ -271,59 +273,59 @@ class VOXELD_CLIENT_API Client {
   Client& operator=(Client&&) noexcept;
   ~Client();
 
-  // --- the whole way in one call. `stop` and the callback cancel the job.
+  // --- all steps in one call. `stop` and the callback cancel the job.
   Grid voxelize(const Source& source, const Options& options, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
-  // The same for an animation: options name it ("animation", "fps", "frames", …).
+  // Voxelizes an animation, which options name ("animation", "fps", "frames", …).
   Sequence voxelize_sequence(const Source& source, const Options& options,
                              const ProgressCallback& progress = {},
                              const std::stop_token& stop = {});
-  // Any format: what options name with "format".
+  // Voxelizes to any format, which options name with "format".
   JobInfo voxelize_to(const Source& source, const Options& options, const Sink& sink,
                       const ProgressCallback& progress = {}, const std::stop_token& stop = {});
-  // A picture: what options name with "picture", else a PNG.
+  // Renders an image, of the kind that options name with "picture", else a PNG.
   JobInfo render_to(const Source& source, const Options& options, const Sink& sink,
                     const ProgressCallback& progress = {}, const std::stop_token& stop = {});
 
-  // --- step by step
-  // The asset's id.
+  // --- single steps
+  // Uploads a mesh; returns the asset's id.
   std::string upload(const Source& source, const ProgressCallback& progress = {},
                      const std::stop_token& stop = {});
-  // Ties uploads together as one asset, whose id is returned: a new animation for an old mesh costs
-  // only itself.
+  // Combines uploads into one asset and returns its id. A new animation for an old mesh then costs
+  // one small upload.
   std::string bundle(std::span<const BundleFile> files);
   std::string asset_json(std::string_view asset);
-  // kind: voxelize, inspect (of an asset), render (of any), export (of a grid or sequence).
+  // kind: voxelize or inspect (an asset), render (any input), export (a grid or sequence).
   JobInfo submit(std::string_view kind, const Input& input, const Options& options);
   JobInfo job(std::string_view id);
-  // Until the job has ended. Throws the job's own error when it failed.
+  // Waits until the job has ended. Throws the job's error if it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},
                const std::stop_token& stop = {});
   JobInfo cancel(std::string_view id);
-  // The frames that are done, also while the job runs, and after it was cancelled.
+  // The finished frames; also while the job runs and after it was cancelled.
   JobFrames frames(std::string_view job);
-  // One of them. Throws Error "not-found" where it is not done yet.
+  // One of these frames. Throws Error "not-found" if it is not finished yet.
   Grid frame(std::string_view job, std::int64_t index);
   std::vector<JobInfo> jobs(int limit = 100);
-  // At most `limit` jobs that wait; an admin's key shows those of all tenants.
+  // The queue with at most `limit` waiting jobs; an admin's key shows those of all tenants.
   Queue queue(int limit = 100);
-  // Resumes by itself when the connection breaks. Throws "bad-answer" when the result is then
-  // another one; the sink has the beginning of the old one. Throws "content-mismatch" at the end
-  // when the bytes do not have the hash that the daemon names; the sink has all of them.
+  // Resumes if the connection breaks. Throws "bad-answer" if the result has changed meanwhile; the
+  // sink then has the beginning of the old one. Throws "content-mismatch" at the end if the bytes
+  // do not match the daemon's hash; the sink then has all of them.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
-  // Deletes what the id names, so that it counts no more: of a job its result, else the asset, grid
-  // or sequence of that id. Says which: "result", "asset", "grid" or "sequence". Throws
-  // "not-found"; "gone" where it was deleted already; "conflict" for a job that has not ended, and
-  // for a frame.
+  // Deletes the item of this id, so its bytes no longer count: the result of a job, otherwise the
+  // asset, grid or sequence. Returns which: "result", "asset", "grid" or "sequence". Throws
+  // "not-found"; "gone" if it was deleted already; "conflict" for a job that has not ended, and for
+  // a frame.
   std::string remove(std::string_view id);
-  // A page of what is kept, as the JSON object of GET /v1/assets, /v1/results, /v1/grids or
+  // A page of stored items, as the JSON object of GET /v1/assets, /v1/results, /v1/grids or
   // /v1/sequences. what: "assets", …; after: "next" of the page before.
   std::string list_json(std::string_view what, int limit = 100, std::string_view after = {});
-  // A link to a job's result. options: of the result ("format", …). Throws Error "invalid-option"
-  // for more than 30 days.
+  // Makes a link to a job's result. options: of the result ("format", …). Throws Error
+  // "invalid-option" for more than 30 days.
   Link share(std::string_view job, std::chrono::seconds lifetime, const Options& options = {});
-  // Whose key this is, its tenant's limits and what it uses of them: the JSON object of GET /v1/me.
+  // The key's tenant, its limits and their use: the JSON object of GET /v1/me.
   std::string whoami_json();
 
  private:
