@@ -34,7 +34,7 @@ std::filesystem::path default_data_dir() {
 // More would wait for one another, and each has its memory.
 constexpr int kWorkersPerDeviceMax = 64;
 
-// What is wrong with it; empty for an address.
+// The error of an IPv6 address; empty for a valid one.
 std::string is_ipv6(const std::string& text) {
   in6_addr address{};
   return ::inet_pton(AF_INET6, text.c_str(), &address) == 1 ? "" : "not an IPv6 address: " + text;
@@ -306,7 +306,7 @@ CLI::App* add_doctor(CLI::App& app, DoctorCommand& command) {
   return doctor;
 }
 
-// Of `keys add` and `keys set`.
+// Options of `keys add` and `keys set`.
 void add_tenant_options(CLI::App& action, KeysCommand& command) {
   action
       .add_option("--weight", command.weight,

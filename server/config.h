@@ -110,8 +110,8 @@ Command parse_command_line(int argc, const char* const* argv);
 
 std::string_view log_level_name(log::Level level);
 
-// What keeps strangers from a listener: API keys, none though there could be some, or nothing (the
-// admin port).
+// The protection of a listener: API keys, none though there could be some, or nothing (the admin
+// port).
 enum class Guard { kKeys, kNoKeys, kNone };
 
 // Without keys voxeld listens on loopback unless told otherwise. Errors: invalid-option with the

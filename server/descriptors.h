@@ -27,9 +27,9 @@ struct DescriptorPlan {
   bool operator==(const DescriptorPlan&) const = default;
 };
 
-// What is wanted, made to fit into `limit` descriptors: what jobs, workers, the database and
-// requests need is set aside first, so that connections never take it. Errors: invalid-option with
-// how many are needed.
+// The wanted plan, made to fit into `limit` descriptors. The needs of jobs, workers, the database
+// and requests are set aside first, so that connections never take them. Errors: invalid-option
+// with the number that is needed.
 Result<DescriptorPlan> fit_descriptors(const DescriptorPlan& wanted, int workers);
 
 // Raises the soft limit as far as `wanted` needs and the hard limit allows, and logs what came of

@@ -29,7 +29,7 @@ std::string bytes_text(int64_t bytes) {
   return std::to_string(bytes / 1024) + " KiB";
 }
 
-// What a user can do about a device that does not work; empty where nothing helps.
+// Advice for a device that does not work; empty if nothing helps.
 std::string hint_for(const DeviceProbe& probe) {
   const auto says = [&](std::string_view text) {
     return probe.reason.find(text) != std::string::npos;

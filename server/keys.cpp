@@ -34,7 +34,7 @@ std::string_view state_of(const ApiKey& key) {
   return key.is_live(unix_time_ms()) ? "live" : "expired";
 }
 
-// What was asked for in `key`'s weight and limits; the rest stays.
+// Applies the given weight and limits to `key`; the rest stays.
 Status apply(const KeysCommand& command, ApiKey& key) {
   TenantLimits& limits = key.limits;
   if (command.rate) {

@@ -29,7 +29,7 @@ class ShutdownWatch {
 
   // The first signal, or 0 after `seconds`.
   int wait(double seconds) EXCLUDES(mutex_);
-  // What the process does from now on, for the log; a literal.
+  // The stage of shutdown that begins now, for the log; a literal.
   void enter(const char* stage) EXCLUDES(mutex_);
 
  private:

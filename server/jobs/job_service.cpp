@@ -13,13 +13,6 @@
 #include "server/jobs/service.h"
 
 namespace voxeld {
-namespace {
-
-// Waits are cut into pieces of this length, to notice drain() and clients that left.
-constexpr std::chrono::milliseconds kWaitSlice{200};
-
-}  // namespace
-
 void Service::overlay(JobStatus& status) {
   board_.overlay(status);
   forecast_.fill(status);

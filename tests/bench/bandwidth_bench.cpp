@@ -1,7 +1,7 @@
-// What this machine's memory and cores give, for floors: bandwidth_bench [--threads N] prints one
-// JSON object. All threads stream over arrays far larger than caches (as McCalpin's STREAM, 1995);
-// the best of the runs counts. Bytes are those that the loop names: a store that reads the line
-// first moves more.
+// The bandwidth of this machine's memory and cores, for floors: bandwidth_bench [--threads N]
+// prints one JSON object. All threads stream over arrays far larger than caches (as McCalpin's
+// STREAM, 1995); the best of the runs counts. Bytes are those that the loop names: a store that
+// reads the line first moves more.
 #include <algorithm>
 #include <chrono>
 #include <cstdint>

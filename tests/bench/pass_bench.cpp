@@ -1,4 +1,4 @@
-// What each pass of pipeline compute takes beside the least that it must read and write:
+// The time of each pass of pipeline compute beside the least that it must read and write:
 //   pass_bench MESH [--device D] [--bandwidth-gbs G] [--windows] [--two-words] [--batch-tiles N]
 //              [--rule R] [--repeat N] [SIZE...]
 // MESH as in bench_scene.h; sizes: 256 512 1024 2048. G: memory bandwidth of the device in GB/s,

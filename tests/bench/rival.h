@@ -19,7 +19,7 @@ struct GridMesh {
 
 GridMesh grid_mesh(const Scene& scene, int size);
 
-// What a rival has not is empty.
+// A rival. Functions that it does not have are empty.
 struct Rival {
   using Count = std::function<uint64_t(const GridMesh&)>;
 

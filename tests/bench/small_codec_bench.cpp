@@ -51,7 +51,7 @@ Arguments parse(int argc, char** argv) {
   return arguments;
 }
 
-// Of this process: what other processes do on the machine does not count.
+// CPU time of this process, so that other processes on the machine do not count.
 double cpu_ms() {
   return 1000.0 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
 }

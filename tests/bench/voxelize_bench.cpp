@@ -50,7 +50,7 @@ struct Measured {
   VoxelizeStats stats;
 };
 
-// What runs one pipeline. The context outlives the programs made in it.
+// The objects that run one pipeline. The context outlives the programs made in it.
 struct Engine {
   std::unique_ptr<gpu::Context> context;
   std::unique_ptr<gpu::ShaderLibrary> shaders;

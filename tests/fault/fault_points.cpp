@@ -49,7 +49,7 @@ std::atomic<int> fault_code{0};
 std::atomic<bool> fired{false};
 // Initial-exec, so that it needs no allocation of its own.
 __attribute__((tls_model("initial-exec"))) thread_local int paused = 0;
-// What sqlite3_extended_errcode() says after a statement that was made to fail.
+// The result of sqlite3_extended_errcode() after a statement that was made to fail.
 __attribute__((tls_model("initial-exec"))) thread_local int sqlite_code = 0;
 
 bool fails(FaultClass which) {

@@ -43,7 +43,7 @@ constexpr int kTriesMax = 4;  // the fault comes once; what it broke must work a
 std::string fault_class, self;
 int fault_errno = 0;
 
-// Where a crash comes from, for addr2line.
+// Prints the place of a crash, for addr2line.
 void print_backtrace(int signal) {
   voxeld_fault_disarm();
   void* frames[64];

@@ -25,7 +25,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "integratio
 from harness import BIN, Daemon  # noqa: E402
 
 LIVE = ("queued", "running")
-# What may follow what in a job's events; a restart puts a running job back.
+# Legal successors of each state in a job's events; a restart puts a running job back.
 LEGAL = {None: {"queued", "done"}, "queued": {"running", "cancelled", "done"},
          "running": {"queued", "done", "failed", "cancelled"}}
 

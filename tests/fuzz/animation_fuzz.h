@@ -1,5 +1,5 @@
-// What every fuzz target of animations asserts: an error that says something, or frames that the
-// voxelizer can use without looking.
+// The assertion of every fuzz target of animations: an error with a message, or frames that the
+// voxelizer can use without checks.
 #pragma once
 
 #include <cmath>

@@ -21,7 +21,7 @@ using voxeld::SequenceReader;
 
 constexpr size_t kFramesRead = 16;
 
-// What is read can be written, and is then the same.
+// A sequence that was read can be written, and is then the same.
 void write_again(const SequenceReader& reader,
                  const std::vector<std::vector<voxeld::SparseTile>>& frames) {
   auto writer = voxeld::SequenceWriter::open(reader.header(), reader.fps());

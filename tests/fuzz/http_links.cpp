@@ -23,7 +23,7 @@ using namespace voxeld::http;
 constexpr int kSampled = 1;
 constexpr int64_t kFarAway = int64_t{1} << 40;
 
-// Of this run, in a folder that goes with it.
+// The secrets of this run, in a folder that is removed with it.
 class Secrets {
  public:
   Secrets() {

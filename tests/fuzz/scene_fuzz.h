@@ -1,5 +1,5 @@
-// What every fuzz target of the loaders asserts: an error that says something, or a scene that the
-// voxelizer can use without looking.
+// The assertion of every fuzz target of the loaders: an error with a message, or a scene that the
+// voxelizer can use without checks.
 #pragma once
 
 #include <cmath>

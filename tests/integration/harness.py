@@ -23,7 +23,7 @@ PROGRAM_FILE = pathlib.Path(os.environ.get("VOXELD_PROGRAM_FILE", BIN / "voxeld"
 DATA = os.environ.get("VOXELD_DATA_DIR")
 START_SECONDS = 60
 PIPELINES = ("raster", "compute", "cpu")
-# What runs on each of the devices that need no hardware.
+# The pipelines of each device that needs no hardware.
 DEVICES = {"llvmpipe": PIPELINES, "lavapipe": PIPELINES, "osmesa": PIPELINES, "cpu": ("cpu",)}
 
 

@@ -13,7 +13,7 @@ import time
 
 from harness import TenantsDaemon
 
-# What lives longer than the shortest round would hide what is never let go.
+# Data that lives longer than the shortest round would hide leaks.
 ARGUMENTS = ["--store-bytes-max", "48M", "--keep-jobs-days", "0.0002", "--keep-assets-days", "0.0002",
              "--keep-results-days", "0.0002", "--part-seconds", "1", "--log-level", "warn"]
 FORMATS = ["native", "npy", "npz", "vox"]

@@ -46,7 +46,7 @@ class Calibration(unittest.TestCase):
         pipeline, reason, _ = self.reason("llvmpipe")
         self.assertRegex(reason, rf"^{pipeline}: predicted [0-9.e+-]+ ms, \w+ [0-9.e+-]+ ms, "
                                  rf"\w+ [0-9.e+-]+ ms \(calibrated {date}\)$")
-        # What the file says is what decides: raster for nothing is taken.
+        # The file decides: a free raster pipeline is chosen.
         for costs in stored["devices"][0]["pipelines"]:
             if costs["pipeline"] == "raster":
                 for kind in ("occupancy", "attributes"):

@@ -147,7 +147,7 @@ class Formats(DaemonTest):
             self.assertTrue((dense["label"][cells[:, 2], cells[:, 1], cells[:, 0]] ==
                              grid["label"][:, 0]).all())
             self.assertEqual(json.loads(bytes(dense["meta"]))["labels"], meta["labels"])
-        # Of the house, nothing is left of its left tree: x is the first axis of cells.
+        # No part of the house is to the left of its left tree: x is the first axis of cells.
         query = "size=90&channels=label&labels=mesh"
         grid = read_grid.read_grid(self.voxelize(query, "sample.obj.zip").body)
         cells, label = np.asarray(grid["cells"]), np.asarray(grid["label"])[:, 0]

@@ -22,7 +22,7 @@ class Headers(DaemonTest):
                     answer = self.daemon.get(path, headers={"Accept": accept} if accept else {})
                     self.assertEqual(answer.status, 406 if accept == "text/html" else 200)
                     self.assertIn("Accept", answer.headers.get("Vary", "").split(", "))
-            # Of the others the URL alone decides.
+            # The format of the others depends on the URL alone.
             self.assertIsNone(self.daemon.get(path + "?format=npy", headers={"Accept": "text/html"}).headers["Vary"])
             tag = self.daemon.get(path).headers["ETag"]
             known = self.daemon.get(path, headers={"If-None-Match": tag})

@@ -67,7 +67,7 @@ class Quotas(unittest.TestCase):
                               headers={"Content-Encoding": "gzip"}), 507, "quota-exceeded")
         self.problem(lab.post("/v1/assets", b"x" * (len(mesh) + 101)), 413, "payload-too-large",
                      "ever")
-        # What a job leaves counts, too.
+        # Results of jobs count, too.
         asset = lab.get("/v1/assets").json()["assets"][0]["id"]
         status = lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": 64}))
         self.assertEqual((status["state"], status["error"]["code"]), ("failed", "quota-exceeded"))

@@ -247,7 +247,7 @@ class FullDisk(Storage):
         # The output would have cut into the reserve, or was larger than all that was left.
         self.assertRegex(error["detail"], "the disk is nearly full; uploads and results are refused"
                                           "|write file: No space left on device")
-        # What failed is removed; small outputs take what is left, but for the reserve.
+        # Failed outputs are removed; small ones take the rest of the disk, except for the reserve.
         while self.run_job(greedy, asset, 100)[0] == "done":
             pass
         while self.run_job(greedy, asset, 40)[0] == "done":

@@ -12,7 +12,7 @@ from harness import BIN, Daemon, make_fixtures
 
 NO_ID = "sha256-" + "0" * 64
 NO_JOB = "j-" + "0" * 32
-# What of an answer may differ from one request to the next.
+# Headers that may differ from one request to the next.
 VOLATILE = {"x-request-id", "traceresponse", "date"}
 
 
@@ -118,7 +118,7 @@ class Tenants(unittest.TestCase):
     def test_every_route_hides_what_another_has(self):
         on = self.attacks()
         public = {("get", "/"), ("get", "/openapi.json")}
-        # What they say is of the caller alone.
+        # These routes list data of the caller alone.
         lists = {("get", "/v1/assets"), ("get", "/v1/jobs"), ("get", "/v1/queue"), ("get", "/v1/me"),
                  ("get", "/v1/results"), ("get", "/v1/grids"), ("get", "/v1/sequences")}
         for template, operations in self.daemon.openapi.spec["paths"].items():

@@ -63,7 +63,7 @@ class Open(DaemonTest):
         for origin in FOREIGN:
             with self.subTest(origin):
                 self.assert_all_forbidden({"Origin": origin})
-        # What a browser sends for an image, a script or a link: no Origin.
+        # Requests of a browser for an image, a script or a link have no Origin.
         self.assert_all_forbidden({"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"})
         self.assert_problem(self.ask("GET", "/v1/jobs", {"Origin": "https://evil.example"}), 403,
                             "forbidden", "another origin", "--cors-origin", "https://evil.example")

@@ -88,7 +88,7 @@ class File {
   const std::vector<std::vector<uint8_t>>& buffers_;
 };
 
-// What stands for one node at the time.
+// The state of one node at the time.
 struct NodeState {
   Affine matrix;
   bool has_matrix = false;

@@ -1,4 +1,4 @@
-// Where the triangles of a glTF scene are at a time of an animation, from the JSON and its buffers:
+// The triangles of a glTF scene at a time of an animation, from the JSON and its buffers:
 // own reader, rotations as matrices, sums written out. Shares no code with the daemon.
 #pragma once
 
@@ -17,9 +17,9 @@ struct OracleCorners {
   std::vector<Vec3> positions, normals;  // normals: empty where the file has none
 };
 
-// Of a well-formed document whose buffers are in `buffers`, in triangles alone, without mirroring
-// transforms. Nodes by the tree of the default scene, parents first. animation < 0: as the file
-// leaves its nodes.
+// Takes a well-formed document whose buffers are in `buffers`, of triangles alone, without
+// mirroring transforms. Nodes by the tree of the default scene, parents first. animation < 0: as
+// the file leaves its nodes.
 std::vector<OracleCorners> gltf_frame(const nlohmann::json& document,
                                       const std::vector<std::vector<uint8_t>>& buffers,
                                       int animation, double seconds);

@@ -8,7 +8,7 @@ namespace {
 
 using Polygon = std::vector<Point>;
 
-// What of a polygon has side * (p[axis] - plane) >= 0.
+// The part of a polygon with side * (p[axis] - plane) >= 0.
 Polygon cut(const Polygon& polygon, int axis, double plane, double side) {
   Polygon kept;
   for (size_t i = 0; i < polygon.size(); ++i) {

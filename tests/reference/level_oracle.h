@@ -1,5 +1,5 @@
-// What a level of detail must be: every cube of cells on its own, found by division, its mean by
-// long double arithmetic over the list of its cells. Shares no code with the daemon.
+// The definition of a level of detail: every cube of cells on its own, found by division, its mean
+// by long double arithmetic over the list of its cells. Shares no code with the daemon.
 #pragma once
 
 #include <array>

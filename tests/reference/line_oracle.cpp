@@ -51,7 +51,7 @@ Wide floor_of(const Rational& value) {
   return value.n % value.d < 0 ? quotient - 1 : quotient;
 }
 
-// Where a side of the triangle crosses the plane x = X, and how y goes there with x.
+// The crossing of a side of the triangle with the plane x = X, and the slope of y over x there.
 struct Crossing {
   Rational y, z, slope;
 };
@@ -77,7 +77,7 @@ struct Range {
   Rational first, last;
 };
 
-// What the triangle and the line (X, Y) along z have in common, along z.
+// The common range of the triangle and the line (X, Y) along z.
 std::optional<Range> common(const Snapped& t, int x, int y, int z, int64_t at_x, int64_t at_y) {
   std::vector<Crossing> ends = crossings(t, x, y, z, at_x);
   if (ends.empty()) return std::nullopt;

@@ -1,4 +1,4 @@
-// Where the vertices of an MD5 mesh are at a time of an animation, from the text of the files: own
+// The vertices of an MD5 mesh at a time of an animation, from the text of the files: own
 // reader, rotations as matrices, sums written out. Shares no code with the daemon.
 #pragma once
 
@@ -41,7 +41,7 @@ struct OracleMd5Anim {
   std::vector<std::vector<double>> frames;
 };
 
-// Of well-formed files with entries in order.
+// Reads well-formed files with entries in order.
 OracleMd5Mesh read_md5_mesh(const std::string& text);
 OracleMd5Anim read_md5_anim(const std::string& text);
 

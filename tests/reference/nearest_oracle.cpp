@@ -16,7 +16,7 @@ long double dot(const Vector& a, const Vector& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// Of corners given relative to the centre.
+// The search over a triangle whose corners are relative to the centre.
 class Search {
  public:
   explicit Search(const std::array<Vector, 3>& corners) : corners_(corners) {}

@@ -16,7 +16,7 @@ struct SurfacePoint {
   std::array<double, 3> barycentric{};  // in the triangle
 };
 
-// Of every cell that triangles touch, the nearest point of each that does. Keyed by
+// For every cell that triangles touch, the nearest point of each such triangle. Keyed by
 // x + dims.x * (y + dims.y * z). Triangles must lie within the grid.
 std::map<size_t, std::vector<SurfacePoint>> points_near_centres(
     const std::vector<Triangle>& triangles, const OracleGrid& grid);

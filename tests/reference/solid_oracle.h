@@ -23,7 +23,7 @@ Occupancy parity_cells(const SnappedTriangles& triangles, const OracleGrid& grid
 Occupancy nonzero_cells(const SnappedTriangles& triangles, const OracleGrid& grid);
 // Two of three parities.
 Occupancy majority_cells(const SnappedTriangles& triangles, const OracleGrid& grid);
-// What a flood from outside of the grid through cells that are not set does not reach.
+// The cells that a flood from outside of the grid, through cells that are not set, does not reach.
 Occupancy unreached_cells(const Occupancy& touched, const OracleGrid& grid);
 // Cells of `inside` with a cell of `surface` at most `thickness` away, centre to centre.
 Occupancy near_cells(const Occupancy& inside, const Occupancy& surface, double thickness,

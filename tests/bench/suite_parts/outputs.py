@@ -6,10 +6,10 @@ import re
 
 from .programs import Daemon, Skipped
 
-# What voxel writes: name, extension, flags.
+# Outputs of voxel: name, extension, flags.
 OWN = [("native fast", "voxg", ["--codec", "fast"]), ("native small", "voxg", ["--codec", "small"]),
        ("npz", "npz", []), (".vox", "vox", [])]
-# What grid_sizes writes: occupancy alone.
+# Outputs of grid_sizes: occupancy alone.
 OTHERS = ["NanoVDB none", "NanoVDB zip", "NanoVDB blosc", "OpenVDB zip", "OpenVDB blosc", "binvox",
           "binvox + gzip"]
 CODEC_LINE = re.compile(

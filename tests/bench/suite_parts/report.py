@@ -130,7 +130,7 @@ def markdown(report):
     return "\n".join(out) + "\n"
 
 
-# What voxeld itself does needs neither rivals nor drivers: there is no reason to skip it.
+# Measurements of voxeld itself need neither rivals nor drivers: nothing excuses skipping them.
 ALWAYS = {"voxelize": {"cpu", "cpu, beside the rivals"}, "stages": set(), "whole": {"voxel"},
           "sizes": {"native fast", "npz", ".vox", "binvox", "binvox + gzip"}, "floors": {"cpu"}}
 

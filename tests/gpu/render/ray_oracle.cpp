@@ -36,7 +36,7 @@ Interval slab(const OracleRay& ray, const glm::dvec3& low, const glm::dvec3& hig
   return result;
 }
 
-// Of the aligned cube of `side` cells around the cell; dims are below 2^20.
+// The key of the aligned cube of `side` cells around the cell; dims are below 2^20.
 uint64_t cube_key(const glm::ivec3& cell, int side) {
   const auto part = [side](int v) { return static_cast<uint64_t>(v / side); };
   return part(cell.x) | part(cell.y) << 20 | part(cell.z) << 40;

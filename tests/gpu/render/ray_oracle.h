@@ -1,4 +1,4 @@
-// What a ray hits, in double precision with naive loops; shares nothing with the shader.
+// The hit of a ray, in double precision with naive loops; shares nothing with the shader.
 #pragma once
 
 #include <bitset>

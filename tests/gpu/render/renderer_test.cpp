@@ -1,4 +1,4 @@
-// What Renderer promises besides hits: blocks and cancelling, backgrounds, errors, big grids.
+// Properties of Renderer besides hits: blocks and cancelling, backgrounds, errors, big grids.
 #include "server/render/render.h"
 
 #include <gmock/gmock.h>

@@ -15,7 +15,7 @@ namespace {
 
 class DeviceOctree {
  public:
-  // Of the tiles of a grid, at most BATCH_SLOTS_MAX at a time.
+  // Compares the octrees of a grid's tiles, at most BATCH_SLOTS_MAX at a time.
   void expect_equal(const std::vector<SparseTile>& tiles, bool has_attributes) {
     for (size_t first = 0; first < tiles.size(); first += BATCH_SLOTS_MAX) {
       const size_t count = std::min<size_t>(tiles.size() - first, BATCH_SLOTS_MAX);

@@ -71,7 +71,7 @@ inline VoxelizeOptions unit_cells(std::array<int, 3> dims) {
   return options;
 }
 
-// What a voxel is, by its cell.
+// The contents of a voxel, by its cell.
 struct Voxel {
   std::array<int, 4> color{};
   std::array<int, 3> normal{};

@@ -138,7 +138,7 @@ TEST(Words, a_job_leaves_nothing_for_the_next_one_even_when_it_is_cancelled) {
   expect_same(soup(79, {.count = 10, .extent = 600, .size_max = 9}), options, "after a cancel");
 }
 
-// Of three masks; nothing is in the second one.
+// Three masks, of which the second is empty.
 TEST(MaskBricks, are_those_of_the_masks_and_leave_them_empty) {
   std::mt19937_64 random(80);
   std::vector<BrickMask> masks(3 * kTileMaskBricks);

@@ -48,7 +48,7 @@ constexpr bool kSanitized = false;
 
 constexpr int kDone = 0, kDenied = 1, kNoSandbox = 2, kOther = 3;
 
-// Of a system call: done, or denied in one of the ways a sandbox denies.
+// The outcome of a system call: done, or denied in one of the ways a sandbox denies.
 int outcome(long result) {
   if (result >= 0) return kDone;
   return errno == EPERM || errno == EACCES || errno == ENOSYS || errno == EXDEV ? kDenied : kOther;
@@ -73,8 +73,7 @@ class SandboxTest : public ::testing::Test {
     return {std::istreambuf_iterator<char>(file), {}};
   }
 
-  // What a child gives that enters the sandbox and does this: the outcome, or kDenied where it was
-  // killed for it.
+  // The outcome of `act` in a child that has entered the sandbox; kDenied if it was killed for it.
   int tried(const std::function<int()>& attempt) const {
     const pid_t child = ::fork();
     if (child == 0) {

@@ -1,4 +1,4 @@
-// What the tests of the client library share.
+// Helpers that the tests of the client library share.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -22,7 +22,7 @@ struct Answer {
   bool reads_body = true;              // false: answers after the head of the request
 };
 
-// What the server was asked.
+// A request that the server received.
 struct Asked {
   std::string method, target;
   std::map<std::string, std::string> headers;  // lower-case names

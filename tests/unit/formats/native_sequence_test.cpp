@@ -129,7 +129,7 @@ TEST(StoredStreams, that_stand_for_themselves_are_those_of_the_container) {
             bytes.end());
 }
 
-// What add_stored() says of a tile that `change` was done to.
+// The result of add_stored() for a tile changed by `change`.
 template <typename Change>
 std::string refusal_of(Change change) {
   const Grid grid =

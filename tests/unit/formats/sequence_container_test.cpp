@@ -127,7 +127,7 @@ TEST(SequenceContainer, differences_of_a_scene_that_mostly_stands_still_are_smal
   const size_t whole = written(grids, {}, {.chain_max = 1}).size();
   const size_t difference = written(grids).size();
   EXPECT_LT(3 * difference, whole);
-  // Where chains end, their first stream goes on: a second one is not written.
+  // If a chain ends, its first stream goes on: a second one is not written.
   const auto bytes = written(grids);
   const SequenceReader reader = opened(bytes);
   size_t plain = 0;

@@ -206,7 +206,7 @@ def read_octree(data):
         if part == part_full:
             assert size == 0
             continue
-        # What lies outside is empty, also to those that look at it from coordinates below 0.
+        # Cells outside are empty, also at coordinates below 0.
         reader = Reader(data[at:at + size])
         cells |= read_cells(reader, Model(model), part, part_full)
         reader.close()

@@ -1,5 +1,5 @@
 // Reads MagicaVoxel's .vox by its published description (ephtracy/voxel-model), for tests alone.
-// What breaks the format's rules is a failure of the test.
+// A violation of the format fails the test.
 #pragma once
 
 #include <gtest/gtest.h>

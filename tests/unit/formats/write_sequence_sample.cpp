@@ -53,7 +53,7 @@ bool write_text(const std::filesystem::path& path, const std::vector<Grid>& fram
 bool write_small(const std::filesystem::path& folder) {
   std::vector<Grid> frames = test::mostly_static(5, {70, 40, 50}, 1500, 5, kAll, 30);
   for (size_t i = 0; i < 4; ++i) {
-    // Where no brick is.
+    // A place without a brick.
     SparseTile& tile = frames[i].tiles[0];
     for (uint32_t brick = 0; brick < 64; ++brick) {
       const bool is_taken = std::ranges::binary_search(tile.brick_morton, brick);

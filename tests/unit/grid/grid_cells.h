@@ -62,7 +62,7 @@ inline std::vector<SparseTile> tiles_of(const TileSource& source) {
   const auto container = encode_grid(header, tiles);
   EXPECT_TRUE(container) << container.error().message();
   if (!container) return tiles;
-  // What the container holds is canonical and inside the grid.
+  // The contents of the container are canonical and inside the grid.
   const auto reader = GridReader::open(*container);
   EXPECT_TRUE(reader) << reader.error().message();
   if (reader) {

@@ -13,7 +13,7 @@
 namespace voxeld::http {
 namespace {
 
-// What a decoder made of some bytes.
+// The outcome of decoding some bytes.
 struct Decoded {
   std::string body, rest;
   std::string error;  // empty: none
@@ -156,7 +156,7 @@ TEST(ChunkDecoder, hands_on_the_error_of_the_sink) {
   EXPECT_EQ(done.error().code, ErrorCode::kStorageFull);
 }
 
-// What became of a body that arrived in pieces.
+// The outcome of a body that arrived in pieces.
 struct Received {
   std::string body, rest;
   std::optional<Error> error;

@@ -45,7 +45,7 @@ HttpClient::HttpClient(int port) : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOE
     fd_.reset();
     return;
   }
-  // What a test sends in pieces shall leave in pieces, at once.
+  // Pieces that a test sends one by one must leave one by one, at once.
   const int on = 1;
   ::setsockopt(fd_.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
 }

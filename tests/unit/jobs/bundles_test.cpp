@@ -15,7 +15,7 @@ using testing::FakeWorker;
 
 class BundlesTest : public testing::ServiceTest {
  protected:
-  // Of a mesh and its animation; the manifest's bytes do not matter here.
+  // Stores a bundle of a mesh and its animation; the manifest's bytes do not matter here.
   std::string put_bundle() {
     mesh_ = put_asset("mesh", "bob.md5mesh");
     anim_ = put_asset("anim", "walk.md5anim");

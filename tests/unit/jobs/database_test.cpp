@@ -100,7 +100,7 @@ TEST_F(DatabaseTest, readers_cannot_write) {
   EXPECT_FALSE(add_key(**reader, "x"));
 }
 
-// Of this process on the file with that name.
+// The number of descriptors of this process on the file with that name.
 int descriptors_on(const std::filesystem::path& file) {
   int count = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {

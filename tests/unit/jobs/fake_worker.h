@@ -44,7 +44,7 @@ class FakeWorker {
   nlohmann::json complete_with(const TaskCompletion& completion);
   std::filesystem::path write(const std::string& name, const std::string& text);
   const std::filesystem::path& scratch() const { return scratch_; }
-  // Where a task's blob lies for this worker, as long as the task runs.
+  // The path of a task's blob for this worker, valid while the task runs.
   std::string input(const std::string& blob) const {
     return (scratch_.parent_path() / "in" / blob).string();
   }

@@ -1,4 +1,4 @@
-// What jobs cost, learned and kept; when those that wait are expected.
+// The cost of jobs, learned and saved, and the expected times of queued ones.
 #include "server/jobs/job_costs.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What tenants may have: counted to the byte, whatever adds or removes it.
+// Quotas of tenants: usage is exact to the byte, whatever adds or removes data.
 #include "server/jobs/quota.h"
 
 #include <string>

@@ -36,7 +36,7 @@ namespace {
 
 class RemovalTest : public ServiceTest {
  protected:
-  // Of the store's files: by this thread, and by others.
+  // Files of the store that were unlinked: by this thread, and by others.
   static std::pair<int, int> unlinks() {
     std::pair<int, int> counts;
     const std::lock_guard lock(unlinked_mutex);

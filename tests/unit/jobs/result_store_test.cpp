@@ -1,4 +1,4 @@
-// What jobs left, deleted by its tenant: usage goes down at once, others and live jobs keep theirs.
+// Deletion of stored results: usage goes down at once; other tenants and live jobs keep theirs.
 #include "server/jobs/result_store.h"
 
 #include <algorithm>
@@ -264,7 +264,7 @@ TEST_F(ResultStoreTest, a_tenant_at_its_quota_can_go_on_after_a_deletion) {
   limits_.bytes = 14;
   EXPECT_EQ(service_->put_asset(lab_, put_blob("another mesh"), "", "").error().code,
             ErrorCode::kQuotaExceeded);
-  // What it has already costs nothing, and is let in by its length.
+  // Bytes that the tenant has already cost nothing; they are admitted by their length.
   EXPECT_EQ(service_->upload_room(lab_, 4).value(), 4);
   EXPECT_TRUE(service_->put_asset(lab_, put_blob("mesh"), "", ""));
   EXPECT_EQ(service_->upload_room(lab_, 5).error().code, ErrorCode::kQuotaExceeded);

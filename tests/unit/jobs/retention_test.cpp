@@ -1,4 +1,4 @@
-// What is removed, by whom, and what never is.
+// Removal of stored data: which data, by which thread, and data that is never removed.
 #include "server/jobs/retention.h"
 
 #include <gtest/gtest.h>

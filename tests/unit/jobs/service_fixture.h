@@ -63,7 +63,7 @@ class ServiceTest : public ::testing::Test {
     EXPECT_TRUE(status) << status.error().message();
     return status ? *status : JobStatus{};
   }
-  // Of an asset with animation 0.
+  // A request for animation 0 of an asset.
   JobRequest moving(const std::string& text = "mesh") {
     JobRequest request;
     request.asset = put_asset(text);

@@ -1,4 +1,4 @@
-// What one tenant has does not exist for another, and nothing that the other is told tells of it.
+// Data of one tenant does not exist for another, and no response to the other reveals it.
 #include <gtest/gtest.h>
 
 #include <filesystem>

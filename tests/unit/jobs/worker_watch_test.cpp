@@ -27,7 +27,7 @@ void watch_once(WatchLimits limits, const std::vector<WatchedWorker>& workers,
   while (looks < 2) std::this_thread::sleep_for(WorkerWatch::kPeriod / 20);
 }
 
-// What becomes of this very process as a worker.
+// The verdicts of the watch on this very process as a worker.
 std::vector<std::pair<std::string, Error>> verdicts(WatchLimits limits, const WatchedWorker& worker,
                                                     int64_t* bytes = nullptr) {
   std::vector<std::pair<std::string, Error>> told;

@@ -217,7 +217,7 @@ TEST(PictureOptions, of_a_mesh_need_what_they_show) {
     EXPECT_EQ(parsed({{"picture", picture}, {"turntable", "4"}, {"time", "1"}}, kRenderMesh)
                   .animation.time_s,
               1.0);
-    // Of what a grid or sequence has, its job knows.
+    // Only the job knows the frames of a grid or sequence.
     parsed({{"picture", picture}}, kRenderGrid);
   }
   EXPECT_EQ(refused({{"frame", "1"}, {"time", "1"}}, kRenderMesh),

@@ -273,7 +273,7 @@ TEST(TaskApi, a_failure_comes_back) {
   EXPECT_EQ(back->error.message(), failure().error.message());
 }
 
-// What an honest worker says of the worst file is within the bounds.
+// The messages of an honest worker about the worst file are within the bounds.
 TEST(TaskApi, the_longest_names_and_errors_are_within_the_bounds) {
   TaskCompletion longest = completion();
   longest.outputs[0].filename = std::string(3 * 255, 'f') + ".npy";

@@ -84,7 +84,7 @@ size_t fast_bytes(const SparseTile& tile, Channel channel) {
 
 constexpr ChannelSet kAll = channels_of_bits(test::kChannelSets - 1);
 
-// Of a shell: labels in patches, and the distance of each cell from a sphere in 1/128 voxel.
+// A shell with labels in patches, and the distance of each cell from a sphere in 1/128 voxel.
 SparseTile measured_shell() {
   SparseTile tile = test::sphere_shell(60, 4);
   for_each_voxel(tile, [&](int x, int y, int z, size_t) {

@@ -35,7 +35,7 @@ Grid three_voxels() {
   return grid;
 }
 
-// What the tables say of a cell: the entry at which they end.
+// The entry of the tables for a cell.
 uint32_t entry_of(const PackedGrid& packed, const glm::ivec3& cell) {
   const glm::ivec3 tile = cell / 256, block = cell / 32 % 8, brick = cell / 8 % 4;
   const auto at = [&](size_t table, const glm::ivec3& p, const glm::ivec3& dims) {

@@ -46,7 +46,7 @@ class MapBundle final : public Bundle {
   std::vector<std::string> contents_;
 };
 
-// What the message of `result`'s error is; "ok" where there is none.
+// The message of `result`'s error; "ok" if there is none.
 template <typename T>
 std::string message_of(const Result<T>& result) {
   return result ? "ok" : result.error().message();
@@ -80,7 +80,7 @@ inline double area_of(const Scene& scene) {
   return area;
 }
 
-// What every loader promises of its scenes, whatever the input.
+// Expects the invariants that every loader promises, whatever the input.
 inline void expect_consistent(const Scene& scene) {
   EXPECT_GT(scene.triangle_count(), 0u);
   for (const MeshPart& part : scene.parts) {

@@ -133,7 +133,7 @@ TEST(Stl, mistakes_are_told) {
       {"solidity\n",
        "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
        "number of triangles, got 9 bytes that begin with \"solidity\\x0a\""},
-      // Of text the triangle count would be 543,973,741, or 169,877,536 where byte 83 ends a line.
+      // As binary, text has a triangle count of 543,973,741, or 169,877,536 if byte 83 ends a line.
       {std::string(80, 'x') + "mal " + std::string(500, 'x'),
        "a.stl: neither text nor binary STL: expected \"solid\", or 80 bytes of header and the "
        "number of triangles, got 584 bytes that begin with \"xxxxxxxxxxxxxxxx\""},

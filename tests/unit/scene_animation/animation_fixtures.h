@@ -16,9 +16,10 @@ inline constexpr double kFrameTolerance = 1e-4;
 
 // Five joints with two roots; two meshes, up to three weights per vertex.
 std::string puppet_mesh();
-// Of all joints in another order; some of their numbers, over 4 frames at 10 per second.
+// An animation of all joints in another order; some of their numbers, over 4 frames at 10 per
+// second.
 std::string puppet_walk();
-// Of all joints; every number of the second root, over 2 frames at 24 per second.
+// An animation of all joints; every number of the second root, over 2 frames at 24 per second.
 std::string puppet_wave();
 // The three as puppet.md5mesh, anims/walk.md5anim, anims/wave.MD5ANIM in a zip.
 std::string puppet_zip();

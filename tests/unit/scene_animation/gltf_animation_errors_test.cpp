@@ -1,4 +1,4 @@
-// What is wrong with a glTF animation is told with its place; a static scene does without.
+// Errors of a glTF animation name their place; a static scene ignores them.
 #include <gtest/gtest.h>
 
 #include "tests/unit/scene/scene_test_util.h"

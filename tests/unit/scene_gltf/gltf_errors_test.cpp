@@ -1,4 +1,4 @@
-// What a broken glTF file is told: one table of {change, exact answer}.
+// Errors of broken glTF files: one table of {change, exact message}.
 #include <gtest/gtest.h>
 
 #include <functional>

@@ -1,4 +1,4 @@
-// Where meshes stand: node transforms, scenes, instances, skins.
+// Placement of meshes: node transforms, scenes, instances, skins.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -87,7 +87,7 @@ double twice_area_of(const std::vector<std::array<double, 2>>& points) {
   return std::abs(sum);
 }
 
-// What lies at form >= 0, in doubles.
+// The part of a polygon at form >= 0, in doubles.
 template <typename Form>
 std::vector<std::array<double, 2>> kept(const std::vector<std::array<double, 2>>& points,
                                         const Form& form) {
@@ -103,7 +103,7 @@ std::vector<std::array<double, 2>> kept(const std::vector<std::array<double, 2>>
   return out;
 }
 
-// Of the triangle's projection in cell (i, j, k), of a face, by doubles.
+// The share of a face that the triangle's projection covers in cell (i, j, k), in doubles.
 double share_in_cell(const Triangle& t, int i, int j, int k) {
   std::vector<std::array<double, 2>> points;
   for (const ivec3& p : t.v) points.push_back({p.x / 256.0, p.y / 256.0});

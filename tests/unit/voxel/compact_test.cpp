@@ -34,7 +34,7 @@ TEST(CompactMask, keeps_occupied_bricks_of_the_blocks_in_morton_order) {
         morton_encode(static_cast<uint32_t>(x), static_cast<uint32_t>(y), static_cast<uint32_t>(z));
     ASSERT_NE(mask[m >> 5] >> (m & 31) & 1, 0u);
     const uint32_t below = mask[m >> 5] & ((1u << (m & 31)) - 1);
-    // What the attribute pass computes.
+    // The index that the attribute pass computes.
     ASSERT_EQ(offsets[m >> 5] + static_cast<uint32_t>(__builtin_popcount(below)), index);
     ++seen;
   });

@@ -262,7 +262,7 @@ TEST(TouchShader, the_dominant_axis_is_the_same_in_two_words) {
 }
 
 TEST(TouchShader, a_column_is_at_most_five_cells_deep) {
-  // What the work items' iteration bound stands on.
+  // The property that the work items' iteration bound relies on.
   Triangles triangles(3);
   for (int t = 0; t < 20'000; ++t) {
     const Triangle v = turned(triangles.make(8, ivec3(2048), triangles.integer(1, 4096)));

@@ -1,4 +1,4 @@
-// What auto takes, and what it says of it.
+// The pipeline that `auto` chooses, and the reason that it gives.
 #include "server/voxel/choose.h"
 
 #include <gtest/gtest.h>

@@ -94,7 +94,7 @@ std::array<double, 4> surface_color(const Scene& scene, const Surface& surface, 
   return color;
 }
 
-// Of a voxel's face. Snapping moves surface into and out of voxels that hold less.
+// Area of a voxel's surface, in faces. Snapping moves surface into and out of voxels with less.
 constexpr double kAreaMin = 1.0 / 16;
 // Samples of the oracle along a voxel's side.
 constexpr double kSamplesPerVoxel = 12;

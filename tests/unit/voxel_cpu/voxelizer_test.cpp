@@ -206,7 +206,7 @@ std::map<std::array<int, 3>, Measured> measured(const Scene& scene,
 }
 
 TEST(Ids, the_material_with_the_largest_area_wins_whatever_the_order_of_parts) {
-  // Of cell 1,1,1 the second material covers 3/4 in two pieces, the first 1/2 above it.
+  // The second material covers 3/4 of cell 1,1,1 in two pieces, the first 1/2 above it.
   std::vector<Sheet> all = {{1, 1, 1.5, 2, 1.8, 0},
                             {1, 1, 1.5, 2, 1.2, 1},
                             {1.5, 1, 1.75, 2, 1.4, 1},

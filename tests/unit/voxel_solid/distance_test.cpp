@@ -103,7 +103,7 @@ void expect_like_oracle(const Corners& corners, const glm::ivec3& dims, double t
         const long double distance = reference::surface_distance(triangles, {x, y, z});
         const long double steps = distance / 4;
         const int got = dense.at(x, y, z);
-        // What doubles cannot tell apart may go either way.
+        // Distances that doubles cannot tell apart may go either way.
         if (std::abs(distance - static_cast<long double>(thickness) * 512) < 1e-6L) continue;
         if (distance > static_cast<long double>(thickness) * 512) {
           ASSERT_EQ(got, kTooFar) << x << " " << y << " " << z;
@@ -320,7 +320,7 @@ TEST(Band, it_costs_what_was_estimated_or_less_and_is_refused_above) {
   EXPECT_EQ(refused.error().code, ErrorCode::kGridTooLarge);
 }
 
-// What the grid says of each of its voxels; those of full nodes have none.
+// The distance that the grid stores for each voxel; voxels of full nodes have none.
 std::map<std::array<int, 3>, int> distances_of(const Grid& grid) {
   std::map<std::array<int, 3>, int> all;
   for (const SparseTile& tile : grid.tiles) {

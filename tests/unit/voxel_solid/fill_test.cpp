@@ -1,4 +1,4 @@
-// What fills promise beyond the oracle: bounds, order, threads, attributes, progress, reports.
+// Properties of fills beyond the oracle: bounds, order, threads, attributes, progress, reports.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -33,7 +33,7 @@ TEST(Fill, a_box_that_cuts_the_mesh_holds_what_the_whole_grid_has_there) {
   const Scene scene = open_sphere();
   const glm::ivec3 low(41, 33, 52), high(83, 66, 71);
   for (const Sign sign : kSigns) {
-    // What leaves the box is outside to a flood: it enters by the cut.
+    // To a flood, a mesh that leaves the box is open: it enters by the cut.
     if (sign == Sign::kFlood) continue;
     const Occupancy whole =
         cells_of(voxelized(scene, in_bounds(sign, glm::dvec3(0), glm::dvec3(100))));

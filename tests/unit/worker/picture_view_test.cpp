@@ -1,4 +1,4 @@
-// What a camera sees of a grid, against points that are projected one by one.
+// The part of a grid that a camera sees, against points that are projected one by one.
 #include "server/worker/picture_view.h"
 
 #include <gtest/gtest.h>

@@ -311,7 +311,7 @@ TEST_F(FramesTest, another_attempt_goes_on_after_the_frames_of_the_one_before) {
                                      frame.time_s, frame.voxel_count, frame.content_hash});
       }
       const auto resumed = done(again);
-      // Of those that are all there, the last one is made again: the answer tells how.
+      // If all frames are there, the last one is made again, because its reply is needed.
       EXPECT_EQ(frames_.size(), 6 - std::min<size_t>(kept, 5));
       EXPECT_EQ(frames_.front()["index"], std::min<size_t>(kept, 5));
       EXPECT_EQ(id_of(output(resumed, "result")), expected) << format << kept;

@@ -1,4 +1,4 @@
-// What a worker does with its tasks, and when it ends.
+// The loop of a worker over its tasks, and its end.
 #include <gtest/gtest.h>
 
 #include <filesystem>
