@@ -13,6 +13,7 @@
 #include "server/jobs/service.h"
 
 namespace voxeld {
+
 void Service::overlay(JobStatus& status) {
   board_.overlay(status);
   forecast_.fill(status);
