@@ -132,9 +132,9 @@ Result<bool> BodyDecoder::feed_sized(std::string& buffer, const Sink& sink) {
 }
 
 Result<bool> BodyDecoder::feed(std::string& buffer, const Sink& sink) {
-  const auto taken = head_->chunked
-                         ? chunks_.feed(buffer, [&](std::string_view p) { return take(p, sink); })
-                         : feed_sized(buffer, sink);
+  auto taken = head_->chunked
+                   ? chunks_.feed(buffer, [&](std::string_view p) { return take(p, sink); })
+                   : feed_sized(buffer, sink);
   if (taken.ok() && *taken && inflate_) {
     VOXELD_TRY(inflate_->finish());
   }
