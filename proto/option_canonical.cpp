@@ -65,7 +65,7 @@ void add_voxelize(Json& out, const VoxelizeOptions& v) {
 }
 
 void add_output(Json& out, const OutputOptions& o) {
-  out["format"] = word(o.format, words::kFormat);
+  out["format"] = std::string(format_name(o.format));
   out["codec"] = word(o.codec, words::kCodec);
   out["axes"] = word(o.axes, words::kAxes);
   out["dtype"] = word(o.dtype, words::kDType);

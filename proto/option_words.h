@@ -47,10 +47,6 @@ inline constexpr std::array<Word<PipelineChoice>, 4> kPipeline = {
      {"raster", PipelineChoice::kRaster},
      {"compute", PipelineChoice::kCompute},
      {"cpu", PipelineChoice::kCpu}}};
-inline constexpr std::array<Word<Format>, 4> kFormat = {{{"native", Format::kNative},
-                                                         {"npy", Format::kNpy},
-                                                         {"npz", Format::kNpz},
-                                                         {"vox", Format::kVox}}};
 inline constexpr std::array<Word<Codec>, 2> kCodec = {
     {{"fast", Codec::kFast}, {"small", Codec::kSmall}}};
 inline constexpr std::array<Word<AxisOrder>, 2> kAxes = {

@@ -32,6 +32,13 @@ Status set_int(int& field, std::string_view name, std::string_view text, int min
   return {};
 }
 
+Status set_format(Format& field, std::string_view text) {
+  const auto format = format_from_name(text);
+  if (!format) return invalid("format", format_names(" | "), text);
+  field = *format;
+  return {};
+}
+
 template <size_t N>
 Status set_numbers(std::optional<std::array<double, N>>& field, std::string_view name,
                    std::string_view text) {
@@ -211,7 +218,7 @@ Status set_region(OutputOptions& output, std::string_view text) {
 }
 
 Status set_output(OutputOptions& o, std::string_view name, std::string_view text) {
-  if (name == "format") return set_word(o.format, name, text, words::kFormat);
+  if (name == "format") return set_format(o.format, text);
   if (name == "codec") return set_word(o.codec, name, text, words::kCodec);
   if (name == "axes") return set_word(o.axes, name, text, words::kAxes);
   if (name == "dtype") return set_word(o.dtype, name, text, words::kDType);
@@ -435,45 +442,6 @@ Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope s
     pairs.emplace_back(name, std::move(text));
   }
   return parse_options(pairs, scope);
-}
-
-std::string_view format_name(Format format) {
-  return word_of<Format>(format, words::kFormat);
-}
-
-std::optional<Format> format_from_name(std::string_view name) {
-  for (const auto& word : words::kFormat) {
-    if (word.text == name) return word.value;
-  }
-  return std::nullopt;
-}
-
-std::string_view format_media_type(Format format) {
-  switch (format) {
-    case Format::kNpy:
-      return "application/x-npy";
-    case Format::kNpz:
-      return "application/x-npz";
-    case Format::kVox:
-      return "model/x-magicavoxel-vox";
-    case Format::kNative:
-      return "application/vnd.voxeld.grid";
-  }
-  return {};
-}
-
-std::string_view format_extension(Format format) {
-  switch (format) {
-    case Format::kNpy:
-      return ".npy";
-    case Format::kNpz:
-      return ".npz";
-    case Format::kVox:
-      return ".vox";
-    case Format::kNative:
-      return ".voxg";
-  }
-  return {};
 }
 
 }  // namespace voxeld

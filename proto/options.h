@@ -14,6 +14,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "proto/output_format.h"
 #include "proto/result.h"
 
 namespace voxeld {
@@ -28,7 +29,6 @@ enum class LabelKind { kMesh, kNode, kMaterial, kGroup };
 enum class Interior { kNone, kNearest };
 enum class LevelRule { kAny, kMajority };
 enum class PipelineChoice { kAuto, kRaster, kCompute, kCpu };
-enum class Format { kNpy, kNpz, kVox, kNative };
 enum class Codec { kFast, kSmall };
 enum class AxisOrder { kZyx, kXyz };
 // The sample type of a dense output. uint8: occupancy 0/1, colour 0..255 (sRGB), normal as int8.
@@ -175,10 +175,5 @@ struct OptionInfo {
   bool for_render = false;
 };
 std::span<const OptionInfo> option_table();
-
-std::string_view format_name(Format format);        // "npy"
-std::string_view format_media_type(Format format);  // "application/x-npy"
-std::string_view format_extension(Format format);   // ".npy"; native: ".voxg"
-std::optional<Format> format_from_name(std::string_view name);
 
 }  // namespace voxeld

@@ -14,14 +14,6 @@ using grid_layout::get;
 using grid_layout::padded;
 using namespace sequence_layout;
 
-std::string_view sequence_media_type(Format format) {
-  return format == Format::kNative ? "application/vnd.voxeld.sequence" : format_media_type(format);
-}
-
-std::string_view sequence_extension(Format format) {
-  return format == Format::kNative ? ".voxs" : format_extension(format);
-}
-
 Status SequenceReader::read_header() {
   if (bytes_.size() < kSequenceHeaderBytes) {
     return broken(bytes_.size(), "the header is cut off",

@@ -72,11 +72,6 @@ inline constexpr size_t kSequenceHeaderBytes = 128;
 // Streams that are read to decode one: itself and the chain of those it is a difference to.
 inline constexpr uint32_t kStreamChainMax = 8;
 
-// The media type and the extension of a sequence in this format: those of a grid, except for
-// native.
-std::string_view sequence_media_type(Format format);  // "application/vnd.voxeld.sequence"
-std::string_view sequence_extension(Format format);   // ".voxs"
-
 // Contents of streams by their number, kept from the frame that was read last.
 using RawStreams = std::map<uint32_t, std::shared_ptr<const std::vector<uint8_t>>>;
 

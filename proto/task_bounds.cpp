@@ -75,8 +75,8 @@ bool is_one_of(std::string_view text, const std::array<std::string_view, Count>&
 }
 
 bool is_media_type(std::string_view type) {
-  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
-    if (type == format_media_type(format) || type == sequence_media_type(format)) return true;
+  for (const FormatInfo& format : output_formats()) {
+    if (type == format.media_type || type == format.sequence_media_type) return true;
   }
   return is_one_of(type, kMediaTypes);
 }

@@ -91,15 +91,16 @@ std::string extension_of(const std::string& output) {
 std::string format_by_extension(const std::string& output) {
   const std::string extension = extension_of(output);
   if (output.empty() || output == "-") return "";
-  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
-    if (extension == format_extension(format) || extension == sequence_extension(format)) {
-      return std::string(format_name(format));
+  std::string known;
+  for (const FormatInfo& format : output_formats()) {
+    if (extension == format.extension || extension == format.sequence_extension) {
+      return std::string(format.name);
     }
+    known += std::string(format.extension) + ", ";
   }
-  throw CLI::ValidationError("--output",
-                             "expected a name that ends in .npy, .npz, .vox, .voxg or .voxs (or "
-                             "--format), got \"" +
-                                 output + "\"");
+  throw CLI::ValidationError("--output", "expected a name that ends in " + known + "or " +
+                                             std::string(sequence_extension(Format::kNative)) +
+                                             " (or --format), got \"" + output + "\"");
 }
 
 // Checks the extension: the containers of grids and of sequences have different ones.

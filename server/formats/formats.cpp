@@ -7,7 +7,7 @@
 namespace voxeld {
 
 Status check_encodable(const GridSpec& spec, const OutputOptions& options) {
-  const bool dense = options.format == Format::kNpy || options.format == Format::kNpz;
+  const bool dense = format_info(options.format).is_dense;
   if (dense && spec.cell_count() > limits::kDenseCellsMax) {
     return Error{ErrorCode::kGridTooLarge,
                  std::string(format_name(options.format)) +

@@ -14,7 +14,7 @@ constexpr size_t kVoxFramesShown = 120;  // frames that MagicaVoxel's editor pla
 
 Status check_sequence_encodable(const GridSpec& spec, size_t frames, const OutputOptions& options) {
   VOXELD_TRY(check_encodable(spec, options));
-  const bool dense = options.format == Format::kNpy || options.format == Format::kNpz;
+  const bool dense = format_info(options.format).is_dense;
   const auto cells = static_cast<uint64_t>(spec.cell_count()) * frames;  // at most 2^31 times 2^32
   if (!dense || cells <= static_cast<uint64_t>(limits::kSequenceDenseCellsMax)) return {};
   return Error{ErrorCode::kGridTooLarge,

@@ -154,10 +154,7 @@ Response status_response(const Request& request, Api& api, int http_status,
 }
 
 Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf media_type) {
-  std::string known;
-  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
-    known += (known.empty() ? "" : ", ") + std::string(format_name(format));
-  }
+  std::string known = format_names(", ");
   if (const auto name = request.query("format")) {
     const auto format = format_from_name(*name);
     if (!format) {
@@ -170,12 +167,13 @@ Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf med
   if (accept.empty() || accept.find("*/*") != std::string_view::npos) {
     return std::optional<Format>();
   }
-  for (const Format format : {Format::kNpy, Format::kNpz, Format::kVox, Format::kNative}) {
-    if (accept.find(media_type(format)) != std::string_view::npos) {
-      return std::optional(format);
-    }
-    known += (format == Format::kNpy ? "; types " : ", ") + std::string(media_type(format));
+  std::string types;
+  for (const FormatInfo& info : output_formats()) {
+    const std::string_view type = media_type(info.format);
+    if (accept.find(type) != std::string_view::npos) return std::optional(info.format);
+    types += (types.empty() ? "; types " : ", ") + std::string(type);
   }
+  known += types;
   for (const std::string_view picture : {"image/png", "image/gif", "image/apng", "image/*"}) {
     if (accept.find(picture) != std::string_view::npos) return std::optional<Format>();
   }
