@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "server/base/authority.h"
-#include "server/jobs/api_key.h"
+#include "server/jobs/auth/api_key.h"
 
 namespace voxeld {
 namespace {

@@ -2,8 +2,8 @@
 #include <nlohmann/json.hpp>
 
 #include "server/doctor.h"
-#include "server/jobs/store_check.h"
-#include "server/jobs/store_rebuild.h"
+#include "server/jobs/retention/store_check.h"
+#include "server/jobs/retention/store_rebuild.h"
 
 namespace voxeld {
 namespace {

@@ -9,9 +9,10 @@
 #include <string>
 #include <utility>
 
-#include "server/jobs/job_record.h"
-#include "server/jobs/key_file.h"
-#include "server/jobs/url_secret.h"
+#include "server/base/clock.h"
+#include "server/jobs/auth/key_file.h"
+#include "server/jobs/auth/url_secret.h"
+#include "server/jobs/records/job_rows.h"
 
 namespace voxeld {
 namespace {

@@ -9,17 +9,17 @@
 #include <utility>
 
 #include "server/api/api_server.h"
+#include "server/base/clock.h"
 #include "server/base/host_memory.h"
 #include "server/base/log.h"
 #include "server/base/memory_reserve.h"
-#include "server/base/stopwatch.h"
 #include "server/descriptors.h"
 #include "server/gpu/device.h"
-#include "server/jobs/data_dir.h"
-#include "server/jobs/job_service.h"
-#include "server/jobs/key_ring.h"
-#include "server/jobs/url_secret.h"
+#include "server/jobs/auth/key_ring.h"
+#include "server/jobs/auth/url_secret.h"
+#include "server/jobs/service/job_service.h"
 #include "server/shutdown_watch.h"
+#include "server/store/data_dir.h"
 
 namespace voxeld {
 namespace {

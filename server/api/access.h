@@ -8,8 +8,8 @@
 #include "server/api/http_types.h"
 #include "server/api/rate_limit.h"
 #include "server/api/signed_link.h"
-#include "server/jobs/key_ring.h"
-#include "server/jobs/url_secret.h"
+#include "server/jobs/auth/key_ring.h"
+#include "server/jobs/auth/url_secret.h"
 
 namespace voxeld::api {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "server/api/router.h"
-#include "server/jobs/job_service.h"
-#include "server/jobs/key_ring.h"
+#include "server/jobs/auth/key_ring.h"
+#include "server/jobs/service/job_service.h"
 
 namespace prometheus {
 class Registry;

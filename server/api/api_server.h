@@ -11,9 +11,9 @@
 #include "proto/result.h"
 #include "server/api/origin_guard.h"
 #include "server/http/http_server.h"
-#include "server/jobs/job_service.h"
-#include "server/jobs/key_ring.h"
-#include "server/jobs/url_secret.h"
+#include "server/jobs/auth/key_ring.h"
+#include "server/jobs/auth/url_secret.h"
+#include "server/jobs/service/job_service.h"
 
 namespace voxeld::api {
 

@@ -10,8 +10,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "server/base/clock.h"
 #include "server/base/file.h"
-#include "server/base/stopwatch.h"
 
 extern char** environ;
 

@@ -14,7 +14,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 
 namespace voxeld {
 namespace {

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/gpu/context.h"
 
 namespace voxeld::gpu {

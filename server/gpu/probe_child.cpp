@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/gpu/context.h"
 #include "server/gpu/device.h"
 #include "server/gpu/egl.h"

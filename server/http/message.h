@@ -22,7 +22,7 @@
 #include "server/base/trace_context.h"
 #include "server/base/waker.h"
 #include "server/http/content_coding.h"
-#include "server/jobs/caller.h"
+#include "server/jobs/model/caller.h"
 
 namespace voxeld::http {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/snap.h"
 
 namespace voxeld {

@@ -1,7 +1,7 @@
 #include "server/voxel/frame_vertices.h"
 
 #include "server/base/check.h"
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 
 namespace voxeld {
 namespace {

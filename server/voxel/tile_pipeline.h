@@ -16,7 +16,7 @@
 #include "proto/options.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/scene/scene.h"
 #include "server/voxel/attribute_records.h"
 #include "server/voxel/bin.h"

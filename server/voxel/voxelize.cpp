@@ -5,7 +5,7 @@
 #include <iterator>
 #include <utility>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
 #include "server/voxel/estimate.h"
 #include "server/voxel/frame_vertices.h"

@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <system_error>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/worker/tile_parts.h"
 
 namespace voxeld {

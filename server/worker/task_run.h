@@ -12,7 +12,7 @@
 
 #include "proto/options.h"
 #include "proto/task_api.h"
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/worker/device_turn.h"
 #include "server/worker/engine.h"
 #include "server/worker/task_monitor.h"

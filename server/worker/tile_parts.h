@@ -12,7 +12,7 @@
 #include "proto/grid_writer.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/worker/grid_file.h"
 #include "server/worker/task_run.h"
 

@@ -12,9 +12,9 @@
 #include <utility>
 
 #include "proto/task_bounds.h"
+#include "server/base/clock.h"
 #include "server/base/host_memory.h"
 #include "server/base/log.h"
-#include "server/base/stopwatch.h"
 #include "server/worker/calibration_key.h"
 #include "server/worker/device_turn.h"
 #include "server/worker/engine.h"

@@ -19,7 +19,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/voxelize.h"
 #include "tests/bench/bench_scene.h"
 #include "tests/bench/process_memory.h"

@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "server/base/clock.h"
 #include "server/base/file.h"
-#include "server/base/stopwatch.h"
 #include "server/formats/formats.h"
 #include "server/formats/sequence_formats.h"
 #include "server/formats/sequence_writer.h"

@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "server/base/clock.h"
 #include "server/base/file.h"
-#include "server/base/stopwatch.h"
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/grid/content_hash.h"

@@ -18,7 +18,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/options.h"
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/grid/content_hash.h"

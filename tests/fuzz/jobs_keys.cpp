@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "server/base/check.h"
-#include "server/jobs/key_file.h"
+#include "server/jobs/auth/key_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string_view text(reinterpret_cast<const char*>(data), size);

@@ -10,7 +10,7 @@
 #include "server/api/access.h"
 #include "server/api/http_types.h"
 #include "server/api/wait_limit.h"
-#include "server/jobs/job_service.h"
+#include "server/jobs/service/job_service.h"
 
 namespace voxeld::api {
 

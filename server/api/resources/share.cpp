@@ -6,8 +6,9 @@
 #include "proto/client_texts.h"
 #include "proto/number_text.h"
 #include "server/api/resources/resources.h"
+#include "server/base/clock.h"
 #include "server/http/head_parser.h"
-#include "server/jobs/job_record.h"
+#include "server/jobs/records/job_rows.h"
 
 namespace voxeld::api {
 namespace {

@@ -9,7 +9,7 @@
 #include "proto/bundle_manifest.h"
 #include "proto/client_texts.h"
 #include "proto/limits.h"
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 
 namespace voxeld::api {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/compact.h"
 #include "server/voxel/tile_mask.h"
 

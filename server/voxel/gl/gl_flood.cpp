@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/solid/brick_planes.h"
 #include "server/voxel/solid/tile_bits.h"
 #include "shaders/shared/solid.h"

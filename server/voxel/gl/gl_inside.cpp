@@ -4,7 +4,7 @@
 #include <bit>
 #include <utility>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/compact.h"
 #include "server/voxel/solid/boundary.h"
 #include "server/voxel/tile_mask.h"

@@ -4,7 +4,7 @@
 #include <array>
 #include <iterator>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/compact.h"
 #include "server/voxel/sum_fold.h"
 #include "server/voxel/tile_mask.h"

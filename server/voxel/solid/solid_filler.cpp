@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "server/base/stopwatch.h"
+#include "server/base/clock.h"
 #include "server/voxel/solid/boundary.h"
 #include "server/voxel/solid/distance_field.h"
 #include "server/voxel/solid/distance_maker.h"

@@ -4,7 +4,7 @@
 #include <regex>
 #include <string>
 
-#include "server/jobs/key_file.h"
+#include "server/jobs/auth/key_file.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "server/api/api_server.h"
-#include "server/jobs/job_service.h"
+#include "server/jobs/service/job_service.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/http/http_client.h"
 #include "tests/unit/jobs/fake_worker.h"

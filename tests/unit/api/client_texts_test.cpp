@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "proto/options.h"
-#include "server/jobs/sqlite.h"
+#include "server/jobs/database/sqlite.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {

@@ -1,7 +1,7 @@
 // A tenant's limits over HTTP.
 #include <string>
 
-#include "server/jobs/key_file.h"
+#include "server/jobs/auth/key_file.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {

@@ -2,8 +2,9 @@
 #include <string>
 
 #include "server/api/signed_link.h"
-#include "server/jobs/job_record.h"
-#include "server/jobs/key_file.h"
+#include "server/base/clock.h"
+#include "server/jobs/auth/key_file.h"
+#include "server/jobs/records/job_rows.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {

@@ -1,4 +1,4 @@
-#include "server/jobs/api_key.h"
+#include "server/jobs/auth/api_key.h"
 
 #include <gtest/gtest.h>
 

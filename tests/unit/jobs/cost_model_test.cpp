@@ -1,5 +1,5 @@
 // Learned costs, and the forecast of the queue.
-#include "server/jobs/cost_model.h"
+#include "server/jobs/estimates/cost_regression.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "server/jobs/forecast.h"
+#include "server/jobs/estimates/forecast.h"
 
 namespace voxeld {
 namespace {

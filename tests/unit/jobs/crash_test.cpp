@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "server/base/child_process.h"
-#include "server/jobs/job_service.h"
+#include "server/jobs/service/job_service.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

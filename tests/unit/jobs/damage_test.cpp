@@ -5,8 +5,8 @@
 #include <thread>
 
 #include "server/base/sha256.h"
-#include "server/jobs/sqlite.h"
-#include "server/jobs/store_check.h"
+#include "server/jobs/database/sqlite.h"
+#include "server/jobs/retention/store_check.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld::testing {

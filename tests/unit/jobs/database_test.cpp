@@ -1,4 +1,4 @@
-#include "server/jobs/database.h"
+#include "server/jobs/database/database.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/jobs/job_record.h"
-#include "server/jobs/schema.h"
+#include "server/jobs/database/schema.h"
+#include "server/jobs/records/job_rows.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

@@ -1,5 +1,5 @@
 // The arbiter with a clock that only the holders of turns move.
-#include "server/jobs/device_turns.h"
+#include "server/jobs/scheduling/time_slices.h"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/jobs/job_record.h"
+#include "server/base/clock.h"
+#include "server/jobs/records/job_rows.h"
 
 namespace voxeld {
 namespace {

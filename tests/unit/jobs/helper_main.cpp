@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <string>
 
-#include "server/jobs/database.h"
-#include "server/jobs/job_service.h"
+#include "server/jobs/database/database.h"
+#include "server/jobs/service/job_service.h"
 #include "tests/unit/jobs/fake_worker.h"
 
 namespace {

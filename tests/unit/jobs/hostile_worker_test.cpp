@@ -11,7 +11,7 @@
 #include <string>
 #include <thread>
 
-#include "server/jobs/task_server.h"
+#include "server/jobs/workers/task_server.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"

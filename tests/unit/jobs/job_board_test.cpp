@@ -1,4 +1,4 @@
-#include "server/jobs/job_board.h"
+#include "server/jobs/events/job_board.h"
 
 #include <gtest/gtest.h>
 

@@ -1,12 +1,12 @@
 // The cost of jobs, learned and saved, and the expected times of queued ones.
-#include "server/jobs/job_costs.h"
+#include "server/jobs/estimates/job_costs.h"
 
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <string>
 
-#include "server/jobs/queue_forecast.h"
+#include "server/jobs/estimates/queue_forecast.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

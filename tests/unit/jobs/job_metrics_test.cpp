@@ -1,4 +1,4 @@
-#include "server/jobs/job_metrics.h"
+#include "server/jobs/events/job_metrics.h"
 
 #include <gtest/gtest.h>
 #include <prometheus/registry.h>

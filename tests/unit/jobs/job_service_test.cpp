@@ -1,5 +1,5 @@
 // The service with supervised worker processes (the helper's fake ones).
-#include "server/jobs/job_service.h"
+#include "server/jobs/service/job_service.h"
 
 #include <gtest/gtest.h>
 #include <prometheus/registry.h>

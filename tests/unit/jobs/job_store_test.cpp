@@ -1,4 +1,4 @@
-#include "server/jobs/job_store.h"
+#include "server/jobs/records/job_store.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "server/base/sha256.h"
-#include "server/jobs/asset_store.h"
-#include "server/jobs/frame_store.h"
+#include "server/jobs/records/asset_store.h"
+#include "server/jobs/records/frame_store.h"
 #include "server/store/blob_store.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/lists.h"

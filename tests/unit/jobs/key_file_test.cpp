@@ -1,4 +1,4 @@
-#include "server/jobs/key_file.h"
+#include "server/jobs/auth/key_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

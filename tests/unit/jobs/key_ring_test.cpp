@@ -1,12 +1,13 @@
-#include "server/jobs/key_ring.h"
+#include "server/jobs/auth/key_ring.h"
 
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <string>
 
-#include "server/jobs/job_record.h"
-#include "server/jobs/key_file.h"
+#include "server/base/clock.h"
+#include "server/jobs/auth/key_file.h"
+#include "server/jobs/records/job_rows.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

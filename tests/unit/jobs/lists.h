@@ -7,9 +7,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "server/jobs/asset_store.h"
-#include "server/jobs/job_service.h"
-#include "server/jobs/job_store.h"
+#include "server/jobs/records/asset_store.h"
+#include "server/jobs/records/job_store.h"
+#include "server/jobs/service/job_service.h"
 
 namespace voxeld::testing {
 

@@ -5,10 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "server/jobs/asset_store.h"
-#include "server/jobs/job_store.h"
-#include "server/jobs/retention.h"
-#include "server/jobs/schema.h"
+#include "server/base/clock.h"
+#include "server/jobs/database/schema.h"
+#include "server/jobs/records/asset_store.h"
+#include "server/jobs/records/job_store.h"
+#include "server/jobs/retention/retention.h"
 #include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"
 

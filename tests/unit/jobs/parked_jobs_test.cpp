@@ -6,7 +6,7 @@
 #include <string>
 #include <thread>
 
-#include "server/jobs/parking.h"
+#include "server/jobs/scheduling/preemption.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {

@@ -1,5 +1,5 @@
 // Which started jobs give up their workers.
-#include "server/jobs/parking.h"
+#include "server/jobs/scheduling/preemption.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "server/jobs/tenant_shares.h"
+#include "server/jobs/scheduling/tenant_shares.h"
 
 namespace voxeld {
 namespace {

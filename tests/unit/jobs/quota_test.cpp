@@ -1,12 +1,12 @@
 // Quotas of tenants: usage is exact to the byte, whatever adds or removes data.
-#include "server/jobs/quota.h"
+#include "server/jobs/records/quota.h"
 
 #include <string>
 
 #include "server/base/sha256.h"
-#include "server/jobs/asset_store.h"
-#include "server/jobs/database.h"
-#include "server/jobs/schema.h"
+#include "server/jobs/database/database.h"
+#include "server/jobs/database/schema.h"
+#include "server/jobs/records/asset_store.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {

@@ -1,5 +1,5 @@
 // Deletion of stored results: usage goes down at once; other tenants and live jobs keep theirs.
-#include "server/jobs/result_store.h"
+#include "server/jobs/records/result_store.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>

@@ -1,5 +1,5 @@
 // Removal of stored data: which data, by which thread, and data that is never removed.
-#include "server/jobs/retention.h"
+#include "server/jobs/retention/retention.h"
 
 #include <gtest/gtest.h>
 
@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "server/base/sha256.h"
-#include "server/jobs/asset_store.h"
-#include "server/jobs/blob_needs.h"
-#include "server/jobs/frame_store.h"
-#include "server/jobs/job_record.h"
-#include "server/jobs/job_store.h"
+#include "server/jobs/records/asset_store.h"
+#include "server/jobs/records/blob_needs.h"
+#include "server/jobs/records/frame_store.h"
+#include "server/jobs/records/job_rows.h"
+#include "server/jobs/records/job_store.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

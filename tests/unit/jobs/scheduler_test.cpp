@@ -1,5 +1,5 @@
 // Which job is claimed, and which worker gets it.
-#include "server/jobs/scheduler.h"
+#include "server/jobs/records/job_queue.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,9 @@
 #include <thread>
 #include <vector>
 
-#include "server/jobs/job_record.h"
-#include "server/jobs/slots.h"
+#include "server/base/clock.h"
+#include "server/jobs/records/job_rows.h"
+#include "server/jobs/scheduling/slots.h"
 #include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"
 

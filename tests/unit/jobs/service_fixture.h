@@ -10,7 +10,7 @@
 #include <string>
 #include <thread>
 
-#include "server/jobs/job_service.h"
+#include "server/jobs/service/job_service.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"

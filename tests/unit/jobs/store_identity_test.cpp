@@ -1,5 +1,5 @@
 // A database that is not the one of the blobs, in each way that it can come to that.
-#include "server/jobs/store_identity.h"
+#include "server/jobs/retention/store_identity.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/store_rebuild.h"
+#include "server/jobs/retention/store_rebuild.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "proto/sequence.h"
 #include "server/base/sha256.h"
-#include "server/jobs/key_file.h"
+#include "server/jobs/auth/key_file.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld::testing {

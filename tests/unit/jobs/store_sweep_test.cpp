@@ -1,13 +1,13 @@
 // Ages by a clock that the tests set.
-#include "server/jobs/store_sweep.h"
+#include "server/jobs/retention/store_sweep.h"
 
 #include <gtest/gtest.h>
 
 #include <memory>
 #include <string>
 
-#include "server/jobs/age_budget.h"
-#include "server/jobs/kept_clock.h"
+#include "server/jobs/retention/age_budget.h"
+#include "server/jobs/retention/kept_clock.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

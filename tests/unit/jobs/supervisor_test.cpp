@@ -1,4 +1,4 @@
-#include "server/jobs/supervisor.h"
+#include "server/jobs/workers/supervisor.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>

@@ -1,5 +1,5 @@
 // The service with workers that the tests themselves play over the socket.
-#include "server/jobs/task_server.h"
+#include "server/jobs/workers/task_server.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

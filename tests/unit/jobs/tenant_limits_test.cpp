@@ -1,4 +1,4 @@
-#include "server/jobs/tenant_limits.h"
+#include "server/jobs/model/tenant_limits.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Turns over the socket, as workers ask for them.
-#include "server/jobs/turn_server.h"
+#include "server/jobs/workers/slice_server.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

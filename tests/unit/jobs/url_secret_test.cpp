@@ -1,4 +1,4 @@
-#include "server/jobs/url_secret.h"
+#include "server/jobs/auth/url_secret.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "server/jobs/job_service.h"
+#include "server/jobs/service/job_service.h"
 
 namespace voxeld::testing {
 

@@ -1,4 +1,4 @@
-#include "server/jobs/worker_files.h"
+#include "server/jobs/workers/worker_files.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Which tenants' tasks a worker process gets after others, and by what it is replaced.
-#include "server/jobs/worker_isolation.h"
+#include "server/jobs/scheduling/worker_isolation.h"
 
 #include <gtest/gtest.h>
 #include <prometheus/registry.h>
@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "server/jobs/slots.h"
+#include "server/jobs/scheduling/slots.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {

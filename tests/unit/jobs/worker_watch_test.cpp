@@ -1,4 +1,4 @@
-#include "server/jobs/worker_watch.h"
+#include "server/jobs/workers/worker_watch.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

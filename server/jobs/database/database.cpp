@@ -1,0 +1,172 @@
+#include "server/jobs/database/database.h"
+
+#include <algorithm>
+#include <exception>
+#include <iterator>
+#include <utility>
+
+#include "server/base/clock.h"
+#include "server/base/guard.h"
+#include "server/base/log.h"
+#include "server/jobs/database/schema.h"
+
+namespace voxeld {
+namespace {
+
+Status check_integrity(SqlConnection& connection) {
+  VOXELD_ASSIGN(SqlStatement check, connection.query("PRAGMA integrity_check(1)"));
+  VOXELD_ASSIGN(const bool row, check.step());
+  const std::string answer = row ? check.text(0) : "no answer";
+  if (answer == "ok") return {};
+  return Error{ErrorCode::kInternal, std::string(kCorruptDatabase) + ". Integrity check", "ok",
+               answer};
+}
+
+// 0 where the database is not tied to a store.
+Result<int64_t> next_generation(SqlConnection& connection) {
+  VOXELD_ASSIGN(SqlStatement row, connection.query("UPDATE store SET generation = generation + 1"
+                                                   " RETURNING generation"));
+  VOXELD_ASSIGN(const bool tied, row.step());
+  return tied ? row.int64(0) : int64_t{0};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Database>> Database::open(const std::filesystem::path& path,
+                                                 std::chrono::milliseconds reader_idle_max) {
+  const Stopwatch watch;
+  VOXELD_ASSIGN(SqlConnection writer, SqlConnection::open(path, SqlConnection::Role::kWriter));
+  VOXELD_TRY(check_integrity(writer));
+  VOXELD_TRY(migrate_schema(writer));
+  log::debug("job database is open", {{"path", path.string()}, {"ms", watch.ms()}});
+  return std::unique_ptr<Database>(new Database(path, std::move(writer), reader_idle_max));
+}
+
+Status Database::write(const Operation& operation) {
+  Pending mine;
+  mine.operation = &operation;
+  std::vector<Pending*> batch;
+  {
+    MutexLock lock(mutex_);
+    pending_.push_back(&mine);
+    while (!mine.done && leading_) changed_.wait(lock);
+    if (mine.done) return mine.status;
+    leading_ = true;
+    batch.swap(pending_);
+  }
+  run_batch(batch);
+  MutexLock lock(mutex_);
+  for (Pending* pending : batch) pending->done = true;
+  leading_ = false;
+  changed_.notify_all();
+  return mine.status;
+}
+
+Status Database::write_freeing(const Operation& operation) {
+  if (make_way_ && make_way_()) {
+    const MutexLock lock(writer_mutex_);
+    // As far as readers allow; where it fails, the ballast alone has to do.
+    if (Status done = writer_.run_script("PRAGMA wal_checkpoint(PASSIVE)"); !done) {
+      log::warn("job database cannot checkpoint", {{"error", done.error().message()}});
+    }
+  }
+  return write(operation);
+}
+
+// One operation inside the transaction of its batch. Errors: what undoes the whole batch; the
+// operation's own are in `pending`.
+Status Database::run_operation(Pending& pending) {
+  if (pending.status = writer_.run("SAVEPOINT operation"); !pending.status) return {};
+  try {
+    pending.status = (*pending.operation)(writer_);
+  } catch (const std::exception& failure) {
+    pending.status = exception_error(failure);
+    pending.status.error().detail.insert(0, "job database: ");
+  }
+  if (!writer_.in_transaction()) {  // SQLite has rolled everything back
+    if (!pending.status) return pending.status;
+    return Error{ErrorCode::kInternal, "job database: the transaction was rolled back", "", ""};
+  }
+  if (!pending.status) VOXELD_TRY(writer_.run("ROLLBACK TO operation"));
+  return writer_.run("RELEASE operation");
+}
+
+Status Database::run_operations(const std::vector<Pending*>& batch) {
+  // Left over where there was no memory to undo it.
+  if (writer_.in_transaction()) VOXELD_TRY(writer_.run("ROLLBACK"));
+  VOXELD_TRY(writer_.run("BEGIN IMMEDIATE"));
+  const int64_t before = writer_.total_changes();
+  for (Pending* pending : batch) VOXELD_TRY(run_operation(*pending));
+  int64_t generation = 0;
+  if (writer_.total_changes() != before) {
+    VOXELD_ASSIGN(generation, next_generation(writer_));
+  }
+  VOXELD_TRY(writer_.run("COMMIT"));
+  if (generation > 0 && generation_told_) generation_told_(generation);
+  return {};
+}
+
+void Database::tell_generation(std::function<void(int64_t)> told) {
+  const MutexLock lock(writer_mutex_);
+  generation_told_ = std::move(told);
+}
+
+void Database::undo(const Error& why) {
+  log::error("job database refused to commit", {{"error", why.message()}});
+  if (!writer_.in_transaction()) return;
+  if (Status undone = writer_.run("ROLLBACK"); !undone) {
+    log::error("job database refused to roll back", {{"error", undone.error().message()}});
+  }
+}
+
+// Whatever happens, the followers are told: they wait for this thread, which must not end early.
+void Database::run_batch(const std::vector<Pending*>& batch) noexcept {
+  const MutexLock lock(writer_mutex_);
+  Status whole;
+  try {
+    whole = run_operations(batch);
+    if (whole) return;
+    undo(whole.error());
+  } catch (const std::exception& failure) {
+    whole = exception_error(failure);  // what is left of the transaction, the next batch undoes
+  }
+  for (Pending* pending : batch) {
+    if (!pending->status) continue;
+    // A copy needs memory that there may not be; an error without words is one, too.
+    pending->status = Error{};
+    guarded("the job database", [&] { pending->status = whole; });
+  }
+}
+
+Result<Database::Lease> Database::read() {
+  {
+    MutexLock lock(mutex_);
+    if (!idle_readers_.empty()) {
+      Lease lease(*this, std::move(idle_readers_.back().connection));
+      idle_readers_.pop_back();
+      return lease;
+    }
+  }
+  VOXELD_ASSIGN(SqlConnection reader, SqlConnection::open(path_, SqlConnection::Role::kReader));
+  return Lease(*this, std::make_unique<SqlConnection>(std::move(reader)));
+}
+
+void Database::give_back(std::unique_ptr<SqlConnection> reader) {
+  const auto now = std::chrono::steady_clock::now();
+  std::vector<IdleReader> old;  // closed without the lock
+  const MutexLock lock(mutex_);
+  idle_readers_.push_back({std::move(reader), now});
+  const auto used = std::find_if(idle_readers_.begin(), idle_readers_.end(), [&](const auto& idle) {
+    return now - idle.since <= reader_idle_max_;
+  });
+  old.assign(std::make_move_iterator(idle_readers_.begin()), std::make_move_iterator(used));
+  idle_readers_.erase(idle_readers_.begin(), used);
+}
+
+Database::Lease::~Lease() {
+  if (connection_ == nullptr) return;
+  // Without memory for it, the connection is closed.
+  guarded("a reader of the job database", [this] { database_->give_back(std::move(connection_)); });
+}
+
+}  // namespace voxeld

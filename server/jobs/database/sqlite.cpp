@@ -1,0 +1,152 @@
+#include "server/jobs/database/sqlite.h"
+
+#include <sqlite3.h>
+
+#include <cerrno>
+#include <new>
+#include <utility>
+
+#include "server/base/check.h"
+
+namespace voxeld {
+namespace {
+
+// Only the writer of another program could hold the lock: ours has one writing connection.
+constexpr int kBusyTimeoutMs = 2000;
+
+Error sql_error(sqlite3* db, std::string_view action) {
+  const int code = sqlite3_extended_errcode(db);
+  const std::string words = std::string(action) + ": " + sqlite3_errmsg(db);
+  const int reason = sqlite3_system_errno(db);
+  const bool is_file = (code & 0xff) == SQLITE_CANTOPEN || (code & 0xff) == SQLITE_IOERR;
+  switch (is_file && (reason == ENOSPC || reason == EDQUOT) ? SQLITE_FULL : code & 0xff) {
+    case SQLITE_FULL:
+      return {ErrorCode::kStorageFull, "job database cannot grow, the disk is full: " + words, "",
+              ""};
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      return {ErrorCode::kInternal, std::string(kCorruptDatabase) + ": " + words, "", ""};
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return {ErrorCode::kInternal, "job database is locked by another program: " + words, "", ""};
+    default:
+      return {ErrorCode::kInternal, "job database: " + words, "", ""};
+  }
+}
+
+}  // namespace
+
+SqlStatement::~SqlStatement() {
+  if (statement_ == nullptr) return;
+  sqlite3_reset(statement_);
+  sqlite3_clear_bindings(statement_);
+}
+
+SqlStatement::SqlStatement(SqlStatement&& other) noexcept
+    : db_(other.db_), statement_(std::exchange(other.statement_, nullptr)) {}
+
+void SqlStatement::bind(int index, int64_t value) {
+  const int slot = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(index)).c_str());
+  VOXELD_CHECK(slot != 0, sqlite3_sql(statement_));
+  sqlite3_bind_int64(statement_, slot, value);
+}
+
+void SqlStatement::bind(int index, std::string_view value) {
+  const int slot = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(index)).c_str());
+  VOXELD_CHECK(slot != 0, sqlite3_sql(statement_));
+  // A null pointer would bind NULL; an empty text is not NULL.
+  const char* data = value.data() == nullptr ? "" : value.data();
+  const int bound =
+      sqlite3_bind_text64(statement_, slot, data, value.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  // Left unbound, it would be NULL, and the statement would find something else.
+  if (bound == SQLITE_NOMEM) throw std::bad_alloc();
+  VOXELD_CHECK(bound == SQLITE_OK, sqlite3_sql(statement_));
+}
+
+Result<bool> SqlStatement::step() {
+  const int code = sqlite3_step(statement_);
+  if (code == SQLITE_ROW) return true;
+  if (code == SQLITE_DONE) return false;
+  return sql_error(db_, "run");
+}
+
+int64_t SqlStatement::int64(int column) const {
+  return sqlite3_column_int64(statement_, column);
+}
+
+std::string SqlStatement::text(int column) const {
+  const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+  const auto size = static_cast<size_t>(sqlite3_column_bytes(statement_, column));
+  if (data == nullptr && sqlite3_errcode(db_) == SQLITE_NOMEM) throw std::bad_alloc();
+  return data == nullptr ? std::string() : std::string(data, size);
+}
+
+void SqlConnection::Closer::operator()(sqlite3* db) const {
+  sqlite3_close_v2(db);
+}
+void SqlConnection::Closer::operator()(sqlite3_stmt* statement) const {
+  sqlite3_finalize(statement);
+}
+
+Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Role role) {
+  const int access =
+      role == Role::kWriter ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY;
+  sqlite3* raw = nullptr;
+  // NOMUTEX: each connection is used by one thread at a time.
+  const int opened = sqlite3_open_v2(path.c_str(), &raw, access | SQLITE_OPEN_NOMUTEX, nullptr);
+  std::unique_ptr<sqlite3, Closer> db(raw);
+  if (raw == nullptr) {
+    return Error{ErrorCode::kInternal, "job database: out of memory", "", ""};
+  }
+  if (opened != SQLITE_OK) return sql_error(raw, "open " + path.string());
+  sqlite3_busy_timeout(raw, kBusyTimeoutMs);
+  SqlConnection connection(std::move(db));
+  if (role == Role::kWriter) {
+    // If SQLite may not write, it opens the file for reading and reports that at the first change.
+    if (sqlite3_db_readonly(raw, "main") != 0) {
+      return Error{ErrorCode::kInternal, "job database: cannot write to " + path.string(),
+                   "a file that its owner may change", ""};
+    }
+    VOXELD_TRY(connection.run_script(
+        "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON;"));
+  } else {
+    sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
+    VOXELD_TRY(connection.run_script("PRAGMA wal_autocheckpoint=0; PRAGMA query_only=ON;"));
+  }
+  return connection;
+}
+
+Result<SqlStatement> SqlConnection::prepare(std::string_view sql) {
+  auto found = statements_.find(sql);
+  if (found == statements_.end()) {
+    sqlite3_stmt* raw = nullptr;
+    if (sqlite3_prepare_v3(db_.get(), sql.data(), static_cast<int>(sql.size()),
+                           SQLITE_PREPARE_PERSISTENT, &raw, nullptr) != SQLITE_OK) {
+      return sql_error(db_.get(), "prepare");
+    }
+    std::unique_ptr<sqlite3_stmt, Closer> prepared(raw);
+    found = statements_.emplace(sql, std::move(prepared)).first;
+  }
+  return SqlStatement(db_.get(), found->second.get());
+}
+
+Status SqlConnection::run_script(const std::string& sql) {
+  if (sqlite3_exec(db_.get(), sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) {
+    return sql_error(db_.get(), "run");
+  }
+  return {};
+}
+
+int64_t SqlConnection::changes() const {
+  return sqlite3_changes64(db_.get());
+}
+
+int64_t SqlConnection::total_changes() const {
+  return sqlite3_total_changes64(db_.get());
+}
+
+bool SqlConnection::in_transaction() const {
+  return sqlite3_get_autocommit(db_.get()) == 0;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,61 @@
+// The cost of jobs of each kind on this machine, learned and kept in a file beside the database.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "proto/job.h"
+#include "server/base/clock.h"
+#include "server/base/thread_annotations.h"
+#include "server/jobs/estimates/cost_regression.h"
+
+namespace voxeld {
+
+// The properties of a job that its cost depends on.
+struct JobWork {
+  std::string sort;  // "voxelize npy surface occupancy": jobs of one sort have one law
+  CostFeatures features;
+};
+// `input_bytes`: of the asset, with the files of a bundle, or of the grid.
+JobWork work_of(JobKind kind, const RequestOptions& options, int64_t input_bytes);
+
+// Seconds of a worker that a finished job needed: all stages but waiting and the upload; and those
+// on the device.
+struct MeasuredSeconds {
+  double worker = 0, device = 0;
+};
+MeasuredSeconds measured_seconds(const JobStatus& status);
+
+// DIR/costs, a line for each sort and quantity, between tabs: "voxelize npy surface occupancy",
+// "seconds", CostModel::text(). Losing it costs some guesses. Thread-safe.
+class JobCosts {
+ public:
+  // A file that is missing or broken is as if nothing had been learned; the log tells.
+  explicit JobCosts(std::filesystem::path file);
+  // Writes what is new.
+  ~JobCosts();
+
+  JobEstimate estimate(const JobWork& work) const EXCLUDES(mutex_);
+  // A job that was done, not answered from another one's result.
+  void learn(const JobWork& work, const JobStatus& done) EXCLUDES(mutex_);
+
+ private:
+  // The cost models of one kind of jobs.
+  struct Sort {
+    Sort();
+    CostModel worker_seconds, device_seconds, result_bytes, host_bytes;
+    CostModel* find(std::string_view quantity);
+  };
+  void load();
+  void save() REQUIRES(mutex_);
+
+  const std::filesystem::path file_;
+  mutable Mutex mutex_;
+  std::map<std::string, Sort, std::less<>> sorts_ GUARDED_BY(mutex_);
+  Stopwatch since_saved_ GUARDED_BY(mutex_);
+  bool is_new_ GUARDED_BY(mutex_) = false;
+};
+
+}  // namespace voxeld

@@ -1,0 +1,160 @@
+#include "server/jobs/estimates/queue_forecast.h"
+#include "server/base/clock.h"
+#include "server/jobs/model/job_record.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <tuple>
+
+namespace voxeld {
+namespace {
+
+// A job that takes longer than was expected is expected to take a little longer still.
+constexpr double kLateShare = 0.1;
+// Before so much of the work is done, the rate of the tiles says less than other jobs do.
+constexpr double kShareKnown = 0.05;
+
+RequestOptions options_of(const JobStatus& status) {
+  JobRequest request;
+  request.kind = status.kind;
+  request.asset = status.asset;
+  request.grid = status.grid;
+  request.sequence = status.sequence;
+  const auto object = nlohmann::json::parse(status.options_json, nullptr, false);
+  if (!object.is_object()) return {};
+  const auto options = parse_options(object, option_scope(request));
+  return options ? *options : RequestOptions{};
+}
+
+// The part of the work that is done, by frames and tiles; 0 where nothing tells.
+double share_done(const JobStatus& status) {
+  const auto share = [](int64_t done, int64_t total) {
+    return total > 0 ? static_cast<double>(done) / static_cast<double>(total) : 0.0;
+  };
+  const double tiles = share(status.tiles_done, status.tiles_total);
+  if (status.frames_total == 0) return tiles;
+  return std::min(1.0, share(status.frames_done, status.frames_total) +
+                           tiles / static_cast<double>(status.frames_total));
+}
+
+}  // namespace
+
+void QueueForecast::changed(const JobRecord& record, int64_t input_bytes) {
+  const JobStatus& status = record.status;
+  const MutexLock lock(mutex_);
+  refreshed_ = {};
+  if (status.ended()) {
+    const auto found = live_.find(status.id);
+    if (found == live_.end()) return;
+    if (status.state == JobState::kDone && !status.cached) {
+      costs_.learn(found->second.work, status);
+    }
+    live_.erase(found);
+    return;
+  }
+  const auto [it, is_new] = live_.try_emplace(status.id);
+  Live& live = it->second;
+  if (is_new) {
+    live.tenant = record.tenant;
+    live.seq = record.seq;
+    live.work = work_of(status.kind, options_of(status), input_bytes);
+    live.estimate = costs_.estimate(live.work);
+  }
+  live.is_running = status.state == JobState::kRunning;
+  live.status = status;
+  live.share_kept = share_done(status);
+}
+
+double QueueForecast::seconds_left(const Live& live, int64_t now_ms) {
+  const double expected = live.estimate.seconds * (1 - live.share_kept);
+  if (!live.is_running) return expected;
+  JobStatus status = live.status;
+  overlay_(status);
+  const double elapsed = static_cast<double>(now_ms - status.started_ms) / 1000.0;
+  const double done = share_done(status);
+  const double since = done - live.share_kept;
+  if (since > kShareKnown) return std::max(0.0, elapsed * (1 - done) / since);
+  return std::max(expected - elapsed, kLateShare * elapsed);
+}
+
+// In the order in which each tenant's jobs are taken.
+std::vector<std::pair<std::string, ForecastJob>> QueueForecast::queue() {
+  const int64_t now_ms = unix_time_ms();
+  std::vector<const Live*> order;
+  for (const auto& [id, live] : live_) order.push_back(&live);
+  const auto place = [](const Live* live) {
+    const int64_t deadline = live->status.deadline_at_ms;
+    return std::tuple(-live->status.priority,
+                      deadline > 0 ? deadline : std::numeric_limits<int64_t>::max(), live->seq);
+  };
+  std::sort(order.begin(), order.end(),
+            [&](const Live* a, const Live* b) { return place(a) < place(b); });
+  std::vector<std::pair<std::string, ForecastJob>> queue;
+  queue.reserve(order.size());
+  for (const Live* live : order) {
+    queue.emplace_back(live->status.id, ForecastJob{live->tenant, weight_(live->tenant),
+                                                    seconds_left(*live, now_ms), live->is_running});
+  }
+  return queue;
+}
+
+double QueueForecast::expected_seconds(std::string_view id) {
+  const MutexLock lock(mutex_);
+  const auto live = live_.find(id);
+  return live == live_.end() ? 0 : seconds_left(live->second, unix_time_ms());
+}
+
+void QueueForecast::refresh() {
+  const auto now = Clock::now();
+  if (refreshed_ != Clock::time_point() && now - refreshed_ < kKept) return;
+  if (live_.size() > kFewJobs && now < rests_until_) return;
+  refreshed_ = now;
+  const auto jobs = queue();
+  std::vector<ForecastJob> played;
+  played.reserve(jobs.size());
+  for (const auto& [id, job] : jobs) played.push_back(job);
+  const std::vector<ForecastTimes> times = forecast(played, devices_);
+  const int64_t now_ms = unix_time_ms();
+  expected_.clear();
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    expected_[jobs[i].first] = {now_ms + std::llround(times[i].start * 1000),
+                                now_ms + std::llround(times[i].end * 1000)};
+  }
+  const auto done = Clock::now();
+  rests_until_ = done + kRestFactor * (done - now);
+}
+
+void QueueForecast::fill(JobStatus& status) {
+  if (status.ended()) return;
+  const MutexLock lock(mutex_);
+  const auto live = live_.find(status.id);
+  if (live == live_.end()) return;
+  refresh();
+  const Expected& expected = expected_[status.id];
+  status.estimate = live->second.estimate;
+  status.expected_start_ms =
+      status.state == JobState::kRunning ? status.started_ms : expected.start_ms;
+  status.expected_end_ms = expected.end_ms;
+}
+
+JobStatus QueueForecast::price(const std::string& tenant, const JobRequest& request,
+                               int64_t input_bytes) {
+  const JobEstimate estimate = costs_.estimate(work_of(request.kind, request.options, input_bytes));
+  const MutexLock lock(mutex_);
+  std::vector<ForecastJob> jobs;
+  for (auto& [id, job] : queue()) jobs.push_back(job);
+  jobs.push_back({tenant, weight_(tenant), estimate.seconds, false});
+  const ForecastTimes times = forecast(jobs, devices_).back();
+  const int64_t now_ms = unix_time_ms();
+  JobStatus priced;
+  priced.kind = request.kind;
+  priced.estimate = estimate;
+  priced.queue_position = static_cast<int64_t>(jobs.size());
+  priced.expected_start_ms = now_ms + std::llround(times.start * 1000);
+  priced.expected_end_ms = now_ms + std::llround(times.end * 1000);
+  return priced;
+}
+
+}  // namespace voxeld

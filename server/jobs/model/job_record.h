@@ -1,0 +1,60 @@
+// A job as the gateway knows it, and how jobs are submitted, listed and told of.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "proto/job.h"
+
+namespace voxeld {
+
+// A job with the facts that its public status leaves out.
+struct JobRecord {
+  JobStatus status;
+  std::string tenant;        // whose job it is
+  std::string asset_tenant;  // whose input it works on: the same, but for an admin's job
+  int64_t seq = 0;           // order of arrival
+  int64_t fence = 0;
+  std::string request_hash;  // see request_hash.h
+  bool use_cache = true;
+  bool transient = false;
+  bool cancel_requested = false;
+  std::string worker;        // device that claimed it last
+  std::string lost_workers;  // how each worker that ran it ended: "signal 9 (Killed), …"
+  double upload_ms = 0;
+  int64_t queued_ms = 0;             // Unix time: accepted, or parked last
+  std::string request_id, trace_id;  // of the request that submitted it
+  bool was_parked = false;           // by the change that gave this record
+};
+
+struct SubmitOptions {
+  std::string idempotency_key;  // empty: none
+  bool transient = false;       // a one-shot request's job: cancelled when its client leaves
+  double upload_ms = 0;         // goes into the job's timings
+  std::string request_id;       // for the log
+  std::string trace_id;
+};
+
+struct JobEvent {
+  int64_t id = 0;         // the job's version: monotonic per job
+  std::string type;       // "state", "progress"
+  std::string data_json;  // JobStatus as a row: proto/job_text.h
+};
+
+enum class JobOrder { kNewestFirst, kOldestFirst };
+
+// How much of a job is read.
+enum class JobTexts {
+  kWhole,
+  kBrief,  // texts longer than limits::kRowTextBytesMax stay in the database: is_brief()
+};
+
+struct JobQuery {
+  std::optional<JobState> state;
+  JobOrder order = JobOrder::kNewestFirst;
+  JobTexts texts = JobTexts::kWhole;
+  std::string after;  // id of a job: those that come after it; empty: all
+};
+
+}  // namespace voxeld

@@ -1,0 +1,65 @@
+// The worker processes and the queue, as they are shown, and the limits of a worker.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "proto/job.h"
+#include "proto/task_api.h"
+
+namespace voxeld {
+
+struct WorkerState {
+  std::string device, renderer, driver;
+  int slot = 0;  // among the processes of the device
+  int64_t pid = 0;
+  bool connected = false;
+  int64_t restarts = 0;
+  std::string task;        // job id it runs, or empty
+  std::string last_error;  // of a device that cannot be opened
+  std::string device_json;
+  std::string sandbox;       // "full", "off", or what is missing
+  int64_t memory_bytes = 0;  // that its process takes; 0: not looked at yet
+  DeviceMemory device_memory;
+};
+
+// The queue as one caller may see it.
+struct QueueView {
+  struct Job {
+    std::string tenant;
+    std::string device;  // that runs it, or empty
+    JobStatus status;
+  };
+  struct Device {
+    std::string device, renderer;
+    int64_t workers = 0;  // that are connected
+    int64_t workers_busy = 0;
+    std::vector<std::string> jobs;  // those of the caller that run on it
+  };
+  std::vector<Device> devices;
+  std::vector<Job> jobs;  // the caller's, or an admin's all: running ones, then by position
+  int64_t queued = 0, running = 0;                // of all tenants
+  int64_t others_queued = 0, others_running = 0;  // of tenants that the caller does not see
+};
+
+// When a worker that runs a task is taken for lost, and killed if it is ours. Seconds.
+struct TaskLimits {
+  // Workers report at least every 200 ms; one that is silent for so long is stopped or stuck.
+  double silence_seconds_max = 30.0;
+  // A cancel takes effect within a tile, or the worker ends.
+  double cancel_seconds_max = 10.0;
+  // It reports, but says the same each time: a shader or a parser that never ends.
+  double stall_seconds_max = 600.0;
+  // Duration of one attempt: deadline-exceeded.
+  double job_seconds_max = 86'400.0;
+  // Memory of one worker process: grid-too-large. 0: no limit.
+  int64_t worker_memory_bytes_max = 0;
+  // Memory of all worker processes together: the one that takes the most beyond what its task was
+  // granted ends, and its job is put back. 0: no limit.
+  int64_t all_workers_memory_bytes_max = 0;
+  // Bytes that one worker has written for its task: storage-full. 0: a quarter of the disk.
+  int64_t scratch_bytes_max = 0;
+};
+
+}  // namespace voxeld

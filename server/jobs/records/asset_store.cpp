@@ -1,0 +1,283 @@
+#include "server/jobs/records/asset_store.h"
+
+#include <optional>
+#include <utility>
+
+#include "proto/asset_id.h"
+#include "server/base/clock.h"
+#include "server/jobs/model/assets.h"
+#include "server/jobs/records/blob_needs.h"
+#include "server/jobs/records/quota.h"
+
+namespace voxeld {
+namespace {
+
+constexpr std::string_view kSelect =
+    "SELECT id, tenant, filename, content_type, bytes, created_ms, description_json, deleted_ms"
+    " FROM assets";
+constexpr int kDeletedColumn = 7;
+
+Asset read_asset(const SqlStatement& statement) {
+  Asset asset;
+  asset.id = statement.text(0);
+  asset.tenant = statement.text(1);
+  asset.filename = statement.text(2);
+  asset.content_type = statement.text(3);
+  asset.bytes = statement.int64(4);
+  asset.created_ms = statement.int64(5);
+  asset.description_json = statement.text(6);
+  return asset;
+}
+
+Result<SqlStatement> select_asset(SqlConnection& connection, const Caller& caller,
+                                  std::string_view id) {
+  static const std::string own = std::string(kSelect) + " WHERE id = $1 AND tenant = $2";
+  static const std::string any =
+      std::string(kSelect) +
+      " WHERE id = $1 ORDER BY deleted_ms <> 0, tenant <> $2, created_ms DESC LIMIT 1";
+  return connection.query(caller.sees_all() ? any : own, id, caller.tenant());
+}
+
+// Deleted assets whose blob may still be there and that nothing needs.
+Result<std::vector<std::string>> unneeded(SqlConnection& connection) {
+  static const std::string sql =
+      "SELECT DISTINCT id FROM assets a WHERE deleted_ms <> 0 AND bytes >= 0 AND NOT " +
+      needed_sql("a.id");
+  VOXELD_ASSIGN(SqlStatement rows, connection.query(sql));
+  std::vector<std::string> ids;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return ids;
+    ids.push_back(rows.text(0));
+  }
+}
+
+// The asset that the caller's tenant has of these bytes already.
+Result<std::optional<Asset>> find_own(SqlConnection& connection, const Caller& caller,
+                                      std::string_view blob) {
+  static const std::string sql =
+      std::string(kSelect) + " WHERE id = $1 AND tenant = $2 AND deleted_ms = 0";
+  VOXELD_ASSIGN(SqlStatement found, connection.query(sql, blob, caller.tenant()));
+  VOXELD_ASSIGN(const bool is_there, found.step());
+  return is_there ? std::optional(read_asset(found)) : std::nullopt;
+}
+
+// Writes the row of new bytes, or of ones that were deleted; of others what they are called.
+Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
+               const BlobInfo& blob, std::string_view filename, std::string_view content_type,
+               int64_t bytes_max) {
+  if (!blobs.stat(blob.id)) {
+    return Error{ErrorCode::kConflict, "the asset was deleted while it was uploaded; send it again",
+                 "", ""};
+  }
+  VOXELD_TRY(
+      check_tenant_bytes(connection, caller.tenant(), {{blob.id, blob.bytes}}, 0, bytes_max));
+  return connection.run(
+      "INSERT INTO assets (id, filename, content_type, bytes, created_ms, tenant, used_ms)"
+      " VALUES ($1, $2, $3, $4, $5, $6, $5) ON CONFLICT (id, tenant) DO UPDATE SET"
+      " filename = excluded.filename, content_type = excluded.content_type,"
+      " description_json = CASE WHEN assets.deleted_ms <> 0 THEN ''"
+      "                    ELSE assets.description_json END,"
+      " bytes = excluded.bytes, deleted_ms = 0, used_ms = excluded.used_ms",
+      blob.id, filename, content_type, blob.bytes, unix_time_ms(), caller.tenant());
+}
+
+// Registers the blob under a name, beside what the tenant calls it already. The name of an asset
+// changes only to one that is read alike: jobs that name none go by it.
+Result<Asset> put_named(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
+                        const BlobInfo& blob, const std::string& filename,
+                        const std::string& content_type, int64_t bytes_max) {
+  VOXELD_ASSIGN(const std::optional<Asset> earlier, find_own(connection, caller, blob.id));
+  const bool is_other = earlier && reading_of(earlier->filename) != reading_of(filename);
+  const bool keeps_name = is_other || (earlier && filename.empty());
+  const bool keeps_type = is_other || (earlier && content_type.empty());
+  VOXELD_TRY(put_row(connection, blobs, caller, blob, keeps_name ? earlier->filename : filename,
+                     keeps_type ? earlier->content_type : content_type, bytes_max));
+  AssetId id{blob.id, std::nullopt};
+  if (is_other) id.reading = reading_of(filename);
+  const Caller owner = Caller::tenant(caller.tenant(), /*is_admin=*/false);
+  VOXELD_ASSIGN(Asset asset, load_asset(connection, owner, id.text()));
+  if (is_other) {
+    if (!filename.empty()) asset.filename = filename;
+    asset.content_type = content_type;
+  }
+  asset.existed = earlier.has_value();
+  return asset;
+}
+
+Result<std::vector<BundleFile>> load_bundle(SqlConnection& connection, std::string_view tenant,
+                                            std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement rows,
+                connection.query("SELECT name, asset FROM bundle_files"
+                                 " WHERE bundle = $1 AND tenant = $2 ORDER BY position",
+                                 id, tenant));
+  std::vector<BundleFile> files;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return files;
+    files.push_back({rows.text(0), rows.text(1)});
+  }
+}
+
+// Files of a bundle are its tenant's own, also where an admin looks at it.
+Status check_bundle_file(SqlConnection& connection, std::string_view tenant,
+                         const BundleFile& file) {
+  const std::string what = "bundle file \"" + file.name + "\": ";
+  const Caller owner = Caller::tenant(std::string(tenant), /*is_admin=*/false);
+  if (auto asset = load_asset(connection, owner, file.asset); !asset) {
+    Error error = std::move(asset).error();
+    error.detail = what + error.detail;
+    return error;
+  }
+  VOXELD_ASSIGN(const auto inner, load_bundle(connection, tenant, file.asset));
+  if (inner.empty()) return {};
+  return Error{ErrorCode::kMalformedBundle, what + "it is a bundle itself", "a file", file.asset};
+}
+
+// A manifest's rows; those of the same bytes are the same.
+Status put_files(SqlConnection& connection, std::string_view tenant, std::string_view bundle,
+                 const std::vector<BundleFile>& files) {
+  VOXELD_TRY(
+      connection.run("DELETE FROM bundle_files WHERE bundle = $1 AND tenant = $2", bundle, tenant));
+  for (size_t i = 0; i < files.size(); ++i) {
+    VOXELD_TRY(check_bundle_file(connection, tenant, files[i]));
+    VOXELD_TRY(
+        connection.run("INSERT INTO bundle_files (tenant, bundle, position, name, asset)"
+                       " VALUES ($1, $2, $3, $4, $5)",
+                       tenant, bundle, static_cast<int64_t>(i), files[i].name, files[i].asset));
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<Asset> load_asset(SqlConnection& connection, const Caller& caller, std::string_view id) {
+  const AssetId named = AssetId::parse(id);
+  VOXELD_ASSIGN(SqlStatement statement, select_asset(connection, caller, named.blob));
+  VOXELD_ASSIGN(const bool found, statement.step());
+  if (!found) {
+    return Error{ErrorCode::kNotFound, "no such asset", "the id of an uploaded asset",
+                 std::string(id.substr(0, 80))};
+  }
+  if (statement.int64(kDeletedColumn) != 0) {
+    return Error{ErrorCode::kGone, "asset " + named.blob + " was deleted", "", ""};
+  }
+  Asset asset = read_asset(statement);
+  if (named.reading && *named.reading != reading_of(asset.filename)) {
+    asset.id = named.text();
+    asset.filename = filename_read_as(asset.filename, *named.reading);
+    asset.description_json.clear();
+  }
+  return asset;
+}
+
+Status check_bundle(SqlConnection& connection, std::string_view tenant, std::string_view id) {
+  VOXELD_ASSIGN(const auto files, load_bundle(connection, tenant, id));
+  for (const BundleFile& file : files) VOXELD_TRY(check_bundle_file(connection, tenant, file));
+  return {};
+}
+
+Result<Asset> AssetStore::put(const Caller& caller, const BlobInfo& blob,
+                              const std::string& filename, const std::string& content_type,
+                              int64_t bytes_max) {
+  std::optional<Asset> asset;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(asset,
+                  put_named(connection, blobs_, caller, blob, filename, content_type, bytes_max));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return *std::move(asset);
+}
+
+Result<Asset> AssetStore::put_bundle(const Caller& caller, const BlobInfo& blob,
+                                     const std::string& filename,
+                                     const std::vector<BundleFile>& files, int64_t bytes_max) {
+  std::optional<Asset> asset;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(put_files(connection, caller.tenant(), blob.id, files));
+    VOXELD_ASSIGN(asset, put_named(connection, blobs_, caller, blob, filename,
+                                   std::string(kBundleMediaType), bytes_max));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return *std::move(asset);
+}
+
+Result<std::vector<BundleFile>> AssetStore::bundle_files(std::string_view tenant,
+                                                         std::string_view id) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return load_bundle(*reader, tenant, id);
+}
+
+Result<Asset> AssetStore::get(const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  return load_asset(*reader, caller, id);
+}
+
+Status AssetStore::list(const Caller& caller, const AssetCursor& after,
+                        const std::function<bool(const Asset&)>& take) {
+  static const std::string select =
+      "SELECT id, tenant, filename, content_type, bytes, created_ms, '' FROM assets";
+  static const std::string end =
+      " AND deleted_ms = 0 AND created_ms <= $2"
+      " AND (created_ms < $2 OR id > $3 OR (id = $3 AND tenant > $4))"
+      " ORDER BY created_ms DESC, id, tenant";
+  static const std::string own = select + " WHERE tenant = $1" + end;
+  static const std::string any = select + " WHERE $1 = $1" + end;
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(SqlStatement rows, reader->query(caller.sees_all() ? any : own, caller.tenant(),
+                                                 after.created_ms, after.id, after.tenant));
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row || !take(read_asset(rows))) return {};
+  }
+}
+
+Status AssetStore::mark_deleted(const Caller& caller, std::string_view id) {
+  constexpr std::string_view kOwn =
+      "UPDATE assets SET deleted_ms = $2 WHERE id = $1 AND deleted_ms = 0 AND tenant = $3";
+  constexpr std::string_view kAny =
+      "UPDATE assets SET deleted_ms = $2 WHERE id = $1 AND deleted_ms = 0 AND $3 = $3";
+  return database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(load_asset(connection, caller, id));
+    return connection.run(caller.sees_all() ? kAny : kOwn, AssetId::parse(id).blob, unix_time_ms(),
+                          caller.tenant());
+  });
+}
+
+Result<int64_t> AssetStore::remove_unneeded() {
+  {
+    // Mostly there is nothing to do, and reading is cheap.
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    VOXELD_ASSIGN(const auto ids, unneeded(*reader));
+    if (ids.empty()) return int64_t{0};
+  }
+  int64_t removed = 0;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto ids, unneeded(connection));
+    VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, blobs_, ids));
+    for (const std::string& id : gone) {
+      // The rest of the row only records that it was deleted.
+      VOXELD_TRY(
+          connection.run("DELETE FROM bundle_files WHERE bundle = $1 AND tenant IN"
+                         " (SELECT tenant FROM assets WHERE id = $1 AND deleted_ms <> 0)",
+                         id));
+      // A negative size says that the bytes are gone, so that this row is not looked at again.
+      VOXELD_TRY(connection.run("UPDATE assets SET bytes = -1 WHERE id = $1", id));
+      ++removed;
+    }
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return removed;
+}
+
+Status AssetStore::remove_unnamed(const std::vector<std::string>& ids) {
+  return database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(remove_blobs(connection, database_, blobs_, ids));
+    return {};
+  });
+}
+
+}  // namespace voxeld

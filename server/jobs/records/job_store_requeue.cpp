@@ -1,0 +1,123 @@
+// How a job that runs comes back into the queue.
+#include "proto/limits.h"
+#include "server/base/clock.h"
+#include "server/jobs/model/caller.h"
+#include "server/jobs/model/job_record.h"
+#include "server/jobs/records/job_changes.h"
+#include "server/jobs/records/job_rows.h"
+#include "server/jobs/records/job_store.h"
+
+namespace voxeld {
+namespace {
+
+// Progress is not stored, so after a crash the database does not know how far a running job's
+// version had got. Ten events a second for three years are fewer than this.
+constexpr int64_t kVersionJump = 1'000'000'000;
+
+}  // namespace
+
+Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int64_t fence,
+                                                       std::string_view reason, bool counts,
+                                                       const LiveJob& live) {
+  std::optional<JobRecord> changed;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto running, fenced_job(connection, id, fence));
+    if (!running) return {};
+    std::string lost = running->lost_workers;
+    if (counts) lost += (lost.empty() ? "" : ", ") + std::string(reason);
+    if (running->cancel_requested) {
+      VOXELD_TRY(end_with_error(connection, id,
+                                {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
+    } else if (counts && running->status.attempt >= limits::kJobAttemptsMax) {
+      const Error error{
+          ErrorCode::kWorkerCrashed,
+          "the job ended " + std::to_string(running->status.attempt) + " workers: " + lost, "", ""};
+      VOXELD_TRY(end_with_error(connection, id, error, live));
+    } else {
+      VOXELD_TRY(connection.run(
+          "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - $2, lost_workers = "
+          "$3,"
+          " version = CASE WHEN version > $4 THEN version ELSE $4 END + 1,"
+          " device_us = device_us + $5 WHERE id = $1",
+          id, int64_t{counts ? 0 : 1}, lost, live.version, live.device_us));
+    }
+    VOXELD_ASSIGN(changed, record_change(connection, id));
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return changed;
+}
+
+Result<std::optional<JobRecord>> JobStore::park(const TaskPark& park, const LiveJob& live) {
+  std::optional<JobRecord> changed;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto running, fenced_job(connection, park.task, park.fence));
+    if (!running) return {};
+    const bool is_wanted = !running->cancel_requested;
+    if (is_wanted) {
+      const JobStatus& status = running->status;
+      StageTimes timings = status.timings;
+      add_stage(timings, "queue", static_cast<double>(status.started_ms - running->queued_ms));
+      for (const auto& [stage, ms] : park.timings) add_stage(timings, stage, ms);
+      VOXELD_TRY(connection.run(
+          "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
+          " parked = parked + 1, tiles_done = $2, tiles_total = $3, timings_json = $4,"
+          " queued_ms = $7,"
+          " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1,"
+          " device_us = device_us + $6 WHERE id = $1",
+          park.task, park.tiles_done, park.tiles_total, timings_text(timings), live.version,
+          live.device_us, unix_time_ms()));
+    } else {
+      VOXELD_TRY(end_with_error(connection, park.task,
+                                {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
+    }
+    VOXELD_ASSIGN(changed, record_change(connection, park.task));
+    changed->was_parked = is_wanted;
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return changed;
+}
+
+Result<int64_t> JobStore::recover() {
+  int64_t touched = 0;
+  Status committed = database_.write([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE created_ms <= $1",
+                              unix_time_ms() - kIdempotencyKeptMs));
+    std::vector<std::string> ids;
+    {
+      VOXELD_ASSIGN(SqlStatement rows,
+                    connection.query("SELECT id FROM jobs WHERE state = 'running'"
+                                     " OR (state = 'queued' AND transient = 1) ORDER BY seq"));
+      while (true) {
+        VOXELD_ASSIGN(const bool row, rows.step());
+        if (!row) break;
+        ids.push_back(rows.text(0));
+      }
+    }
+    for (const std::string& id : ids) {
+      VOXELD_ASSIGN(const JobRecord record, load_job(connection, Caller::daemon(), id));
+      const int64_t live_version = record.status.version + kVersionJump;
+      if (record.cancel_requested || record.transient) {
+        const Error error{ErrorCode::kCancelled,
+                          record.cancel_requested
+                              ? "the job was cancelled"
+                              : "the daemon restarted while the client was waiting",
+                          "", ""};
+        VOXELD_TRY(end_with_error(connection, id, error, live_version));
+      } else {
+        VOXELD_TRY(
+            connection.run("UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
+                           " version = $2 WHERE id = $1",
+                           id, live_version));
+      }
+      VOXELD_TRY(record_change(connection, id));
+    }
+    touched = static_cast<int64_t>(ids.size());
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return touched;
+}
+
+}  // namespace voxeld

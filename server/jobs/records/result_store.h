@@ -1,0 +1,44 @@
+// Stored results as their tenant lists and deletes them: results, grids and sequences. A result is
+// deleted as a whole: its bytes, its grid, its sequence with the grids of its frames. Equal jobs
+// share one; whichever of them it is deleted by, it is gone for all.
+//
+// A deleted row says `gone` and counts no more from the commit on. Its files go later, by the
+// store's sweep, so that the answer's time tells nothing of who else has the same bytes; those that
+// a live job works on go when it has ended.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/result.h"
+#include "server/jobs/database/database.h"
+#include "server/jobs/model/caller.h"
+#include "server/jobs/model/results.h"
+
+namespace voxeld {
+
+// Thread-safe; holds no state of its own.
+class ResultStore {
+ public:
+  using Ids = std::vector<std::string>;
+  explicit ResultStore(Database& database) : database_(database) {}
+
+  // Newest first, those below `before_seq` (0: all). Of several results with the same grid or
+  // sequence the newest is listed.
+  Result<std::vector<KeptResult>> list(const Caller& caller, KeptKind kind, int limit,
+                                       int64_t before_seq);
+  // Each returns the blobs that may go. Errors: not-found, gone; conflict for a job that has not
+  // ended, and for a grid that is no result but a frame.
+  Result<Ids> delete_of_job(const Caller& caller, std::string_view job);
+  Result<Ids> delete_grid(const Caller& caller, std::string_view id);
+  Result<Ids> delete_sequence(const Caller& caller, std::string_view id);
+  // The grids of a sequence that is not kept any more: live jobs may have kept them back.
+  Result<Ids> leftover_frames(std::string_view sequence);
+
+ private:
+  Database& database_;
+};
+
+}  // namespace voxeld

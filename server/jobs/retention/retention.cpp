@@ -1,0 +1,335 @@
+#include "server/jobs/retention/retention.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "server/base/clock.h"
+#include "server/jobs/records/blob_needs.h"
+#include "server/jobs/records/expiry.h"
+
+namespace voxeld {
+namespace {
+
+// A batch takes some milliseconds; other writers come in between.
+constexpr int64_t kBatch = 64;
+// Uses that are remembered between two flushes; more are forgotten, which makes a result a little
+// older than it is.
+constexpr size_t kTouchedMax = 50'000;
+
+using Ids = std::vector<std::string>;
+
+// No live job works on any part of them.
+// `column`: used_ms, or aged_ms, which is 0 as long as it is not known.
+Result<std::vector<ExpiringResult>> old_results(SqlConnection& connection, std::string_view column,
+                                                int64_t before_ms, int64_t count_max) {
+  const std::string by(column);
+  VOXELD_ASSIGN(
+      SqlStatement rows,
+      connection.query(
+          "SELECT seq, job_id FROM results r WHERE expired_ms = 0 AND " + by + " <> 0 AND " + by +
+              " < $1"
+              " AND NOT EXISTS (SELECT 1 FROM jobs n WHERE n.state IN ('queued',"
+              " 'running') AND ((n.grid <> '' AND n.grid IN (r.grid, r.blob))"
+              " OR (n.sequence <> '' AND n.sequence = r.sequence)"
+              " OR (n.grid <> '' AND r.sequence <> '' AND EXISTS (SELECT 1 FROM frames f"
+              " WHERE f.job_id = r.job_id AND f.grid = n.grid))))"
+              " ORDER BY " +
+              by + ", seq LIMIT $2",
+          before_ms, std::min(count_max, kBatch)));
+  std::vector<ExpiringResult> results;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return results;
+    results.push_back({rows.int64(0), rows.text(1)});
+  }
+}
+
+Status trim_job(SqlConnection& connection, std::string_view id, Ids& ids) {
+  VOXELD_TRY(connection.run("DELETE FROM job_events WHERE job_id = $1", id));
+  VOXELD_TRY(connection.run("DELETE FROM idempotency_keys WHERE job_id = $1", id));
+  int64_t result = 0;
+  {
+    VOXELD_ASSIGN(SqlStatement row,
+                  connection.query("SELECT result_seq FROM jobs WHERE id = $1", id));
+    VOXELD_TRY(row.step());
+    result = row.int64(0);
+  }
+  VOXELD_TRY(connection.run("DELETE FROM jobs WHERE id = $1", id));
+  VOXELD_TRY(
+      connection.run("DELETE FROM results WHERE seq = $1 AND expired_ms <> 0"
+                     " AND NOT EXISTS (SELECT 1 FROM jobs WHERE result_seq = $1)",
+                     result));
+  VOXELD_ASSIGN(SqlStatement kept, connection.query("SELECT 1 FROM results WHERE job_id = $1"
+                                                    " AND expired_ms = 0 LIMIT 1",
+                                                    id));
+  VOXELD_ASSIGN(const bool is_kept, kept.step());
+  if (is_kept) return {};
+  VOXELD_TRY(expire_frames_of(connection, id, Expiry::kAged, ids));
+  return connection.run("DELETE FROM frames WHERE job_id = $1", id);
+}
+
+Status forget_assets(SqlConnection& connection, int64_t aged_before_ms) {
+  constexpr std::string_view kOld =
+      " (SELECT id, tenant FROM assets WHERE bytes < 0 AND aged_ms <> 0 AND aged_ms < $1"
+      " ORDER BY aged_ms LIMIT $2)";
+  VOXELD_TRY(
+      connection.run("DELETE FROM bundle_files WHERE (bundle, tenant) IN" + std::string(kOld),
+                     aged_before_ms, kBatch));
+  return connection.run("DELETE FROM assets WHERE (id, tenant) IN" + std::string(kOld),
+                        aged_before_ms, kBatch);
+}
+
+// Whether the database knows a blob that nothing needs: it was deleted, or it expired.
+Result<bool> has_ended(SqlConnection& connection, std::string_view id) {
+  VOXELD_ASSIGN(SqlStatement answer,
+                connection.query("SELECT EXISTS (SELECT 1 FROM assets WHERE id = $1)"
+                                 " OR EXISTS (SELECT 1 FROM results WHERE blob = $1)"
+                                 " OR EXISTS (SELECT 1 FROM results WHERE grid = $1 AND grid <> '')"
+                                 " OR EXISTS (SELECT 1 FROM results WHERE sequence = $1"
+                                 "            AND sequence <> '')"
+                                 " OR EXISTS (SELECT 1 FROM frames WHERE grid = $1)",
+                                 id));
+  VOXELD_TRY(answer.step());
+  return answer.int64(0) != 0;
+}
+
+}  // namespace
+
+void Retention::touch(const std::string& blob) {
+  const MutexLock lock(mutex_);
+  if (used_ms_.size() < kTouchedMax) used_ms_[blob] = unix_time_ms();
+}
+
+Status Retention::flush() {
+  std::vector<std::pair<std::string, int64_t>> used;
+  {
+    const MutexLock lock(mutex_);
+    for (auto it = used_ms_.begin(); it != used_ms_.end() && used.size() < size_t{4} * kBatch;) {
+      used.emplace_back(*it);
+      it = used_ms_.erase(it);
+    }
+  }
+  if (used.empty()) return {};
+  return database_.write([&](SqlConnection& connection) -> Status {
+    for (const auto& [id, at_ms] : used) {
+      for (const char* column : {"blob", "grid", "sequence"}) {
+        VOXELD_TRY(connection.run(
+            "UPDATE results SET used_ms = $2 WHERE " + std::string(column) +
+                " = $1 AND expired_ms = 0 AND used_ms < $2" +
+                (column == std::string_view("blob") ? std::string()
+                                                    : " AND " + std::string(column) + " <> ''"),
+            id, at_ms));
+      }
+      VOXELD_TRY(connection.run(
+          "UPDATE results SET used_ms = $2 WHERE expired_ms = 0 AND used_ms < $2 AND job_id IN"
+          " (SELECT job_id FROM frames WHERE grid = $1)",
+          id, at_ms));
+    }
+    return {};
+  });
+}
+
+Result<int64_t> Retention::remove(const Ids& ids, std::string_view quarantine_day) {
+  int64_t removed = 0;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, blobs_, ids, quarantine_day));
+    removed = static_cast<int64_t>(gone.size());
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return removed;
+}
+
+// Each file once; what others need too is counted all the same.
+int64_t Retention::bytes_of(const Ids& ids) {
+  const std::set<std::string> different(ids.begin(), ids.end());
+  int64_t bytes = 0;
+  for (const std::string& id : different) {
+    if (const auto blob = blobs_.stat(id)) bytes += blob->bytes;
+  }
+  return bytes;
+}
+
+Status Retention::note_ages(int64_t kept_now_ms) {
+  constexpr std::string_view kUnknown[] = {"results WHERE aged_ms = 0 AND expired_ms = 0",
+                                           "assets WHERE aged_ms = 0",
+                                           "jobs WHERE aged_ms = 0 AND ended_ms <> 0"};
+  bool some = false;
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    for (const std::string_view rows : kUnknown) {
+      VOXELD_ASSIGN(SqlStatement row,
+                    reader->query("SELECT 1 FROM " + std::string(rows) + " LIMIT 1"));
+      VOXELD_ASSIGN(const bool found, row.step());
+      some |= found;
+    }
+  }
+  if (!some) return {};
+  // Nothing expires by age whose age is not known.
+  return database_.write_freeing([&](SqlConnection& connection) -> Status {
+    for (const std::string_view rows : kUnknown) {
+      const size_t name = rows.find(' ');
+      VOXELD_TRY(connection.run("UPDATE " + std::string(rows.substr(0, name)) +
+                                    " SET aged_ms = $1" + std::string(rows.substr(name)),
+                                kept_now_ms));
+    }
+    return {};
+  });
+}
+
+Result<int64_t> Retention::count(Aged what) {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(
+      SqlStatement row,
+      reader->query(what == Aged::kResults  ? "SELECT COUNT(*) FROM results WHERE expired_ms = 0"
+                    : what == Aged::kAssets ? "SELECT COUNT(*) FROM assets WHERE deleted_ms = 0"
+                                            : "SELECT COUNT(*) FROM jobs WHERE ended_ms <> 0"));
+  VOXELD_TRY(row.step());
+  return row.int64(0);
+}
+
+Result<int64_t> Retention::expire_results(int64_t used_before_ms, int64_t bytes_wanted) {
+  return expire_results_by("used_ms", used_before_ms, kBatch, bytes_wanted);
+}
+
+Result<int64_t> Retention::expire_aged_results(int64_t aged_before_ms, int64_t count_max) {
+  return expire_results_by("aged_ms", aged_before_ms, count_max, kAllBytes);
+}
+
+Result<int64_t> Retention::expire_results_by(std::string_view column, int64_t before_ms,
+                                             int64_t count_max, int64_t bytes_wanted) {
+  Ids ids;
+  int64_t expired = 0;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_ASSIGN(const auto results, old_results(connection, column, before_ms, count_max));
+    for (const ExpiringResult& result : results) {
+      VOXELD_TRY(expire_result(connection, result, Expiry::kAged, ids));
+      ++expired;
+      if (bytes_wanted != kAllBytes && bytes_of(ids) >= bytes_wanted) break;
+    }
+    return {};
+  });
+  VOXELD_TRY(committed);
+  VOXELD_TRY(remove(ids));
+  return expired;
+}
+
+Result<int64_t> Retention::expire_frames(int64_t aged_before_ms) {
+  constexpr std::string_view kOld =
+      "SELECT DISTINCT f.job_id FROM frames f JOIN jobs j ON j.id = f.job_id"
+      " WHERE f.expired_ms = 0 AND j.state IN ('failed', 'cancelled') AND j.aged_ms <> 0"
+      " AND j.aged_ms < $1"
+      " LIMIT $2";
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    VOXELD_ASSIGN(SqlStatement rows, reader->query(kOld, aged_before_ms, kBatch));
+    VOXELD_ASSIGN(const bool some, rows.step());
+    if (!some) return int64_t{0};
+  }
+  Ids ids, jobs;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    {
+      VOXELD_ASSIGN(SqlStatement rows, connection.query(kOld, aged_before_ms, kBatch));
+      VOXELD_TRY(collect_ids(std::move(rows), jobs));
+    }
+    for (const std::string& job : jobs) {
+      VOXELD_TRY(expire_frames_of(connection, job, Expiry::kAged, ids));
+    }
+    return {};
+  });
+  VOXELD_TRY(committed);
+  VOXELD_TRY(remove(ids));
+  return static_cast<int64_t>(jobs.size());
+}
+
+Result<int64_t> Retention::expire_assets(int64_t aged_before_ms, int64_t count_max) {
+  int64_t expired = 0;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    VOXELD_TRY(
+        connection.run("UPDATE assets SET deleted_ms = $2 WHERE (id, tenant) IN"
+                       " (SELECT id, tenant FROM assets WHERE deleted_ms = 0"
+                       "  AND aged_ms <> 0 AND aged_ms < $1 ORDER BY aged_ms LIMIT $3)",
+                       aged_before_ms, unix_time_ms(), std::min(count_max, kBatch)));
+    expired = connection.changes();
+    return {};
+  });
+  VOXELD_TRY(committed);
+  return expired;
+}
+
+Result<int64_t> Retention::trim_jobs(int64_t aged_before_ms, int64_t count_max) {
+  Ids ids, jobs;
+  Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
+    {
+      VOXELD_ASSIGN(SqlStatement rows,
+                    connection.query("SELECT id FROM jobs WHERE aged_ms <> 0 AND aged_ms < $1"
+                                     " AND ended_ms <> 0 ORDER BY aged_ms LIMIT $2",
+                                     aged_before_ms, std::min(count_max, kBatch)));
+      VOXELD_TRY(collect_ids(std::move(rows), jobs));
+    }
+    for (const std::string& job : jobs) VOXELD_TRY(trim_job(connection, job, ids));
+    return forget_assets(connection, aged_before_ms);
+  });
+  VOXELD_TRY(committed);
+  VOXELD_TRY(remove(ids));
+  return static_cast<int64_t>(jobs.size());
+}
+
+Result<int64_t> Retention::remove_suspects() {
+  const std::set<std::string> suspects = blobs_.take_suspects();
+  if (suspects.empty()) return int64_t{0};
+  return remove_unnamed({suspects.begin(), suspects.end()}, {});
+}
+
+Result<int64_t> Retention::quarantine_orphans(std::string_view day) {
+  VOXELD_ASSIGN(const Ids stored, blobs_.list());
+  Ids unknown, ended;
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    for (const std::string& id : stored) {
+      VOXELD_ASSIGN(const bool known, has_ended(*reader, id));
+      (known ? ended : unknown).push_back(id);
+    }
+  }
+  VOXELD_TRY(remove_unnamed(ended, {}));
+  return remove_unnamed(unknown, day);
+}
+
+Result<int64_t> Retention::restore_quarantined() {
+  VOXELD_ASSIGN(const auto quarantined, Quarantine(blobs_.root()).list());
+  if (quarantined.empty()) return int64_t{0};
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  int64_t restored = 0;
+  for (const QuarantinedBlob& blob : quarantined) {
+    VOXELD_ASSIGN(const bool needed, is_needed(*reader, blob.id));
+    if (!needed) continue;
+    VOXELD_TRY(blobs_.restore(blob));
+    ++restored;
+  }
+  return restored;
+}
+
+// Most are needed, which is found without the writer.
+Result<int64_t> Retention::remove_unnamed(const Ids& ids, std::string_view quarantine_day) {
+  Ids orphans;
+  {
+    VOXELD_ASSIGN(Database::Lease reader, database_.read());
+    for (const std::string& id : ids) {
+      VOXELD_ASSIGN(const bool needed, is_needed(*reader, id));
+      if (!needed) orphans.push_back(id);
+    }
+  }
+  int64_t removed = 0;
+  for (size_t first = 0; first < orphans.size(); first += kBatch) {
+    const size_t last = std::min(orphans.size(), first + kBatch);
+    const auto begin = orphans.begin() + static_cast<std::ptrdiff_t>(first);
+    VOXELD_ASSIGN(
+        const int64_t gone,
+        remove(Ids(begin, orphans.begin() + static_cast<std::ptrdiff_t>(last)), quarantine_day));
+    removed += gone;
+  }
+  return removed;
+}
+
+}  // namespace voxeld

@@ -1,0 +1,79 @@
+// Expiry of stored data: results and frames that were not used for long, assets if configured, rows
+// of jobs that ended, and blobs that no row names.
+//
+// A result expires as a whole: its blob, its grid, its sequence and the frames of its job. First
+// its rows say so and that is committed, then the files go; what a crash leaves in between is found
+// by quarantine_orphans().
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "proto/result.h"
+#include "server/base/thread_annotations.h"
+#include "server/jobs/database/database.h"
+#include "server/store/blob_store.h"
+
+namespace voxeld {
+
+// Thread-safe. Every call that changes rows does a batch, so that it holds the writer for some
+// milliseconds, and returns how many it did; 0: there are no more.
+class Retention {
+ public:
+  static constexpr int64_t kAllBytes = std::numeric_limits<int64_t>::max();
+  Retention(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
+
+  // Somebody was given this blob. Kept in memory until flush().
+  void touch(const std::string& blob) EXCLUDES(mutex_);
+  Status flush() EXCLUDES(mutex_);
+
+  // Results that were used last before `used_before_ms` of the wall clock, the oldest first. Those
+  // that live jobs work on stay. Ends early where that frees `bytes_wanted`.
+  Result<int64_t> expire_results(int64_t used_before_ms, int64_t bytes_wanted = kAllBytes);
+
+  // Notes the age of what was used, ended or deleted since the last call. All other times of ages
+  // are those of this clock (KeptClock), never the wall clock's.
+  Status note_ages(int64_t kept_now_ms);
+  // How many results or assets there are, or jobs that ended: what an age limit may take a part of.
+  enum class Aged { kResults, kAssets, kJobs };
+  Result<int64_t> count(Aged what);
+  // As expire_results(), by age, at most `count_max`.
+  Result<int64_t> expire_aged_results(int64_t aged_before_ms, int64_t count_max);
+  // Frames of jobs that failed or were cancelled before that.
+  Result<int64_t> expire_frames(int64_t aged_before_ms);
+  // As if their tenants had deleted them.
+  Result<int64_t> expire_assets(int64_t aged_before_ms, int64_t count_max);
+  // Rows of jobs that ended before that, with their events; and what remembers deleted assets.
+  // Results that have not expired stay: equal jobs are answered by them.
+  Result<int64_t> trim_jobs(int64_t aged_before_ms, int64_t count_max);
+
+  // The suspects of the store that no row names: of failed uploads, and blobs that were being
+  // uploaded, or worked on, when they were deleted.
+  Result<int64_t> remove_suspects();
+  // Moves blobs that the database does not know, among all of them, to the quarantine of the day:
+  // what a process that was killed left, and what a restored database lacks. Those that it knows as
+  // deleted or expired go. Reads much.
+  Result<int64_t> quarantine_orphans(std::string_view day);
+  // Moves those back that a row names by now: the right database is back, or the same bytes were
+  // uploaded again.
+  Result<int64_t> restore_quarantined();
+
+ private:
+  Result<int64_t> expire_results_by(std::string_view column, int64_t before_ms, int64_t count_max,
+                                    int64_t bytes_wanted);
+  // `quarantine_day`: as of remove_blobs().
+  Result<int64_t> remove(const std::vector<std::string>& ids, std::string_view quarantine_day = {});
+  Result<int64_t> remove_unnamed(const std::vector<std::string>& ids,
+                                 std::string_view quarantine_day);
+  int64_t bytes_of(const std::vector<std::string>& ids);
+  Database& database_;
+  const BlobStore& blobs_;
+  Mutex mutex_;
+  std::unordered_map<std::string, int64_t> used_ms_ GUARDED_BY(mutex_);
+};
+
+}  // namespace voxeld

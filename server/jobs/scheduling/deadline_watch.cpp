@@ -1,0 +1,70 @@
+#include "server/jobs/scheduling/deadline_watch.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "server/base/clock.h"
+#include "server/base/log.h"
+#include "server/jobs/model/job_record.h"
+
+namespace voxeld {
+namespace {
+
+// The longest sleep: a clock that was set, and jobs that were put back, are noticed after it.
+constexpr std::chrono::milliseconds kSleepMax{1000};
+
+}  // namespace
+
+DeadlineWatch::DeadlineWatch(JobStore& jobs, std::function<void(const JobRecord&)> ended)
+    : jobs_(jobs), ended_(std::move(ended)) {
+  thread_ = std::thread([this] { run(); });
+}
+
+DeadlineWatch::~DeadlineWatch() {
+  stop();
+}
+
+void DeadlineWatch::stop() {
+  {
+    MutexLock lock(mutex_);
+    ending_ = true;
+    changed_.notify_all();
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+void DeadlineWatch::look() {
+  MutexLock lock(mutex_);
+  looks_ = true;
+  changed_.notify_all();
+}
+
+void DeadlineWatch::run() {
+  std::chrono::milliseconds sleep{0};
+  while (true) {
+    {
+      const auto until = std::chrono::steady_clock::now() + sleep;
+      MutexLock lock(mutex_);
+      while (!ending_ && !looks_) {
+        if (changed_.wait_until(lock, until) == std::cv_status::timeout) break;
+      }
+      if (ending_) return;
+      looks_ = false;
+    }
+    const int64_t now = unix_time_ms();
+    const auto expired = jobs_.expire(now);
+    sleep = kSleepMax;
+    if (!expired) {
+      log::error("cannot look for deadlines", {{"error", expired.error().message()}});
+      continue;
+    }
+    for (const JobRecord& record : expired->ended) ended_(record);
+    if (expired->next_ms != 0) {
+      sleep = std::clamp(std::chrono::milliseconds(expired->next_ms - now),
+                         std::chrono::milliseconds(1), kSleepMax);
+    }
+  }
+}
+
+}  // namespace voxeld

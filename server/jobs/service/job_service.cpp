@@ -1,0 +1,295 @@
+#include "server/jobs/service/job_service.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <memory>
+#include <utility>
+
+#include "proto/job_text.h"
+#include "server/base/clock.h"
+#include "server/base/log.h"
+#include "server/jobs/events/job_log.h"
+#include "server/jobs/records/blob_needs.h"
+#include "server/jobs/service/service.h"
+
+namespace voxeld {
+
+void Service::overlay(JobStatus& status) {
+  board_.overlay(status);
+  forecast_.fill(status);
+  if (status.state == JobState::kQueued) status.waiting_for = "a worker";
+  if (status.state != JobState::kRunning) return;
+  status.waiting_for = turns_.waiting_for(status.id);
+  status.device_ms += static_cast<double>(turns_.device_us(status.id)) / 1000.0;
+}
+
+void Service::job_changed(const JobRecord& record) {
+  const JobStatus& status = record.status;
+  forecast_.changed(record, 0);
+  log_job_change(record);
+  if (status.ended()) {
+    parts_.remove(status.id);
+    metrics_.ended(status, record.tenant, record.worker);
+    board_.changed(status.id, status.version, false);
+    // If they were deleted meanwhile, they stayed for the job.
+    for (const std::string& input : {status.grid, status.sequence}) {
+      if (!input.empty()) blobs_.suspect(input);
+    }
+    if (!status.sequence.empty()) {
+      const Status left = let_go(results_.leftover_frames(status.sequence));
+      if (!left) log::warn("frames may stay behind", {{"error", left.error().message()}});
+    }
+    sweep_.look_at_deleted();
+  } else if (status.state == JobState::kRunning) {
+    metrics_.claimed(status);
+  } else if (record.was_parked) {
+    metrics_.parked(status, record.tenant);
+  } else {
+    metrics_.requeued(status);
+  }
+  update_gauges();
+}
+
+void Service::update_gauges() {
+  const auto live = jobs_.live();
+  if (live) metrics_.set_jobs(live->queued, live->running);
+}
+
+Status Service::let_go(const Result<ResultStore::Ids>& ids) {
+  if (!ids) return ids.error();
+  for (const std::string& id : *ids) blobs_.suspect(id);
+  return {};
+}
+
+int64_t Service::input_bytes(const std::string& tenant, const std::string& asset,
+                             const std::string& grid) {
+  const auto bytes_of = [this](const std::string& id) {
+    const auto blob = blobs_.stat(id);
+    return blob ? blob->bytes : int64_t{0};
+  };
+  if (asset.empty()) return bytes_of(grid);
+  int64_t bytes = bytes_of(asset);
+  if (const auto files = assets_.bundle_files(tenant, asset)) {
+    for (const BundleFile& file : *files) bytes += bytes_of(file.asset);
+  }
+  return bytes;
+}
+
+Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request) {
+  JobRequest filled = request;
+  VOXELD_ASSIGN(const bool cached, jobs_.has_result(caller, filled));
+  JobStatus priced = forecast_.price(caller.tenant(), filled,
+                                     input_bytes(caller.tenant(), filled.asset, filled.grid));
+  if (!cached) return priced;
+  priced.cached = true;
+  priced.queue_position = 0;
+  priced.estimate = JobEstimate{};
+  priced.expected_start_ms = priced.expected_end_ms = unix_time_ms();
+  return priced;
+}
+
+Result<int64_t> Service::upload_room(const Caller& caller, int64_t asked) {
+  const int64_t bytes_max = limits(caller).bytes;
+  if (bytes_max <= 0) return std::numeric_limits<int64_t>::max();
+  VOXELD_ASSIGN(const JobStore::UploadRoom room, jobs_.upload_room(caller.tenant(), asked));
+  const int64_t left = std::max<int64_t>(0, bytes_max - room.used);
+  if (asked == 0) return std::max(left, room.longest_blob);
+  if (asked > left && !room.can_be_there) return bytes_error(asked, room.used, bytes_max);
+  return std::max(left, asked);
+}
+
+Status Service::delete_asset(const Caller& caller, std::string_view id) {
+  VOXELD_TRY(assets_.mark_deleted(caller, id));
+  // Not on this thread: whether the bytes go too would be told by the time that it takes.
+  sweep_.look_at_deleted();
+  return {};
+}
+
+// A result that a job is answered from is read first, where that does not hold up all writers:
+// what is known to be damaged is not used again, but made anew.
+void Service::verify_reusable(const Caller& caller, const JobRequest& request) {
+  const auto ids = jobs_.reusable(caller, request);
+  if (!ids) return;  // submit() says why
+  for (const std::string& id : *ids) {
+    if (const auto blob = blobs_.verified(id); !blob) return;
+  }
+}
+
+QueueLimits Service::queue_limits(const Caller& caller) {
+  const TenantLimits own = limits(caller);
+  const bool is_shared = config_.is_queue_shared && config_.is_queue_shared();
+  return {config_.queued_jobs_max, own.queued_jobs, is_shared, own.bytes};
+}
+
+Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& request,
+                                  const SubmitOptions& options) {
+  if (draining_) {
+    return Error{ErrorCode::kShuttingDown, "the daemon is shutting down; try again", "", ""};
+  }
+  VOXELD_TRY(blobs_.disk().for_jobs());
+  verify_reusable(caller, request);
+  VOXELD_ASSIGN(JobStore::Submitted submitted,
+                jobs_.submit(caller, request, options, queue_limits(caller)));
+  JobRecord& record = submitted.record;
+  if (submitted.existed) {
+    overlay(record.status);
+    return record.status;
+  }
+  metrics_.submitted(record.status);
+  log::info("job submitted", {{"job", record.status.id},
+                              {"tenant", record.tenant},
+                              {"request", options.request_id},
+                              {"trace", options.trace_id},
+                              {"kind", job_kind_name(record.status.kind)}});
+  if (record.status.ended()) {
+    job_changed(record);
+  } else {
+    const JobStatus& status = record.status;
+    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
+    update_gauges();
+    if (record.status.deadline_at_ms != 0) deadlines_->look();
+    tasks_->notify_work();
+  }
+  overlay(record.status);
+  return record.status;
+}
+
+Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id, JobTexts::kBrief));
+  overlay(record.status);
+  return std::move(record.status);
+}
+
+Result<JobStatus> Service::get_whole(const Caller& caller, std::string_view id) {
+  whole_reads_.acquire();
+  const auto release = [](WholeReads* reads) { reads->release(); };
+  const std::unique_ptr<WholeReads, decltype(release)> held(&whole_reads_, release);
+  VOXELD_ASSIGN(JobRecord record, jobs_.get(caller, id));
+  overlay(record.status);
+  return std::move(record.status);
+}
+
+Status Service::list(const Caller& caller, const JobQuery& query,
+                     const std::function<bool(const JobStatus&)>& take) {
+  JobQuery brief = query;
+  brief.texts = JobTexts::kBrief;
+  return jobs_.list(caller, brief, [&](JobRecord&& record) -> Result<bool> {
+    overlay(record.status);
+    return take(record.status);
+  });
+}
+
+Result<std::vector<JobEvent>> Service::events(const Caller& caller, std::string_view id,
+                                              int64_t after_id) {
+  // The status first: a state change that comes after it is then in the list, and the older
+  // progress is left out. After a full batch there may be more changes.
+  VOXELD_ASSIGN(const JobStatus status, get(caller, id));
+  VOXELD_ASSIGN(std::vector<JobEvent> events, jobs_.events(caller, id, after_id));
+  const int64_t last = events.empty() ? after_id : events.back().id;
+  const bool is_all = std::ssize(events) < JobStore::kEventsReadMax;
+  if (is_all && status.state == JobState::kRunning && status.version > last) {
+    events.push_back({status.version, "progress", job_row_text(status)});
+  }
+  return events;
+}
+
+Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
+  VOXELD_ASSIGN(JobRecord before, jobs_.get(caller, id, JobTexts::kBrief));
+  if (before.status.ended()) return std::move(before.status);
+  VOXELD_ASSIGN(JobRecord record, jobs_.cancel(caller, id));
+  if (record.status.ended()) {
+    job_changed(record);
+  } else {
+    board_.request_cancel(record.status.id);
+    overlay(record.status);
+  }
+  return record.status;
+}
+
+Result<StoredBlob> Service::stored(std::string_view id, std::string_view what) {
+  VOXELD_ASSIGN(BlobInfo blob, named_blob(blobs_, id, what, "submit the job again"));
+  retention_.touch(blob.id);
+  return StoredBlob{std::move(blob.id), blob.bytes, blobs_.path_of(id)};
+}
+
+Result<StoredBlob> Service::result_of(const JobStatus& status) {
+  if (status.result) {
+    VOXELD_TRY(jobs_.check_result(status.id));
+    return stored(status.result->blob, "the result of the job " + status.id);
+  }
+  return Error{ErrorCode::kConflict, "the job " + status.id + " has no result", "done",
+               std::string(job_state_name(status.state))};
+}
+
+Result<StoredBlob> Service::get_grid(const Caller& caller, std::string_view id) {
+  VOXELD_TRY(jobs_.check_grid(caller, id));
+  return stored(id, "the grid " + std::string(id));
+}
+
+Result<JobFrames> Service::frames(const Caller& caller, std::string_view job,
+                                  const FrameRange& range) {
+  VOXELD_ASSIGN(const JobStatus status, get(caller, job));
+  JobFrames frames{status.id,
+                   status.result ? status.result->sequence : "",
+                   status.frames_done,
+                   status.frames_total,
+                   {}};
+  VOXELD_ASSIGN(frames.frames, frames_.of_job(job, range));
+  const bool is_asked = range.count > 0 && frames.frames.empty();
+  if (!is_asked || frames.sequence.empty()) return frames;
+  // Answered from another job's result.
+  VOXELD_ASSIGN(SequenceManifest manifest, frames_.read(caller, frames.sequence));
+  const auto count = std::ssize(manifest.frames);
+  for (int64_t i = range.first; i < std::min(count, range.first + range.count); ++i) {
+    frames.frames.push_back({i, std::move(manifest.frames[static_cast<size_t>(i)])});
+  }
+  return frames;
+}
+
+std::vector<WorkerState> Service::workers() {
+  std::vector<WorkerState> states = tasks_->workers();
+  for (const std::string& device : config_.devices) {
+    const bool known = std::any_of(states.begin(), states.end(), [&](const WorkerState& state) {
+      return state.device == device;
+    });
+    if (known) continue;
+    WorkerState state;
+    state.device = device;
+    states.push_back(std::move(state));
+  }
+  if (Supervisor* supervisor = supervising_) {
+    for (WorkerState& state : states) {
+      state.restarts = supervisor->restarts(state.device, state.slot);
+    }
+  }
+  const auto place = [this](const WorkerState& state) {
+    const auto& devices = config_.devices;
+    return std::pair(std::find(devices.begin(), devices.end(), state.device), state.slot);
+  };
+  std::stable_sort(states.begin(), states.end(),
+                   [&](const WorkerState& a, const WorkerState& b) { return place(a) < place(b); });
+  return states;
+}
+
+int64_t Service::queued_jobs() {
+  const auto live = jobs_.live();
+  return live ? live->queued : 0;
+}
+
+Status Service::ready() {
+  if (draining_) return Error{ErrorCode::kShuttingDown, "the daemon is shutting down", "", ""};
+  VOXELD_TRY(jobs_.live());
+  VOXELD_TRY(blobs_.begin(0));
+  VOXELD_TRY(blobs_.disk().for_data());
+  std::string reason;
+  for (const WorkerState& state : workers()) {
+    if (state.connected) return {};
+    if (!state.last_error.empty()) reason = state.device + ": " + state.last_error;
+  }
+  return Error{ErrorCode::kDeviceUnavailable,
+               reason.empty() ? "no worker is connected" : "no worker is connected: " + reason, "",
+               ""};
+}
+
+}  // namespace voxeld

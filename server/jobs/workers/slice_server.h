@@ -1,0 +1,24 @@
+// The gateway's side of a connection for turns on a device (proto/task_api.h).
+#pragma once
+
+#include <atomic>
+
+#include "proto/result.h"
+#include "proto/task_api.h"
+#include "server/base/frame_socket.h"
+#include "server/jobs/events/job_board.h"
+#include "server/jobs/scheduling/time_slices.h"
+
+namespace voxeld {
+
+struct TurnServerContext {
+  DeviceTurns& turns;
+  const JobBoard& board;  // knows of cancels
+  const std::atomic<bool>& stopping;
+};
+
+// Answers until the worker closes the connection or breaks the protocol; then what it had is given
+// back. Errors: gone, bad-request.
+Status serve_turns(FrameSocket& socket, const TurnsHello& worker, const TurnServerContext& context);
+
+}  // namespace voxeld

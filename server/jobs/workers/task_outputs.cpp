@@ -1,0 +1,114 @@
+// Adoption of the files that workers leave: they become blobs, and rows name them.
+#include <algorithm>
+#include <utility>
+
+#include "server/base/clock.h"
+#include "server/base/file.h"
+#include "server/base/log.h"
+#include "server/jobs/model/caller.h"
+#include "server/jobs/model/job_record.h"
+#include "server/jobs/model/tenant_limits.h"
+#include "server/jobs/workers/task_connection.h"
+#include "server/jobs/workers/task_server.h"
+
+namespace voxeld {
+
+namespace fs = std::filesystem;
+
+// The limits of the tenant that the job belongs to.
+TenantLimits TaskServer::limits_of(std::string_view task) {
+  if (!config_.limits_of) return {};
+  const auto record = context_.jobs.get(Caller::daemon(), task);
+  return record ? config_.limits_of(record->tenant) : TenantLimits{};
+}
+
+// `adopted` keeps them in the store until the database names them.
+Status TaskServer::adopt_outputs(const Connection& connection, const TaskCompletion& completion,
+                                 std::map<std::string, BlobInfo>& adopted, FinishedTask& finished) {
+  VOXELD_TRY(check_scratch(scratch_of(connection), config_.limits.scratch_bytes_max));
+  JobResult& result = finished.result;
+  result.meta_json = completion.meta_json;
+  result.warnings = completion.warnings;
+  for (const TaskOutput& output : completion.outputs) {
+    if (!adopted.contains(output.path)) {  // a native result is its own grid: one file, two roles
+      VOXELD_ASSIGN(const fs::path taken, connection.files.take(output.path));
+      VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(taken));
+    }
+    const BlobInfo& blob = adopted[output.path];
+    if (output.role == "grid") {
+      result.grid = blob.id;
+      finished.grid_bytes = blob.bytes;
+    }
+    if (output.role == "sequence") {
+      result.sequence = blob.id;
+      finished.sequence_bytes = blob.bytes;
+    }
+    if (output.role != "result") continue;
+    result.blob = blob.id;
+    result.bytes = blob.bytes;
+    result.media_type = output.media_type;
+    result.filename = output.filename;
+  }
+  return {};
+}
+
+// Stores what a worker made and ends the job: done, or failed when that cannot be stored.
+Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& connection,
+                                                           TaskCompletion completion) {
+  const LiveJob seen = live(completion.task);
+  const auto fail = [&](const Error& error) {
+    return context_.jobs.fail(completion.task, completion.fence, error, seen);
+  };
+  const Stopwatch watch;
+  std::map<std::string, BlobInfo> adopted;
+  FinishedTask finished;
+  finished.task = completion.task;
+  finished.fence = completion.fence;
+  finished.bytes_max = limits_of(completion.task).bytes;
+  if (const Status stored = adopt_outputs(connection, completion, adopted, finished); !stored) {
+    return fail(stored.error());
+  }
+  if (const std::string& sequence = finished.result.sequence; !sequence.empty()) {
+    const auto frames = context_.frames.check(completion.task, sequence);
+    if (!frames) return fail(frames.error());
+    finished.frames = *frames;
+  }
+  add_stage(completion.timings, "store", watch.ms());
+  finished.timings = std::move(completion.timings);
+  auto ended = context_.jobs.complete(finished, seen);
+  if (!ended) return fail(ended.error());
+  if (*ended && (*ended)->status.error) {  // more than its tenant may keep
+    std::vector<std::string> ids;
+    ids.reserve(adopted.size());
+    for (const auto& [path, blob] : adopted) ids.push_back(blob.id);
+    adopted.clear();  // lets go of them
+    if (const Status removed = context_.assets.remove_unnamed(ids); !removed) {
+      log::warn("cannot remove what a tenant may not keep", {{"error", removed.error().message()}});
+    }
+  }
+  return ended;
+}
+
+// Stores and lists a frame; nullopt when another worker owns the job by now.
+Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
+                                                        const TaskFrame& frame) {
+  VOXELD_TRY(check_scratch(scratch_of(connection), config_.limits.scratch_bytes_max));
+  VOXELD_ASSIGN(const fs::path taken, connection.files.take(frame.path));
+  VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken));
+  // The first frames of a job may come before its first progress.
+  const int64_t total = std::max(frame.frames_total, connection.progress.frames_total);
+  auto listed = context_.frames.add(frame, blob, total, limits_of(frame.task).bytes);
+  if (!listed) {
+    const std::string id = blob.id;
+    blob = {};  // lets go of it
+    VOXELD_TRY(context_.assets.remove_unnamed({id}));
+    return std::move(listed).error();
+  }
+  if (!*listed) return std::optional<BlobInfo>();
+  context_.board.frames_listed(frame.task, **listed);
+  context_.metrics.frame_done();
+  connection.since_progress.lap();
+  return std::optional(std::move(blob));
+}
+
+}  // namespace voxeld
