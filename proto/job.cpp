@@ -217,7 +217,7 @@ Result<JobStatus> parse_job_status(const Json& body) {
   fields.read("filename", status.filename);
   fields.read("version", status.version);
   fields.read("attempt", status.attempt);
-  fields.read("parked", status.parked);
+  fields.read("preempted", status.preempted);
   fields.read("tiles_done", status.tiles_done);
   fields.read("tiles_total", status.tiles_total);
   fields.read("frames_done", status.frames_done);

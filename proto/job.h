@@ -89,7 +89,7 @@ struct JobStatus {
   std::string options_json;                   // canonical
   int64_t version = 0;                        // grows with every change: ETag, long poll, event id
   int attempt = 0;                            // 1 while the first worker runs it
-  int parked = 0;                             // preemptions: how often it gave its worker to other
+  int preempted = 0;                          // preemptions: how often it gave its worker to other
                                               // tenants' jobs
   int64_t tiles_done = 0, tiles_total = 0;    // of a sequence: of the current frame
   int64_t frames_done = 0, frames_total = 0;  // 0, 0: not a sequence

@@ -59,7 +59,7 @@ std::string StatusWriter::text() {
       .member("sequence", status_.sequence)
       .member("version", status_.version)
       .member("attempt", status_.attempt)
-      .member("parked", status_.parked)
+      .member("preempted", status_.preempted)
       .member("tiles_done", status_.tiles_done)
       .member("tiles_total", status_.tiles_total)
       .member("frames_done", status_.frames_done)

@@ -1,5 +1,5 @@
-// The formats in which grids and sequences are written. One table names them for the option `format`,
-// the routes, the CLI and the check of a worker's outputs.
+// The formats in which grids and sequences are written. One table names them for the option
+// `format`, the routes, the CLI and the check of a worker's outputs.
 #pragma once
 
 #include <optional>

@@ -14,7 +14,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::array<std::string_view, 3> kTurnActions = {"turn_take", "turn_renew", "turn_give"};
+constexpr std::array<std::string_view, 3> kSliceActions = {"slice_take", "slice_renew",
+                                                           "slice_give"};
 
 Status check_type(const Json& message, std::string_view expected) {
   std::string type;
@@ -191,7 +192,7 @@ Json to_json_message(const TaskProgress& progress) {
           {"frames_total", progress.frames_total},
           {"device_bytes_total", progress.device_memory.bytes_total},
           {"device_bytes_free", progress.device_memory.bytes_free},
-          {"can_park", progress.can_park},
+          {"is_preemptible", progress.is_preemptible},
           {"preparation_ms", progress.preparation_ms}};
 }
 
@@ -209,7 +210,7 @@ Result<TaskProgress> parse_task_progress(const Json& message) {
   fields.read("frames_total", progress.frames_total);
   fields.read("device_bytes_total", progress.device_memory.bytes_total);
   fields.read("device_bytes_free", progress.device_memory.bytes_free);
-  fields.read("can_park", progress.can_park);
+  fields.read("is_preemptible", progress.is_preemptible);
   fields.read("preparation_ms", progress.preparation_ms);
   VOXELD_TRY(fields.finish());
   VOXELD_TRY(check_bounds(progress));
@@ -349,33 +350,33 @@ Result<TaskCompletion> parse_task_completion(const Json& message) {
   return completion;
 }
 
-Json to_json_message(const TaskPark& park) {
-  return {{"type", "park"},
-          {"task", park.task},
-          {"fence", park.fence},
-          {"tiles_done", park.tiles_done},
-          {"tiles_total", park.tiles_total},
-          {"timings", timings_json(park.timings)}};
+Json to_json_message(const TaskPreemption& preempt) {
+  return {{"type", "preempt"},
+          {"task", preempt.task},
+          {"fence", preempt.fence},
+          {"tiles_done", preempt.tiles_done},
+          {"tiles_total", preempt.tiles_total},
+          {"timings", timings_json(preempt.timings)}};
 }
 
-Result<TaskPark> parse_task_park(const Json& message) {
-  VOXELD_TRY(check_type(message, "park"));
-  TaskPark park;
-  JsonFields fields(message, "park");
+Result<TaskPreemption> parse_task_preempt(const Json& message) {
+  VOXELD_TRY(check_type(message, "preempt"));
+  TaskPreemption preempt;
+  JsonFields fields(message, "preempt");
   fields.require({"task", "fence", "tiles_done", "tiles_total", "timings"});
-  fields.read("task", park.task);
-  fields.read("fence", park.fence);
-  fields.read("tiles_done", park.tiles_done);
-  fields.read("tiles_total", park.tiles_total);
+  fields.read("task", preempt.task);
+  fields.read("fence", preempt.fence);
+  fields.read("tiles_done", preempt.tiles_done);
+  fields.read("tiles_total", preempt.tiles_total);
   const Json* timings = fields.member("timings");
-  if (park.tiles_done < 0 || park.tiles_done > park.tiles_total) {
-    fields.fail("tiles_done", "0 to " + std::to_string(park.tiles_total),
-                std::to_string(park.tiles_done));
+  if (preempt.tiles_done < 0 || preempt.tiles_done > preempt.tiles_total) {
+    fields.fail("tiles_done", "0 to " + std::to_string(preempt.tiles_total),
+                std::to_string(preempt.tiles_done));
   }
   VOXELD_TRY(fields.finish());
-  VOXELD_ASSIGN(park.timings, parse_timings(*timings));
-  VOXELD_TRY(check_bounds(park));
-  return park;
+  VOXELD_ASSIGN(preempt.timings, parse_timings(*timings));
+  VOXELD_TRY(check_bounds(preempt));
+  return preempt;
 }
 
 Json to_json_message(const TaskFailure& failure) {
@@ -399,17 +400,17 @@ Result<TaskFailure> parse_task_failure(const Json& message) {
   return failure;
 }
 
-Json to_json_message(const TurnsHello& hello) {
-  return {{"type", "turns"},
+Json to_json_message(const SlicesHello& hello) {
+  return {{"type", "slices"},
           {"protocol", hello.protocol},
           {"pid", hello.pid},
           {"device", hello.device}};
 }
 
-Result<TurnsHello> parse_turns_hello(const Json& message) {
-  VOXELD_TRY(check_type(message, "turns"));
-  TurnsHello hello;
-  JsonFields fields(message, "turns");
+Result<SlicesHello> parse_slices_hello(const Json& message) {
+  VOXELD_TRY(check_type(message, "slices"));
+  SlicesHello hello;
+  JsonFields fields(message, "slices");
   fields.require({"protocol", "pid", "device"});
   fields.read("protocol", hello.protocol);
   fields.read("pid", hello.pid);
@@ -419,45 +420,45 @@ Result<TurnsHello> parse_turns_hello(const Json& message) {
   return hello;
 }
 
-Json to_json_message(const TurnRequest& request) {
-  Json message = {{"type", kTurnActions[static_cast<size_t>(request.action)]},
+Json to_json_message(const SliceRequest& request) {
+  Json message = {{"type", kSliceActions[static_cast<size_t>(request.action)]},
                   {"task", request.task},
                   {"fence", request.fence}};
-  if (request.action == TurnAction::kTake) {
+  if (request.action == SliceAction::kTake) {
     message["host_bytes"] = request.host_bytes;
     message["device_bytes"] = request.device_bytes;
   }
   return message;
 }
 
-Result<TurnRequest> parse_turn_request(const Json& message) {
-  TurnRequest request;
+Result<SliceRequest> parse_slice_request(const Json& message) {
+  SliceRequest request;
   std::string type;
-  JsonFields fields(message, "turn");
+  JsonFields fields(message, "slice");
   fields.require({"type", "task", "fence"});
   fields.read("type", type);
   fields.read("task", request.task);
   fields.read("fence", request.fence);
   fields.read("host_bytes", request.host_bytes);
   fields.read("device_bytes", request.device_bytes);
-  const auto action = std::ranges::find(kTurnActions, type);
-  if (action == kTurnActions.end()) {
-    fields.fail("type", "turn_take, turn_renew or turn_give", type);
+  const auto action = std::ranges::find(kSliceActions, type);
+  if (action == kSliceActions.end()) {
+    fields.fail("type", "slice_take, slice_renew or slice_give", type);
   }
   VOXELD_TRY(fields.finish());
   VOXELD_TRY(check_bounds(request));
-  request.action = static_cast<TurnAction>(action - kTurnActions.begin());
+  request.action = static_cast<SliceAction>(action - kSliceActions.begin());
   return request;
 }
 
-Json to_json_message(const TurnReply& reply) {
+Json to_json_message(const SliceReply& reply) {
   Json message = {{"granted", reply.granted}, {"cancel", reply.cancel}, {"fenced", reply.fenced}};
   if (reply.error) message["error"] = error_json(*reply.error);
   return message;
 }
 
-Result<TurnReply> parse_turn_reply(const Json& message) {
-  TurnReply reply;
+Result<SliceReply> parse_slice_reply(const Json& message) {
+  SliceReply reply;
   JsonFields fields(message, "reply");
   fields.require({"granted", "cancel", "fenced"});
   fields.read("granted", reply.granted);

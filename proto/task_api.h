@@ -7,26 +7,27 @@
 //   prepare {}                       ->   {scratch_dir, input_dir, cache_dir}   (optional)
 //   hello {protocol, pid, device}    ->   {ok, scratch_dir}
 //   claim {}                         ->   {task: Task}            (blocks until there is one)
-//   progress {task, fence, …}        ->   {cancel: bool, fenced: bool, park: bool}
+//   progress {task, fence, …}        ->   {cancel: bool, fenced: bool, preempt: bool}
 //   frame {task, fence, frame…}      ->   {cancel, fenced, grid, path}
 //   part {task, fence, part…}        ->   {cancel, fenced}
 //   complete {task, fence, outputs…} ->   {ok} | {fenced}
-//   park {task, fence, …}            ->   {ok} | {fenced}
+//   preempt {task, fence, …}            ->   {ok} | {fenced}
 //   fail {task, fence, error}        ->   {ok} | {fenced}
 //
 // A device works for one task at a time. Each worker asks for time slices of it on a second
 // connection, so waiting for one does not block the messages above:
 //
-//   turns {protocol, pid, device}    ->   {ok}
-//   turn_take {task, fence, bytes…}  ->   TurnReply               (blocks until it is its turn)
-//   turn_renew {task, fence}         ->   TurnReply               (gives it back, takes the next)
-//   turn_give {task, fence}          ->   (no reply)
+//   time slices {protocol, pid, device}    ->   {ok}
+//   slice_take {task, fence, bytes…}  ->   SliceReply               (blocks until it is its turn)
+//   slice_renew {task, fence}         ->   SliceReply               (gives it back, takes the next)
+//   slice_give {task, fence}          ->   (no reply)
 //
 // The gateway measures how long a time slice was held: a worker that a hostile file has taken over
 // cannot report less. A connection that ends gives its time slice back.
 //
 // A preempted worker hands over its finished parts or frames (part, frame) at the next tile or
-// frame and gives the task back with `park`. The task is queued again and goes on from there later.
+// frame and gives the task back with `preempt`. The task is queued again and goes on from there
+// later.
 //
 // A worker that receives `fenced` drops the task: another worker owns it. A connection that ends
 // means that the worker died, and its task is queued again at once.
@@ -127,14 +128,14 @@ struct TaskProgress {
   int64_t frames_done = 0, frames_total = 0;
   DeviceMemory device_memory;
   // The task has advanced beyond its starting point and would lose next to nothing if preempted.
-  bool can_park = false;
+  bool is_preemptible = false;
   // Time of the preparation, which another worker would have to repeat; 0 before it is known.
   int64_t preparation_ms = 0;
 };
 struct TaskProgressReply {
   bool cancel = false;
   bool fenced = false;
-  bool park = false;  // preempt: another tenant needs the worker more
+  bool preempt = false;  // preempt: another tenant needs the worker more
 };
 
 // A finished frame. The gateway moves its container into the store at once: it can be fetched while
@@ -178,7 +179,7 @@ struct TaskCompletion {
   std::vector<Warning> warnings;
 };
 // The task was preempted and the gateway has all its work. Sent only on request.
-struct TaskPark {
+struct TaskPreemption {
   std::string task;
   int64_t fence = 0;
   int64_t tiles_done = 0, tiles_total = 0;  // 0, 0 for a sequence: its frames are listed
@@ -191,21 +192,21 @@ struct TaskFailure {
 };
 
 // The first message of a connection for time slices.
-struct TurnsHello {
+struct SlicesHello {
   int protocol = kTaskProtocolVersion;
   int64_t pid = 0;
   std::string device;
 };
-enum class TurnAction { kTake, kRenew, kGive };
-struct TurnRequest {
-  TurnAction action = TurnAction::kTake;
+enum class SliceAction { kTake, kRenew, kGive };
+struct SliceRequest {
+  SliceAction action = SliceAction::kTake;
   std::string task;
   int64_t fence = 0;
   // Upper estimates of the memory that the task needs until its end, including what its process has
   // already. Sent with kTake; only those of a task's first time slice count.
   int64_t host_bytes = 0, device_bytes = 0;
 };
-struct TurnReply {
+struct SliceReply {
   bool granted = false;
   bool cancel = false;         // nobody wants the task's result any more
   bool fenced = false;         // another worker owns the task
@@ -224,14 +225,14 @@ nlohmann::json to_json_message(const TaskFrame& frame);
 nlohmann::json to_json_message(const TaskFrameReply& reply);
 nlohmann::json to_json_message(const TaskPart& part);
 nlohmann::json to_json_message(const TaskCompletion& completion);
-nlohmann::json to_json_message(const TaskPark& park);
+nlohmann::json to_json_message(const TaskPreemption& preempt);
 nlohmann::json to_json_message(const TaskFailure& failure);
-nlohmann::json to_json_message(const TurnsHello& hello);
-nlohmann::json to_json_message(const TurnRequest& request);
-nlohmann::json to_json_message(const TurnReply& reply);
-Result<TurnsHello> parse_turns_hello(const nlohmann::json& message);
-Result<TurnRequest> parse_turn_request(const nlohmann::json& message);
-Result<TurnReply> parse_turn_reply(const nlohmann::json& message);
+nlohmann::json to_json_message(const SlicesHello& hello);
+nlohmann::json to_json_message(const SliceRequest& request);
+nlohmann::json to_json_message(const SliceReply& reply);
+Result<SlicesHello> parse_slices_hello(const nlohmann::json& message);
+Result<SliceRequest> parse_slice_request(const nlohmann::json& message);
+Result<SliceReply> parse_slice_reply(const nlohmann::json& message);
 Result<WorkerHello> parse_worker_hello(const nlohmann::json& message);
 Result<WorkerFolders> parse_worker_folders(const nlohmann::json& message);
 Result<Task> parse_task(const nlohmann::json& message);
@@ -240,7 +241,7 @@ Result<TaskFrame> parse_task_frame(const nlohmann::json& message);
 Result<TaskFrameReply> parse_task_frame_reply(const nlohmann::json& message);
 Result<TaskPart> parse_task_part(const nlohmann::json& message);
 Result<TaskCompletion> parse_task_completion(const nlohmann::json& message);
-Result<TaskPark> parse_task_park(const nlohmann::json& message);
+Result<TaskPreemption> parse_task_preempt(const nlohmann::json& message);
 Result<TaskFailure> parse_task_failure(const nlohmann::json& message);
 
 }  // namespace voxeld

@@ -197,9 +197,9 @@ Status check_bounds(const TaskCompletion& completion) {
                        .members_max = limits::kMetaMembersMax});
 }
 
-Status check_bounds(const TaskPark& park) {
-  VOXELD_TRY(check_range("park.tiles_total", park.tiles_total, limits::kTilesMax));
-  return check_timings(park.timings);
+Status check_bounds(const TaskPreemption& preempt) {
+  VOXELD_TRY(check_range("preempt.tiles_total", preempt.tiles_total, limits::kTilesMax));
+  return check_timings(preempt.timings);
 }
 
 Status check_bounds(const TaskFailure& failure) {
@@ -209,13 +209,13 @@ Status check_bounds(const TaskFailure& failure) {
   return check_length("fail.error.got", failure.error.got, limits::kTaskErrorBytesMax);
 }
 
-Status check_bounds(const TurnsHello& hello) {
-  return check_name("turns.device", hello.device);
+Status check_bounds(const SlicesHello& hello) {
+  return check_name("slices.device", hello.device);
 }
 
-Status check_bounds(const TurnRequest& request) {
-  VOXELD_TRY(check_range("turn.host_bytes", request.host_bytes, limits::kMemoryBytesMax));
-  return check_range("turn.device_bytes", request.device_bytes, limits::kMemoryBytesMax);
+Status check_bounds(const SliceRequest& request) {
+  VOXELD_TRY(check_range("slice.host_bytes", request.host_bytes, limits::kMemoryBytesMax));
+  return check_range("slice.device_bytes", request.device_bytes, limits::kMemoryBytesMax);
 }
 
 }  // namespace voxeld

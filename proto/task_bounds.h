@@ -58,9 +58,9 @@ Status check_bounds(const TaskProgress& progress);
 Status check_bounds(const TaskFrame& frame);
 Status check_bounds(const TaskPart& part);
 Status check_bounds(const TaskCompletion& completion);
-Status check_bounds(const TaskPark& park);
+Status check_bounds(const TaskPreemption& preempt);
 Status check_bounds(const TaskFailure& failure);
-Status check_bounds(const TurnsHello& hello);
-Status check_bounds(const TurnRequest& request);
+Status check_bounds(const SlicesHello& hello);
+Status check_bounds(const SliceRequest& request);
 
 }  // namespace voxeld

@@ -12,7 +12,6 @@
 #include "server/base/clock.h"
 #include "server/jobs/auth/key_file.h"
 #include "server/jobs/auth/url_secret.h"
-#include "server/jobs/records/job_rows.h"
 
 namespace voxeld {
 namespace {

@@ -65,10 +65,10 @@ std::string job_cells(const QueuedJob& one) {
 }
 
 // The progress of a queued job that was preempted; empty for a job that has not started.
-std::string parked_text(const JobInfo& job) {
+std::string preempted_text(const JobInfo& job) {
   const auto [done, total] = counts_of(job);
   if (done == 0 || total == 0) return "";
-  return " parked at " + std::to_string(done) + "/" + std::to_string(total);
+  return " preempted at " + std::to_string(done) + "/" + std::to_string(total);
 }
 
 std::string queue_line(const QueuedJob& one, int64_t now_ms) {
@@ -76,7 +76,7 @@ std::string queue_line(const QueuedJob& one, int64_t now_ms) {
   std::snprintf(position, sizeof position, "%5lld ",
                 static_cast<long long>(one.job.queue_position));
   return position + job_cells(one) + " " + cell(one.job.state, 8) + " " +
-         duration_text(now_ms - one.created_ms) + parked_text(one.job);
+         duration_text(now_ms - one.created_ms) + preempted_text(one.job);
 }
 
 }  // namespace

@@ -3,7 +3,6 @@
 #include "proto/number_text.h"
 #include "proto/percent_encoding.h"
 #include "server/base/clock.h"
-#include "server/jobs/records/job_rows.h"
 
 namespace voxeld::api {
 namespace {

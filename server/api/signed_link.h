@@ -2,11 +2,11 @@
 //
 //   /v1/grids/sha256-…/render.png?width=300&expires=1763778000&key=k3v7qz2m&signature=<64 hex>
 //
-// The signature is HMAC-SHA256, by a secret of the daemon (jobs/auth/url_secret.h), over these lines,
-// each ended by a line feed, which none of them can contain: "voxeld link 1", "GET", expires (Unix
-// seconds), key, path, then name and value of each other parameter in their order, decoded. `key`
-// is the id of the API key in whose name it was made, empty on a daemon without keys: the link sees
-// what that key sees, and ends with it.
+// The signature is HMAC-SHA256, by a secret of the daemon (jobs/auth/url_secret.h), over these
+// lines, each ended by a line feed, which none of them can contain: "voxeld link 1", "GET", expires
+// (Unix seconds), key, path, then name and value of each other parameter in their order, decoded.
+// `key` is the id of the API key in whose name it was made, empty on a daemon without keys: the
+// link sees what that key sees, and ends with it.
 #pragma once
 
 #include <cstdint>

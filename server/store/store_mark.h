@@ -1,6 +1,6 @@
 // DIR/blobs/mark: which store the blobs belong to, and how far its database has come. The database
-// holds the same id and a generation that is at least as high (server/jobs/retention/store_identity.h), or
-// it is not the one that names these blobs.
+// holds the same id and a generation that is at least as high
+// (server/jobs/retention/store_identity.h), or it is not the one that names these blobs.
 //
 //   voxeld store 1
 //   id 9f86d081884c7d659a2feaa0c55ad015
@@ -27,7 +27,8 @@ namespace voxeld {
 struct StoreMark {
   std::string id;          // 32 lower-case hex digits
   int64_t generation = 0;  // commits of the database that changed rows
-  // The clock of retention (server/jobs/retention/kept_clock.h), and the wall clock at that moment; 0: new.
+  // The clock of retention (server/jobs/retention/kept_clock.h), and the wall clock at that moment;
+  // 0: new.
   int64_t kept_ms = 0, wall_ms = 0;
   bool operator==(const StoreMark&) const = default;
 };

@@ -143,7 +143,7 @@ void expect_bytes(TaskRun& run, int64_t more, int64_t device_bytes) {
   const int64_t now = resident_bytes();
   add_meta(run, {{"host_bytes_estimate", std::max(peak_resident_bytes(), now + more)}});
   // The current size, not the peak, which may have been another task's.
-  run.turn.expect(now + more, device_bytes);
+  run.slice.expect(now + more, device_bytes);
 }
 
 }  // namespace voxeld

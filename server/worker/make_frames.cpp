@@ -128,13 +128,13 @@ class FrameLoop {
     SideThread side(kWaitingBytesMax), moving(0);
     VOXELD_ASSIGN(const size_t first, take_done(made, listener));
     VOXELD_TRY(move_later(moving, first));
-    VOXELD_TRY(run_.turn.begin());
-    const DeviceTurn::Scope turn(run_.turn);  // one time slice for all frames: a slice is longer
-                                              // than most frames
+    VOXELD_TRY(run_.slice.begin());
+    const DeviceSlice::Scope slice(run_.slice);  // one time slice for all frames: a slice is longer
+                                                 // than most frames
     for (size_t k = first; k < times_s.size(); ++k) {
       VOXELD_TRY(run_.monitor.check());
-      run_.monitor.set_can_park(k > first);
-      if (k > first && run_.monitor.is_asked_to_park()) return park(side);
+      run_.monitor.set_preemptible(k > first);
+      if (k > first && run_.monitor.is_asked_to_preempt()) return preempt(side);
       VOXELD_TRY(moving.wait());
       show_next();
       if (k + 1 < times_s.size()) VOXELD_TRY(move_later(moving, k + 1));
@@ -142,8 +142,8 @@ class FrameLoop {
       VOXELD_TRY(voxelize(*output));
       VOXELD_TRY(output->finish(meta, stats_.fill, made, listener));
     }
-    run_.monitor.set_can_park(false);
-    run_.turn.end();
+    run_.monitor.set_preemptible(false);
+    run_.slice.end();
     VOXELD_TRY(side.wait());
     add_making_meta(run_, made.manifest.meta_json, stats_);
     return made;
@@ -176,10 +176,10 @@ class FrameLoop {
 
   // Preempts the task: the frames before this one are reported, and a later attempt makes the
   // others.
-  Error park(SideThread& side) {
-    run_.turn.end();
+  Error preempt(SideThread& side) {
+    run_.slice.end();
     const Status reported = side.wait();
-    return reported ? run_.monitor.park() : reported.error();
+    return reported ? run_.monitor.preempt() : reported.error();
   }
 
   Status move_later(SideThread& moving, size_t k) {
@@ -201,7 +201,7 @@ class FrameLoop {
     return run_.engine.voxelizer.voxelize(
         clip_.moving.scene(), options_.voxelize, &shared_, sink,
         [this](int64_t done, int64_t total) {
-          return run_.monitor.set_progress(done, total) && run_.turn.boundary();
+          return run_.monitor.set_progress(done, total) && run_.slice.boundary();
         },
         &stats_);
   }

@@ -25,7 +25,7 @@ Error not_animated() {
           "picture=png, or frames of an animation, or turntable=N", "gif, apng or sheet"};
 }
 
-Error turns_sequence(int views) {
+Error slices_sequence(int views) {
   return {ErrorCode::kInvalidOption, "turntable: of one grid, and not of a sequence",
           "a grid, or an animation at one time", std::to_string(views)};
 }
@@ -126,7 +126,7 @@ Status render_frames(TaskRun& run, const RequestOptions& options) {
 Status render_mesh(TaskRun& run) {
   VOXELD_ASSIGN(const RequestOptions options, task_options(run.task, OptionScope::kRenderMesh));
   const bool is_sequence = options.animation.is_sequence();
-  if (is_sequence && options.render.turntable > 0) return turns_sequence(options.render.turntable);
+  if (is_sequence && options.render.turntable > 0) return slices_sequence(options.render.turntable);
   if (is_animated(options.render) && !is_sequence && options.render.turntable == 0) {
     return not_animated();
   }
@@ -137,7 +137,7 @@ Status render_mesh(TaskRun& run) {
 
 // Draws frames of an existing sequence.
 Status render_sequence(TaskRun& run, const RequestOptions& options) {
-  if (options.render.turntable > 0) return turns_sequence(options.render.turntable);
+  if (options.render.turntable > 0) return slices_sequence(options.render.turntable);
   VOXELD_ASSIGN(const MadeSequence sequence, open_sequence(run, options.animation));
   const Shots shots = frame_shots(run, sequence, options);
   if (is_animated(options.render)) return write_shots(run, shots, options.render);

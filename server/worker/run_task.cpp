@@ -150,8 +150,8 @@ Status run_kind(TaskRun& run) {
 
 Result<TaskCompletion> run_task(Engine& engine, const Task& task,
                                 const std::filesystem::path& scratch, TaskMonitor& monitor,
-                                TurnClient* turns) {
-  TaskRun run{engine, task, scratch, monitor, {}, DeviceTurn(turns, task)};
+                                SliceClient* slices) {
+  TaskRun run{engine, task, scratch, monitor, {}, DeviceSlice(slices, task)};
   run.completion.task = task.id;
   run.completion.fence = task.fence;
   // Return memory that a large earlier task freed, so it does not count as this task's.
@@ -161,7 +161,7 @@ Result<TaskCompletion> run_task(Engine& engine, const Task& task,
   try {
     add_meta(run, {{"source_hash", task.input_hash}});
     if (const Status done = run_kind(run); !done) {
-      if (!monitor.is_parked()) return done.error();
+      if (!monitor.is_preempted()) return done.error();
       run.completion.outputs.clear();
       return std::move(run.completion);
     }

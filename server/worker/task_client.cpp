@@ -55,7 +55,7 @@ Result<Task> TaskClient::claim() {
 Result<TaskProgressReply> TaskClient::progress(const TaskProgress& progress) {
   VOXELD_ASSIGN(const json reply, call(to_json_message(progress)));
   return TaskProgressReply{reply.value("cancel", false), reply.value("fenced", false),
-                           reply.value("park", false)};
+                           reply.value("preempt", false)};
 }
 
 Result<TaskFrameReply> TaskClient::frame(const TaskFrame& frame) {
@@ -76,8 +76,8 @@ Result<bool> TaskClient::complete(const TaskCompletion& completion) {
   return reply.value("ok", false);
 }
 
-Result<bool> TaskClient::park(const TaskPark& park) {
-  VOXELD_ASSIGN(const json reply, call(to_json_message(park)));
+Result<bool> TaskClient::preempt(const TaskPreemption& preempt) {
+  VOXELD_ASSIGN(const json reply, call(to_json_message(preempt)));
   return reply.value("ok", false);
 }
 

@@ -34,7 +34,7 @@ class TaskClient {
   // Returns true if the report counted, false if another worker owns the task.
   Result<bool> complete(const TaskCompletion& completion);
   Result<bool> fail(const TaskFailure& failure);
-  Result<bool> park(const TaskPark& park);
+  Result<bool> preempt(const TaskPreemption& preempt);
   // For a signal handler: shutdown(2) on it ends every call.
   int fd() const { return fd_; }
 

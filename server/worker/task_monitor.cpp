@@ -98,18 +98,18 @@ Status TaskMonitor::check() const {
   return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};
 }
 
-void TaskMonitor::set_can_park(bool can_park) {
+void TaskMonitor::set_preemptible(bool is_preemptible) {
   MutexLock lock(mutex_);
-  progress_.can_park = can_park;
-  if (!can_park || progress_.preparation_ms > 0) return;
+  progress_.is_preemptible = is_preemptible;
+  if (!is_preemptible || progress_.preparation_ms > 0) return;
   const auto took = std::chrono::steady_clock::now() - begun_at_;
   progress_.preparation_ms =
       1 + std::chrono::duration_cast<std::chrono::milliseconds>(took).count();
 }
 
-Error TaskMonitor::park() {
-  is_parked_ = true;
-  return Error{ErrorCode::kCancelled, "the job was parked", "", ""};
+Error TaskMonitor::preempt() {
+  is_preempted_ = true;
+  return Error{ErrorCode::kCancelled, "the job was preempted", "", ""};
 }
 
 TaskProgress TaskMonitor::progress() const {
@@ -134,7 +134,7 @@ void TaskMonitor::report() {
   const auto reply = client_.progress(progress());
   if (!reply || reply->fenced) dropped_ = true;
   if (dropped_ || reply->cancel) cancelled_ = true;
-  park_asked_ = reply && reply->park;
+  preempt_asked_ = reply && reply->preempt;
 }
 
 }  // namespace voxeld

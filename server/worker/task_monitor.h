@@ -43,13 +43,13 @@ class TaskMonitor {
   const std::atomic<bool>& cancel_flag() const { return cancelled_; }
   // Whether a preemption would lose nothing: the gateway has all finished work, or will have it on
   // request. The time until this is first true is the task's preparation.
-  void set_can_park(bool can_park) EXCLUDES(mutex_);
+  void set_preemptible(bool is_preemptible) EXCLUDES(mutex_);
   // Whether the gateway wants to preempt the task.
-  bool is_asked_to_park() const { return park_asked_; }
+  bool is_asked_to_preempt() const { return preempt_asked_; }
   // Preempts the task after its work was handed over: it ends here and is queued again. Always
   // returns the error cancelled, on which the task unwinds as on a cancellation.
-  Error park();
-  bool is_parked() const { return is_parked_; }
+  Error preempt();
+  bool is_preempted() const { return is_preempted_; }
   TaskProgress progress() const EXCLUDES(mutex_);
   // True if no report on this task is awaited any more: fenced, or the gateway is gone.
   bool dropped() const { return dropped_; }
@@ -65,8 +65,8 @@ class TaskMonitor {
   const int64_t fence_;
   std::atomic<bool> cancelled_{false};
   std::atomic<bool> dropped_{false};
-  std::atomic<bool> park_asked_{false};
-  std::atomic<bool> is_parked_{false};
+  std::atomic<bool> preempt_asked_{false};
+  std::atomic<bool> is_preempted_{false};
   const std::chrono::steady_clock::time_point begun_at_ = std::chrono::steady_clock::now();
   mutable Mutex mutex_;
   CondVar wake_;

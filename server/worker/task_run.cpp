@@ -110,7 +110,7 @@ Result<Placed> place(const SceneInput& input, const VoxelizeOptions& options) {
 
 TileProgress progress_of(TaskRun& run) {
   return [&run](int64_t done, int64_t total) {
-    return run.monitor.set_progress(done, total) && run.turn.boundary();
+    return run.monitor.set_progress(done, total) && run.slice.boundary();
   };
 }
 
@@ -227,8 +227,8 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   VoxelizeStats stats;
   Status made;
   {
-    VOXELD_TRY(run.turn.begin());
-    const DeviceTurn::Scope turn(run.turn);
+    VOXELD_TRY(run.slice.begin());
+    const DeviceSlice::Scope slice(run.slice);
     made = run.engine.voxelizer.voxelize(scene, options.voxelize, input.frames, output,
                                          progress_of(run), &stats);
   }
@@ -282,8 +282,8 @@ Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::
                                const RenderOptions& options) {
   const StageTimer stage(run, "render");
   VOXELD_ASSIGN(const Engine::ChosenRenderer by, run.engine.choose_renderer(options.renderer));
-  VOXELD_TRY(run.turn.begin());
-  const DeviceTurn::Scope turn(run.turn);
+  VOXELD_TRY(run.slice.begin());
+  const DeviceSlice::Scope slice(run.slice);
   if (*by.resident_key != grid_key) {
     by.resident_key->clear();
     VOXELD_TRY(by.renderer->set_grid(grid.grid));

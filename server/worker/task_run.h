@@ -13,7 +13,7 @@
 #include "proto/options.h"
 #include "proto/task_api.h"
 #include "server/base/clock.h"
-#include "server/worker/device_turn.h"
+#include "server/worker/device_slice.h"
 #include "server/worker/engine.h"
 #include "server/worker/task_monitor.h"
 
@@ -26,7 +26,7 @@ struct TaskRun {
   const std::filesystem::path& scratch;
   TaskMonitor& monitor;
   TaskCompletion completion;  // filled in step by step
-  DeviceTurn turn;            // for passes over the device; not for reading and encoding
+  DeviceSlice slice;          // for passes over the device; not for reading and encoding
 };
 
 // Measures one stage and reports it to the monitor.

@@ -61,9 +61,9 @@ Result<size_t> TileParts::load(size_t steps, const GridHeader& header, const Tak
     return size_t{0};
   }
   // Loading does not need the device.
-  run_.turn.end();
+  run_.slice.end();
   for (const std::string& path : run_.task.part_paths) VOXELD_TRY(load_part(path, take));
-  VOXELD_TRY(run_.turn.begin());
+  VOXELD_TRY(run_.slice.begin());
   position_ = static_cast<int64_t>(run_.task.part_paths.size());
   log::info("goes on after an earlier attempt",
             {{"job", run_.task.id}, {"steps_done", steps_done}, {"steps", steps}});
@@ -94,9 +94,9 @@ bool TileParts::is_time() const {
 
 Status TileParts::reached(GridFile& file, size_t steps_done) {
   const bool has_room = steps_done < steps_ && position_ < kPartsMax;
-  run_.monitor.set_can_park(has_room);
-  const bool parks = run_.monitor.is_asked_to_park();
-  if (!has_room || !(parks || is_time())) return {};
+  run_.monitor.set_preemptible(has_room);
+  const bool preempts = run_.monitor.is_asked_to_preempt();
+  if (!has_room || !(preempts || is_time())) return {};
   const std::filesystem::path path =
       run_.scratch / (run_.task.id + "-part-" + std::to_string(position_));
   const json meta = {
@@ -106,7 +106,7 @@ Status TileParts::reached(GridFile& file, size_t steps_done) {
   since_last_.lap();
   if (kept) {
     ++position_;
-    return parks ? Status(run_.monitor.park()) : Status();
+    return preempts ? Status(run_.monitor.preempt()) : Status();
   }
   // Without this part, later ones would not follow the earlier ones, so no more are made.
   position_ = kPartsMax;

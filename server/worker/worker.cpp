@@ -16,7 +16,7 @@
 #include "server/base/host_memory.h"
 #include "server/base/log.h"
 #include "server/worker/calibration_key.h"
-#include "server/worker/device_turn.h"
+#include "server/worker/device_slice.h"
 #include "server/worker/engine.h"
 #include "server/worker/run_task.h"
 #include "server/worker/task_client.h"
@@ -33,18 +33,18 @@ constexpr int kExitDeviceUnavailable = 3;  // Supervisor::kExitDeviceUnavailable
 constexpr int kExitContextLost = 4;        // Supervisor::kExitContextLost
 
 // The sockets to the gateway, for the signal handler.
-std::atomic<int> gateway_fd{-1}, turns_fd{-1};
+std::atomic<int> gateway_fd{-1}, slices_fd{-1};
 
 // SIGTERM closes the connections. A waiting claim returns, the monitor cancels a running task, and
 // the gateway queues the task again.
 extern "C" void close_gateway(int) {
   ::shutdown(gateway_fd.load(), SHUT_RDWR);
-  ::shutdown(turns_fd.load(), SHUT_RDWR);
+  ::shutdown(slices_fd.load(), SHUT_RDWR);
 }
 
-void handle_signals(int fd, int fd_of_turns) {
+void handle_signals(int fd, int fd_of_slices) {
   gateway_fd = fd;
-  turns_fd = fd_of_turns;
+  slices_fd = fd_of_slices;
   struct sigaction action {};
   action.sa_handler = close_gateway;
   action.sa_flags = SA_RESTART;
@@ -102,25 +102,25 @@ Result<TaskCompletion> within_bounds(Result<TaskCompletion> completion) {
 }
 
 // Runs one task and reports on it. Returns an exit status if the process should end.
-std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* turns,
+std::optional<int> handle_task(Engine& engine, TaskClient& client, SliceClient* slices,
                                const Task& task, const std::filesystem::path& scratch) {
   const Stopwatch watch;
   Result<TaskCompletion> completion = Error{};
   bool dropped = false;
-  std::optional<TaskPark> parked;
+  std::optional<TaskPreemption> preempted;
   engine.begin_task_of(task.tenant);
   {
     TaskMonitor monitor(client, task, engine.device.memory);
-    completion = within_bounds(run_task(engine, task, scratch, monitor, turns));
+    completion = within_bounds(run_task(engine, task, scratch, monitor, slices));
     dropped = monitor.dropped();
-    if (completion && monitor.is_parked()) {
+    if (completion && monitor.is_preempted()) {
       const TaskProgress reached = monitor.progress();
       const bool has_frames = reached.frames_total > 0;
-      parked = TaskPark{task.id, task.fence, has_frames ? 0 : reached.tiles_done,
-                        has_frames ? 0 : reached.tiles_total, completion->timings};
+      preempted = TaskPreemption{task.id, task.fence, has_frames ? 0 : reached.tiles_done,
+                                 has_frames ? 0 : reached.tiles_total, completion->timings};
     }
   }
-  log::info(parked       ? "task parked"
+  log::info(preempted    ? "task preempted"
             : completion ? "task done"
                          : "task failed",
             {{"job", task.id},
@@ -140,7 +140,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* t
     }
   }
   if (!dropped) {
-    const auto counted = parked       ? client.park(*parked)
+    const auto counted = preempted    ? client.preempt(*preempted)
                          : completion ? client.complete(*completion)
                                       : client.fail({task.id, task.fence, completion.error()});
     if (!counted) return kExitClean;  // the gateway is gone
@@ -150,7 +150,7 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, TurnClient* t
 
 }  // namespace
 
-int serve_tasks(Engine& engine, TaskClient& client, TurnClient* turns,
+int serve_tasks(Engine& engine, TaskClient& client, SliceClient* slices,
                 const std::filesystem::path& scratch) {
   while (true) {
     const auto task = client.claim();
@@ -159,7 +159,7 @@ int serve_tasks(Engine& engine, TaskClient& client, TurnClient* turns,
       if (!gone) log::error("cannot claim", {{"error", task.error().message()}});
       return gone ? kExitClean : kExitNoGateway;
     }
-    if (const auto exit = handle_task(engine, client, turns, *task, scratch)) return *exit;
+    if (const auto exit = handle_task(engine, client, slices, *task, scratch)) return *exit;
   }
 }
 
@@ -183,9 +183,9 @@ void use_calibration(const std::filesystem::path& data_dir, Engine& engine) {
 
 Result<int> run_worker(const WorkerConfig& config) {
   VOXELD_ASSIGN(const auto client, TaskClient::connect(config.gateway));
-  VOXELD_ASSIGN(const auto turns, TurnClient::connect(config.gateway));
-  handle_signals(client->fd(), turns->fd());
-  VOXELD_TRY(turns->hello({kTaskProtocolVersion, ::getpid(), gpu::device_name(config.device)}));
+  VOXELD_ASSIGN(const auto slices, SliceClient::connect(config.gateway));
+  handle_signals(client->fd(), slices->fd());
+  VOXELD_TRY(slices->hello({kTaskProtocolVersion, ::getpid(), gpu::device_name(config.device)}));
   offer_to_oom_killer();
   WorkerSandbox sandbox(config.sandbox);
   VOXELD_ASSIGN(const WorkerFolders folders, client->prepare());
@@ -210,7 +210,7 @@ Result<int> run_worker(const WorkerConfig& config) {
   hello.device_json = device_json(info, engine.device.memory().bytes_total)
                           .dump(-1, ' ', false, json::error_handler_t::replace);
   VOXELD_ASSIGN(const std::string scratch, client->hello(hello));
-  return serve_tasks(engine, *client, turns.get(), scratch);
+  return serve_tasks(engine, *client, slices.get(), scratch);
 }
 
 }  // namespace

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "server/gpu/device.h"
-#include "server/worker/device_turn.h"
+#include "server/worker/device_slice.h"
 #include "server/worker/engine.h"
 #include "server/worker/task_client.h"
 #include "server/worker/worker_sandbox.h"
@@ -25,9 +25,9 @@ struct WorkerConfig {
 // 0 after a clean end, 3 if the device cannot be opened (the supervisor reports it and backs off).
 int worker_main(const WorkerConfig& config);
 
-// Claims and runs tasks; returns the process's exit status. Part of worker_main(). `turns`: as for
-// run_task().
-int serve_tasks(Engine& engine, TaskClient& client, TurnClient* turns,
+// Claims and runs tasks; returns the process's exit status. Part of worker_main(). `time slices`:
+// as for run_task().
+int serve_tasks(Engine& engine, TaskClient& client, SliceClient* slices,
                 const std::filesystem::path& scratch);
 
 }  // namespace voxeld

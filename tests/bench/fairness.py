@@ -9,7 +9,7 @@ is 1 where one's share is more than 5 % off its weight's. Waits: one tenant has 
 another submits a small one every quarter of a second; time from acceptance to its end, by --scheduler
 fair and fifo of the same build. Many: six tenants with a giant job each on three workers, without and with
 small jobs of a seventh one beside them; 25 % off is a failure there, as a worker's time between two
-parkings is a twentieth of a minute's contention, and two thirds of what the smallest tenant is due.
+preemptions is a twentieth of a minute's contention, and two thirds of what the smallest tenant is due.
 """
 import argparse
 import pathlib
@@ -39,18 +39,18 @@ def measure_shares(seconds, device):
 def measure_many(seconds, device):
     weights = {"one-a": 1, "one-b": 1, "two-a": 2, "two-b": 2, "four-a": 4, "four-b": 4}
     print(f"\nSix tenants with giant jobs on three workers of {device}, {seconds:g} s\n")
-    print(f"{'tenant':8}{'weight':>8}{'device s':>12}{'share':>10}{'of weight':>12}{'off':>9}{'parked':>8}")
-    had, parked, _ = many_tenants(weights, seconds, GIANT, small_every_s=seconds, device=device)
+    print(f"{'tenant':8}{'weight':>8}{'device s':>12}{'share':>10}{'of weight':>12}{'off':>9}{'preempted':>8}")
+    had, preempted, _ = many_tenants(weights, seconds, GIANT, small_every_s=seconds, device=device)
     total, worst = sum(had.values()), 0.0
     for name, weight in weights.items():
         share, due = had[name] / total, weight / sum(weights.values())
         worst = max(worst, abs(share / due - 1))
         print(f"{name:8}{weight:8}{had[name] / 1000:12.2f}{share:10.2%}{due:12.2%}{share / due - 1:9.2%}"
-              f"{parked[name]:8}", flush=True)
-    had, parked, ended = many_tenants(weights, seconds / 2, GIANT, device=device)
+              f"{preempted[name]:8}", flush=True)
+    had, preempted, ended = many_tenants(weights, seconds / 2, GIANT, device=device)
     print(f"\nSmall jobs of a seventh tenant meanwhile: {len(ended)}, p50 {percentile(ended, 0.5):.3f} s, "
           f"p99 {percentile(ended, 0.99):.3f} s, longest {ended[-1]:.3f} s; "
-          f"giants parked {sum(parked.values())} times")
+          f"giants preempted {sum(preempted.values())} times")
     return worst <= OFF_MANY_MAX
 
 

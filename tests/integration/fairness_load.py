@@ -30,7 +30,7 @@ class Contention(TenantsDaemon):
         self.tenants[tenant].request("DELETE", f"/v1/jobs/{job}")
 
     def wait_for_device(self, tenant, job, seconds=60):
-        """Until the job has had a turn."""
+        """Until the job has had a time slice."""
         deadline = time.monotonic() + seconds
         while self.status(tenant, job)["device_ms"] == 0:
             assert time.monotonic() < deadline, self.status(tenant, job)
@@ -67,7 +67,7 @@ def shares(weights, seconds, giant=GIANT, device="cpu", arguments=()):
 
 def many_tenants(weights, seconds, giant, small_every_s=0.5, device="cpu", arguments=()):
     """More tenants than workers, each with giant jobs: milliseconds of the device that each had, how
-    often its jobs were parked, and the seconds from acceptance to the end of small jobs that one more
+    often its jobs were preempted, and the seconds from acceptance to the end of small jobs that one more
     tenant submits meanwhile."""
     with Contention({**weights, "small": 1}, device, arguments) as load:
         jobs = {name: [load.submit(name, {**giant, "padding": i}) for i in range(giants_for(seconds))]
@@ -87,13 +87,13 @@ def many_tenants(weights, seconds, giant, small_every_s=0.5, device="cpu", argum
             status = load.tenants["small"].wait(load.submit("small", SMALL), 3600)
             assert status["state"] == "done", status
             ended.append((status["ended_ms"] - status["created_ms"]) / 1000)
-        after, parked = total("device_ms"), total("parked")
+        after, preempted = total("device_ms"), total("preempted")
         for name, own in jobs.items():
             last = load.status(name, own[-1])
             assert last["state"] in ("queued", "running"), last  # else there was no contention
             for job in own:
                 load.cancel(name, job)
-        return {name: after[name] - before[name] for name in weights}, parked, sorted(ended)
+        return {name: after[name] - before[name] for name in weights}, preempted, sorted(ended)
 
 
 def waits(scheduler, seconds, giant, small_every_s=0.25, device="cpu", arguments=()):

@@ -36,7 +36,7 @@ def descriptors(pid):
 
 
 def differences(before, after):
-    """What two rests differ by, in words. A worker connects once more at its first turn on the device, and
+    """What two rests differ by, in words. A worker connects once more at its first time slice of the device, and
     the database keeps as many readers, of two files each, as were busy at a time within ten seconds: one for
     each client and worker. What is left behind by requests would be thousands."""
     found = []

@@ -114,7 +114,7 @@ class HungWorker(unittest.TestCase):
             worker = next(worker["pid"] for worker in ready["workers"] if worker["task"] == giant)
             os.kill(worker, signal.SIGSTOP)
             try:
-                # A stopped worker is killed after 30 s; its turn of the device ends after 2.
+                # A stopped worker is killed after 30 s; its time slice ends after 2.
                 begin = time.monotonic()
                 small = load.submit("b", SMALL)
                 status = load.tenants["b"].wait(small, 25)

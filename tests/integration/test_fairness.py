@@ -58,7 +58,7 @@ class Contended(unittest.TestCase):
         self.wait_for(lambda: "running" in [self.load.status("a", self.giants[1])["state"]])
         self.assertEqual(self.load.status("a", self.giants[2])["waiting_for"], "a worker")
         self.wait_for(lambda: self.load.status("a", self.giants[1])["waiting_for"]
-                      == "a turn on cpu: another job of the tenant before")
+                      == "a time slice on cpu: another job of the tenant before")
 
     def test_a_cancel_reaches_a_job_that_waits_for_its_turn(self):
         self.load.wait_for_device("a", self.giants[0])
@@ -103,7 +103,7 @@ class Contended(unittest.TestCase):
         connection.close()
         self.assertRegex(text, r'voxeld_device_seconds_total\{device="cpu",tenant="a"\} [1-9.]')
         self.assertRegex(text, r'voxeld_queue_wait_seconds_count\{tenant="b"\} [1-9]')
-        self.assertRegex(text, r'voxeld_turn_seconds_bucket\{device="cpu",le="0.25"\} [1-9]')
+        self.assertRegex(text, r'voxeld_time_slice_seconds_bucket\{device="cpu",le="0.25"\} [1-9]')
 
 
 class Memory(unittest.TestCase):

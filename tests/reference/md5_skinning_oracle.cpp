@@ -55,7 +55,7 @@ class Words {
   size_t at_ = 0;
 };
 
-Mat3 turn_of(const Vec3& xyz) {
+Mat3 slice_of(const Vec3& xyz) {
   const double rest = 1 - dot(xyz, xyz);
   return rotation_of(xyz[0], xyz[1], xyz[2], rest > 0 ? -std::sqrt(rest) : 0);
 }
@@ -97,7 +97,7 @@ Local local_of(const OracleMd5Anim& anim, size_t joint, size_t frame) {
   for (size_t bit = 0; bit < 6; ++bit) {
     if ((anim.flags[joint] & (1 << bit)) != 0) numbers[bit] = anim.frames[frame][at++];
   }
-  return {{numbers[0], numbers[1], numbers[2]}, turn_of({numbers[3], numbers[4], numbers[5]})};
+  return {{numbers[0], numbers[1], numbers[2]}, slice_of({numbers[3], numbers[4], numbers[5]})};
 }
 
 std::vector<Affine> pose_of(const OracleMd5Anim& anim, double seconds) {
@@ -161,7 +161,7 @@ OracleMd5Mesh read_md5_mesh(const std::string& text) {
       joint.name = words.next();
       joint.parent = words.integer();
       joint.model_from_joint.place = words.vec3();
-      joint.model_from_joint.turn = turn_of(words.vec3());
+      joint.model_from_joint.turn = slice_of(words.vec3());
       mesh.joints.push_back(joint);
     }
   }

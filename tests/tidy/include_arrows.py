@@ -9,6 +9,13 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
+
+def jobs(*folders, store=False):
+    """Folders of server/jobs, with what all of them may include."""
+    return ({"server/jobs/" + folder for folder in folders} | {"server/base", "proto"}
+            | ({"server/store"} if store else set()))
+
+
 # module -> modules whose headers it may include.
 ARROWS = {
     "proto": {"proto"},
@@ -27,17 +34,27 @@ ARROWS = {
                       "shaders"},
     "server/worker": {"server/worker", "server/scene", "server/voxel", "server/voxel/gl",
                       "server/render", "server/formats", "server/grid", "server/gpu", "server/base", "proto"},
-    "server/jobs": {"server/jobs", "server/store", "server/base", "proto"},
-    "server/http": {"server/http", "server/jobs", "server/store", "server/base", "proto"},
-    "server/api": {"server/api", "server/http", "server/jobs", "server/store", "server/base",
-                   "proto"},
-    "server": {"server", "server/api", "server/http", "server/jobs", "server/worker", "server/gpu",
-               "server/store", "server/base", "proto"},
+    # Folders of jobs, from the lowest up.
+    "server/jobs/model": jobs("model"),
+    "server/jobs/database": jobs("database", store=True),
+    "server/jobs/auth": jobs("auth", "database", "model"),
+    "server/jobs/records": jobs("records", "database", "model", store=True),
+    "server/jobs/events": jobs("events", "model"),
+    "server/jobs/estimates": jobs("estimates", "model"),
+    "server/jobs/scheduling": jobs("scheduling", "model", "records", "events"),
+    "server/jobs/retention": jobs("retention", "auth", "database", "events", "model", "records", store=True),
+    "server/jobs/workers": jobs("workers", "events", "model", "records", "scheduling", store=True),
+    "server/jobs/service": jobs("service", "auth", "database", "estimates", "events", "model", "records", "retention", "scheduling", "workers", store=True),
+    "server/http": {"server/http", "server/jobs/model", "server/store", "server/base", "proto"},
+    "server/api": {"server/api", "server/http", "server/store"}
+                  | jobs("auth", "model", "service"),
+    "server": {"server", "server/api", "server/http", "server/worker", "server/gpu",
+               "server/store"} | jobs("auth", "database", "model", "retention", "service"),
     "shaders": {"shaders"},
 }
 # Headers that one module alone may include.
 ONLY_IN = {
-    "sqlite3.h": {"server/jobs"},
+    "sqlite3.h": {"server/jobs/database"},
     "curl/curl.h": {"client"},
     "zip.h": {"server/scene", "server/formats", "client"},
     "zstd.h": {"proto", "server/http"},

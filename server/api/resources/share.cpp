@@ -8,7 +8,6 @@
 #include "server/api/resources/resources.h"
 #include "server/base/clock.h"
 #include "server/http/head_parser.h"
-#include "server/jobs/records/job_rows.h"
 
 namespace voxeld::api {
 namespace {

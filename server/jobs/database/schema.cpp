@@ -46,8 +46,8 @@ namespace {
 // `holding_changes` is no table: what is inserted is a step of `refs` up or down. Bytes of -1 are
 // not known yet: JobStore::measure_holdings() asks the blob store.
 //
-// Step 8: jobs that were parked: how often, how far they had got, and since when they have been in
-// the queue again (jobs.queued_ms; 0: since created_ms).
+// Step 8: jobs that were preempted: how often, how far they had got, and since when they have been
+// in the queue again (jobs.queued_ms; 0: since created_ms).
 //
 // Step 9: one row says which store the database belongs to, and counts its commits
 // (store_identity.h), and whether it ever had API keys. aged_ms is when a row was used last, or
@@ -367,7 +367,7 @@ INSERT INTO holding_changes
 INSERT INTO holding_changes SELECT tenant, grid, bytes, 1 FROM frames WHERE expired_ms = 0;
 )sql",
     R"sql(
-ALTER TABLE jobs ADD COLUMN parked BIGINT NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN preempted BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN tiles_done BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN tiles_total BIGINT NOT NULL DEFAULT 0;
 ALTER TABLE jobs ADD COLUMN queued_ms BIGINT NOT NULL DEFAULT 0;

@@ -142,7 +142,7 @@ void JobBoard::overlay(JobStatus& status) const {
   if (entry.version < status.version) return;
   status.version = entry.version;
   status.stage = entry.stage;
-  if (entry.has_tiles) {  // until it is where it was parked, that counts
+  if (entry.has_tiles) {  // until it is where it was preempted, that counts
     status.tiles_done = entry.tiles_done;
     status.tiles_total = entry.tiles_total;
   }

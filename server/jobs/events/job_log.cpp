@@ -25,12 +25,12 @@ void log_job_change(const JobRecord& record) {
                              {"trace", record.trace_id},
                              {"worker", record.worker},
                              {"attempt", status.attempt}});
-  } else if (record.was_parked) {
-    log::info("job is parked", {{"job", status.id},
-                                {"tenant", record.tenant},
-                                {"request", record.request_id},
-                                {"trace", record.trace_id},
-                                {"times", status.parked}});
+  } else if (record.was_preempted) {
+    log::info("job is preempted", {{"job", status.id},
+                                   {"tenant", record.tenant},
+                                   {"request", record.request_id},
+                                   {"trace", record.trace_id},
+                                   {"times", status.preempted}});
   } else {
     log::warn("job is queued again", {{"job", status.id},
                                       {"tenant", record.tenant},

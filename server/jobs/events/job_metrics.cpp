@@ -53,11 +53,12 @@ struct JobMetrics::Impl {
                      .Name("voxeld_jobs_requeued_total")
                      .Help("Jobs that were put back because their worker went away, by kind.")
                      .Register(*registry)),
-        parked(BuildCounter()
-                   .Name("voxeld_jobs_parked_total")
-                   .Help("Times that a started job gave its worker to another one, by tenant and "
-                         "kind.")
-                   .Register(*registry)),
+        preempted(
+            BuildCounter()
+                .Name("voxeld_jobs_preempted_total")
+                .Help("Times that a started job gave its worker to another one, by tenant and "
+                      "kind.")
+                .Register(*registry)),
         queue_seconds(BuildHistogram()
                           .Name("voxeld_job_queue_seconds")
                           .Help("Time from acceptance to the start of the first attempt, by kind.")
@@ -92,19 +93,21 @@ struct JobMetrics::Impl {
                            .Name("voxeld_device_seconds_total")
                            .Help("Time for which tasks have had a device, by device and tenant.")
                            .Register(*registry)),
-        cpu_seconds(BuildCounter()
-                        .Name("voxeld_cpu_seconds_total")
-                        .Help("CPU time of workers on tasks outside of turns on a device (reading, "
-                              "encoding, exports), by tenant.")
-                        .Register(*registry)),
+        cpu_seconds(
+            BuildCounter()
+                .Name("voxeld_cpu_seconds_total")
+                .Help("CPU time of workers on tasks outside of time slices on a device (reading, "
+                      "encoding, exports), by tenant.")
+                .Register(*registry)),
         queue_wait(BuildHistogram()
                        .Name("voxeld_queue_wait_seconds")
                        .Help("Time from acceptance to the first start, by tenant.")
                        .Register(*registry)),
-        turn_seconds(BuildHistogram()
-                         .Name("voxeld_turn_seconds")
-                         .Help("Length of turns on a device, which end between tiles, by device.")
-                         .Register(*registry)),
+        slice_seconds(
+            BuildHistogram()
+                .Name("voxeld_time_slice_seconds")
+                .Help("Length of time slices on a device, which end between tiles, by device.")
+                .Register(*registry)),
         store_bytes(BuildGauge()
                         .Name("voxeld_store_bytes")
                         .Help("Bytes of all files of assets, results, grids and frames.")
@@ -142,7 +145,7 @@ struct JobMetrics::Impl {
   Family<Counter>& submitted;
   Family<Counter>& ended;
   Family<Counter>& requeued;
-  Family<Counter>& parked;
+  Family<Counter>& preempted;
   Family<Histogram>& queue_seconds;
   Family<Histogram>& stage_seconds;
   Counter& frames_done;
@@ -152,7 +155,7 @@ struct JobMetrics::Impl {
   Family<Counter>& device_seconds;
   Family<Counter>& cpu_seconds;
   Family<Histogram>& queue_wait;
-  Family<Histogram>& turn_seconds;
+  Family<Histogram>& slice_seconds;
   Gauge& store_bytes;
   Gauge& damaged;
   Family<Counter>& evictions;
@@ -183,7 +186,7 @@ void JobMetrics::submitted(const JobStatus& status) {
 }
 
 void JobMetrics::claimed(const JobStatus& status) {
-  if (!impl_ || status.attempt != 1 || status.parked > 0) return;
+  if (!impl_ || status.attempt != 1 || status.preempted > 0) return;
   impl_->queue_seconds.Add({{"kind", kind_of(status)}}, seconds_buckets())
       .Observe(static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
 }
@@ -192,10 +195,10 @@ void JobMetrics::waited(const std::string& tenant, double seconds) {
   if (impl_) impl_->queue_wait.Add({{"tenant", tenant}}, seconds_buckets()).Observe(seconds);
 }
 
-void JobMetrics::had_turn(const std::string& device, const std::string& tenant, double seconds) {
+void JobMetrics::had_slice(const std::string& device, const std::string& tenant, double seconds) {
   if (!impl_) return;
   impl_->device_seconds.Add({{"device", device}, {"tenant", tenant}}).Increment(seconds);
-  impl_->turn_seconds.Add({{"device", device}}, seconds_buckets()).Observe(seconds);
+  impl_->slice_seconds.Add({{"device", device}}, seconds_buckets()).Observe(seconds);
 }
 
 void JobMetrics::used_cpu(const std::string& tenant, double seconds) {
@@ -207,9 +210,9 @@ void JobMetrics::requeued(const JobStatus& status) {
   if (impl_) impl_->requeued.Add({{"kind", kind_of(status)}}).Increment();
 }
 
-void JobMetrics::parked(const JobStatus& status, const std::string& tenant) {
+void JobMetrics::preempted(const JobStatus& status, const std::string& tenant) {
   if (!impl_) return;
-  impl_->parked.Add({{"tenant", impl_->tenant_label(tenant)}, {"kind", kind_of(status)}})
+  impl_->preempted.Add({{"tenant", impl_->tenant_label(tenant)}, {"kind", kind_of(status)}})
       .Increment();
 }
 

@@ -24,14 +24,14 @@ class JobMetrics {
   void claimed(const JobStatus& status);
   // Since it was queued, at its first start.
   void waited(const std::string& tenant, double seconds);
-  // A task of the tenant had a turn on the device.
-  void had_turn(const std::string& device, const std::string& tenant, double seconds);
-  // Its worker has computed without a turn.
+  // A task of the tenant had a time slice on the device.
+  void had_slice(const std::string& device, const std::string& tenant, double seconds);
+  // Its worker has computed without a time slice.
   void used_cpu(const std::string& tenant, double seconds);
   // Its worker was lost and it waits again.
   void requeued(const JobStatus& status);
   // It gave its worker to another tenant's job and waits again.
-  void parked(const JobStatus& status, const std::string& tenant);
+  void preempted(const JobStatus& status, const std::string& tenant);
   // Counts by tenant, kind and outcome, and observes each stage on the device that ran it.
   void ended(const JobStatus& status, const std::string& tenant, const std::string& device);
   // A frame was listed.

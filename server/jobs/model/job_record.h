@@ -23,9 +23,9 @@ struct JobRecord {
   std::string worker;        // device that claimed it last
   std::string lost_workers;  // how each worker that ran it ended: "signal 9 (Killed), …"
   double upload_ms = 0;
-  int64_t queued_ms = 0;             // Unix time: accepted, or parked last
+  int64_t queued_ms = 0;             // Unix time: accepted, or preempted last
   std::string request_id, trace_id;  // of the request that submitted it
-  bool was_parked = false;           // by the change that gave this record
+  bool was_preempted = false;        // by the change that gave this record
 };
 
 struct SubmitOptions {

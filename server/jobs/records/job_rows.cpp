@@ -38,7 +38,7 @@ std::string select_text(JobTexts texts) {
          " j.attempt, j.fence, j.worker, " +
          cut("j.lost_workers") +
          ", j.upload_us, j.created_ms, j.started_ms,"
-         " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.parked, j.queued_ms,"
+         " j.ended_ms, j.priority, j.deadline_ms, j.device_us, j.preempted, j.queued_ms,"
          " j.tiles_done, j.tiles_total, j.sequence, j.frames_total,"
          " (SELECT COUNT(*) FROM frames f WHERE f.job_id = j.id), " +
          whole("j.timings_json") + ", j.error_code, " + cut("j.error_detail") + ", " +
@@ -134,7 +134,7 @@ JobRecord read_record(const SqlStatement& statement) {
   const int64_t deadline_ms = column.int64();
   status.deadline_at_ms = deadline_ms == kNoDeadline ? 0 : deadline_ms;
   status.device_ms = static_cast<double>(column.int64()) / 1000.0;
-  status.parked = static_cast<int>(column.int64());
+  status.preempted = static_cast<int>(column.int64());
   record.queued_ms = column.int64();
   if (record.queued_ms == 0) record.queued_ms = status.created_ms;
   const int64_t tiles_done = column.int64(), tiles_total = column.int64();

@@ -182,7 +182,8 @@ Status insert_job(SqlConnection& connection, const NewJob& job, int64_t now_ms) 
       job.options.trace_id);
 }
 
-// queue, upload, then what workers measured: those of attempts that were parked, and the last one.
+// queue, upload, then what workers measured: those of attempts that were preempted, and the last
+// one.
 StageTimes all_timings(const JobRecord& record, const StageTimes& of_worker) {
   StageTimes timings;
   timings.emplace_back("queue", static_cast<double>(record.status.started_ms - record.queued_ms));

@@ -100,7 +100,7 @@ class JobStore {
                                                const LiveJob& live);
   // Queued again without counting the attempt, at its place in the order of arrival and with its
   // progress; cancelled where that was asked for.
-  Result<std::optional<JobRecord>> park(const TaskPark& park, const LiveJob& live);
+  Result<std::optional<JobRecord>> preempt(const TaskPreemption& preempt, const LiveJob& live);
   // Idempotent. Queued: cancelled. Running: marked; its worker is told. Errors: not-found.
   Result<JobRecord> cancel(const Caller& caller, std::string_view id);
 

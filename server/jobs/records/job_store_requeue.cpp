@@ -48,31 +48,32 @@ Result<std::optional<JobRecord>> JobStore::lose_worker(std::string_view id, int6
   return changed;
 }
 
-Result<std::optional<JobRecord>> JobStore::park(const TaskPark& park, const LiveJob& live) {
+Result<std::optional<JobRecord>> JobStore::preempt(const TaskPreemption& preempt,
+                                                   const LiveJob& live) {
   std::optional<JobRecord> changed;
   Status committed = database_.write([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const auto running, fenced_job(connection, park.task, park.fence));
+    VOXELD_ASSIGN(const auto running, fenced_job(connection, preempt.task, preempt.fence));
     if (!running) return {};
     const bool is_wanted = !running->cancel_requested;
     if (is_wanted) {
       const JobStatus& status = running->status;
       StageTimes timings = status.timings;
       add_stage(timings, "queue", static_cast<double>(status.started_ms - running->queued_ms));
-      for (const auto& [stage, ms] : park.timings) add_stage(timings, stage, ms);
+      for (const auto& [stage, ms] : preempt.timings) add_stage(timings, stage, ms);
       VOXELD_TRY(connection.run(
           "UPDATE jobs SET state = 'queued', worker = '', attempt = attempt - 1,"
-          " parked = parked + 1, tiles_done = $2, tiles_total = $3, timings_json = $4,"
+          " preempted = preempted + 1, tiles_done = $2, tiles_total = $3, timings_json = $4,"
           " queued_ms = $7,"
           " version = CASE WHEN version > $5 THEN version ELSE $5 END + 1,"
           " device_us = device_us + $6 WHERE id = $1",
-          park.task, park.tiles_done, park.tiles_total, timings_text(timings), live.version,
-          live.device_us, unix_time_ms()));
+          preempt.task, preempt.tiles_done, preempt.tiles_total, timings_text(timings),
+          live.version, live.device_us, unix_time_ms()));
     } else {
-      VOXELD_TRY(end_with_error(connection, park.task,
+      VOXELD_TRY(end_with_error(connection, preempt.task,
                                 {ErrorCode::kCancelled, "the job was cancelled", "", ""}, live));
     }
-    VOXELD_ASSIGN(changed, record_change(connection, park.task));
-    changed->was_parked = is_wanted;
+    VOXELD_ASSIGN(changed, record_change(connection, preempt.task));
+    changed->was_preempted = is_wanted;
     return {};
   });
   VOXELD_TRY(committed);

@@ -1,6 +1,6 @@
-// Which rows a caller may read: those of its tenant, and of results those that are still stored. The
-// blob store alone does not tell: a blob that one tenant deleted stays where others have the same
-// bytes.
+// Which rows a caller may read: those of its tenant, and of results those that are still stored.
+// The blob store alone does not tell: a blob that one tenant deleted stays where others have the
+// same bytes.
 #pragma once
 
 #include <string_view>

@@ -30,8 +30,8 @@ struct StartedJob {
   int priority = 0;
   int64_t deadline_ms = kNoDeadline;  // Unix time
   int64_t seq = 0;                    // order of arrival
-  bool can_park = false;              // as its worker says
-  bool is_asked = false;              // to park
+  bool is_preemptible = false;        // as its worker says
+  bool is_asked = false;              // to preempt
   double slot_seconds = 0;            // since it has its worker …
   double preparation_seconds = 0;     // … of which before its first step
   double device_seconds = 0;          // of all attempts
@@ -54,8 +54,8 @@ struct HeadChoice {
 // Whether one of them may run the task.
 bool can_run(const std::vector<IdleSlot>& idle, WorkerIsolation isolation, const QueueHead& head);
 
-// The same under isolation: the order of tenants stays, and a tenant whose turn it is loses it to
-// others only where places are left.
+// The same under isolation: the order of tenants stays, and a tenant whose time slice it is loses
+// it to others only where places are left.
 HeadChoice pick_runnable_head(const std::vector<QueueHead>& heads,
                               const std::vector<IdleSlot>& idle, size_t free_slots,
                               const std::vector<StartedJob>& started, WorkerIsolation isolation,

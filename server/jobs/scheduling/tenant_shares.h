@@ -1,10 +1,10 @@
 // How much of a device tenants have had while they wanted it: who gets a worker next, and who gives
 // one up.
 //
-// Turns (device_turns.h) divide the device among those that have a worker. Where there are more
-// tenants than workers, these shares say who is to have one, over minutes: seconds of the device
-// over the tenant's weight, counted as long as the tenant has jobs. Who comes anew begins with the
-// least that others have who are there, so that nobody saves up time by being away.
+// Time slices (time_slices.h) divide the device among those that have a worker. Where there are
+// more tenants than workers, these shares say who is to have one, over minutes: seconds of the
+// device over the tenant's weight, counted as long as the tenant has jobs. Who comes anew begins
+// with the least that others have who are there, so that nobody saves up time by being away.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ namespace voxeld {
 class TenantShares {
  public:
   // Seconds of the device by which a tenant can be ahead: of more, as those had who were there with
-  // jobs that cannot be parked, it need not pay back.
+  // jobs that cannot be preempted, it need not pay back.
   static constexpr double kAheadSecondsMax = 10;
 
   // The tenants that have jobs now, queued or started. Between two calls nobody comes or goes.

@@ -28,7 +28,7 @@ uint64_t deadline_order(int64_t deadline_at_ms) {
 
 }  // namespace
 
-void DeviceTurns::begin_task(const TurnTask& task) {
+void TimeSlices::begin_task(const SliceTask& task) {
   auto started = std::make_shared<Started>();
   started->task = task;
   if (config_.cpu_seconds) started->cpu_seconds = config_.cpu_seconds(task.pid);
@@ -37,11 +37,11 @@ void DeviceTurns::begin_task(const TurnTask& task) {
   tasks_[task.id] = std::move(started);
 }
 
-void DeviceTurns::end_task(std::string_view id, int64_t fence) {
+void TimeSlices::end_task(std::string_view id, int64_t fence) {
   MutexLock lock(mutex_);
   const Task task = find(id, fence);
   if (task == nullptr) return;
-  end_turn(*task);
+  end_slice(*task);
   charge_cpu(*task);
   task->has_ended = true;
   task->changed.notify_all();
@@ -49,28 +49,27 @@ void DeviceTurns::end_task(std::string_view id, int64_t fence) {
   grant_free();
 }
 
-bool DeviceTurns::take_away(std::string_view id) {
+bool TimeSlices::take_away(std::string_view id) {
   MutexLock lock(mutex_);
   const auto found = tasks_.find(id);
   if (found == tasks_.end() || !found->second->is_granted) return false;
-  end_turn(*found->second);
+  end_slice(*found->second);
   grant_free();
   return true;
 }
 
-void DeviceTurns::charge_cpu() {
+void TimeSlices::charge_cpu() {
   MutexLock lock(mutex_);
   for (const auto& [id, task] : tasks_) charge_cpu(*task);
 }
 
-void DeviceTurns::set_device_bytes(const std::string& device, int64_t bytes_max) {
+void TimeSlices::set_device_bytes(const std::string& device, int64_t bytes_max) {
   MutexLock lock(mutex_);
   devices_[device].bytes_max = bytes_max;
   grant_free();
 }
 
-void DeviceTurns::set_queued(const std::string& device,
-                             std::set<std::string, std::less<>> tenants) {
+void TimeSlices::set_queued(const std::string& device, std::set<std::string, std::less<>> tenants) {
   MutexLock lock(mutex_);
   for (const auto& [id, task] : tasks_) {
     if (task->task.device == device) tenants.insert(task->task.tenant);
@@ -78,7 +77,7 @@ void DeviceTurns::set_queued(const std::string& device,
   devices_[device].shares.set_wanting(std::move(tenants));
 }
 
-double DeviceTurns::share(const std::string& device, const std::string& tenant) const {
+double TimeSlices::share(const std::string& device, const std::string& tenant) const {
   MutexLock lock(mutex_);
   const auto found = devices_.find(device);
   if (found == devices_.end()) return 0;
@@ -89,12 +88,12 @@ double DeviceTurns::share(const std::string& device, const std::string& tenant) 
   return had + held.count() / static_cast<double>(weight_of(tenant));
 }
 
-Result<DeviceTurns::Answer> DeviceTurns::take(std::string_view id, int64_t fence,
-                                              const TurnNeed& need, const Stop& stop) {
+Result<TimeSlices::Answer> TimeSlices::take(std::string_view id, int64_t fence,
+                                            const SliceNeed& need, const Stop& stop) {
   MutexLock lock(mutex_);
   const Task task = find(id, fence);
   if (task == nullptr) return Answer::kFenced;
-  end_turn(*task);
+  end_slice(*task);
   if (!task->has_memory) {
     task->need = need;
     VOXELD_TRY(check_fits(*task));
@@ -102,29 +101,29 @@ Result<DeviceTurns::Answer> DeviceTurns::take(std::string_view id, int64_t fence
   return wait(task, lock, stop);
 }
 
-DeviceTurns::Answer DeviceTurns::renew(std::string_view id, int64_t fence, const Stop& stop) {
+TimeSlices::Answer TimeSlices::renew(std::string_view id, int64_t fence, const Stop& stop) {
   MutexLock lock(mutex_);
   const Task task = find(id, fence);
   if (task == nullptr) return Answer::kFenced;
-  end_turn(*task);
+  end_slice(*task);
   return wait(task, lock, stop);
 }
 
-void DeviceTurns::give(std::string_view id, int64_t fence) {
+void TimeSlices::give(std::string_view id, int64_t fence) {
   MutexLock lock(mutex_);
   const Task task = find(id, fence);
   if (task == nullptr) return;
-  end_turn(*task);
+  end_slice(*task);
   grant_free();
 }
 
-bool DeviceTurns::is_waiting(std::string_view id) const {
+bool TimeSlices::is_waiting(std::string_view id) const {
   MutexLock lock(mutex_);
   const auto found = tasks_.find(id);
   return found != tasks_.end() && found->second->is_waiting;
 }
 
-std::string DeviceTurns::waiting_for(std::string_view id) const {
+std::string TimeSlices::waiting_for(std::string_view id) const {
   MutexLock lock(mutex_);
   const auto found = tasks_.find(id);
   if (found == tasks_.end() || !found->second->is_waiting) return "";
@@ -146,19 +145,19 @@ std::string DeviceTurns::waiting_for(std::string_view id) const {
     before.insert(other->task.tenant);
   }
   const bool is_own = before.erase(task.task.tenant) > 0;
-  std::string text = "a turn on " + task.task.device;
+  std::string text = "a time slice on " + task.task.device;
   if (before.empty()) return text + (is_own ? ": another job of the tenant before" : "");
   return text + ": " + std::to_string(before.size()) +
          (before.size() == 1 ? " tenant before" : " tenants before");
 }
 
-int64_t DeviceTurns::granted_bytes(std::string_view id) const {
+int64_t TimeSlices::granted_bytes(std::string_view id) const {
   MutexLock lock(mutex_);
   const auto found = tasks_.find(id);
   return found != tasks_.end() && found->second->has_memory ? found->second->need.host_bytes : 0;
 }
 
-int64_t DeviceTurns::device_us(std::string_view id) const {
+int64_t TimeSlices::device_us(std::string_view id) const {
   MutexLock lock(mutex_);
   const auto found = tasks_.find(id);
   if (found == tasks_.end()) return 0;
@@ -169,13 +168,13 @@ int64_t DeviceTurns::device_us(std::string_view id) const {
          std::chrono::duration_cast<microseconds>(config_.now() - task.granted_at).count();
 }
 
-DeviceTurns::Task DeviceTurns::find(std::string_view id, int64_t fence) const {
+TimeSlices::Task TimeSlices::find(std::string_view id, int64_t fence) const {
   const auto found = tasks_.find(id);
   if (found == tasks_.end() || found->second->task.fence != fence) return nullptr;
   return found->second;
 }
 
-Status DeviceTurns::check_fits(const Started& task) const {
+Status TimeSlices::check_fits(const Started& task) const {
   for (const Memory& one : memories(task, [](const Started&) { return false; })) {
     if (one.fits()) continue;
     return Error{ErrorCode::kGridTooLarge,
@@ -186,7 +185,7 @@ Status DeviceTurns::check_fits(const Started& task) const {
   return {};
 }
 
-DeviceTurns::Answer DeviceTurns::wait(const Task& task, MutexLock& lock, const Stop& stop) {
+TimeSlices::Answer TimeSlices::wait(const Task& task, MutexLock& lock, const Stop& stop) {
   const auto stops = [&] {
     const int64_t deadline = task->task.deadline_at_ms;
     return (deadline != 0 && unix_time_ms() >= deadline) || (stop && stop());
@@ -209,7 +208,7 @@ DeviceTurns::Answer DeviceTurns::wait(const Task& task, MutexLock& lock, const S
   return Answer::kGranted;
 }
 
-void DeviceTurns::charge_cpu(Started& task) {
+void TimeSlices::charge_cpu(Started& task) {
   if (!config_.cpu_seconds || task.task.pid == 0) return;
   const double now = config_.cpu_seconds(task.task.pid);
   if (now < 0) return;  // what it used since the last call is lost with it
@@ -223,7 +222,7 @@ void DeviceTurns::charge_cpu(Started& task) {
   if (config_.charged_cpu) config_.charged_cpu(task.task, used);
 }
 
-void DeviceTurns::end_turn(Started& task) {
+void TimeSlices::end_slice(Started& task) {
   if (!task.is_granted) return;
   charge_cpu(task);
   task.is_granted = false;
@@ -240,7 +239,7 @@ void DeviceTurns::end_turn(Started& task) {
   if (config_.charged) config_.charged(task.task, seconds);
 }
 
-void DeviceTurns::grant_free() {
+void TimeSlices::grant_free() {
   for (auto& [name, device] : devices_) {
     if (device.holder != nullptr) continue;
     for (const Started* first : waiting_in_order(name)) {
@@ -251,7 +250,7 @@ void DeviceTurns::grant_free() {
   }
 }
 
-void DeviceTurns::grant(Started& task) {
+void TimeSlices::grant(Started& task) {
   charge_cpu(task);
   Device& device = devices_[task.task.device];
   task.start_tag = tag_of(device, task.task.tenant);
@@ -268,11 +267,11 @@ void DeviceTurns::grant(Started& task) {
   task.changed.notify_all();
 }
 
-void DeviceTurns::forget_old_tags(Device& device) {
+void TimeSlices::forget_old_tags(Device& device) {
   std::erase_if(device.finish, [&](const auto& entry) { return entry.second <= device.now_tag; });
 }
 
-std::vector<const DeviceTurns::Started*> DeviceTurns::waiting_in_order(
+std::vector<const TimeSlices::Started*> TimeSlices::waiting_in_order(
     const std::string& device) const {
   std::vector<std::pair<Order, const Started*>> found;
   for (const auto& [id, task] : tasks_) {
@@ -287,13 +286,13 @@ std::vector<const DeviceTurns::Started*> DeviceTurns::waiting_in_order(
   return waiting;
 }
 
-double DeviceTurns::tag_of(const Device& device, const std::string& tenant) const {
+double TimeSlices::tag_of(const Device& device, const std::string& tenant) const {
   const auto found = device.finish.find(tenant);
   return found == device.finish.end() ? device.now_tag : std::max(device.now_tag, found->second);
 }
 
 template <typename Counts>
-std::vector<DeviceTurns::Memory> DeviceTurns::memories(const Started& task, Counts counts) const {
+std::vector<TimeSlices::Memory> TimeSlices::memories(const Started& task, Counts counts) const {
   const auto device = devices_.find(task.task.device);
   Memory host{false, config_.host_bytes_max, 0, task.need.host_bytes};
   Memory on_device{true, device == devices_.end() ? 0 : device->second.bytes_max, 0,
@@ -306,7 +305,7 @@ std::vector<DeviceTurns::Memory> DeviceTurns::memories(const Started& task, Coun
   return {host, on_device};
 }
 
-bool DeviceTurns::may_have_memory(const Started& task) const {
+bool TimeSlices::may_have_memory(const Started& task) const {
   for (const Memory& one : memories(task, [](const Started&) { return true; })) {
     if (!one.fits()) return false;
   }
@@ -324,7 +323,7 @@ bool DeviceTurns::may_have_memory(const Started& task) const {
   return true;
 }
 
-bool DeviceTurns::leaves_room(const Started& task, const Started& passed) const {
+bool TimeSlices::leaves_room(const Started& task, const Started& passed) const {
   const uint64_t since = passed.waits_since;
   for (Memory one :
        memories(passed, [since](const Started& third) { return third.admitted_at > since; })) {
@@ -338,8 +337,8 @@ bool DeviceTurns::leaves_room(const Started& task, const Started& passed) const 
   return true;
 }
 
-DeviceTurns::Order DeviceTurns::order_of(const Started& task) const {
-  const TurnTask& it = task.task;
+TimeSlices::Order TimeSlices::order_of(const Started& task) const {
+  const SliceTask& it = task.task;
   if (!config_.is_fair) return {0, 0, 0, 0, it.seq};
   // All tasks of a tenant stand at one place among those of others.
   uint64_t first = task.waits_since;
@@ -353,7 +352,7 @@ DeviceTurns::Order DeviceTurns::order_of(const Started& task) const {
           it.seq};
 }
 
-int64_t DeviceTurns::weight_of(const std::string& tenant) const {
+int64_t TimeSlices::weight_of(const std::string& tenant) const {
   return config_.weight_of ? std::max<int64_t>(1, config_.weight_of(tenant)) : 1;
 }
 

@@ -1,25 +1,25 @@
-// Time slices of devices. A device works for one task at a time, for one slice (turn); its other
+// Time slices of devices. A device works for one task at a time, for one slice; its other
 // tasks parse, encode and wait meanwhile.
 //
-// Among tenants, turns go by start-time fair queueing (P. Goyal, H. M. Vin, H. Cheng: Start-time
-// Fair Queueing, SIGCOMM 1996): a turn of tenant t has the start tag S = max(V, F[t]), the smallest
-// one is next, and when it ends F[t] = S + seconds held / weight[t]; V is the S of the turn that
-// was granted last. Other than in the paper, the tags are of tenants and not of packets, for how
-// long a turn will be is known when it ends. A tenant that was away gets no credit for it: its S is
-// V.
+// Among tenants, time slices go by start-time fair queueing (P. Goyal, H. M. Vin, H. Cheng:
+// Start-time Fair Queueing, SIGCOMM 1996): a time slice of tenant t has the start tag S = max(V,
+// F[t]), the smallest one is next, and when it ends F[t] = S + seconds held / weight[t]; V is the S
+// of the time slice that was granted last. Other than in the paper, the tags are of tenants and not
+// of packets, for how long a time slice will be is known when it ends. A tenant that was away gets
+// no credit for it: its S is V.
 //
 // Within a tenant: priority, the highest first; the earliest deadline; the order of arrival.
 //
 // CPU time outside of slices (parsing, decoding, encoding, exports) is charged to the tenant as
 // well: a second of CPU time counts as the part of a second of the device that one
-// core is of the machine. On device cpu, whose turns have all cores, both cost the same.
+// core is of the machine. On device cpu, whose time slices have all cores, both cost the same.
 //
-// A turn can be taken away from a worker that gives no sign of life. Should the worker come back,
-// it takes a new turn at its next boundary like any other.
+// A time slice can be taken away from a worker that gives no sign of life. Should the worker come
+// back, it takes a new time slice at its next boundary like any other.
 //
-// With its first turn a task tells how much memory it will need in all. One that does not fit
-// beside the others waits until it does, and holds no turn meanwhile. Others may pass it only where
-// it fits beside all that have passed it, so that it never waits for them.
+// With its first time slice a task tells how much memory it will need in all. One that does not fit
+// beside the others waits until it does, and holds no time slice meanwhile. Others may pass it only
+// where it fits beside all that have passed it, so that it never waits for them.
 #pragma once
 
 #include <chrono>
@@ -41,7 +41,7 @@
 namespace voxeld {
 
 // A started task.
-struct TurnTask {
+struct SliceTask {
   std::string id;
   int64_t fence = 0;
   std::string device, tenant;
@@ -51,47 +51,47 @@ struct TurnTask {
   int64_t pid = 0;             // of its worker; 0: its CPU time is not known
 };
 
-struct TurnNeed {
+struct SliceNeed {
   int64_t host_bytes = 0, device_bytes = 0;
 };
 
-struct TurnsConfig {
+struct TimeSlicesConfig {
   using Clock = std::chrono::steady_clock;
   bool is_fair = true;         // false: in the order of arrival, whoever asks
   int64_t host_bytes_max = 0;  // of all started tasks; 0: not limited
   // At least 1; null: each 1.
   std::function<int64_t(const std::string& tenant)> weight_of;
-  // After each turn; null: nobody. Not to call back.
-  std::function<void(const TurnTask& task, double seconds)> charged;
+  // After each time slice; null: nobody. Not to call back.
+  std::function<void(const SliceTask& task, double seconds)> charged;
   // CPU time of a process so far; negative: it has ended. null: CPU time is not charged.
   std::function<double(int64_t pid)> cpu_seconds;
   int cores = 1;  // of the machine
   // With each charge of CPU time; null: nobody. Not to call back.
-  std::function<void(const TurnTask& task, double cpu_seconds)> charged_cpu;
+  std::function<void(const SliceTask& task, double cpu_seconds)> charged_cpu;
   std::function<Clock::time_point()> now = [] { return Clock::now(); };  // of what is charged
 };
 
 // Thread-safe.
-class DeviceTurns {
+class TimeSlices {
  public:
   enum class Answer {
     kGranted,
     kStopped,  // `stop` said so, or the deadline has passed
     kFenced,   // no such task, or not with this fence, or it ended meanwhile
   };
-  // Polled while a turn is waited for, at least every kPoll.
+  // Polled while a time slice is waited for, at least every kPoll.
   using Stop = std::function<bool()>;
   static constexpr std::chrono::milliseconds kPoll{20};
 
-  explicit DeviceTurns(TurnsConfig config) : config_(std::move(config)) {}
+  explicit TimeSlices(TimeSlicesConfig config) : config_(std::move(config)) {}
 
   // --- the gateway's side
-  void begin_task(const TurnTask& task) EXCLUDES(mutex_);
+  void begin_task(const SliceTask& task) EXCLUDES(mutex_);
   // Gives back what it has and answers whoever waits on its behalf.
   void end_task(std::string_view id, int64_t fence) EXCLUDES(mutex_);
-  // Ends the turn of a task whose worker is silent, and charges it. False: it has none.
+  // Ends the time slice of a task whose worker is silent, and charges it. False: it has none.
   bool take_away(std::string_view id) EXCLUDES(mutex_);
-  // Charges the CPU time that tasks have used without a turn since the last call.
+  // Charges the CPU time that tasks have used without a time slice since the last call.
   void charge_cpu() EXCLUDES(mutex_);
   // How much memory the device has for tasks; 0: not known, not limited.
   void set_device_bytes(const std::string& device, int64_t bytes_max) EXCLUDES(mutex_);
@@ -104,30 +104,30 @@ class DeviceTurns {
 
   // --- a worker's side
   // Blocks. Errors: grid-too-large for what never fits.
-  Result<Answer> take(std::string_view id, int64_t fence, const TurnNeed& need, const Stop& stop)
+  Result<Answer> take(std::string_view id, int64_t fence, const SliceNeed& need, const Stop& stop)
       EXCLUDES(mutex_);
-  // Gives the turn back and takes the next one, which may be at once.
+  // Gives the time slice back and takes the next one, which may be at once.
   Answer renew(std::string_view id, int64_t fence, const Stop& stop) EXCLUDES(mutex_);
   void give(std::string_view id, int64_t fence) EXCLUDES(mutex_);
 
   // --- for the status of a task
   bool is_waiting(std::string_view id) const EXCLUDES(mutex_);
-  // "a turn on llvmpipe: 2 tenants before", "memory: …"; empty while it does not wait.
+  // "a time slice on llvmpipe: 2 tenants before", "memory: …"; empty while it does not wait.
   std::string waiting_for(std::string_view id) const EXCLUDES(mutex_);
-  // Memory of the host that it has been granted; 0 before its first turn.
+  // Memory of the host that it has been granted; 0 before its first time slice.
   int64_t granted_bytes(std::string_view id) const EXCLUDES(mutex_);
   // For which it has held its device since begin_task().
   int64_t device_us(std::string_view id) const EXCLUDES(mutex_);
 
  private:
-  using Clock = TurnsConfig::Clock;
+  using Clock = TimeSlicesConfig::Clock;
   struct Started {
-    TurnTask task;
-    TurnNeed need;
+    SliceTask task;
+    SliceNeed need;
     bool has_memory = false;
     bool is_waiting = false, is_granted = false, has_ended = false;
     uint64_t waits_since = 0, admitted_at = 0;  // numbers of events, in their order
-    double start_tag = 0;                       // of the turn it has
+    double start_tag = 0;                       // of the time slice it has
     Clock::time_point granted_at{};
     int64_t device_us = 0;
     double cpu_seconds = 0;  // of its worker's process, up to which it is charged
@@ -145,11 +145,11 @@ class DeviceTurns {
   Task find(std::string_view id, int64_t fence) const REQUIRES(mutex_);
   Status check_fits(const Started& task) const REQUIRES(mutex_);
   Answer wait(const Task& task, MutexLock& lock, const Stop& stop) REQUIRES(mutex_);
-  // Charges the CPU time since the last call; within a turn it is part of the turn.
+  // Charges the CPU time since the last call; within a time slice it is part of the time slice.
   void charge_cpu(Started& task) REQUIRES(mutex_);
-  // Ends the turn of a task that has one, and charges it.
-  void end_turn(Started& task) REQUIRES(mutex_);
-  // Grants the turn of every device that is free.
+  // Ends the time slice of a task that has one, and charges it.
+  void end_slice(Started& task) REQUIRES(mutex_);
+  // Grants the time slice of every device that is free.
   void grant_free() REQUIRES(mutex_);
   void grant(Started& task) REQUIRES(mutex_);
   void forget_old_tags(Device& device) REQUIRES(mutex_);
@@ -173,7 +173,7 @@ class DeviceTurns {
   using Order = std::tuple<double, uint64_t, int, uint64_t, int64_t>;
   Order order_of(const Started& task) const REQUIRES(mutex_);
 
-  const TurnsConfig config_;
+  const TimeSlicesConfig config_;
   mutable Mutex mutex_;
   uint64_t events_ GUARDED_BY(mutex_) = 0;
   std::map<std::string, Device, std::less<>> devices_ GUARDED_BY(mutex_);

@@ -20,8 +20,8 @@ void Service::overlay(JobStatus& status) {
   forecast_.fill(status);
   if (status.state == JobState::kQueued) status.waiting_for = "a worker";
   if (status.state != JobState::kRunning) return;
-  status.waiting_for = turns_.waiting_for(status.id);
-  status.device_ms += static_cast<double>(turns_.device_us(status.id)) / 1000.0;
+  status.waiting_for = slices_.waiting_for(status.id);
+  status.device_ms += static_cast<double>(slices_.device_us(status.id)) / 1000.0;
 }
 
 void Service::job_changed(const JobRecord& record) {
@@ -43,8 +43,8 @@ void Service::job_changed(const JobRecord& record) {
     sweep_.look_at_deleted();
   } else if (status.state == JobState::kRunning) {
     metrics_.claimed(status);
-  } else if (record.was_parked) {
-    metrics_.parked(status, record.tenant);
+  } else if (record.was_preempted) {
+    metrics_.preempted(status, record.tenant);
   } else {
     metrics_.requeued(status);
   }

@@ -173,8 +173,8 @@ struct JobServiceConfig {
   std::function<bool()> has_keys;
   bool forgets_keys = false;
   std::function<TenantLimits(std::string_view tenant)> limits_of;  // null: none
-  // Whether several tenants share the queue, so that none may take all of it (jobs/records/quota.h); null:
-  // no. Thread-safe.
+  // Whether several tenants share the queue, so that none may take all of it
+  // (jobs/records/quota.h); null: no. Thread-safe.
   std::function<bool()> is_queue_shared;
 };
 

@@ -57,7 +57,7 @@ class Service final : public JobService {
               return config_.weight_of ? static_cast<double>(config_.weight_of(tenant)) : 1.0;
             },
             [this](JobStatus& status) { board_.overlay(status); }),
-        turns_(turns_config()),
+        slices_(slices_config()),
         retention_(*database_, blobs_),
         sweep_(config_.storage, retention_, assets_, blobs_, metrics_, clock_,
                [this] { note_each_second(); }) {}
@@ -145,7 +145,7 @@ class Service final : public JobService {
   // Bytes of the asset with its files, or of the grid; 0 if unknown.
   int64_t input_bytes(const std::string& tenant, const std::string& asset, const std::string& grid);
   void forecast_waiting();
-  TurnsConfig turns_config();
+  TimeSlicesConfig slices_config();
   // Adds what the database does not know to a status.
   void overlay(JobStatus& status);
   TaskServerConfig server_config();
@@ -176,7 +176,7 @@ class Service final : public JobService {
   JobMetrics metrics_;
   JobCosts costs_;
   QueueForecast forecast_;
-  DeviceTurns turns_;
+  TimeSlices slices_;
   Retention retention_;
   StoreSweep sweep_;
   WholeReads whole_reads_{WholeReads::max()};

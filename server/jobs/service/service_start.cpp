@@ -25,17 +25,17 @@ constexpr int64_t kClockNoteMs = 60'000;
 
 }  // namespace
 
-TurnsConfig Service::turns_config() {
-  TurnsConfig config;
+TimeSlicesConfig Service::slices_config() {
+  TimeSlicesConfig config;
   config.is_fair = config_.is_fair;
   config.host_bytes_max = config_.memory_bytes_max;
   config.weight_of = config_.weight_of;
-  config.charged = [this](const TurnTask& task, double seconds) {
-    metrics_.had_turn(task.device, task.tenant, seconds);
+  config.charged = [this](const SliceTask& task, double seconds) {
+    metrics_.had_slice(task.device, task.tenant, seconds);
   };
   config.cpu_seconds = process_cpu_seconds;
   config.cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  config.charged_cpu = [this](const TurnTask& task, double seconds) {
+  config.charged_cpu = [this](const SliceTask& task, double seconds) {
     metrics_.used_cpu(task.tenant, seconds);
   };
   return config;
@@ -67,7 +67,7 @@ Status Service::start() {
 
   VOXELD_ASSIGN(
       tasks_, TaskServer::start(server_config(),
-                                {jobs_, assets_, frames_, blobs_, parts_, board_, metrics_, turns_,
+                                {jobs_, assets_, frames_, blobs_, parts_, board_, metrics_, slices_,
                                  [this](const JobRecord& record) { job_changed(record); }}));
   deadlines_ = std::make_unique<DeadlineWatch>(
       jobs_, [this](const JobRecord& record) { job_changed(record); });

@@ -29,10 +29,14 @@ int64_t bytes_in(const fs::path& folder, int depth) {
   return bytes;
 }
 
-int64_t bytes_of(const WatchedScratch& worker) {
+int64_t bytes_of(const std::vector<fs::path>& folders) {
   int64_t bytes = 0;
-  for (const fs::path& folder : worker.folders) bytes += folder_bytes(folder);
+  for (const fs::path& folder : folders) bytes += folder_bytes(folder);
   return bytes;
+}
+
+int64_t bytes_of_worker(const WatchedScratch& worker) {
+  return bytes_of(worker.folders);
 }
 
 }  // namespace
@@ -42,9 +46,9 @@ int64_t folder_bytes(const fs::path& folder) {
   return bytes_in(folder, kDepthMax);
 }
 
-Status check_scratch(const WatchedScratch& worker, int64_t bytes_max) {
+Status check_scratch(const std::vector<fs::path>& folders, int64_t bytes_max) {
   if (bytes_max == 0) return {};
-  const int64_t bytes = bytes_of(worker);
+  const int64_t bytes = bytes_of(folders);
   if (bytes <= bytes_max) return {};
   return Error{ErrorCode::kStorageFull, "the job writes more than one worker may",
                "at most " + std::to_string(bytes_max) + " bytes", std::to_string(bytes)};
@@ -79,13 +83,13 @@ void ScratchWatch::run() {
 void ScratchWatch::look() const {
   std::vector<WatchedScratch> workers = calls_.workers();
   std::erase_if(workers, [this](const WatchedScratch& worker) {
-    const Status within = check_scratch(worker, bytes_max_);
+    const Status within = check_scratch(worker.folders, bytes_max_);
     if (!within) calls_.condemned(worker, within.error());
     return !within.ok();
   });
   if (workers.empty() || !disk_.is_nearly_full()) return;
-  const auto first = std::ranges::max_element(workers, {}, bytes_of);
-  if (bytes_of(*first) < kBlamedBytesMin) return;
+  const auto first = std::ranges::max_element(workers, {}, bytes_of_worker);
+  if (bytes_of_worker(*first) < kBlamedBytesMin) return;
   const Status full = disk_.for_data();
   if (!full) calls_.condemned(*first, full.error());
 }

@@ -24,8 +24,9 @@ struct WatchedScratch {
   std::vector<std::filesystem::path> folders;  // that the worker writes to
 };
 
-// That what a task wrote is within its limit. `bytes_max` 0: no limit. Errors: storage-full.
-Status check_scratch(const WatchedScratch& worker, int64_t bytes_max);
+// That what a task wrote to these folders is within its limit. `bytes_max` 0: no limit. Errors:
+// storage-full.
+Status check_scratch(const std::vector<std::filesystem::path>& folders, int64_t bytes_max);
 
 class ScratchWatch {
  public:

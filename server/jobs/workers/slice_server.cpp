@@ -12,23 +12,23 @@ namespace {
 
 using nlohmann::json;
 
-// One connection: its worker has at most one task, and that at most one turn.
-class TurnConnection {
+// One connection: its worker has at most one task, and that at most one time slice.
+class SliceConnection {
  public:
-  TurnConnection(FrameSocket& socket, const TurnServerContext& context)
+  SliceConnection(FrameSocket& socket, const SliceServerContext& context)
       : socket_(socket), context_(context) {}
-  ~TurnConnection() { give(); }
-  TurnConnection(const TurnConnection&) = delete;
-  TurnConnection& operator=(const TurnConnection&) = delete;
+  ~SliceConnection() { give(); }
+  SliceConnection(const SliceConnection&) = delete;
+  SliceConnection& operator=(const SliceConnection&) = delete;
 
   Status answer(const std::string& frame) {
     VOXELD_TRY(rate_.take());
     VOXELD_ASSIGN(const json message, parse_worker_message(frame));
-    VOXELD_ASSIGN(TurnRequest request, parse_turn_request(message));
+    VOXELD_ASSIGN(SliceRequest request, parse_slice_request(message));
     const bool is_same = request.task == last_.task && request.fence == last_.fence;
-    if (!is_same || request.action == TurnAction::kGive) give();
+    if (!is_same || request.action == SliceAction::kGive) give();
     last_ = std::move(request);
-    if (last_.action == TurnAction::kGive) return {};
+    if (last_.action == SliceAction::kGive) return {};
     return send(to_json_message(reply()));
   }
 
@@ -37,47 +37,47 @@ class TurnConnection {
   }
 
  private:
-  void give() { context_.turns.give(last_.task, last_.fence); }
+  void give() { context_.slices.give(last_.task, last_.fence); }
 
-  TurnReply reply() {
+  SliceReply reply() {
     const auto stop = [this] {
       return context_.stopping || context_.board.cancel_age_seconds(last_.task) >= 0 ||
              socket_.peer_closed();
     };
-    TurnReply reply;
-    Result<DeviceTurns::Answer> answer = DeviceTurns::Answer::kFenced;
-    if (last_.action == TurnAction::kRenew) {
-      answer = context_.turns.renew(last_.task, last_.fence, stop);
+    SliceReply reply;
+    Result<TimeSlices::Answer> answer = TimeSlices::Answer::kFenced;
+    if (last_.action == SliceAction::kRenew) {
+      answer = context_.slices.renew(last_.task, last_.fence, stop);
     } else {
-      answer = context_.turns.take(last_.task, last_.fence, {last_.host_bytes, last_.device_bytes},
-                                   stop);
+      answer = context_.slices.take(last_.task, last_.fence, {last_.host_bytes, last_.device_bytes},
+                                    stop);
     }
     if (!answer) {
       reply.error = answer.error();
       return reply;
     }
-    reply.granted = *answer == DeviceTurns::Answer::kGranted;
-    reply.cancel = *answer == DeviceTurns::Answer::kStopped;
-    reply.fenced = *answer == DeviceTurns::Answer::kFenced;
+    reply.granted = *answer == TimeSlices::Answer::kGranted;
+    reply.cancel = *answer == TimeSlices::Answer::kStopped;
+    reply.fenced = *answer == TimeSlices::Answer::kFenced;
     return reply;
   }
 
   FrameSocket& socket_;
-  const TurnServerContext& context_;
+  const SliceServerContext& context_;
   MessageRate rate_;
-  TurnRequest last_;
+  SliceRequest last_;
 };
 
 }  // namespace
 
-Status serve_turns(FrameSocket& socket, const TurnsHello& worker,
-                   const TurnServerContext& context) {
+Status serve_slices(FrameSocket& socket, const SlicesHello& worker,
+                    const SliceServerContext& context) {
   if (worker.protocol != kTaskProtocolVersion) {
     return Error{ErrorCode::kBadRequest, "worker speaks another version of the task protocol",
                  std::to_string(kTaskProtocolVersion), std::to_string(worker.protocol)};
   }
   VOXELD_TRY(socket.set_receive_timeout(0));
-  TurnConnection connection(socket, context);
+  SliceConnection connection(socket, context);
   VOXELD_TRY(connection.send({{"ok", true}}));
   while (!context.stopping) {
     VOXELD_ASSIGN(const std::string frame, socket.receive());

@@ -1,4 +1,4 @@
-// The gateway's side of a connection for turns on a device (proto/task_api.h).
+// The gateway's side of a connection for time slices on a device (proto/task_api.h).
 #pragma once
 
 #include <atomic>
@@ -11,14 +11,15 @@
 
 namespace voxeld {
 
-struct TurnServerContext {
-  DeviceTurns& turns;
+struct SliceServerContext {
+  TimeSlices& slices;
   const JobBoard& board;  // knows of cancels
   const std::atomic<bool>& stopping;
 };
 
 // Answers until the worker closes the connection or breaks the protocol; then what it had is given
 // back. Errors: gone, bad-request.
-Status serve_turns(FrameSocket& socket, const TurnsHello& worker, const TurnServerContext& context);
+Status serve_slices(FrameSocket& socket, const SlicesHello& worker,
+                    const SliceServerContext& context);
 
 }  // namespace voxeld

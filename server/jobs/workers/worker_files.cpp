@@ -80,6 +80,10 @@ WorkerFolders WorkerFiles::folders() const {
   return {(root_ / kOutput).string(), (root_ / kInput).string(), (root_ / kCache).string()};
 }
 
+std::vector<fs::path> WorkerFiles::written() const {
+  return {root_ / kOutput, root_ / kCache};
+}
+
 Result<std::string> WorkerFiles::hand_over(const fs::path& blob) const {
   const fs::path given = root_ / kInput / blob.filename();
   if (::link(blob.c_str(), given.c_str()) == 0 || errno == EEXIST) return given.string();

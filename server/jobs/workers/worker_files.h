@@ -9,6 +9,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "proto/result.h"
 #include "proto/task_api.h"
@@ -26,6 +27,8 @@ class WorkerFiles {
   // Makes the folders. Again: nothing.
   Status create() const;
   WorkerFolders folders() const;
+  // The folders that the worker writes to.
+  std::vector<std::filesystem::path> written() const;
   // Lets the worker read a blob, and tells under which path. Errors: not-found.
   Result<std::string> hand_over(const std::filesystem::path& blob) const;
   // Takes an output from the worker, which cannot change it any more, and tells where it is now.

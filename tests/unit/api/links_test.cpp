@@ -4,7 +4,6 @@
 #include "server/api/signed_link.h"
 #include "server/base/clock.h"
 #include "server/jobs/auth/key_file.h"
-#include "server/jobs/records/job_rows.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {

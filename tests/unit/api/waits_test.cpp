@@ -5,7 +5,6 @@
 
 #include "server/base/clock.h"
 #include "server/jobs/auth/key_file.h"
-#include "server/jobs/records/job_rows.h"
 #include "tests/unit/api/api_server_fixture.h"
 #include "tests/unit/jobs/lists.h"
 

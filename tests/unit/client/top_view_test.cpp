@@ -64,14 +64,14 @@ TEST(TopView, devices_with_their_jobs_stand_above_the_queue) {
   EXPECT_EQ(lines, expected);
 }
 
-TEST(TopView, a_job_that_was_parked_tells_how_far_it_had_got) {
+TEST(TopView, a_job_that_was_preempted_tells_how_far_it_had_got) {
   TopView view("http://host:8080");
   Queue queue = sample();
   queue.jobs[1].job.tiles_done = 9;
   queue.jobs[1].job.tiles_total = 64;
   const auto lines = view.lines(queue, {}, kNow, TopView::Clock::now());
   EXPECT_EQ(lines[lines.size() - 2],
-            "    1 j-first      lab            voxelize  queued   90s parked at 9/64");
+            "    1 j-first      lab            voxelize  queued   90s preempted at 9/64");
 }
 
 TEST(TopView, it_fits_into_a_small_terminal) {

@@ -7,7 +7,6 @@
 
 #include "server/base/clock.h"
 #include "server/jobs/auth/key_file.h"
-#include "server/jobs/records/job_rows.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

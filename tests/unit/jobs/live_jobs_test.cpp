@@ -168,7 +168,7 @@ TEST_F(LiveJobsTest, the_counters_are_the_rows_whatever_happens_to_jobs) {
       ASSERT_TRUE(store_->lose_worker(job.status.id, job.fence, "gone", true, 0));
     } else if (what == 8 && !running.empty()) {
       const JobRecord job = take_running();
-      ASSERT_TRUE(store_->park({job.status.id, job.fence, 0, 0, {}}, 0));
+      ASSERT_TRUE(store_->preempt({job.status.id, job.fence, 0, 0, {}}, 0));
     } else if (what == 9) {
       ASSERT_TRUE(store_->expire(unix_time_ms() + 10));
     } else if (what == 10) {

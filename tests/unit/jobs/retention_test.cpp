@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "server/base/clock.h"
 #include "server/base/sha256.h"
 #include "server/jobs/records/asset_store.h"
 #include "server/jobs/records/blob_needs.h"
 #include "server/jobs/records/frame_store.h"
-#include "server/jobs/records/job_rows.h"
 #include "server/jobs/records/job_store.h"
 #include "tests/unit/base/temporary_dir.h"
 

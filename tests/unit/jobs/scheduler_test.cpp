@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "server/base/clock.h"
-#include "server/jobs/records/job_rows.h"
 #include "server/jobs/scheduling/slots.h"
 #include "tests/unit/jobs/lists.h"
 #include "tests/unit/jobs/service_fixture.h"

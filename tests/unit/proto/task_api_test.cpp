@@ -38,7 +38,7 @@ Task task() {
 TaskProgress progress() {
   return {"j-1", 7, "voxelize", 3, 8, 2, 9, {1 << 30, 1 << 20}, true, 1500};
 }
-TaskPark park() {
+TaskPreemption preempt() {
   return {"j-1", 7, 3, 8, {{"voxelize", 12.5}, {"parse", 1}}};
 }
 TaskFrame frame() {
@@ -58,11 +58,11 @@ TaskFailure failure() {
   return {"j-1", 7, {ErrorCode::kMalformedMesh, "b.ply line 3: x", "a number", "\"y\""}};
 }
 
-TurnsHello turns() {
+SlicesHello slices() {
   return {1, 4711, "egl:0"};
 }
-TurnRequest turn() {
-  return {TurnAction::kTake, "j-1", 7, 12'345'678'901, 5};
+SliceRequest slice() {
+  return {SliceAction::kTake, "j-1", 7, 12'345'678'901, 5};
 }
 
 // The messages and, for each, how it is read.
@@ -86,42 +86,42 @@ std::vector<Message> messages() {
           {"progress", to_json_message(progress()), with(parse_task_progress)},
           {"frame", to_json_message(frame()), with(parse_task_frame)},
           {"complete", to_json_message(completion()), with(parse_task_completion)},
-          {"park", to_json_message(park()), with(parse_task_park)},
+          {"preempt", to_json_message(preempt()), with(parse_task_preempt)},
           {"fail", to_json_message(failure()), with(parse_task_failure)}};
 }
 
 TEST(TaskApi, turns_come_back) {
-  const auto hello = parse_turns_hello(to_json_message(turns()));
+  const auto hello = parse_slices_hello(to_json_message(slices()));
   ASSERT_TRUE(hello) << hello.error().message();
   EXPECT_EQ(hello->pid, 4711);
   EXPECT_EQ(hello->device, "egl:0");
-  EXPECT_FALSE(parse_turns_hello(to_json_message(turn())));
-  const auto request = parse_turn_request(to_json_message(turn()));
+  EXPECT_FALSE(parse_slices_hello(to_json_message(slice())));
+  const auto request = parse_slice_request(to_json_message(slice()));
   ASSERT_TRUE(request) << request.error().message();
-  EXPECT_EQ(request->action, TurnAction::kTake);
+  EXPECT_EQ(request->action, SliceAction::kTake);
   EXPECT_EQ(request->task, "j-1");
   EXPECT_EQ(request->fence, 7);
   EXPECT_EQ(request->host_bytes, 12'345'678'901);
   EXPECT_EQ(request->device_bytes, 5);
-  for (const TurnAction action : {TurnAction::kRenew, TurnAction::kGive}) {
-    TurnRequest other = turn();
+  for (const SliceAction action : {SliceAction::kRenew, SliceAction::kGive}) {
+    SliceRequest other = slice();
     other.action = action;
-    EXPECT_EQ(parse_turn_request(to_json_message(other))->action, action);
+    EXPECT_EQ(parse_slice_request(to_json_message(other))->action, action);
   }
-  EXPECT_EQ(parse_turn_request(to_json_message(turns())).error().message(),
-            "turn.task: expected it to be there, got nothing");
-  Json odd = to_json_message(turn());
-  odd["type"] = "turn_steal";
-  EXPECT_EQ(parse_turn_request(odd).error().message(),
-            "turn.type: expected turn_take, turn_renew or turn_give, got turn_steal");
-  const auto refusal = parse_turn_reply(
-      to_json_message(TurnReply{false, true, true, Error{ErrorCode::kGridTooLarge, "x", "", ""}}));
+  EXPECT_EQ(parse_slice_request(to_json_message(slices())).error().message(),
+            "time slice.task: expected it to be there, got nothing");
+  Json odd = to_json_message(slice());
+  odd["type"] = "slice_steal";
+  EXPECT_EQ(parse_slice_request(odd).error().message(),
+            "time slice.type: expected slice_take, slice_renew or slice_give, got slice_steal");
+  const auto refusal = parse_slice_reply(
+      to_json_message(SliceReply{false, true, true, Error{ErrorCode::kGridTooLarge, "x", "", ""}}));
   ASSERT_TRUE(refusal) << refusal.error().message();
   EXPECT_FALSE(refusal->granted);
   EXPECT_TRUE(refusal->cancel);
   EXPECT_TRUE(refusal->fenced);
   EXPECT_EQ(refusal->error->code, ErrorCode::kGridTooLarge);
-  EXPECT_FALSE(parse_turn_reply(to_json_message(TurnReply{true, false, false, {}}))->error);
+  EXPECT_FALSE(parse_slice_reply(to_json_message(SliceReply{true, false, false, {}}))->error);
 }
 
 TEST(TaskApi, a_hello_comes_back) {
@@ -163,7 +163,7 @@ TEST(TaskApi, progress_comes_back) {
   EXPECT_EQ(back->tiles_total, 8);
   EXPECT_EQ(back->frames_done, 2);
   EXPECT_EQ(back->frames_total, 9);
-  EXPECT_TRUE(back->can_park);
+  EXPECT_TRUE(back->is_preemptible);
   EXPECT_EQ(back->preparation_ms, 1500);
   Json other = to_json_message(progress());
   other["preparation_ms"] = -1;
@@ -171,19 +171,19 @@ TEST(TaskApi, progress_comes_back) {
             "progress.preparation_ms: expected 0 to 10000000000, got -1");
 }
 
-TEST(TaskApi, a_parked_task_comes_back_and_has_done_no_more_than_all) {
-  const auto back = parse_task_park(to_json_message(park()));
+TEST(TaskApi, a_preempted_task_comes_back_and_has_done_no_more_than_all) {
+  const auto back = parse_task_preempt(to_json_message(preempt()));
   ASSERT_TRUE(back) << back.error().message();
   EXPECT_EQ(back->task, "j-1");
   EXPECT_EQ(back->fence, 7);
   EXPECT_EQ(back->tiles_done, 3);
   EXPECT_EQ(back->tiles_total, 8);
-  EXPECT_EQ(back->timings, park().timings);
+  EXPECT_EQ(back->timings, preempt().timings);
   for (const int64_t done : {-1, 9}) {
-    Json other = to_json_message(park());
+    Json other = to_json_message(preempt());
     other["tiles_done"] = done;
-    EXPECT_EQ(parse_task_park(other).error().message(),
-              "park.tiles_done: expected 0 to 8, got " + std::to_string(done));
+    EXPECT_EQ(parse_task_preempt(other).error().message(),
+              "preempt.tiles_done: expected 0 to 8, got " + std::to_string(done));
   }
 }
 
@@ -338,7 +338,7 @@ TEST(TaskApi, what_makes_no_sense_without_it_must_be_there) {
       {"progress", {"task", "fence"}},
       {"frame", {"task", "fence", "index", "time_s", "path", "voxel_count", "content_hash"}},
       {"complete", {"task", "fence", "outputs", "timings", "warnings"}},
-      {"park", {"task", "fence", "tiles_done", "tiles_total", "timings"}},
+      {"preempt", {"task", "fence", "tiles_done", "tiles_total", "timings"}},
       {"fail", {"task", "fence", "error"}}};
   for (const Message& message : messages()) {
     for (const std::string& name : required.at(message.type)) {

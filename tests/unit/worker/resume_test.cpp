@@ -49,7 +49,7 @@ class ResumeTest : public ::testing::Test {
   // The gateway's side of a part; it cancels, as the loss of a worker would end it, after some.
   std::string take(const json& message) {
     if (message["type"] == "progress") {
-      return json{{"cancel", false}, {"fenced", false}, {"park", parks_}}.dump();
+      return json{{"cancel", false}, {"fenced", false}, {"preempt", preempts_}}.dump();
     }
     if (message["type"] != "part") return R"({"cancel":false,"fenced":false})";
     if (refuses_) return R"({"cancel":false,"fenced":false,"error":"storage-full"})";
@@ -66,7 +66,7 @@ class ResumeTest : public ::testing::Test {
     auto client = TaskClient::connect(gateway.address()).value();
     TaskMonitor monitor(*client, task);
     auto completion = run_task(engine_, task, dir_.path(), monitor);
-    is_parked_ = monitor.is_parked();
+    is_preempted_ = monitor.is_preempted();
     return completion;
   }
 
@@ -84,7 +84,7 @@ class ResumeTest : public ::testing::Test {
   Engine engine_;
   std::vector<std::string> parts_;
   int tasks_ = 0, cancel_after_ = 0;
-  bool refuses_ = false, parks_ = false, is_parked_ = false;
+  bool refuses_ = false, preempts_ = false, is_preempted_ = false;
 };
 
 TEST_F(ResumeTest, the_bytes_are_those_of_an_uninterrupted_run) {
@@ -140,20 +140,20 @@ TEST_F(ResumeTest, a_part_that_cannot_be_kept_costs_the_job_nothing) {
   EXPECT_EQ(outputs(run(task({{"size", 1100}}))), expected);
 }
 
-TEST_F(ResumeTest, a_task_that_is_parked_again_and_again_ends_with_the_same_bytes) {
+TEST_F(ResumeTest, a_task_that_is_preempted_again_and_again_ends_with_the_same_bytes) {
   const json options = {{"size", 2000}, {"channels", "color,normal"}};
   engine_.part_interval = std::chrono::hours(1);
   const std::vector<std::string> whole = outputs(run(task(options)));
   ASSERT_TRUE(parts_.empty());
   int times = 0;
   for (bool ended = false; !ended;) {
-    parks_ = times < 3;
+    preempts_ = times < 3;
     Task again = task(options);
     again.part_paths = parts_;
     const size_t parts_before = parts_.size();
     const auto completion = run(again);
     ASSERT_TRUE(completion.ok()) << completion.error().message();
-    ended = !is_parked_;
+    ended = !is_preempted_;
     if (ended) {
       EXPECT_EQ(outputs(completion), whole);
       continue;
@@ -166,19 +166,19 @@ TEST_F(ResumeTest, a_task_that_is_parked_again_and_again_ends_with_the_same_byte
   EXPECT_GT(times, 0);
 }
 
-TEST_F(ResumeTest, where_a_part_cannot_be_kept_the_task_is_not_parked) {
+TEST_F(ResumeTest, where_a_part_cannot_be_kept_the_task_is_not_preempted) {
   const json options = {{"size", 2000}, {"channels", "color,normal"}};
   engine_.part_interval = std::chrono::hours(1);
-  parks_ = refuses_ = true;
+  preempts_ = refuses_ = true;
   EXPECT_TRUE(run(task(options)).ok());
-  EXPECT_FALSE(is_parked_);
+  EXPECT_FALSE(is_preempted_);
 }
 
-TEST_F(ResumeTest, solids_are_not_parked) {
+TEST_F(ResumeTest, solids_are_not_preempted) {
   engine_.part_interval = std::chrono::hours(1);
-  parks_ = true;
+  preempts_ = true;
   EXPECT_TRUE(run(task({{"size", 700}, {"fill", "solid"}, {"channels", "color,normal"}})).ok());
-  EXPECT_FALSE(is_parked_);
+  EXPECT_FALSE(is_preempted_);
 }
 
 TEST_F(ResumeTest, a_part_is_a_container_of_its_own_tiles) {

@@ -1,4 +1,4 @@
-// Turns over the socket, as workers ask for them.
+// Time slices over the socket, as workers ask for them.
 #include "server/jobs/workers/slice_server.h"
 
 #include <gtest/gtest.h>
@@ -19,20 +19,20 @@ using std::chrono::milliseconds;
 using testing::FakeWorker;
 
 // A worker's second connection.
-class FakeTurns {
+class FakeSlices {
  public:
-  explicit FakeTurns(const std::filesystem::path& socket)
+  explicit FakeSlices(const std::filesystem::path& socket)
       : socket_(connect_unix(socket).value(), kTaskFrameBytesMax) {
-    EXPECT_TRUE(socket_.send(to_json_message(TurnsHello{1, ::getpid(), "llvmpipe"}).dump()));
+    EXPECT_TRUE(socket_.send(to_json_message(SlicesHello{1, ::getpid(), "llvmpipe"}).dump()));
     EXPECT_TRUE(socket_.receive());
   }
-  TurnReply ask(const Task& task, TurnAction action = TurnAction::kTake) {
-    EXPECT_TRUE(socket_.send(to_json_message(TurnRequest{action, task.id, task.fence}).dump()));
-    return parse_turn_reply(json::parse(socket_.receive().value())).value();
+  SliceReply ask(const Task& task, SliceAction action = SliceAction::kTake) {
+    EXPECT_TRUE(socket_.send(to_json_message(SliceRequest{action, task.id, task.fence}).dump()));
+    return parse_slice_reply(json::parse(socket_.receive().value())).value();
   }
   void give(const Task& task) {
-    EXPECT_TRUE(
-        socket_.send(to_json_message(TurnRequest{TurnAction::kGive, task.id, task.fence}).dump()));
+    EXPECT_TRUE(socket_.send(
+        to_json_message(SliceRequest{SliceAction::kGive, task.id, task.fence}).dump()));
   }
   void close() { socket_.shutdown(); }
   FrameSocket& socket() { return socket_; }
@@ -41,9 +41,9 @@ class FakeTurns {
   FrameSocket socket_;
 };
 
-class TurnServerTest : public testing::ServiceTest {
+class SliceServerTest : public testing::ServiceTest {
  protected:
-  FakeTurns connect_turns() { return FakeTurns(dir_.path() / "data/run/tasks.sock"); }
+  FakeSlices connect_slices() { return FakeSlices(dir_.path() / "data/run/tasks.sock"); }
   std::string submit_as(const std::string& tenant) {
     const Caller caller = Caller::tenant(tenant, false);
     JobRequest request;
@@ -67,23 +67,23 @@ class TurnServerTest : public testing::ServiceTest {
   Task first_, second_;
 };
 
-TEST_F(TurnServerTest, one_task_has_the_device_and_the_other_waits_and_says_so) {
-  FakeTurns one = connect_turns(), two = connect_turns();
+TEST_F(SliceServerTest, one_task_has_the_device_and_the_other_waits_and_says_so) {
+  FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
   wait_until_waiting(second_);
-  EXPECT_EQ(get(second_.id).waiting_for, "a turn on llvmpipe: 1 tenant before");
+  EXPECT_EQ(get(second_.id).waiting_for, "a time slice on llvmpipe: 1 tenant before");
   std::this_thread::sleep_for(milliseconds(30));
   one.give(first_);
   waiter.join();
   EXPECT_GE(get(first_.id).device_ms, 30.0);
   EXPECT_TRUE(one_->complete(first_, "x"));
-  EXPECT_GE(get(first_.id).device_ms, 30.0);                  // it is stored with the job
-  EXPECT_TRUE(two.ask(second_, TurnAction::kRenew).granted);  // nobody else asks
+  EXPECT_GE(get(first_.id).device_ms, 30.0);                   // it is stored with the job
+  EXPECT_TRUE(two.ask(second_, SliceAction::kRenew).granted);  // nobody else asks
 }
 
-TEST_F(TurnServerTest, a_connection_that_ends_gives_its_turn_back) {
-  FakeTurns one = connect_turns(), two = connect_turns();
+TEST_F(SliceServerTest, a_connection_that_ends_gives_its_turn_back) {
+  FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
   wait_until_waiting(second_);
@@ -91,19 +91,19 @@ TEST_F(TurnServerTest, a_connection_that_ends_gives_its_turn_back) {
   waiter.join();
 }
 
-TEST_F(TurnServerTest, a_worker_that_is_lost_gives_its_turn_back) {
-  FakeTurns one = connect_turns(), two = connect_turns();
+TEST_F(SliceServerTest, a_worker_that_is_lost_gives_its_turn_back) {
+  FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
   wait_until_waiting(second_);
   one_.reset();  // its first connection; the second one is still there
   waiter.join();
-  EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).fenced);
+  EXPECT_TRUE(one.ask(first_, SliceAction::kRenew).fenced);
 }
 
 // A worker that is stopped, or hangs with all of its threads: the kernel keeps its connections.
-TEST_F(TurnServerTest, a_worker_that_falls_silent_loses_its_turn_after_2_s_and_not_its_task) {
-  FakeTurns one = connect_turns(), two = connect_turns();
+TEST_F(SliceServerTest, a_worker_that_falls_silent_loses_its_turn_after_2_s_and_not_its_task) {
+  FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   const auto begun = Clock::now();
   std::thread reports([&] {
@@ -118,12 +118,12 @@ TEST_F(TurnServerTest, a_worker_that_falls_silent_loses_its_turn_after_2_s_and_n
   EXPECT_LT(waited, std::chrono::seconds(10));
   two.give(second_);
   reports.join();
-  EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).granted);  // it goes on
+  EXPECT_TRUE(one.ask(first_, SliceAction::kRenew).granted);  // it goes on
   EXPECT_TRUE(one_->complete(first_, "x"));
 }
 
-TEST_F(TurnServerTest, a_worker_that_reports_keeps_its_turn) {
-  FakeTurns one = connect_turns(), two = connect_turns();
+TEST_F(SliceServerTest, a_worker_that_reports_keeps_its_turn) {
+  FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
   for (int i = 0; i < 30; ++i) {
@@ -135,18 +135,18 @@ TEST_F(TurnServerTest, a_worker_that_reports_keeps_its_turn) {
   waiter.join();
 }
 
-TEST_F(TurnServerTest, needs_beyond_any_machine_end_the_connection) {
-  FakeTurns turns = connect_turns();
-  TurnRequest request{TurnAction::kTake, first_.id, first_.fence, INT64_MAX, 0};
-  ASSERT_TRUE(turns.socket().send(to_json_message(request).dump()));
-  EXPECT_FALSE(turns.socket().receive());
+TEST_F(SliceServerTest, needs_beyond_any_machine_end_the_connection) {
+  FakeSlices slices = connect_slices();
+  SliceRequest request{SliceAction::kTake, first_.id, first_.fence, INT64_MAX, 0};
+  ASSERT_TRUE(slices.socket().send(to_json_message(request).dump()));
+  EXPECT_FALSE(slices.socket().receive());
 }
 
-TEST_F(TurnServerTest, a_cancel_answers_a_task_that_waits_for_its_turn) {
-  FakeTurns one = connect_turns(), two = connect_turns();
+TEST_F(SliceServerTest, a_cancel_answers_a_task_that_waits_for_its_turn) {
+  FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] {
-    const TurnReply reply = two.ask(second_);
+    const SliceReply reply = two.ask(second_);
     EXPECT_TRUE(reply.cancel);
     EXPECT_FALSE(reply.granted);
   });
@@ -154,38 +154,38 @@ TEST_F(TurnServerTest, a_cancel_answers_a_task_that_waits_for_its_turn) {
   ASSERT_TRUE(service_->cancel(Caller::daemon(), second_.id));
   waiter.join();
   ASSERT_TRUE(service_->cancel(Caller::daemon(), first_.id));
-  EXPECT_TRUE(one.ask(first_, TurnAction::kRenew).cancel);
+  EXPECT_TRUE(one.ask(first_, SliceAction::kRenew).cancel);
 }
 
-TEST_F(TurnServerTest, a_worker_that_dies_while_it_waits_leaves_the_queue) {
-  FakeTurns one = connect_turns(), two = connect_turns();
+TEST_F(SliceServerTest, a_worker_that_dies_while_it_waits_leaves_the_queue) {
+  FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
-  const std::string ask = to_json_message(TurnRequest{TurnAction::kTake, second_.id, 1}).dump();
+  const std::string ask = to_json_message(SliceRequest{SliceAction::kTake, second_.id, 1}).dump();
   ASSERT_TRUE(two.socket().send(ask));
   wait_until_waiting(second_);
   two.close();
   while (!get(second_.id).waiting_for.empty()) std::this_thread::sleep_for(milliseconds(1));
 }
 
-TEST_F(TurnServerTest, another_fence_or_task_gets_no_turn) {
-  FakeTurns turns = connect_turns();
+TEST_F(SliceServerTest, another_fence_or_task_gets_no_turn) {
+  FakeSlices slices = connect_slices();
   Task wrong = first_;
   wrong.fence = 7;
-  EXPECT_TRUE(turns.ask(wrong).fenced);
+  EXPECT_TRUE(slices.ask(wrong).fenced);
   wrong.id = "j-none";
-  EXPECT_TRUE(turns.ask(wrong).fenced);
-  EXPECT_TRUE(turns.ask(first_).granted);
+  EXPECT_TRUE(slices.ask(wrong).fenced);
+  EXPECT_TRUE(slices.ask(first_).granted);
 }
 
-TEST_F(TurnServerTest, nonsense_ends_that_connection_and_its_turn) {
-  for (const char* text : {"{", "[]", R"({"type":"turn_take"})",
-                           R"({"type":"turn_take","task":"x","fence":1,"host_bytes":-1})"}) {
-    FakeTurns bad = connect_turns();
+TEST_F(SliceServerTest, nonsense_ends_that_connection_and_its_turn) {
+  for (const char* text : {"{", "[]", R"({"type":"slice_take"})",
+                           R"({"type":"slice_take","task":"x","fence":1,"host_bytes":-1})"}) {
+    FakeSlices bad = connect_slices();
     EXPECT_TRUE(bad.ask(first_).granted);
     ASSERT_TRUE(bad.socket().send(text));
     EXPECT_FALSE(bad.socket().receive()) << text;
   }
-  FakeTurns good = connect_turns();
+  FakeSlices good = connect_slices();
   EXPECT_TRUE(good.ask(second_).granted);
 }
 

@@ -1,4 +1,4 @@
-// Jobs that are parked, by workers that the tests play.
+// Jobs that are preempted, by workers that the tests play.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -15,7 +15,7 @@ namespace {
 using nlohmann::json;
 using testing::FakeWorker;
 
-class ParkedJobs : public testing::ServiceTest {
+class PreemptedJobs : public testing::ServiceTest {
  protected:
   JobStatus submit_with(int priority) {
     JobRequest request;
@@ -26,25 +26,26 @@ class ParkedJobs : public testing::ServiceTest {
   }
   JobStatus get(const std::string& id) { return service_->get(Caller::open(), id).value(); }
 
-  // Reports until the gateway asks to park, or for longer than it takes to.
-  static bool is_asked(FakeWorker& worker, const Task& task, bool can_park) {
-    TaskProgress progress{task.id, task.fence, "voxelize", 3, 8, 0, 0, {}, can_park, 1};
-    const auto until = Clock::now() + std::chrono::seconds(can_park ? 20 : 2);
+  // Reports until the gateway asks to preempt, or for longer than it takes to.
+  static bool is_asked(FakeWorker& worker, const Task& task, bool is_preemptible) {
+    TaskProgress progress{task.id, task.fence, "voxelize", 3, 8, 0, 0, {}, is_preemptible, 1};
+    const auto until = Clock::now() + std::chrono::seconds(is_preemptible ? 20 : 2);
     while (Clock::now() < until) {
       const auto reply = worker.call(to_json_message(progress));
       if (!reply) return false;
-      if (reply->value("park", false)) return true;
+      if (reply->value("preempt", false)) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
     return false;
   }
-  static json park(FakeWorker& worker, const Task& task) {
-    return worker.call(to_json_message(TaskPark{task.id, task.fence, 3, 8, {{"voxelize", 100}}}))
+  static json preempt(FakeWorker& worker, const Task& task) {
+    return worker
+        .call(to_json_message(TaskPreemption{task.id, task.fence, 3, 8, {{"voxelize", 100}}}))
         .value_or(json::object());
   }
 };
 
-TEST_F(ParkedJobs, go_on_later_without_an_attempt_that_counts) {
+TEST_F(PreemptedJobs, go_on_later_without_an_attempt_that_counts) {
   FakeWorker worker = connect();
   const std::string id = submit_with(0).id;
   const auto task = worker.claim();
@@ -52,14 +53,15 @@ TEST_F(ParkedJobs, go_on_later_without_an_attempt_that_counts) {
   const std::string urgent = submit_with(5).id;
   const int64_t seen = get(id).version;
   ASSERT_TRUE(is_asked(worker, *task, true));
-  EXPECT_EQ(park(worker, *task)["ok"], true);
-  const JobStatus parked = get(id);
-  EXPECT_EQ(parked.state, JobState::kQueued);
-  EXPECT_EQ(std::pair(parked.parked, parked.attempt), std::pair(1, 0));
-  EXPECT_EQ(std::pair(parked.tiles_done, parked.tiles_total), std::pair(int64_t{3}, int64_t{8}));
-  EXPECT_EQ(parked.queue_position, 1);
-  EXPECT_EQ(parked.waiting_for, "a worker");
-  EXPECT_GT(parked.version, seen);
+  EXPECT_EQ(preempt(worker, *task)["ok"], true);
+  const JobStatus preempted = get(id);
+  EXPECT_EQ(preempted.state, JobState::kQueued);
+  EXPECT_EQ(std::pair(preempted.preempted, preempted.attempt), std::pair(1, 0));
+  EXPECT_EQ(std::pair(preempted.tiles_done, preempted.tiles_total),
+            std::pair(int64_t{3}, int64_t{8}));
+  EXPECT_EQ(preempted.queue_position, 1);
+  EXPECT_EQ(preempted.waiting_for, "a worker");
+  EXPECT_GT(preempted.version, seen);
 
   const auto next = worker.claim();
   ASSERT_TRUE(next);
@@ -75,13 +77,13 @@ TEST_F(ParkedJobs, go_on_later_without_an_attempt_that_counts) {
   EXPECT_EQ(get(id).tiles_done, 4);
   EXPECT_TRUE(worker.complete(*again, "voxels"));
   const JobStatus done = wait_end(id);
-  EXPECT_EQ(std::pair(done.state, done.parked), std::pair(JobState::kDone, 1));
+  EXPECT_EQ(std::pair(done.state, done.preempted), std::pair(JobState::kDone, 1));
   double voxelize_ms = 0;
   for (const auto& [stage, ms] : done.timings) voxelize_ms += stage == "voxelize" ? ms : 0;
   EXPECT_GE(voxelize_ms, 100) << "of both attempts";
 }
 
-TEST_F(ParkedJobs, are_those_alone_whose_workers_say_that_they_can) {
+TEST_F(PreemptedJobs, are_those_alone_whose_workers_say_that_they_can) {
   FakeWorker worker = connect();
   submit_with(0);
   const auto task = worker.claim();
@@ -90,22 +92,22 @@ TEST_F(ParkedJobs, are_those_alone_whose_workers_say_that_they_can) {
   EXPECT_FALSE(is_asked(worker, *task, false));
 }
 
-TEST_F(ParkedJobs, were_asked_before) {
+TEST_F(PreemptedJobs, were_asked_before) {
   FakeWorker worker = connect();
   const std::string id = submit_with(0).id;
   const auto task = worker.claim();
   ASSERT_TRUE(task);
-  EXPECT_FALSE(park(worker, *task).contains("ok"));
+  EXPECT_FALSE(preempt(worker, *task).contains("ok"));
   FakeWorker other = connect();
   const auto again = other.claim();  // the first one's connection has ended
   ASSERT_TRUE(again);
   EXPECT_EQ(std::pair(again->id, again->attempt), std::pair(id, 2));
   Task late = *again;
   late.fence = task->fence;
-  EXPECT_EQ(park(other, late)["fenced"], true);
+  EXPECT_EQ(preempt(other, late)["fenced"], true);
 }
 
-TEST_F(ParkedJobs, end_where_a_cancel_came_meanwhile_and_later) {
+TEST_F(PreemptedJobs, end_where_a_cancel_came_meanwhile_and_later) {
   FakeWorker worker = connect();
   const std::string first = submit_with(0).id;
   auto task = worker.claim();
@@ -113,19 +115,19 @@ TEST_F(ParkedJobs, end_where_a_cancel_came_meanwhile_and_later) {
   const std::string urgent = submit_with(5).id;
   ASSERT_TRUE(is_asked(worker, *task, true));
   ASSERT_TRUE(service_->cancel(Caller::open(), first));
-  EXPECT_EQ(park(worker, *task)["ok"], true);
+  EXPECT_EQ(preempt(worker, *task)["ok"], true);
   EXPECT_EQ(get(first).state, JobState::kCancelled);
 
   task = worker.claim();
   ASSERT_TRUE(task);
   submit_with(7);
   ASSERT_TRUE(is_asked(worker, *task, true));
-  EXPECT_EQ(park(worker, *task)["ok"], true);
+  EXPECT_EQ(preempt(worker, *task)["ok"], true);
   EXPECT_EQ(get(urgent).state, JobState::kQueued);
   EXPECT_EQ(service_->cancel(Caller::open(), urgent)->state, JobState::kCancelled);
 }
 
-TEST_F(ParkedJobs, are_queued_with_their_progress_after_a_restart) {
+TEST_F(PreemptedJobs, are_queued_with_their_progress_after_a_restart) {
   std::string id;
   {
     FakeWorker worker = connect();
@@ -134,11 +136,11 @@ TEST_F(ParkedJobs, are_queued_with_their_progress_after_a_restart) {
     ASSERT_TRUE(task);
     submit_with(5);
     ASSERT_TRUE(is_asked(worker, *task, true));
-    EXPECT_EQ(park(worker, *task)["ok"], true);
+    EXPECT_EQ(preempt(worker, *task)["ok"], true);
     start();
   }
   const JobStatus status = get(id);
-  EXPECT_EQ(std::pair(status.state, status.parked), std::pair(JobState::kQueued, 1));
+  EXPECT_EQ(std::pair(status.state, status.preempted), std::pair(JobState::kQueued, 1));
   EXPECT_EQ(status.tiles_done, 3);
   ASSERT_TRUE(status.estimate);
   EXPECT_GT(status.expected_end_ms, 0);

@@ -1,4 +1,4 @@
-// The arbiter with a clock that only the holders of turns move.
+// The arbiter with a clock that only the holders of time slices move.
 #include "server/jobs/scheduling/time_slices.h"
 
 #include <gtest/gtest.h>
@@ -13,44 +13,43 @@
 #include <vector>
 
 #include "server/base/clock.h"
-#include "server/jobs/records/job_rows.h"
 
 namespace voxeld {
 namespace {
 
 using std::chrono::milliseconds;
-using Answer = DeviceTurns::Answer;
+using Answer = TimeSlices::Answer;
 
 constexpr milliseconds kQuantum{50};
 
-class DeviceTurnsTest : public ::testing::Test {
+class TimeSlicesTest : public ::testing::Test {
  protected:
-  DeviceTurnsTest() { use({}); }
-  void use(TurnsConfig config) {
-    config.now = [this] { return TurnsConfig::Clock::time_point(milliseconds(now_ms_)); };
+  TimeSlicesTest() { use({}); }
+  void use(TimeSlicesConfig config) {
+    config.now = [this] { return TimeSlicesConfig::Clock::time_point(milliseconds(now_ms_)); };
     config.weight_of = [this](const std::string& tenant) { return weights_[tenant]; };
-    config.charged = [this](const TurnTask& task, double) { order_.push_back(task.id); };
+    config.charged = [this](const SliceTask& task, double) { order_.push_back(task.id); };
     config.cpu_seconds = [this](int64_t pid) { return cpu_seconds_[pid]; };
     config.cores = 4;
-    turns_ = std::make_unique<DeviceTurns>(std::move(config));
+    slices_ = std::make_unique<TimeSlices>(std::move(config));
   }
   void begin(const std::string& id, const std::string& tenant, int priority = 0,
              int64_t deadline_at_ms = 0, const std::string& device = "cpu") {
-    turns_->begin_task({id, 1, device, tenant, priority, deadline_at_ms, ++seq_, pid_});
+    slices_->begin_task({id, 1, device, tenant, priority, deadline_at_ms, ++seq_, pid_});
   }
-  Answer take(const std::string& id, TurnNeed need = {}) {
-    auto answer = turns_->take(id, 1, need, {});
+  Answer take(const std::string& id, SliceNeed need = {}) {
+    auto answer = slices_->take(id, 1, need, {});
     EXPECT_TRUE(answer) << answer.error().message();
     return answer ? *answer : Answer::kFenced;
   }
-  // Asks for a turn on a thread of its own, and returns once it is asked for.
-  std::thread ask(const std::string& id, TurnNeed need = {}) {
+  // Asks for a time slice on a thread of its own, and returns once it is asked for.
+  std::thread ask(const std::string& id, SliceNeed need = {}) {
     std::thread thread([this, id, need] {
       if (take(id, need) != Answer::kGranted) return;
       const std::lock_guard lock(granted_mutex_);
       granted_.insert(id);
     });
-    while (!turns_->is_waiting(id) && !is_granted(id)) std::this_thread::yield();
+    while (!slices_->is_waiting(id) && !is_granted(id)) std::this_thread::yield();
     return thread;
   }
   bool is_granted(const std::string& id) {
@@ -64,16 +63,16 @@ class DeviceTurnsTest : public ::testing::Test {
 
   std::atomic<int64_t> now_ms_{1000};
   std::map<std::string, int64_t> weights_;
-  std::vector<std::string> order_;  // of turns that ended; written under the arbiter's lock
+  std::vector<std::string> order_;  // of time slices that ended; written under the arbiter's lock
   std::mutex granted_mutex_;
   std::set<std::string> granted_;
   int64_t seq_ = 0;
   int64_t pid_ = 0;  // of the tasks that begin
   std::map<int64_t, double> cpu_seconds_;
-  std::unique_ptr<DeviceTurns> turns_;
+  std::unique_ptr<TimeSlices> slices_;
 };
 
-TEST_F(DeviceTurnsTest, tenants_that_always_ask_have_shares_of_their_weights) {
+TEST_F(TimeSlicesTest, tenants_that_always_ask_have_shares_of_their_weights) {
   weights_ = {{"a", 1}, {"b", 2}, {"c", 4}, {"gate", 1}};
   begin("gate", "gate");
   ASSERT_EQ(take("gate"), Answer::kGranted);  // until all three ask
@@ -82,52 +81,52 @@ TEST_F(DeviceTurnsTest, tenants_that_always_ask_have_shares_of_their_weights) {
   std::atomic<int> rounds{700};
   for (const auto& id : {"a", "b", "c"}) {
     begin(id, id);
-    // Turns of different lengths: what counts is the time that they took.
+    // Time slices of different lengths: what counts is the time that they took.
     const milliseconds length = kQuantum + milliseconds(10 * (id[0] - 'a'));
     threads.emplace_back([this, id = std::string(id), length, &rounds] {
       for (Answer answer = take(id); answer == Answer::kGranted;) {
         hold(length);
         if (--rounds <= 0) break;
-        answer = turns_->renew(id, 1, [&rounds] { return rounds <= 0; });
+        answer = slices_->renew(id, 1, [&rounds] { return rounds <= 0; });
       }
     });
-    while (!turns_->is_waiting(id)) std::this_thread::yield();
+    while (!slices_->is_waiting(id)) std::this_thread::yield();
   }
-  turns_->give("gate", 1);
+  slices_->give("gate", 1);
   for (std::thread& thread : threads) thread.join();
   double per_weight = 0;
   for (const auto& id : {"a", "b", "c"}) {
-    held_ms[id] = turns_->device_us(id) / 1000;
+    held_ms[id] = slices_->device_us(id) / 1000;
     per_weight =
         std::max(per_weight, static_cast<double>(held_ms[id]) / static_cast<double>(weights_[id]));
   }
   for (const auto& [id, ms] : held_ms) {
-    // Within one turn of its own and one of the others', whose lengths are at most 70 ms.
+    // Within one time slice of its own and one of the others', whose lengths are at most 70 ms.
     EXPECT_NEAR(static_cast<double>(ms) / static_cast<double>(weights_[id]), per_weight, 2 * 70.0)
         << id;
     EXPECT_GT(ms, 2000);
   }
 }
 
-TEST_F(DeviceTurnsTest, a_tenant_that_was_away_gets_no_credit_for_it) {
+TEST_F(TimeSlicesTest, a_tenant_that_was_away_gets_no_credit_for_it) {
   begin("busy", "a");
   begin("late", "b");
   ASSERT_EQ(take("busy"), Answer::kGranted);
   for (int i = 0; i < 100; ++i) {
     hold(kQuantum);
-    ASSERT_EQ(turns_->renew("busy", 1, {}), Answer::kGranted);
+    ASSERT_EQ(slices_->renew("busy", 1, {}), Answer::kGranted);
   }
   std::thread late = ask("late");
   hold(kQuantum);
-  std::thread busy([this] { EXPECT_EQ(turns_->renew("busy", 1, {}), Answer::kGranted); });
-  late.join();  // its turn comes at once …
+  std::thread busy([this] { EXPECT_EQ(slices_->renew("busy", 1, {}), Answer::kGranted); });
+  late.join();  // its time slice comes at once …
   hold(2 * kQuantum);
-  turns_->give("late", 1);
+  slices_->give("late", 1);
   busy.join();  // … and the other's after one of it, and not after five seconds
   EXPECT_EQ(order_.back(), "late");
 }
 
-TEST_F(DeviceTurnsTest, within_a_tenant_priority_goes_first_then_deadline_then_arrival) {
+TEST_F(TimeSlicesTest, within_a_tenant_priority_goes_first_then_deadline_then_arrival) {
   const int64_t later = unix_time_ms() + 3'600'000;
   begin("holder", "a");
   begin("first", "a");
@@ -140,18 +139,18 @@ TEST_F(DeviceTurnsTest, within_a_tenant_priority_goes_first_then_deadline_then_a
   for (const char* id : {"second", "first", "due later", "urgent", "due"}) {
     threads.push_back(ask(id));
   }
-  turns_->give("holder", 1);
+  slices_->give("holder", 1);
   for (const char* id : {"urgent", "due", "due later", "first", "second"}) {
     wait_granted(id);
-    turns_->give(id, 1);
+    slices_->give(id, 1);
   }
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(order_,
             (std::vector<std::string>{"holder", "urgent", "due", "due later", "first", "second"}));
 }
 
-TEST_F(DeviceTurnsTest, fifo_goes_by_arrival_whatever_the_priority) {
-  TurnsConfig config;
+TEST_F(TimeSlicesTest, fifo_goes_by_arrival_whatever_the_priority) {
+  TimeSlicesConfig config;
   config.is_fair = false;
   use(std::move(config));
   begin("one", "a");
@@ -159,139 +158,139 @@ TEST_F(DeviceTurnsTest, fifo_goes_by_arrival_whatever_the_priority) {
   begin("three", "a", 100);
   ASSERT_EQ(take("one"), Answer::kGranted);
   std::thread three = ask("three"), two = ask("two");
-  EXPECT_EQ(turns_->renew("one", 1, {}), Answer::kGranted);
-  turns_->give("one", 1);
+  EXPECT_EQ(slices_->renew("one", 1, {}), Answer::kGranted);
+  slices_->give("one", 1);
   two.join();
   EXPECT_FALSE(is_granted("three"));
-  turns_->give("two", 1);
+  slices_->give("two", 1);
   three.join();
 }
 
-TEST_F(DeviceTurnsTest, devices_have_turns_of_their_own) {
+TEST_F(TimeSlicesTest, devices_have_turns_of_their_own) {
   begin("x", "a", 0, 0, "egl:0");
   begin("y", "a", 0, 0, "egl:1");
   EXPECT_EQ(take("x"), Answer::kGranted);
   EXPECT_EQ(take("y"), Answer::kGranted);
 }
 
-TEST_F(DeviceTurnsTest, who_is_told_to_stop_waits_no_longer_and_holds_nobody_up) {
+TEST_F(TimeSlicesTest, who_is_told_to_stop_waits_no_longer_and_holds_nobody_up) {
   begin("holder", "a");
   begin("cancelled", "b");
   begin("next", "c");
   ASSERT_EQ(take("holder"), Answer::kGranted);
   std::atomic<bool> cancel{false};
   std::thread waiter([&] {
-    const auto answer = turns_->take("cancelled", 1, {}, [&] { return cancel.load(); });
+    const auto answer = slices_->take("cancelled", 1, {}, [&] { return cancel.load(); });
     EXPECT_EQ(*answer, Answer::kStopped);
   });
-  while (!turns_->is_waiting("cancelled")) std::this_thread::yield();
+  while (!slices_->is_waiting("cancelled")) std::this_thread::yield();
   std::thread next = ask("next");
   cancel = true;
   waiter.join();
-  turns_->give("holder", 1);
+  slices_->give("holder", 1);
   next.join();
   EXPECT_TRUE(is_granted("next"));
-  EXPECT_EQ(turns_->renew("next", 1, [] { return true; }), Answer::kStopped);
-  EXPECT_EQ(take("holder"), Answer::kGranted);  // what was stopped has given its turn back
+  EXPECT_EQ(slices_->renew("next", 1, [] { return true; }), Answer::kStopped);
+  EXPECT_EQ(take("holder"), Answer::kGranted);  // what was stopped has given its time slice back
 }
 
-TEST_F(DeviceTurnsTest, a_task_that_ends_answers_its_waiter_and_gives_back_its_turn) {
+TEST_F(TimeSlicesTest, a_task_that_ends_answers_its_waiter_and_gives_back_its_turn) {
   begin("holder", "a");
   begin("lost", "b");
   begin("next", "c");
   ASSERT_EQ(take("holder"), Answer::kGranted);
-  std::thread lost([this] { EXPECT_EQ(*turns_->take("lost", 1, {}, {}), Answer::kFenced); });
-  while (!turns_->is_waiting("lost")) std::this_thread::yield();
-  turns_->end_task("lost", 1);
+  std::thread lost([this] { EXPECT_EQ(*slices_->take("lost", 1, {}, {}), Answer::kFenced); });
+  while (!slices_->is_waiting("lost")) std::this_thread::yield();
+  slices_->end_task("lost", 1);
   lost.join();
   std::thread next = ask("next");
-  turns_->end_task("holder", 2);  // an older or newer attempt's end is not this one's
+  slices_->end_task("holder", 2);  // an older or newer attempt's end is not this one's
   EXPECT_FALSE(is_granted("next"));
-  turns_->end_task("holder", 1);  // its worker was killed
+  slices_->end_task("holder", 1);  // its worker was killed
   next.join();
-  EXPECT_EQ(*turns_->take("holder", 1, {}, {}), Answer::kFenced);
-  EXPECT_EQ(*turns_->take("next", 7, {}, {}), Answer::kFenced);
+  EXPECT_EQ(*slices_->take("holder", 1, {}, {}), Answer::kFenced);
+  EXPECT_EQ(*slices_->take("next", 7, {}, {}), Answer::kFenced);
 }
 
-TEST_F(DeviceTurnsTest, a_deadline_that_passes_ends_the_wait) {
+TEST_F(TimeSlicesTest, a_deadline_that_passes_ends_the_wait) {
   begin("holder", "a");
   begin("late", "b", 0, unix_time_ms() + 60);
   ASSERT_EQ(take("holder"), Answer::kGranted);
-  EXPECT_EQ(*turns_->take("late", 1, {}, {}), Answer::kStopped);
+  EXPECT_EQ(*slices_->take("late", 1, {}, {}), Answer::kStopped);
   EXPECT_GE(unix_time_ms(), 0);
 }
 
-TEST_F(DeviceTurnsTest, the_share_of_a_tenant_grows_while_it_has_its_turn) {
+TEST_F(TimeSlicesTest, the_share_of_a_tenant_grows_while_it_has_its_turn) {
   weights_ = {{"a", 2}};
-  EXPECT_EQ(turns_->share("cpu", "a"), 0);
+  EXPECT_EQ(slices_->share("cpu", "a"), 0);
   begin("x", "a");
   ASSERT_EQ(take("x"), Answer::kGranted);
   hold(milliseconds(1000));
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.5);
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "b"), 0.0);
-  turns_->give("x", 1);
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.5);
-  EXPECT_EQ(turns_->device_us("x"), 1'000'000);
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 0.5);
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "b"), 0.0);
+  slices_->give("x", 1);
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 0.5);
+  EXPECT_EQ(slices_->device_us("x"), 1'000'000);
 }
 
-class TurnsMemory : public DeviceTurnsTest {
+class SlicesMemory : public TimeSlicesTest {
  protected:
   static constexpr int64_t kGiga = 1'000'000'000;
-  TurnsMemory() {
-    TurnsConfig config;
+  SlicesMemory() {
+    TimeSlicesConfig config;
     config.host_bytes_max = 8 * kGiga;
     use(std::move(config));
   }
 };
 
-TEST_F(TurnsMemory, what_can_never_fit_is_refused_with_the_numbers) {
+TEST_F(SlicesMemory, what_can_never_fit_is_refused_with_the_numbers) {
   begin("x", "a");
-  const auto answer = turns_->take("x", 1, {9 * kGiga, 0}, {});
+  const auto answer = slices_->take("x", 1, {9 * kGiga, 0}, {});
   ASSERT_FALSE(answer);
   EXPECT_EQ(answer.error().code, ErrorCode::kGridTooLarge);
   EXPECT_EQ(answer.error().message(),
             "the request needs more memory than there is for jobs: expected at most 8.0 GB, got "
             "about 9.0 GB");
-  turns_->set_device_bytes("cpu", kGiga);
-  EXPECT_NE(turns_->take("x", 1, {kGiga, 2 * kGiga}, {}).error().message().find("device memory"),
+  slices_->set_device_bytes("cpu", kGiga);
+  EXPECT_NE(slices_->take("x", 1, {kGiga, 2 * kGiga}, {}).error().message().find("device memory"),
             std::string::npos);
   EXPECT_EQ(take("x", {8 * kGiga, kGiga}), Answer::kGranted);  // alone it has all
 }
 
-TEST_F(TurnsMemory, who_does_not_fit_says_for_what_it_waits_and_holds_no_turn) {
+TEST_F(SlicesMemory, who_does_not_fit_says_for_what_it_waits_and_holds_no_turn) {
   begin("large", "a");
   begin("other", "b");
   begin("small", "c");
   ASSERT_EQ(take("large", {7 * kGiga, 0}), Answer::kGranted);
-  turns_->give("large", 1);  // its memory it keeps
+  slices_->give("large", 1);  // its memory it keeps
   std::thread other = ask("other", {3'100'000'000, 0});
-  EXPECT_EQ(turns_->waiting_for("other"), "memory: needs 3.1 GB, 1.0 of 8.0 GB free");
+  EXPECT_EQ(slices_->waiting_for("other"), "memory: needs 3.1 GB, 1.0 of 8.0 GB free");
   EXPECT_EQ(take("small", {kGiga, 0}), Answer::kGranted);  // both fit when the large one has gone
   EXPECT_FALSE(is_granted("other"));
-  turns_->end_task("large", 1);
-  EXPECT_EQ(turns_->waiting_for("other"), "a turn on cpu: 1 tenant before");
-  turns_->give("small", 1);
+  slices_->end_task("large", 1);
+  EXPECT_EQ(slices_->waiting_for("other"), "a time slice on cpu: 1 tenant before");
+  slices_->give("small", 1);
   other.join();
-  EXPECT_EQ(turns_->waiting_for("other"), "");
+  EXPECT_EQ(slices_->waiting_for("other"), "");
 }
 
-TEST_F(TurnsMemory, nobody_passes_who_would_then_wait_for_him) {
+TEST_F(SlicesMemory, nobody_passes_who_would_then_wait_for_him) {
   begin("large", "a");
   begin("other", "b");
   begin("small", "c");
   ASSERT_EQ(take("large", {6 * kGiga, 0}), Answer::kGranted);
-  turns_->give("large", 1);
+  slices_->give("large", 1);
   std::thread other = ask("other", {7 * kGiga, 0});
   std::thread small = ask("small", {2 * kGiga, 0});  // it would fit, but not beside the other one
   EXPECT_FALSE(is_granted("small"));
-  turns_->end_task("large", 1);
+  slices_->end_task("large", 1);
   other.join();
   EXPECT_FALSE(is_granted("small"));
-  turns_->end_task("other", 1);
+  slices_->end_task("other", 1);
   small.join();
 }
 
-TEST_F(TurnsMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any_device) {
+TEST_F(SlicesMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any_device) {
   std::vector<std::thread> threads;
   std::atomic<int> done{0};
   for (int i = 0; i < 8; ++i) {
@@ -299,7 +298,7 @@ TEST_F(TurnsMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any_
     begin(id, i % 2 == 0 ? "a" : "b", i % 3, 0, i % 4 < 2 ? "egl:0" : "egl:1");
     threads.emplace_back([this, id, &done] {
       EXPECT_EQ(take(id, {8 * kGiga, 0}), Answer::kGranted);
-      turns_->end_task(id, 1);
+      slices_->end_task(id, 1);
       ++done;
     });
   }
@@ -308,38 +307,38 @@ TEST_F(TurnsMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any_
 }
 
 // Four seconds of one core are one second of a machine with four.
-TEST_F(DeviceTurnsTest, cpu_time_beside_turns_counts_as_a_core_s_share_of_the_device) {
+TEST_F(TimeSlicesTest, cpu_time_beside_turns_counts_as_a_core_s_share_of_the_device) {
   pid_ = 7;
   begin("a1", "a");
   pid_ = 8;
   begin("b1", "b");
-  turns_->set_queued("cpu", {"a", "b"});
+  slices_->set_queued("cpu", {"a", "b"});
   cpu_seconds_[7] = 4;
-  turns_->charge_cpu();
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 1.0);
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "b"), 0.0);
+  slices_->charge_cpu();
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 1.0);
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "b"), 0.0);
   cpu_seconds_[7] = 6;
-  turns_->end_task("a1", 1);  // what came since is charged with the end
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 1.5);
+  slices_->end_task("a1", 1);  // what came since is charged with the end
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 1.5);
 }
 
-TEST_F(DeviceTurnsTest, cpu_time_within_a_turn_is_not_charged_twice) {
+TEST_F(TimeSlicesTest, cpu_time_within_a_turn_is_not_charged_twice) {
   pid_ = 7;
   begin("a1", "a");
-  turns_->set_queued("cpu", {"a"});
+  slices_->set_queued("cpu", {"a"});
   EXPECT_EQ(take("a1"), Answer::kGranted);
   cpu_seconds_[7] = 4;
-  turns_->charge_cpu();
+  slices_->charge_cpu();
   cpu_seconds_[7] = 8;
   hold(kQuantum);
-  turns_->give("a1", 1);
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.05);
+  slices_->give("a1", 1);
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 0.05);
   cpu_seconds_[7] = 8.4;
-  turns_->charge_cpu();
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 0.15);
+  slices_->charge_cpu();
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 0.15);
 }
 
-TEST_F(DeviceTurnsTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
+TEST_F(TimeSlicesTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
   pid_ = 7;
   begin("a1", "a");
   pid_ = 0;
@@ -348,30 +347,30 @@ TEST_F(DeviceTurnsTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
   EXPECT_EQ(take("c1"), Answer::kGranted);
   cpu_seconds_[7] = 4;
   std::thread a = ask("a1"), b = ask("b1");
-  turns_->charge_cpu();
-  turns_->give("c1", 1);
+  slices_->charge_cpu();
+  slices_->give("c1", 1);
   wait_granted("b1");
   EXPECT_FALSE(is_granted("a1"));
-  turns_->give("b1", 1);
+  slices_->give("b1", 1);
   a.join();
   b.join();
 }
 
-TEST_F(DeviceTurnsTest, a_turn_that_is_taken_away_is_charged_and_the_next_one_is_granted) {
+TEST_F(TimeSlicesTest, a_turn_that_is_taken_away_is_charged_and_the_next_one_is_granted) {
   begin("a1", "a");
   begin("b1", "b");
-  turns_->set_queued("cpu", {"a", "b"});
+  slices_->set_queued("cpu", {"a", "b"});
   EXPECT_EQ(take("a1"), Answer::kGranted);
   std::thread b = ask("b1");
   hold(milliseconds(2000));
-  EXPECT_TRUE(turns_->take_away("a1"));
+  EXPECT_TRUE(slices_->take_away("a1"));
   b.join();
-  EXPECT_DOUBLE_EQ(turns_->share("cpu", "a"), 2.0);
-  EXPECT_FALSE(turns_->take_away("a1"));  // it has none
-  EXPECT_FALSE(turns_->take_away("nobody"));
-  turns_->give("a1", 1);  // of no effect on the one that has it now
-  EXPECT_TRUE(turns_->take_away("b1"));
-  EXPECT_EQ(turns_->renew("a1", 1, {}), Answer::kGranted);  // it has come back
+  EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 2.0);
+  EXPECT_FALSE(slices_->take_away("a1"));  // it has none
+  EXPECT_FALSE(slices_->take_away("nobody"));
+  slices_->give("a1", 1);  // of no effect on the one that has it now
+  EXPECT_TRUE(slices_->take_away("b1"));
+  EXPECT_EQ(slices_->renew("a1", 1, {}), Answer::kGranted);  // it has come back
 }
 
 }  // namespace

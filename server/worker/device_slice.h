@@ -11,35 +11,35 @@
 namespace voxeld {
 
 // The connection to the gateway for time slices. Used by the thread that runs tasks.
-class TurnClient {
+class SliceClient {
  public:
   // `gateway` is "unix:/path". Errors: those of connect_gateway().
-  static Result<std::unique_ptr<TurnClient>> connect(const std::string& gateway);
-  Status hello(const TurnsHello& hello);
+  static Result<std::unique_ptr<SliceClient>> connect(const std::string& gateway);
+  Status hello(const SlicesHello& hello);
   // Blocks until it is granted. Errors: gone.
-  Result<TurnReply> ask(const TurnRequest& request);
+  Result<SliceReply> ask(const SliceRequest& request);
   // Does not wait for a reply.
-  Status give(const TurnRequest& request);
+  Status give(const SliceRequest& request);
   // For a signal handler: shutdown(2) on it ends every call.
   int fd() const { return socket_.fd(); }
 
  private:
-  explicit TurnClient(UniqueFd fd) : socket_(std::move(fd), kTaskFrameBytesMax) {}
+  explicit SliceClient(UniqueFd fd) : socket_(std::move(fd), kTaskFrameBytesMax) {}
   FrameSocket socket_;
 };
 
 // A task's time slice. Without a client the worker has the device to itself, and the slice is
 // always the task's. Used by the thread that runs the task.
-class DeviceTurn {
+class DeviceSlice {
  public:
   // The shortest time that a slice is held before the next boundary gives others theirs. Asking
   // takes about 0.1 ms, so this keeps the cost below 1%.
   static constexpr std::chrono::milliseconds kQuantum{50};
 
-  DeviceTurn(TurnClient* client, const Task& task);
-  ~DeviceTurn() { end(); }
-  DeviceTurn(const DeviceTurn&) = delete;
-  DeviceTurn& operator=(const DeviceTurn&) = delete;
+  DeviceSlice(SliceClient* client, const Task& task);
+  ~DeviceSlice() { end(); }
+  DeviceSlice(const DeviceSlice&) = delete;
+  DeviceSlice& operator=(const DeviceSlice&) = delete;
 
   // Sets the memory that the task needs in all, including what the process has already. Call it
   // before the first time slice.
@@ -56,21 +56,21 @@ class DeviceTurn {
   // Holds the slice from a successful begin() to the end of a scope.
   class Scope {
    public:
-    explicit Scope(DeviceTurn& turn) : turn_(turn) {}
-    ~Scope() { turn_.end(); }
+    explicit Scope(DeviceSlice& slice) : slice_(slice) {}
+    ~Scope() { slice_.end(); }
     Scope(const Scope&) = delete;
     Scope& operator=(const Scope&) = delete;
 
    private:
-    DeviceTurn& turn_;
+    DeviceSlice& slice_;
   };
 
  private:
   using Clock = std::chrono::steady_clock;
-  Status ask(TurnAction action);
+  Status ask(SliceAction action);
 
-  TurnClient* const client_;
-  TurnRequest request_;
+  SliceClient* const client_;
+  SliceRequest request_;
   bool is_held_ = false;
   Clock::time_point since_{};
 };

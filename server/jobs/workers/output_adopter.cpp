@@ -1,4 +1,5 @@
-// Adoption of the files that workers leave: they become blobs, and rows name them.
+#include "server/jobs/workers/output_adopter.h"
+
 #include <algorithm>
 #include <utility>
 
@@ -8,30 +9,29 @@
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/job_record.h"
 #include "server/jobs/model/tenant_limits.h"
-#include "server/jobs/workers/task_connection.h"
-#include "server/jobs/workers/task_server.h"
+#include "server/jobs/workers/scratch_watch.h"
 
 namespace voxeld {
 
 namespace fs = std::filesystem;
 
 // The limits of the tenant that the job belongs to.
-TenantLimits TaskServer::limits_of(std::string_view task) {
+TenantLimits OutputAdopter::limits_of(std::string_view task) {
   if (!config_.limits_of) return {};
   const auto record = context_.jobs.get(Caller::daemon(), task);
   return record ? config_.limits_of(record->tenant) : TenantLimits{};
 }
 
-// `adopted` keeps them in the store until the database names them.
-Status TaskServer::adopt_outputs(const Connection& connection, const TaskCompletion& completion,
-                                 std::map<std::string, BlobInfo>& adopted, FinishedTask& finished) {
-  VOXELD_TRY(check_scratch(scratch_of(connection), config_.limits.scratch_bytes_max));
+Status OutputAdopter::adopt_outputs(const WorkerFiles& files, const TaskCompletion& completion,
+                                    std::map<std::string, BlobInfo>& adopted,
+                                    FinishedTask& finished) {
+  VOXELD_TRY(check_scratch(files.written(), config_.limits.scratch_bytes_max));
   JobResult& result = finished.result;
   result.meta_json = completion.meta_json;
   result.warnings = completion.warnings;
   for (const TaskOutput& output : completion.outputs) {
     if (!adopted.contains(output.path)) {  // a native result is its own grid: one file, two roles
-      VOXELD_ASSIGN(const fs::path taken, connection.files.take(output.path));
+      VOXELD_ASSIGN(const fs::path taken, files.take(output.path));
       VOXELD_ASSIGN(adopted[output.path], context_.blobs.adopt(taken));
     }
     const BlobInfo& blob = adopted[output.path];
@@ -52,10 +52,9 @@ Status TaskServer::adopt_outputs(const Connection& connection, const TaskComplet
   return {};
 }
 
-// Stores what a worker made and ends the job: done, or failed when that cannot be stored.
-Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& connection,
-                                                           TaskCompletion completion) {
-  const LiveJob seen = live(completion.task);
+Result<std::optional<JobRecord>> OutputAdopter::complete(const WorkerFiles& files,
+                                                         TaskCompletion completion) {
+  const LiveJob seen = context_.live(completion.task);
   const auto fail = [&](const Error& error) {
     return context_.jobs.fail(completion.task, completion.fence, error, seen);
   };
@@ -65,7 +64,7 @@ Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& con
   finished.task = completion.task;
   finished.fence = completion.fence;
   finished.bytes_max = limits_of(completion.task).bytes;
-  if (const Status stored = adopt_outputs(connection, completion, adopted, finished); !stored) {
+  if (const Status stored = adopt_outputs(files, completion, adopted, finished); !stored) {
     return fail(stored.error());
   }
   if (const std::string& sequence = finished.result.sequence; !sequence.empty()) {
@@ -89,14 +88,14 @@ Result<std::optional<JobRecord>> TaskServer::end_completed(const Connection& con
   return ended;
 }
 
-// Stores and lists a frame; nullopt when another worker owns the job by now.
-Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
-                                                        const TaskFrame& frame) {
-  VOXELD_TRY(check_scratch(scratch_of(connection), config_.limits.scratch_bytes_max));
-  VOXELD_ASSIGN(const fs::path taken, connection.files.take(frame.path));
+Result<std::optional<BlobInfo>> OutputAdopter::add_frame(const WorkerFiles& files,
+                                                         const TaskFrame& frame,
+                                                         int64_t frames_total) {
+  VOXELD_TRY(check_scratch(files.written(), config_.limits.scratch_bytes_max));
+  VOXELD_ASSIGN(const fs::path taken, files.take(frame.path));
   VOXELD_ASSIGN(BlobInfo blob, context_.blobs.adopt(taken));
   // The first frames of a job may come before its first progress.
-  const int64_t total = std::max(frame.frames_total, connection.progress.frames_total);
+  const int64_t total = std::max(frame.frames_total, frames_total);
   auto listed = context_.frames.add(frame, blob, total, limits_of(frame.task).bytes);
   if (!listed) {
     const std::string id = blob.id;
@@ -107,8 +106,14 @@ Result<std::optional<BlobInfo>> TaskServer::adopt_frame(Connection& connection,
   if (!*listed) return std::optional<BlobInfo>();
   context_.board.frames_listed(frame.task, **listed);
   context_.metrics.frame_done();
-  connection.since_progress.lap();
   return std::optional(std::move(blob));
+}
+
+Status OutputAdopter::add_part(const WorkerFiles& files, const TaskPart& part) {
+  const auto taken = files.take(part.path);
+  VOXELD_TRY(context_.blobs.disk().for_data());
+  if (!taken) return taken.error();
+  return context_.parts.add(part.task, part.position, *taken);
 }
 
 }  // namespace voxeld

@@ -10,7 +10,7 @@ TWO_WORKERS = ("--workers-per-device", "2")
 MEDIUM = {"size": 5000, "channels": "occupancy,normal", "cache": "no"}
 
 
-class ParkingTest(unittest.TestCase):
+class PreemptionTest(unittest.TestCase):
     def wait_for(self, condition, seconds=120):
         deadline = time.monotonic() + seconds
         while not condition():
@@ -22,7 +22,7 @@ class ParkingTest(unittest.TestCase):
         return os.listdir(folder) if os.path.isdir(folder) else []
 
 
-class Giants(ParkingTest):
+class Giants(PreemptionTest):
     """Three tenants have a giant job each, and there are two workers."""
 
     @classmethod
@@ -45,13 +45,13 @@ class Giants(ParkingTest):
         for status in self.statuses().values():
             self.assertIn(status["state"], ("queued", "running"))
             self.assertLessEqual(status["attempt"], 1, status)
-        self.assertGreater(sum(s["parked"] for s in self.statuses().values()), 0)
+        self.assertGreater(sum(s["preempted"] for s in self.statuses().values()), 0)
 
-    def test_a_parked_job_is_queued_with_its_progress(self):
-        def parked():
-            return [s for s in self.statuses().values() if s["parked"] and s["state"] == "queued"]
-        self.wait_for(parked)
-        status = parked()[0]
+    def test_a_preempted_job_is_queued_with_its_progress(self):
+        def preempted():
+            return [s for s in self.statuses().values() if s["preempted"] and s["state"] == "queued"]
+        self.wait_for(preempted)
+        status = preempted()[0]
         self.assertGreater(status["tiles_done"], 0)
         self.assertGreater(status["tiles_total"], status["tiles_done"])
         self.assertEqual(status["waiting_for"], "a worker")
@@ -59,7 +59,7 @@ class Giants(ParkingTest):
         self.assertTrue(self.parts(self.load, status["id"]))
         metrics = self.load.daemon.request("GET", "/metrics", port=self.load.daemon.admin_port)
         self.assertRegex(metrics.body.decode(),
-                         r'voxeld_jobs_parked_total\{kind="voxelize",tenant="[abc]"\} [1-9]')
+                         r'voxeld_jobs_preempted_total\{kind="voxelize",tenant="[abc]"\} [1-9]')
 
     def test_more_urgent_work_of_the_tenant_has_its_worker(self):
         self.wait_for(lambda: self.load.status("a", self.giants["a"])["device_ms"] > 0)
@@ -68,8 +68,8 @@ class Giants(ParkingTest):
         self.assertNotEqual(self.load.status("a", self.giants["a"])["state"], "done")
 
 
-class Ends(ParkingTest):
-    """Jobs that were parked end as if they had not been."""
+class Ends(PreemptionTest):
+    """Jobs that were preempted end as if they had not been."""
 
     @classmethod
     def setUpClass(cls):
@@ -82,11 +82,11 @@ class Ends(ParkingTest):
     def finish(self, jobs):
         return {name: self.load.tenants[name].wait(job, 600) for name, job in jobs.items()}
 
-    def until_parked(self, name, options, tenants="abc"):
-        """Giants of the other tenants; a job of this one, once it was parked."""
+    def until_preempted(self, name, options, tenants="abc"):
+        """Giants of the other tenants; a job of this one, once it was preempted."""
         others = {other: self.load.submit(other, GIANT) for other in tenants if other != name}
         job = self.load.submit(name, options)
-        self.wait_for(lambda: self.load.status(name, job)["parked"] > 0)
+        self.wait_for(lambda: self.load.status(name, job)["preempted"] > 0)
         return job, others
 
     def cancel(self, jobs):
@@ -95,17 +95,17 @@ class Ends(ParkingTest):
         self.finish(jobs)
 
     def test_with_the_same_bytes(self):
-        job, others = self.until_parked("a", {**MEDIUM, "padding": 1})
+        job, others = self.until_preempted("a", {**MEDIUM, "padding": 1})
         self.cancel(others)
         status = self.load.tenants["a"].wait(job, 600)
         self.assertEqual((status["state"], status["attempt"]), ("done", 1), status)
         self.assertFalse(self.parts(self.load, job))
         whole = self.load.tenants["a"].wait(self.load.submit("a", {**MEDIUM, "padding": 1}), 600)
-        self.assertEqual(whole["parked"], 0)
+        self.assertEqual(whole["preempted"], 0)
         self.assertEqual(status["result"]["blob"], whole["result"]["blob"])
 
     def test_by_a_cancel_in_the_queue(self):
-        job, others = self.until_parked("a", GIANT)
+        job, others = self.until_preempted("a", GIANT)
         self.wait_for(lambda: self.load.status("a", job)["state"] == "queued")
         self.load.cancel("a", job)
         self.assertEqual(self.load.tenants["a"].wait(job)["state"], "cancelled")
@@ -113,9 +113,9 @@ class Ends(ParkingTest):
         self.cancel(others)
 
     def test_although_their_workers_and_the_gateway_are_killed(self):
-        job, others = self.until_parked("a", {**MEDIUM, "padding": 2})
+        job, others = self.until_preempted("a", {**MEDIUM, "padding": 2})
         for _ in range(2):
-            self.load.daemon.kill_worker()  # of anybody, who may just have been asked to park
+            self.load.daemon.kill_worker()  # of anybody, who may just have been asked to preempt
             time.sleep(0.3)
         self.load.daemon.kill_gateway()
         self.load.daemon.start()
@@ -132,7 +132,7 @@ class Ends(ParkingTest):
         d = self.load.tenants["d"]
         others = {name: self.load.submit(name, GIANT) for name in "ab"}
         job = d.submit(kind="voxelize", asset=worm, options=options)
-        self.wait_for(lambda: self.load.status("d", job)["parked"] > 0)
+        self.wait_for(lambda: self.load.status("d", job)["preempted"] > 0)
         self.assertGreater(self.load.status("d", job)["frames_done"], 0)
         self.cancel(others)
         status = d.wait(job, 600)
@@ -142,15 +142,15 @@ class Ends(ParkingTest):
         self.assertEqual(status["result"]["blob"], whole["result"]["blob"])
 
 
-class OneAfterTheOther(ParkingTest):
-    def test_without_fair_queueing_nothing_is_parked(self):
+class OneAfterTheOther(PreemptionTest):
+    def test_without_fair_queueing_nothing_is_preempted(self):
         with Contention({"a": 1, "b": 1}, arguments=["--scheduler", "fifo"]) as load:
             giant = load.submit("a", GIANT)
             load.wait_for_device("a", giant)
             small = load.submit("b", SMALL, priority=100)
             time.sleep(2.5)
             self.assertEqual(load.status("b", small)["state"], "queued")
-            self.assertEqual(load.status("a", giant)["parked"], 0)
+            self.assertEqual(load.status("a", giant)["preempted"], 0)
 
 
 if __name__ == "__main__":
