@@ -37,7 +37,7 @@ Result<std::unique_ptr<Database>> Database::open(const std::filesystem::path& pa
   const Stopwatch watch;
   VOXELD_ASSIGN(SqlConnection writer, SqlConnection::open(path, SqlConnection::Role::kWriter));
   VOXELD_TRY(check_integrity(writer));
-  VOXELD_TRY(migrate_schema(writer));
+  VOXELD_TRY(create_schema(writer));
   log::debug("job database is open", {{"path", path.string()}, {"ms", watch.ms()}});
   return std::unique_ptr<Database>(new Database(path, std::move(writer), reader_idle_max));
 }

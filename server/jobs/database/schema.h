@@ -1,4 +1,4 @@
-// Tables of the job database, and how older ones are brought up to date.
+// Tables of the job database.
 #pragma once
 
 #include "proto/result.h"
@@ -6,10 +6,9 @@
 
 namespace voxeld {
 
-// Number of the newest schema that this program knows (PRAGMA user_version).
+// The schema that this program reads and writes (PRAGMA user_version).
 int schema_version();
-// Applies every step that the database lacks, each in a transaction of its own. Errors: internal
-// when it was written by a newer voxeld. With a lower `last` it makes a database of an older one.
-Status migrate_schema(SqlConnection& connection, int last = schema_version());
+// Makes the tables of an empty database. Errors: internal for a database with another schema.
+Status create_schema(SqlConnection& connection);
 
 }  // namespace voxeld

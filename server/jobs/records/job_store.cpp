@@ -451,24 +451,4 @@ Status JobStore::check_result(std::string_view job) {
   return check_stored_result(*reader, job);
 }
 
-Status JobStore::measure_holdings(const std::function<int64_t(std::string_view id)>& bytes_of) {
-  return database_.write([&](SqlConnection& connection) -> Status {
-    std::vector<std::string> ids;
-    {
-      VOXELD_ASSIGN(SqlStatement rows,
-                    connection.query("SELECT DISTINCT blob FROM holdings WHERE bytes < 0"));
-      while (true) {
-        VOXELD_ASSIGN(const bool row, rows.step());
-        if (!row) break;
-        ids.push_back(rows.text(0));
-      }
-    }
-    for (const std::string& id : ids) {
-      VOXELD_TRY(connection.run("UPDATE holdings SET bytes = $2 WHERE blob = $1 AND bytes < 0", id,
-                                bytes_of(id)));
-    }
-    return {};
-  });
-}
-
 }  // namespace voxeld

@@ -136,9 +136,6 @@ class JobStore {
     int64_t longest_blob = 0;
   };
   Result<UploadRoom> upload_room(std::string_view tenant, int64_t asked);
-  // Gives sizes to the blobs whose rows are older than their columns; `bytes_of` says 0 where there
-  // is no such blob.
-  Status measure_holdings(const std::function<int64_t(std::string_view id)>& bytes_of);
 
  private:
   Database& database_;

@@ -137,7 +137,7 @@ class Check {
     VOXELD_ASSIGN(report_.schema_version, number(reader, "PRAGMA user_version"));
     if (report_.schema_version != schema_version()) {
       return Error{ErrorCode::kInternal,
-                   "schema of another version of voxeld; let a daemon of this version open it",
+                   "schema of another version of voxeld",
                    std::to_string(schema_version()), std::to_string(report_.schema_version)};
     }
     VOXELD_ASSIGN(report_.jobs, number(reader, "SELECT COUNT(*) FROM jobs"));

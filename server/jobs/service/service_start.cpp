@@ -58,10 +58,6 @@ Status Service::start() {
     const auto job = jobs_.get(Caller::daemon(), id);
     return job && !job->status.ended();
   });
-  VOXELD_TRY(jobs_.measure_holdings([this](std::string_view id) {
-    const auto blob = blobs_.stat(id);
-    return blob ? blob->bytes : int64_t{0};
-  }));
   update_gauges();
   forecast_waiting();
 

@@ -197,29 +197,6 @@ TEST_F(LiveJobsTest, the_counters_are_the_rows_whatever_happens_to_jobs) {
   EXPECT_GT(counted()["*"].first, 0);
 }
 
-TEST_F(LiveJobsTest, a_database_of_before_is_counted_when_it_is_opened) {
-  store_.reset();
-  database_.reset();
-  const auto file = dir_.path() / "jobs.sqlite";
-  for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + end);
-  {
-    auto writer = SqlConnection::open(file, SqlConnection::Role::kWriter);
-    ASSERT_TRUE(writer && migrate_schema(*writer, 8));
-    for (const char* state : {"queued", "queued", "running", "done"}) {
-      ASSERT_TRUE(writer->run(
-          "INSERT INTO jobs (id, kind, state, asset, grid, filename, options_json, request_hash,"
-          " use_cache, transient, created_ms, tenant) VALUES (hex(randomblob(8)), 'voxelize', $1,"
-          " 'sha256-a', '', '', '{}', 'h', 1, 0, 1, 'lab')",
-          state));
-    }
-  }
-  open();
-  auto reader = database_->read().value();
-  EXPECT_EQ(live_jobs(*reader, "lab")->queued, 2);
-  EXPECT_EQ(live_jobs(*reader, "lab")->running, 1);
-  EXPECT_EQ(live_jobs(*reader)->queued, 2);
-}
-
 TEST_F(LiveJobsTest, a_place_in_the_queue_is_counted_from_either_end) {
   std::vector<std::string> ids;
   const Caller lab = Caller::tenant("lab", false);

@@ -149,28 +149,6 @@ TEST_F(QuotaTest, the_worker_is_told_how_many_cells_a_job_may_have) {
   EXPECT_EQ(task->cells_max, 1000);
 }
 
-TEST_F(QuotaTest, what_an_older_database_holds_is_measured_at_start) {
-  const BlobInfo grid = put_blob("a grid");
-  service_.reset();
-  const auto file = dir_.path() / "data/jobs.sqlite";
-  for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + end);
-  {
-    auto writer = SqlConnection::open(file, SqlConnection::Role::kWriter);
-    ASSERT_TRUE(writer && migrate_schema(*writer, 3));
-    ASSERT_TRUE(writer->run(
-        "INSERT INTO assets (tenant, id, filename, content_type, bytes, created_ms, deleted_ms)"
-        " VALUES ('lab', 'sha256-a', '', '', 7, 1, 0), ('lab', 'sha256-d', '', '', 9, 1, 5)"));
-    ASSERT_TRUE(writer->run(
-        "INSERT INTO results (tenant, request_hash, blob, bytes, media_type, filename, grid,"
-        " meta_json, warnings_json, created_ms) VALUES ('lab', 'h', 'sha256-b', 100, '', '', $1,"
-        " '{}', '[]', 1)",
-        grid.id));
-  }
-  store_match_ = StoreMatch::kAdopt;  // it does not know which files it belongs to
-  start();
-  EXPECT_EQ(used(lab_), 7 + 100 + 6);
-}
-
 // Whoever removes rows need not know of the sums.
 TEST_F(QuotaTest, rows_that_go_take_their_bytes_along) {
   finish(lab_, "0123456789");
