@@ -63,7 +63,14 @@ class EpollServer final : public HttpServer {
     calls.run_timers = [this] { return run_timers(); };
     calls.tick = [this] { tick(); };
     housekeeping_ = std::make_unique<Housekeeping>(std::move(listener), std::move(calls));
-    for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this] { pool_loop(); });
+    try {
+      pool_.reserve(static_cast<size_t>(config.threads));
+      for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this] { pool_loop(); });
+    } catch (...) {  // no memory, too many threads: those that run use this object
+      (void)stop(0);
+      join_all();
+      throw;
+    }
   }
   ~EpollServer() override {
     (void)stop(0);

@@ -26,7 +26,12 @@ Supervisor::Supervisor(SupervisorConfig config) : config_(std::move(config)) {
       slots_.push_back(std::move(slot));
     }
   }
-  for (auto& slot : slots_) slot->thread = std::thread([this, &slot = *slot] { run(slot); });
+  try {
+    for (auto& slot : slots_) slot->thread = std::thread([this, &slot = *slot] { run(slot); });
+  } catch (...) {  // no memory, too many threads: those that run use this object
+    stop(0);
+    throw;
+  }
 }
 
 Supervisor::~Supervisor() {

@@ -44,8 +44,6 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
       listener_(std::move(listener)),
       dispatcher_(config_, context_),
       outputs_(config_, context_) {
-  // In the body: the thread uses members that are declared after it.
-  accept_thread_ = std::thread([this] { accept_loop(); });
   watch_ = std::make_unique<WorkerWatch>(
       WatchLimits{config_.limits.worker_memory_bytes_max,
                   config_.limits.all_workers_memory_bytes_max, config_.limits.job_seconds_max,
@@ -53,6 +51,8 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
       watch_calls());
   scratch_watch_ = std::make_unique<ScratchWatch>(config_.limits.scratch_bytes_max,
                                                   context_.blobs.disk(), scratch_calls());
+  // Last: an exception of what comes before must not meet a thread that runs.
+  accept_thread_ = std::thread([this] { accept_loop(); });
 }
 
 TaskServer::~TaskServer() {
