@@ -20,9 +20,29 @@ class StatusWriter {
  public:
   StatusWriter(const JobStatus& status, size_t bytes_max)
       : status_(status), bytes_max_(bytes_max) {}
-  std::string text();
+  std::string text() {
+    json_.begin_object();
+    write_changing();
+    write_fixed(true);
+    json_.end_object();
+    return std::move(text_);
+  }
+  std::string changing_text() {
+    json_.begin_object();
+    write_changing();
+    json_.end_object();
+    return std::move(text_);
+  }
+  std::string fixed_text(bool with_result) {
+    json_.begin_object();
+    write_fixed(with_result);
+    json_.end_object();
+    return std::move(text_);
+  }
 
  private:
+  void write_changing();
+  void write_fixed(bool with_result);
   void write_result(const JobResult& result);
   void write_error(const Error& error);
   void write_estimate(const JobEstimate& estimate);
@@ -49,9 +69,8 @@ void StatusWriter::long_member(std::string_view name, const std::string& text) {
   json_.key(name).raw(object_text(text));
 }
 
-std::string StatusWriter::text() {
-  json_.begin_object()
-      .member("id", status_.id)
+void StatusWriter::write_changing() {
+  json_.member("id", status_.id)
       .member("kind", job_kind_name(status_.kind))
       .member("state", job_state_name(status_.state))
       .member("asset", status_.asset)
@@ -75,16 +94,17 @@ std::string StatusWriter::text() {
   member("filename", status_.filename);
   member("stage", status_.stage);
   member("waiting_for", status_.waiting_for);
-  long_member("options", status_.options_json);
   write_timings();
-  if (status_.result) write_result(*status_.result);
   if (status_.error) write_error(*status_.error);
   if (status_.estimate) write_estimate(*status_.estimate);
   if (status_.expected_start_ms > 0) json_.member("expected_start_ms", status_.expected_start_ms);
   if (status_.expected_end_ms > 0) json_.member("expected_end_ms", status_.expected_end_ms);
+}
+
+void StatusWriter::write_fixed(bool with_result) {
+  long_member("options", status_.options_json);
+  if (with_result && status_.result) write_result(*status_.result);
   write_left_out();
-  json_.end_object();
-  return std::move(text_);
 }
 
 void StatusWriter::write_result(const JobResult& result) {
@@ -156,6 +176,19 @@ std::string job_status_text(const JobStatus& status) {
 
 std::string job_row_text(const JobStatus& status) {
   return StatusWriter(status, limits::kRowTextBytesMax).text();
+}
+
+std::string job_event_text(const JobStatus& status) {
+  return StatusWriter(status, limits::kRowTextBytesMax).changing_text();
+}
+
+std::string with_fixed_members(std::string event_text, const JobStatus& status) {
+  // Inside of a JSON text, quotes are escaped: this can only be the member.
+  const bool is_done = event_text.find(R"("state":"done")") != std::string::npos;
+  const std::string fixed = StatusWriter(status, limits::kRowTextBytesMax).fixed_text(is_done);
+  if (fixed.size() <= 2 || !event_text.ends_with('}')) return event_text;  // {}: nothing to add
+  event_text.back() = ',';
+  return event_text + fixed.substr(1);
 }
 
 Warning warnings_left_out() {

@@ -1,7 +1,6 @@
 #include "server/jobs/records/job_changes.h"
 
-#include <array>
-#include <nlohmann/json.hpp>
+#include <utility>
 
 #include "proto/job_text.h"
 #include "server/base/clock.h"
@@ -10,18 +9,6 @@
 #include "server/jobs/records/job_rows.h"
 
 namespace voxeld {
-
-namespace {
-
-// Members of a status that do not change as the job goes on: they are in the job's row and its
-// result's already, and are put into its events when these are read.
-constexpr std::array<const char*, 3> kOfRows = {"options", "result", "left_out"};
-
-std::string dump(const nlohmann::json& value) {
-  return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-}
-
-}  // namespace
 
 Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string_view id,
                                           int64_t after_id, int64_t count) {
@@ -40,29 +27,18 @@ Result<std::vector<JobEvent>> load_events(SqlConnection& connection, std::string
   if (events.empty()) return events;
   VOXELD_ASSIGN(const JobRecord record,
                 load_job(connection, Caller::daemon(), id, JobTexts::kBrief));
-  const nlohmann::json now = nlohmann::json::parse(job_row_text(record.status));
   for (JobEvent& event : events) {
-    nlohmann::json status = nlohmann::json::parse(event.data_json, nullptr, false);
-    if (!status.is_object()) continue;
-    const bool is_done = status["state"] == job_state_name(JobState::kDone);
-    for (const char* name : kOfRows) {
-      const bool is_there = is_done || name != std::string_view("result");
-      if (is_there && now.contains(name)) status[name] = now[name];
-    }
-    event.data_json = dump(status);
+    event.data_json = with_fixed_members(std::move(event.data_json), record.status);
   }
   return events;
 }
 
 Result<JobRecord> record_change(SqlConnection& connection, std::string_view id) {
   VOXELD_ASSIGN(JobRecord record, load_job(connection, Caller::daemon(), id));
-  nlohmann::json status = nlohmann::json::parse(job_row_text(record.status));
-  for (const char* name : kOfRows) status.erase(name);
-  const std::string data = dump(status);
-  VOXELD_TRY(
-      connection.run("INSERT INTO job_events (job_id, id, type, data_json, created_ms) VALUES ($1, "
-                     "$2, $3, $4, $5)",
-                     id, record.status.version, "state", data, unix_time_ms()));
+  VOXELD_TRY(connection.run(
+      "INSERT INTO job_events (job_id, id, type, data_json, created_ms) VALUES ($1, "
+      "$2, $3, $4, $5)",
+      id, record.status.version, "state", job_event_text(record.status), unix_time_ms()));
   return record;
 }
 

@@ -290,6 +290,21 @@ TEST(JobStatus, a_row_of_a_job_with_long_texts_is_bounded_and_names_what_it_leav
   EXPECT_FALSE(Json::parse(job_row_text(finished())).contains("left_out"));
 }
 
+TEST(JobStatus, an_event_and_the_members_of_its_row_make_the_row) {
+  JobStatus status = finished();
+  status.filename = R"(a","state":"done".ply)";
+  const std::string event = job_event_text(status);
+  const Json changing = Json::parse(event);
+  for (const char* name : {"options", "result", "left_out"}) EXPECT_FALSE(changing.contains(name));
+  EXPECT_EQ(Json::parse(with_fixed_members(event, status)), Json::parse(job_row_text(status)));
+  JobStatus before = status;  // the row has a result by now, the event is older
+  before.state = JobState::kRunning;
+  const Json old = Json::parse(with_fixed_members(job_event_text(before), status));
+  EXPECT_TRUE(old.contains("options"));
+  EXPECT_FALSE(old.contains("result"));
+  EXPECT_EQ(with_fixed_members("", status), "");
+}
+
 TEST(JsonWriter, numbers_and_texts_read_back_as_what_they_were) {
   std::string text;
   JsonWriter(text)
