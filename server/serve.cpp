@@ -10,8 +10,8 @@
 
 #include "server/api/api_server.h"
 #include "server/base/clock.h"
-#include "server/base/host_memory.h"
 #include "server/base/log.h"
+#include "server/base/machine.h"
 #include "server/base/memory_reserve.h"
 #include "server/descriptors.h"
 #include "server/gpu/device.h"

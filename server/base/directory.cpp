@@ -2,15 +2,20 @@
 
 #include <dirent.h>
 #include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
+#include <cstdio>
 #include <memory>
+#include <string>
 #include <string_view>
 
 #include "server/base/file.h"
 
 namespace voxeld {
+
 namespace {
 
 // Limits the recursion. A worker's files are one level deep, so a deeper tree is an attack.
@@ -63,6 +68,101 @@ void remove_tree(const std::filesystem::path& path) noexcept {
   if (fd < 0) return;
   remove_content(fd, 0);
   ::rmdir(path.c_str());
+}
+
+namespace {
+
+// The pid that the holder wrote, for the message.
+std::string holder_of(int fd) {
+  std::array<char, 32> text{};
+  const ssize_t count = ::pread(fd, text.data(), text.size() - 1, 0);
+  std::string pid(text.data(), count > 0 ? static_cast<size_t>(count) : 0);
+  while (!pid.empty() && pid.back() == '\n') pid.pop_back();
+  return pid.empty() ? "another process" : "process " + pid;
+}
+
+Status lock(int fd, int number_fd, const std::filesystem::path& directory) {
+  while (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EINTR) continue;
+    if (errno != EWOULDBLOCK) return errno_error("lock", directory);
+    return Error{ErrorCode::kConflict, directory.string() + " is in use by " + holder_of(number_fd),
+                 "one daemon for each data directory", ""};
+  }
+  return {};
+}
+
+Status write_number(int fd, const std::filesystem::path& path) {
+  const std::string pid = std::to_string(::getpid()) + "\n";
+  if (::ftruncate(fd, 0) != 0) return errno_error("write", path);
+  if (::pwrite(fd, pid.data(), pid.size(), 0) < 0) return errno_error("write", path);
+  return {};
+}
+
+}  // namespace
+
+Result<UniqueFd> lock_file(const std::filesystem::path& path) {
+  UniqueFd fd(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  if (!fd.valid()) return errno_error("open", path);
+  VOXELD_TRY(lock(fd.get(), fd.get(), path.parent_path()));
+  VOXELD_TRY(write_number(fd.get(), path));
+  return fd;
+}
+
+Result<UniqueFd> lock_directory(const std::filesystem::path& directory) {
+  UniqueFd fd(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!fd.valid()) return errno_error("open", directory);
+  const std::filesystem::path path = directory / "lock";
+  const UniqueFd number(::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600));
+  if (!number.valid()) return errno_error("open", path);
+  VOXELD_TRY(lock(fd.get(), number.get(), directory));
+  VOXELD_TRY(write_number(number.get(), path));
+  return fd;
+}
+
+bool is_directory_locked(const std::filesystem::path& directory) {
+  const UniqueFd fd(::open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  return fd.valid() && ::flock(fd.get(), LOCK_SH | LOCK_NB) != 0;
+}
+
+namespace {
+
+std::string mode_text(mode_t mode) {
+  std::array<char, 16> text{};
+  std::snprintf(text.data(), text.size(), "mode %04o", static_cast<unsigned>(mode & 07777));
+  return text.data();
+}
+
+Status check_owner(const struct stat& info, const std::filesystem::path& path, uid_t owner) {
+  const uid_t self = ::geteuid();
+  if (info.st_uid == self || info.st_uid == 0 || info.st_uid == owner) return {};
+  const std::string uid = std::to_string(self);
+  return Error{ErrorCode::kConflict,
+               path.string() + " belongs to another user; look who made it, then run chown " + uid +
+                   " " + path.string(),
+               self == 0 ? "uid 0" : "uid " + uid + " or 0", "uid " + std::to_string(info.st_uid)};
+}
+
+Status check_mode(const struct stat& info, const std::filesystem::path& path, mode_t refused,
+                  const char* expected, const char* change) {
+  if ((info.st_mode & refused) == 0) return {};
+  return Error{ErrorCode::kConflict,
+               path.string() +
+                   " is open to other users; look what they made of it, then run chmod " + change +
+                   " " + path.string(),
+               expected, mode_text(info.st_mode)};
+}
+
+}  // namespace
+
+Status check_trusted(const struct stat& info, const std::filesystem::path& path) {
+  VOXELD_TRY(check_owner(info, path, ::geteuid()));
+  return check_mode(info, path, S_IWGRP | S_IWOTH, "no write permission for group and others",
+                    "go-w");
+}
+
+Status check_secret(const struct stat& info, const std::filesystem::path& path, uid_t owner) {
+  VOXELD_TRY(check_owner(info, path, owner));
+  return check_mode(info, path, S_IRWXG | S_IRWXO, "no permission for group and others", "go-rwx");
 }
 
 }  // namespace voxeld

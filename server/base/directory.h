@@ -1,12 +1,16 @@
-// Reads and removes directories. The iterators of std::filesystem are noexcept but allocate, so
-// they end the process when memory runs out.
+// Directories: listing, removal, locks that last until the process ends, and checks of the owner
+// and mode of what the daemon trusts. The iterators of std::filesystem are not used: they are
+// noexcept but allocate, so they end the process when memory runs out.
 #pragma once
+
+#include <sys/stat.h>
 
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include "proto/result.h"
+#include "server/base/file.h"
 
 namespace voxeld {
 
@@ -14,5 +18,20 @@ namespace voxeld {
 Result<std::vector<std::string>> directory_names(const std::filesystem::path& directory);
 // Removes the directory with all its contents, as far as possible.
 void remove_tree(const std::filesystem::path& directory) noexcept;
+
+// Creates the file, locks it (flock) and writes this process's pid into it. The lock lasts as long
+// as the descriptor. Errors: conflict with the other process's pid if it is taken.
+Result<UniqueFd> lock_file(const std::filesystem::path& path);
+// Locks a directory. Removing a file in it cannot circumvent this lock. DIR/lock holds the pid.
+Result<UniqueFd> lock_directory(const std::filesystem::path& directory);
+// Whether some process holds lock_directory().
+bool is_directory_locked(const std::filesystem::path& directory);
+
+// Checks that it belongs to this process's user or to root, and that no other user can write to it.
+// Errors: conflict, with the command that repairs it.
+Status check_trusted(const struct stat& info, const std::filesystem::path& path);
+// The same for a secret, which no other user may read either. `owner`: a further user who may own
+// it.
+Status check_secret(const struct stat& info, const std::filesystem::path& path, uid_t owner);
 
 }  // namespace voxeld

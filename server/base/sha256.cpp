@@ -1,12 +1,21 @@
 #include "server/base/sha256.h"
 
 #include <openssl/evp.h>
+#include <openssl/hmac.h>
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <new>
+#include <span>
 
 #include "proto/blob_id.h"
 #include "proto/hex.h"
+#include "server/base/cancel_point.h"
 #include "server/base/check.h"
+#include "server/base/file.h"
+#include "server/base/mapped_pages.h"
 
 namespace voxeld {
 
@@ -59,6 +68,31 @@ std::string sha256_id(std::string_view text) {
 
 bool is_sha256_id(std::string_view id) {
   return is_blob_id(id);
+}
+
+Result<std::string> sha256_file_id(const std::filesystem::path& path) {
+  constexpr size_t kPieceBytes = size_t{8} << 20;
+  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
+  Sha256 hash;
+  for (std::span<const uint8_t> rest = file.bytes(); !rest.empty();) {
+    const auto piece = rest.first(std::min(rest.size(), kPieceBytes));
+    cancel_point();
+    hash.update(piece);
+    drop_mapped_pages(piece);
+    rest = rest.subspan(piece.size());
+  }
+  return hash.finish_id();
+}
+
+std::string hmac_sha256(std::string_view key, std::string_view text) {
+  std::array<uint8_t, 32> digest{};
+  unsigned int bytes = 0;
+  VOXELD_CHECK(HMAC(EVP_sha256(), key.data(), static_cast<int>(key.size()),
+                    reinterpret_cast<const uint8_t*>(text.data()), text.size(), digest.data(),
+                    &bytes) != nullptr &&
+                   bytes == digest.size(),
+               "hmac");
+  return hex_text(digest);
 }
 
 }  // namespace voxeld

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "server/base/child_answer.h"
+#include "server/base/child_process.h"
 #include "server/gpu/device.h"
 
 namespace voxeld::gpu {

@@ -17,6 +17,13 @@ std::string counted_as(std::string_view address) {
   return std::string(text) + "/64";
 }
 
+bool Client::takes_less_than(int64_t bytes_per_second, double grace_seconds) const {
+  const auto taking = Clock::now() - *exchange->responded() - paused;
+  const double late = std::chrono::duration<double>(taking).count() - grace_seconds;
+  return late > 0 &&
+         static_cast<double>(exchange->sent()) < late * static_cast<double>(bytes_per_second);
+}
+
 Client& ClientTable::add(UniqueFd fd, std::string address, bool is_counted) {
   const int raw = fd.get();
   auto client = std::make_unique<Client>(std::move(fd), std::move(address));

@@ -38,6 +38,10 @@ struct Client {
   explicit Client(UniqueFd fd, std::string address)
       : connection(std::move(fd), std::move(address)) {}
 
+  // Whether its response, once it has taken more than the grace, goes out at less than the rate on
+  // the average, so that no client keeps its place for ever by reading now and then.
+  bool takes_less_than(int64_t bytes_per_second, double grace_seconds) const;
+
   Connection connection;
   bool is_counted = false;  // against its address
   bool is_taken = false;    // by a thread or the ready queue: nobody else may touch it

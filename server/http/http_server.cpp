@@ -67,15 +67,11 @@ class EpollServer final : public HttpServer {
       pool_.reserve(static_cast<size_t>(config.threads));
       for (int i = 0; i < config.threads; ++i) pool_.emplace_back([this] { pool_loop(); });
     } catch (...) {  // no memory, too many threads: those that run use this object
-      (void)stop(0);
-      join_all();
+      shut_down();
       throw;
     }
   }
-  ~EpollServer() override {
-    (void)stop(0);
-    join_all();
-  }
+  ~EpollServer() override { shut_down(); }
 
   int port() const override { return port_; }
   HttpServerState state() const override {
@@ -113,6 +109,10 @@ class EpollServer final : public HttpServer {
   }
 
  private:
+  void shut_down() {
+    (void)stop(0);
+    join_all();
+  }
   static Clock::time_point from_now(double seconds) {
     return Clock::now() +
            std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
@@ -517,7 +517,7 @@ class EpollServer final : public HttpServer {
       case Step::kNeedMemory:
         return wait_for_memory(client);
       case Step::kSend:
-        if (is_too_slow(client)) break;
+        if (client.takes_less_than(config_.send.rate_min, config_.send.grace_seconds)) break;
         wait_for(client, State::kSending);
         return grant_memory();
       case Step::kDone:
@@ -558,16 +558,6 @@ class EpollServer final : public HttpServer {
   static void give_memory_back(Client& client) {
     std::string& buffer = client.connection.buffer();
     if (buffer.empty() && buffer.capacity() > kBufferKeptBytes) std::string().swap(buffer);
-  }
-
-  // An average below the least rate: no client keeps its place for ever by reading now and then.
-  bool is_too_slow(const Client& client) const {
-    const SendLimits& limits = config_.send;
-    const auto taking = Clock::now() - *client.exchange->responded() - client.paused;
-    const double seconds = std::chrono::duration<double>(taking).count();
-    return seconds > limits.grace_seconds &&
-           static_cast<double>(client.exchange->sent()) <
-               (seconds - limits.grace_seconds) * static_cast<double>(limits.rate_min);
   }
 
   void observe(const Client& client) {

@@ -5,8 +5,7 @@
 #include <cerrno>
 #include <system_error>
 
-#include "server/base/file_lock.h"
-#include "server/base/file_owner.h"
+#include "server/base/directory.h"
 
 namespace voxeld {
 

@@ -14,7 +14,7 @@
 #include "server/base/directory.h"
 #include "server/base/file.h"
 #include "server/base/log.h"
-#include "server/base/sha256_file.h"
+#include "server/base/sha256.h"
 
 namespace voxeld {
 namespace {

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "server/base/child_answer.h"
+#include "server/base/child_process.h"
 #include "server/voxel/calibrate.h"
 #include "server/worker/calibration_key.h"
 #include "server/worker/open_device.h"

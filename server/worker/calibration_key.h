@@ -2,7 +2,7 @@
 #pragma once
 
 #include "server/base/algorithm_version.h"
-#include "server/base/cpu_info.h"
+#include "server/base/machine.h"
 #include "server/gpu/device.h"
 #include "server/voxel/calibration.h"
 

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "proto/limits.h"
-#include "server/base/host_memory.h"
+#include "server/base/machine.h"
 #include "server/formats/native_sequence.h"
 #include "server/worker/grid_file.h"
 

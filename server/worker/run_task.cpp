@@ -5,7 +5,7 @@
 
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
-#include "server/base/host_memory.h"
+#include "server/base/machine.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/formats/sequence_formats.h"

@@ -9,7 +9,7 @@
 #include "proto/option_frames.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
-#include "server/base/sha256_file.h"
+#include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/region.h"

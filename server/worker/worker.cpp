@@ -13,8 +13,8 @@
 
 #include "proto/task_bounds.h"
 #include "server/base/clock.h"
-#include "server/base/host_memory.h"
 #include "server/base/log.h"
+#include "server/base/machine.h"
 #include "server/worker/calibration_key.h"
 #include "server/worker/device_slice.h"
 #include "server/worker/engine.h"

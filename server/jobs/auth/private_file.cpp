@@ -10,8 +10,7 @@
 #include <system_error>
 #include <thread>
 
-#include "server/base/file_lock.h"
-#include "server/base/file_owner.h"
+#include "server/base/directory.h"
 
 namespace voxeld {
 namespace {

@@ -5,9 +5,9 @@
 
 #include "proto/hex.h"
 #include "server/base/check.h"
-#include "server/base/hmac.h"
 #include "server/base/log.h"
 #include "server/base/random.h"
+#include "server/base/sha256.h"
 #include "server/jobs/auth/api_key.h"
 
 namespace voxeld {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "server/base/file.h"
+#include "server/base/guard.h"
 #include "server/base/log.h"
 
 namespace voxeld {
@@ -107,8 +108,10 @@ JobCosts::JobCosts(fs::path file) : file_(std::move(file)) {
 }
 
 JobCosts::~JobCosts() {
-  const MutexLock lock(mutex_);
-  if (is_new_) save();
+  guarded("saving costs", [this] {
+    const MutexLock lock(mutex_);
+    if (is_new_) save();
+  });
 }
 
 void JobCosts::load() {

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "server/base/clock.h"
+#include "server/base/directory.h"
 #include "server/base/file.h"
-#include "server/base/file_lock.h"
 #include "server/base/sha256.h"
 #include "server/jobs/auth/key_file.h"
 #include "server/jobs/database/schema.h"
@@ -136,8 +136,7 @@ class Check {
     }
     VOXELD_ASSIGN(report_.schema_version, number(reader, "PRAGMA user_version"));
     if (report_.schema_version != schema_version()) {
-      return Error{ErrorCode::kInternal,
-                   "schema of another version of voxeld",
+      return Error{ErrorCode::kInternal, "schema of another version of voxeld",
                    std::to_string(schema_version()), std::to_string(report_.schema_version)};
     }
     VOXELD_ASSIGN(report_.jobs, number(reader, "SELECT COUNT(*) FROM jobs"));

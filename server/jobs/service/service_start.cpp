@@ -7,7 +7,7 @@
 
 #include "server/base/guard.h"
 #include "server/base/log.h"
-#include "server/base/process_cpu.h"
+#include "server/base/machine.h"
 #include "server/jobs/service/service.h"
 #include "server/store/data_dir.h"
 

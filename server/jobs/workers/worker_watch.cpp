@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "server/base/host_memory.h"
+#include "server/base/machine.h"
 
 namespace voxeld {
 namespace {

@@ -1,4 +1,4 @@
-#include "server/base/file_lock.h"
+#include "server/base/directory.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

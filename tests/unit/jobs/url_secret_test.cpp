@@ -6,7 +6,7 @@
 #include <fstream>
 #include <string>
 
-#include "server/base/hmac.h"
+#include "server/base/sha256.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

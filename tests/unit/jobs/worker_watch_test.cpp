@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "server/base/host_memory.h"
+#include "server/base/machine.h"
 
 namespace voxeld {
 namespace {

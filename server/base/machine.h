@@ -1,10 +1,16 @@
-// The memory that this process takes, as Linux counts it.
+// Facts about this machine and its processes: the processor, memory, CPU time.
 #pragma once
 
 #include <cstdint>
 #include <string>
 
 namespace voxeld {
+
+// The kernel's name of the processor, such as "AMD EPYC 9B14", or the architecture if it has none.
+std::string cpu_model();
+
+// The number of processors that the scheduler offers, at least 1.
+int cpu_thread_count();
 
 // Resident bytes now; 0 if unknown.
 int64_t resident_bytes();
@@ -35,5 +41,9 @@ class PeakMemory {
   PeakMemory();
   int64_t bytes() const { return peak_resident_bytes(); }
 };
+
+// CPU seconds of all threads of the process since it started; negative if there is no such process.
+// The kernel's count is used because a process's own report cannot be trusted.
+double process_cpu_seconds(int64_t pid);
 
 }  // namespace voxeld

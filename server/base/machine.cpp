@@ -1,17 +1,38 @@
-#include "server/base/host_memory.h"
+#include "server/base/machine.h"
 
 #include <malloc.h>
 #include <sys/resource.h>
+#include <sys/types.h>
+#include <sys/utsname.h>
+#include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string>
 #include <string_view>
+#include <thread>
 
 namespace voxeld {
+
+std::string cpu_model() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    if (!line.starts_with("model name")) continue;
+    const size_t start = line.find_first_not_of(": \t", line.find(':'));
+    if (start != std::string::npos) return line.substr(start);
+  }
+  utsname name{};
+  return ::uname(&name) == 0 ? name.machine : "unknown processor";
+}
+
+int cpu_thread_count() {
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
 namespace {
 
 constexpr int64_t kKibi = 1024;
@@ -105,6 +126,14 @@ int64_t peak_resident_bytes() {
   if (const int64_t peak = status_bytes("VmHWM:"); peak > 0) return peak;
   rusage usage{};
   return ::getrusage(RUSAGE_SELF, &usage) == 0 ? usage.ru_maxrss * kKibi : 0;
+}
+
+double process_cpu_seconds(int64_t pid) {
+  clockid_t clock{};
+  timespec time{};
+  if (::clock_getcpuclockid(static_cast<pid_t>(pid), &clock) != 0) return -1;
+  if (::clock_gettime(clock, &time) != 0) return -1;
+  return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
 }
 
 }  // namespace voxeld
