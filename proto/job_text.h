@@ -25,10 +25,10 @@ std::string job_status_text(const JobStatus& status);
 // kRowTextBytesMax, or empty after a brief reading, are omitted and named in "left_out". Longer
 // warnings become kWarningsLeftOut, and other texts are cut.
 std::string job_row_text(const JobStatus& status);
-// The same in two parts, so that a stored event needs no copy of what its job's row has already: the
-// members that change as the job goes on, as an object; and the others (options, result, left_out),
-// which with_fixed_members() adds when the event is read. An event of a job before it was done has
-// no result.
+// The same in two parts, so that a stored event needs no copy of what its job's row has already:
+// the members that change as the job goes on, as an object; and the others (options, result,
+// left_out), which with_fixed_members() adds when the event is read. An event of a job before it
+// was done has no result.
 std::string job_event_text(const JobStatus& status);
 std::string with_fixed_members(std::string event_text, const JobStatus& status);
 // Whether a brief reading omitted something.

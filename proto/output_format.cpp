@@ -6,14 +6,13 @@
 namespace voxeld {
 namespace {
 
-constexpr std::array kFormats = {
-    FormatInfo{Format::kNative, "native", "application/vnd.voxeld.grid", ".voxg",
-               "application/vnd.voxeld.sequence", ".voxs", false},
-    FormatInfo{Format::kNpy, "npy", "application/x-npy", ".npy", "application/x-npy", ".npy", true},
-    FormatInfo{Format::kNpz, "npz", "application/x-npz", ".npz", "application/x-npz", ".npz", true},
-    FormatInfo{Format::kVox, "vox", "model/x-magicavoxel-vox", ".vox", "model/x-magicavoxel-vox",
-               ".vox", false},
-};
+constexpr bool kSparse = false, kDense = true;
+
+#define VOXELD_FORMAT_INFO(format, name, type, extension, sequence_type, sequence_extension, \
+                           density, ...)                                                     \
+  FormatInfo{Format::format, name, type, extension, sequence_type, sequence_extension, density},
+constexpr std::array kFormats = {VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_INFO)};
+#undef VOXELD_FORMAT_INFO
 
 }  // namespace
 
@@ -49,6 +48,14 @@ std::optional<Format> format_from_name(std::string_view name) {
   const auto found = std::ranges::find(kFormats, name, &FormatInfo::name);
   if (found == kFormats.end()) return std::nullopt;
   return found->format;
+}
+
+std::string sparse_format_names() {
+  std::string names;
+  for (const FormatInfo& info : kFormats) {
+    if (!info.is_dense) names += (names.empty() ? "" : ", ") + std::string(info.name);
+  }
+  return names;
 }
 
 std::string format_names(std::string_view separator) {

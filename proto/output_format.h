@@ -1,7 +1,9 @@
-// The formats in which grids and sequences are written. One table names them for the option
-// `format`, the routes, the CLI and the check of a worker's outputs.
+// The formats in which grids and sequences are written. One entry of VOXELD_OUTPUT_FORMATS is all
+// that the option `format`, the routes, the CLI, the check of a worker's outputs and the encoders
+// know of a format; its own file in server/formats/ defines the two functions that the entry names.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <string>
@@ -9,7 +11,25 @@
 
 namespace voxeld {
 
-enum class Format { kNative, kNpy, kNpz, kVox };  // in the order of the table
+// X(enumerator, name, media type of a grid, its extension, media type of a sequence, its extension,
+//   kDense (writes every cell: limits::kDenseCellsMax applies) or kSparse, encoder of a grid,
+//   writer of a sequence). Both functions are declared in server/formats/formats.h; a format whose
+// sequences are a zip of its grids names write_zip_sequence.
+// clang-format off
+#define VOXELD_OUTPUT_FORMATS(X) \
+  X(kNative, "native", "application/vnd.voxeld.grid", ".voxg", "application/vnd.voxeld.sequence", \
+    ".voxs", kSparse, encode_native, write_native_sequence) \
+  X(kNpy, "npy", "application/x-npy", ".npy", "application/x-npy", ".npy", kDense, encode_npy, \
+    write_npy_sequence) \
+  X(kNpz, "npz", "application/x-npz", ".npz", "application/x-npz", ".npz", kDense, encode_npz, \
+    write_npz_sequence) \
+  X(kVox, "vox", "model/x-magicavoxel-vox", ".vox", "model/x-magicavoxel-vox", ".vox", kSparse, \
+    encode_vox, write_vox_sequence)
+// clang-format on
+
+#define VOXELD_FORMAT_ENUMERATOR(format, ...) format,
+enum class Format { VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_ENUMERATOR) };  // in the order of the list
+#undef VOXELD_FORMAT_ENUMERATOR
 
 struct FormatInfo {
   Format format;
@@ -18,7 +38,7 @@ struct FormatInfo {
   std::string_view extension;            // ".npy"
   std::string_view sequence_media_type;  // of a sequence's file
   std::string_view sequence_extension;
-  bool is_dense;  // writes every cell, so that limits::kDenseCellsMax applies
+  bool is_dense;
 };
 
 std::span<const FormatInfo> output_formats();
@@ -32,5 +52,7 @@ std::string_view sequence_extension(Format format);   // native: ".voxs"
 std::optional<Format> format_from_name(std::string_view name);
 // The names joined by `separator`: "native | npy | npz | vox".
 std::string format_names(std::string_view separator);
+// The names of the formats that are not dense, for texts: "native, vox".
+std::string sparse_format_names();
 
 }  // namespace voxeld

@@ -1,15 +1,20 @@
-// Encodes a grid as bytes, with one source file per output format.
+// Encodes grids and sequences as files, with one source file per output format. Frames of a
+// sequence are read and written one after the other, so they need not all fit into memory.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "proto/job.h"
 #include "proto/options.h"
+#include "proto/output_format.h"
 #include "proto/result.h"
+#include "server/grid/frame_source.h"
 #include "server/grid/grid.h"
+#include "server/grid/grid_spec.h"
 
 namespace voxeld {
 
@@ -23,11 +28,36 @@ Status check_encodable(const GridSpec& spec, const OutputOptions& options);
 // more cells than MagicaVoxel shows. The file is still complete.
 std::vector<Warning> encode_warnings(const GridSpec& spec, const OutputOptions& options);
 
-Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options);
-Result<std::vector<uint8_t>> encode_npz(const Grid& grid, const OutputOptions& options);
-Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& options);
-// Encodes the container in the requested codec. Codec::kSmall is for grids that are stored for long
-// or sent.
-Result<std::vector<uint8_t>> encode_native(const Grid& grid, const OutputOptions& options);
+// Writes the frames in the request's format to `path`, which is created or replaced.
+// sequence_media_type() and sequence_extension() (proto/output_format.h) name the type. Equal
+// frames give equal bytes. After an error, `path` does not hold a complete file. Errors: as
+// encode() and check_sequence_encodable(); grid-too-large for a .vox that exceeds its 32-bit
+// lengths; storage-full; the source's.
+Status write_sequence(const FrameSource& source, const OutputOptions& options,
+                      const std::filesystem::path& path);
+
+// Performs only the check, before anything is computed. Errors: as check_encodable() for each
+// frame, and grid-too-large for dense formats with more than limits::kSequenceDenseCellsMax cells
+// in all frames.
+Status check_sequence_encodable(const GridSpec& spec, size_t frames, const OutputOptions& options);
+
+// Like encode_warnings(), plus "many-frames" for a .vox with more frames than MagicaVoxel's editor
+// plays.
+std::vector<Warning> sequence_warnings(const GridSpec& spec, size_t frames,
+                                       const OutputOptions& options);
+
+// Encoders of grids and writers of sequences, one of each per line of VOXELD_OUTPUT_FORMATS.
+// encode() and write_sequence() call them once their checks have passed.
+#define VOXELD_FORMAT_FUNCTIONS(format, name, type, extension, sequence_type, sequence_extension, \
+                                density, encode, write)                                           \
+  Result<std::vector<uint8_t>> encode(const Grid& grid, const OutputOptions& options);            \
+  Status write(const FrameSource& source, const OutputOptions& options,                           \
+               const std::filesystem::path& path);
+VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_FUNCTIONS)
+#undef VOXELD_FORMAT_FUNCTIONS
+
+// A zip of the frames' grids, each encoded by itself, as "frame-0000.EXT" and so on.
+Status write_zip_sequence(const FrameSource& source, const OutputOptions& options,
+                          const std::filesystem::path& path);
 
 }  // namespace voxeld

@@ -9,7 +9,7 @@
 #include "proto/grid_streams.h"
 #include "server/base/file.h"
 #include "server/base/mapped_pages.h"
-#include "server/formats/sequence_formats.h"
+#include "server/formats/formats.h"
 #include "server/grid/tile_source.h"
 
 namespace voxeld {

@@ -3,9 +3,9 @@
 #include <optional>
 #include <string>
 
+#include "server/formats/formats.h"
 #include "server/formats/npy_array.h"
 #include "server/formats/sequence_file.h"
-#include "server/formats/sequence_formats.h"
 #include "server/formats/zip_writer.h"
 
 namespace voxeld {
@@ -37,7 +37,7 @@ Status write_npy_sequence(const FrameSource& source, const OutputOptions& option
 Status write_npz_sequence(const FrameSource& source, const OutputOptions& options,
                           const std::filesystem::path& path) {
   VOXELD_ASSIGN(SequenceFile file, SequenceFile::create(path));
-  ZipWriter zip(std::move(file));
+  ZipWriter zip(file);
   const auto append = [&](std::span<const uint8_t> bytes) { return zip.add(bytes); };
   VOXELD_TRY(zip.begin("occupancy.npy"));
   VOXELD_TRY(append_frames(source, std::nullopt, options, append));

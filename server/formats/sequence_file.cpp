@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 
 namespace voxeld {
@@ -14,12 +15,20 @@ Result<SequenceFile> SequenceFile::create(const std::filesystem::path& path) {
 }
 
 Status SequenceFile::append(std::span<const uint8_t> bytes) {
-  VOXELD_TRY(write_all(file_.get(), bytes));
+  if (file_.valid()) {
+    VOXELD_TRY(write_all(file_.get(), bytes));
+  } else {
+    memory_.insert(memory_.end(), bytes.begin(), bytes.end());
+  }
   size_ += bytes.size();
   return {};
 }
 
 Status SequenceFile::replace(uint64_t offset, std::span<const uint8_t> bytes) {
+  if (!file_.valid()) {
+    std::ranges::copy(bytes, memory_.begin() + static_cast<ptrdiff_t>(offset));
+    return {};
+  }
   while (!bytes.empty()) {
     const ssize_t count =
         ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));

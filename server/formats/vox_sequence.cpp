@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "server/base/sha256.h"
+#include "server/formats/formats.h"
 #include "server/formats/sequence_file.h"
-#include "server/formats/sequence_formats.h"
 #include "server/formats/vox_parts.h"
 
 namespace voxeld {

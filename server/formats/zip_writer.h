@@ -1,5 +1,6 @@
 // A zip writer for members that arrive piece by piece, each deflated in slices on all cores.
-// Members need not fit into memory or know their length in advance. Members of 4 GiB and more, and
+// Members need not fit into memory or know their length in advance. Dates are fixed, so equal
+// members give equal bytes. Members of 4 GiB and more, and
 // such archives, are zip64 (PKWARE's APPNOTE 6.3, 4.3.9 and 4.5.3).
 #pragma once
 
@@ -16,7 +17,8 @@ namespace voxeld {
 
 class ZipWriter {
  public:
-  explicit ZipWriter(SequenceFile file) : file_(std::move(file)) {}
+  // The file outlives the writer.
+  explicit ZipWriter(SequenceFile& file) : file_(file) {}
 
   // Begins a member; added bytes belong to the member begun last. `name`: ASCII.
   Status begin(const std::string& name);
@@ -34,7 +36,7 @@ class ZipWriter {
   Status end_member();
   Status deflate_pending(bool is_last);
 
-  SequenceFile file_;
+  SequenceFile& file_;
   std::vector<Member> members_;
   std::vector<uint8_t> pending_;  // less than a batch of slices
   bool is_open_ = false;

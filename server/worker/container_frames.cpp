@@ -5,7 +5,7 @@
 
 #include "proto/sequence_format.h"
 #include "server/base/file.h"
-#include "server/formats/sequence_formats.h"
+#include "server/formats/formats.h"
 #include "server/grid/region.h"
 #include "server/worker/frame_times.h"
 #include "server/worker/grid_input.h"

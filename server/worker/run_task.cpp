@@ -8,7 +8,6 @@
 #include "server/base/machine.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
-#include "server/formats/sequence_formats.h"
 #include "server/grid/region.h"
 #include "server/worker/asset_input.h"
 #include "server/worker/container_frames.h"

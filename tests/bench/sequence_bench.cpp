@@ -17,7 +17,6 @@
 #include "server/base/clock.h"
 #include "server/base/file.h"
 #include "server/formats/formats.h"
-#include "server/formats/sequence_formats.h"
 #include "server/formats/sequence_writer.h"
 #include "server/scene/animated_scene.h"
 #include "server/voxel/voxelize.h"

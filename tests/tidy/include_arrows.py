@@ -56,7 +56,7 @@ ARROWS = {
 ONLY_IN = {
     "sqlite3.h": {"server/jobs/database"},
     "curl/curl.h": {"client"},
-    "zip.h": {"server/scene", "server/formats", "client"},
+    "zip.h": {"server/scene", "client"},
     "zstd.h": {"proto", "server/http"},
     "OpenImageIO/imageio.h": {"server/scene", "server/render"},
     "spdlog/spdlog.h": {"server/base"},

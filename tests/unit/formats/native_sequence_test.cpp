@@ -12,7 +12,6 @@
 #include "proto/grid_streams.h"
 #include "server/base/file.h"
 #include "server/formats/formats.h"
-#include "server/formats/sequence_formats.h"
 #include "server/grid/content_hash.h"
 #include "tests/unit/formats/sample_frames.h"
 

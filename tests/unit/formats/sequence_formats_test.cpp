@@ -1,4 +1,4 @@
-#include "server/formats/sequence_formats.h"
+#include "server/formats/formats.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -9,7 +9,6 @@
 #include <string>
 
 #include "server/base/file.h"
-#include "server/formats/formats.h"
 #include "server/formats/npy_array.h"
 #include "tests/unit/formats/sample_frames.h"
 
@@ -134,7 +133,7 @@ TEST_F(SequenceFormats, dense_ones_have_a_limit_of_cells_in_all_frames) {
     EXPECT_EQ(status.error().code, ErrorCode::kGridTooLarge);
     EXPECT_EQ(status.error().message(),
               std::string(format_name(format)) +
-                  " is dense: too many cells in all frames (native and vox are sparse): expected "
+                  " is dense: too many cells in all frames (sparse formats: native, vox): expected "
                   "at most 8589934592 cells, got 8606711808");
   }
   spec.dims = {2048, 1024, 1025};  // one frame is too large

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <string>
 
-#include "server/formats/sequence_formats.h"
+#include "server/formats/formats.h"
 #include "tests/unit/formats/sample_frames.h"
 
 namespace voxeld {

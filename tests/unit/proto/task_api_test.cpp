@@ -90,7 +90,7 @@ std::vector<Message> messages() {
           {"fail", to_json_message(failure()), with(parse_task_failure)}};
 }
 
-TEST(TaskApi, turns_come_back) {
+TEST(TaskApi, time_slices_come_back) {
   const auto hello = parse_slices_hello(to_json_message(slices()));
   ASSERT_TRUE(hello) << hello.error().message();
   EXPECT_EQ(hello->pid, 4711);
@@ -109,11 +109,11 @@ TEST(TaskApi, turns_come_back) {
     EXPECT_EQ(parse_slice_request(to_json_message(other))->action, action);
   }
   EXPECT_EQ(parse_slice_request(to_json_message(slices())).error().message(),
-            "time slice.task: expected it to be there, got nothing");
+            "slice.task: expected it to be there, got nothing");
   Json odd = to_json_message(slice());
   odd["type"] = "slice_steal";
   EXPECT_EQ(parse_slice_request(odd).error().message(),
-            "time slice.type: expected slice_take, slice_renew or slice_give, got slice_steal");
+            "slice.type: expected slice_take, slice_renew or slice_give, got slice_steal");
   const auto refusal = parse_slice_reply(
       to_json_message(SliceReply{false, true, true, Error{ErrorCode::kGridTooLarge, "x", "", ""}}));
   ASSERT_TRUE(refusal) << refusal.error().message();
