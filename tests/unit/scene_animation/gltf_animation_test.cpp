@@ -4,7 +4,7 @@
 
 #include <glm/geometric.hpp>
 
-#include "server/scene/gltf_animation.h"
+#include "server/scene/gltf/animation.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene_animation/animation_fixtures.h"
 

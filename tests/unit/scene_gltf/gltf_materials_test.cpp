@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/scene/gltf_buffers.h"
+#include "server/scene/gltf/buffers.h"
 #include "tests/unit/scene_gltf/gltf_builder.h"
 
 namespace voxeld {

@@ -1,4 +1,4 @@
-#include "server/scene/gltf_primitive.h"
+#include "server/scene/gltf/primitive.h"
 
 #include <algorithm>
 #include <utility>
@@ -6,7 +6,7 @@
 #include "proto/limits.h"
 #include "proto/range_text.h"
 #include "server/base/cancel_point.h"
-#include "server/scene/gltf_extensions.h"
+#include "server/scene/gltf/extensions.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/normals.h"
 #include "server/scene/vertex_table.h"

@@ -1,4 +1,4 @@
-#include "server/scene/gltf_document.h"
+#include "server/scene/gltf/document.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "server/scene/gltf_extensions.h"
+#include "server/scene/gltf/extensions.h"
 #include "server/scene/mesh_error.h"
 
 namespace voxeld {

@@ -1,4 +1,4 @@
-#include "server/scene/gltf_container.h"
+#include "server/scene/gltf/container.h"
 
 #include <string>
 

@@ -11,9 +11,9 @@
 
 #include "proto/result.h"
 #include "server/scene/animated_scene.h"
-#include "server/scene/gltf_animation.h"
-#include "server/scene/gltf_document.h"
-#include "server/scene/gltf_nodes.h"
+#include "server/scene/gltf/animation.h"
+#include "server/scene/gltf/document.h"
+#include "server/scene/gltf/nodes.h"
 
 namespace voxeld {
 

@@ -1,4 +1,4 @@
-#include "server/scene/gltf_nodes.h"
+#include "server/scene/gltf/nodes.h"
 
 #include <string>
 

@@ -14,10 +14,10 @@
 #include <glm/mat4x4.hpp>
 
 #include "proto/result.h"
-#include "server/scene/gltf_accessor.h"
-#include "server/scene/gltf_document.h"
-#include "server/scene/gltf_nodes.h"
-#include "server/scene/gltf_rig.h"
+#include "server/scene/gltf/accessor.h"
+#include "server/scene/gltf/document.h"
+#include "server/scene/gltf/nodes.h"
+#include "server/scene/gltf/rig.h"
 #include "server/scene/scene.h"
 
 namespace voxeld {

@@ -1,4 +1,4 @@
-#include "server/scene/gltf_rig.h"
+#include "server/scene/gltf/rig.h"
 
 #include <algorithm>
 #include <array>

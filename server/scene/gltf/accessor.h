@@ -13,8 +13,8 @@
 #include <glm/vec4.hpp>
 
 #include "proto/result.h"
-#include "server/scene/gltf_buffers.h"
-#include "server/scene/gltf_document.h"
+#include "server/scene/gltf/buffers.h"
+#include "server/scene/gltf/document.h"
 
 namespace voxeld {
 

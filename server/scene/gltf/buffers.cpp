@@ -1,11 +1,11 @@
-#include "server/scene/gltf_buffers.h"
+#include "server/scene/gltf/buffers.h"
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "server/scene/bundle_names.h"
-#include "server/scene/gltf_extensions.h"
+#include "server/scene/gltf/extensions.h"
 #include "server/scene/mesh_error.h"
 
 namespace voxeld {

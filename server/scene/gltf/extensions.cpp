@@ -1,4 +1,4 @@
-#include "server/scene/gltf_extensions.h"
+#include "server/scene/gltf/extensions.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "server/scene/gltf_textures.h"
+#include "server/scene/gltf/textures.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>

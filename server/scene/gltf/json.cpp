@@ -1,4 +1,4 @@
-#include "server/scene/gltf_json.h"
+#include "server/scene/gltf/json.h"
 
 #include <algorithm>
 #include <charconv>
@@ -6,7 +6,7 @@
 #include <string>
 
 #include "proto/limits.h"
-#include "server/scene/gltf_extensions.h"
+#include "server/scene/gltf/extensions.h"
 #include "server/scene/mesh_error.h"
 
 namespace voxeld {

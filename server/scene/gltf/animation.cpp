@@ -1,4 +1,4 @@
-#include "server/scene/gltf_animation.h"
+#include "server/scene/gltf/animation.h"
 
 #include <algorithm>
 #include <cmath>

@@ -12,7 +12,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "proto/result.h"
-#include "server/scene/gltf_container.h"
+#include "server/scene/gltf/container.h"
 #include "server/scene/load.h"
 
 namespace voxeld {

@@ -1,11 +1,11 @@
-#include "server/scene/gltf_vertex.h"
+#include "server/scene/gltf/vertex.h"
 
 #include <algorithm>
 #include <glm/matrix.hpp>
 
 #include "proto/range_text.h"
 #include "server/scene/color_space.h"
-#include "server/scene/gltf_textures.h"
+#include "server/scene/gltf/textures.h"
 #include "server/scene/mesh_error.h"
 #include "server/scene/normals.h"
 

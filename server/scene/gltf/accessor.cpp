@@ -1,4 +1,4 @@
-#include "server/scene/gltf_accessor.h"
+#include "server/scene/gltf/accessor.h"
 
 #include <algorithm>
 #include <cstring>

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/scene/gltf_accessor.h"
+#include "server/scene/gltf/accessor.h"
 #include "server/scene/scene.h"
 
 namespace voxeld {

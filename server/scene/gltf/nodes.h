@@ -7,7 +7,7 @@
 #include <glm/mat4x4.hpp>
 
 #include "proto/result.h"
-#include "server/scene/gltf_document.h"
+#include "server/scene/gltf/document.h"
 
 namespace voxeld {
 

@@ -10,8 +10,8 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "proto/result.h"
-#include "server/scene/gltf_accessor.h"
-#include "server/scene/gltf_document.h"
+#include "server/scene/gltf/accessor.h"
+#include "server/scene/gltf/document.h"
 #include "server/scene/image.h"
 #include "server/scene/load.h"
 #include "server/scene/scene.h"

@@ -12,11 +12,11 @@
 #include <glm/mat4x4.hpp>
 
 #include "proto/result.h"
-#include "server/scene/gltf_accessor.h"
-#include "server/scene/gltf_document.h"
-#include "server/scene/gltf_nodes.h"
-#include "server/scene/gltf_textures.h"
-#include "server/scene/gltf_vertex.h"
+#include "server/scene/gltf/accessor.h"
+#include "server/scene/gltf/document.h"
+#include "server/scene/gltf/nodes.h"
+#include "server/scene/gltf/textures.h"
+#include "server/scene/gltf/vertex.h"
 #include "server/scene/name_list.h"
 #include "server/scene/scene.h"
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "proto/range_text.h"
-#include "server/scene/gltf_document.h"
-#include "server/scene/gltf_json.h"
+#include "server/scene/gltf/document.h"
+#include "server/scene/gltf/json.h"
 #include "server/scene/mesh_error.h"
 
 namespace voxeld {
