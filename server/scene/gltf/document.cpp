@@ -1,274 +1,460 @@
 #include "server/scene/gltf/document.h"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
-#include <glm/gtc/quaternion.hpp>
 #include <glm/gtc/type_ptr.hpp>
-#include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
-#include "server/scene/gltf/extensions.h"
+#include "proto/limits.h"
+#include "server/scene/gltf/json_reader.h"
 #include "server/scene/mesh_error.h"
 
-namespace voxeld {
+namespace voxeld::gltf {
 namespace {
 
-using Json = nlohmann::json;
+constexpr const char* kDraco = "KHR_draco_mesh_compression";
 
-constexpr int kGlClampToEdge = 33071;
-constexpr int kGlMirroredRepeat = 33648;
-
-// Members of a document that passed check_gltf_schema: each is absent or of its type.
-
-uint64_t size_of(const Json& object, const char* key) {
-  return object.value(key, uint64_t{0});
+// Whether the extension is read, or does not affect shape and base colour.
+bool is_read_extension(std::string_view name) {
+  constexpr std::array<std::string_view, 6> kNames = {
+      "EXT_texture_webp",      "KHR_animation_pointer", "KHR_lights_punctual",
+      "KHR_mesh_quantization", "KHR_texture_transform", "KHR_xmp_json_ld"};
+  return name.starts_with("KHR_materials_") ||
+         std::find(kNames.begin(), kNames.end(), name) != kNames.end();
 }
 
-// A small integer. Larger ones, up to 2^53, become the largest int, which is invalid everywhere.
-int int_of(const Json& object, const char* key, int absent) {
-  const auto member = object.find(key);
-  if (member == object.end()) return absent;
-  return static_cast<int>(
-      std::min(member->get<uint64_t>(), uint64_t{std::numeric_limits<int>::max()}));
+// Whether the extension is a texture format. Without it the shape is complete, but colours are
+// missing.
+bool is_texture_extension(std::string_view name) {
+  return name.starts_with("KHR_texture_") || name.starts_with("EXT_texture_") ||
+         name.starts_with("MSFT_texture_");
 }
 
-std::string text_of(const Json& object, const char* key) {
-  return object.value(key, std::string());
-}
-
-template <typename T>
-std::vector<T> array_of(const Json& object, const char* key) {
-  return object.value(key, std::vector<T>());
-}
-
-std::map<std::string, int> index_map_of(const Json& object) {
-  std::map<std::string, int> indices;
-  for (const auto& [key, index] : object.items()) indices.emplace(key, index.get<int>());
-  return indices;
-}
-
-glm::dvec2 pair_of(const Json& object, const char* key, double absent) {
-  const std::vector<double> numbers = array_of<double>(object, key);
-  return numbers.size() == 2 ? glm::dvec2(numbers[0], numbers[1]) : glm::dvec2(absent);
-}
-
-// Returns null if the element lacks the extension.
-const Json* extension_of(const Json& element, const char* name) {
-  const auto extensions = element.find("extensions");
-  if (extensions == element.end()) return nullptr;
-  const auto found = extensions->find(name);
-  return found != extensions->end() ? &*found : nullptr;
-}
-
-// Calls read(element) for each element of a top-level array.
-template <typename Read>
-void for_each(const Json& document, const char* array, const Read& read) {
-  const auto elements = document.find(array);
-  if (elements == document.end()) return;
-  for (const Json& element : *elements) read(element);
-}
-
-GltfView view_of(const Json& from) {
-  return {.buffer = int_of(from, "buffer", -1),
-          .offset_bytes = size_of(from, "byteOffset"),
-          .length_bytes = size_of(from, "byteLength"),
-          .stride_bytes = size_of(from, "byteStride")};
-}
-
-GltfSparse sparse_of(const Json& from) {
-  const Json& indices = from.at("indices");
-  const Json& values = from.at("values");
-  return {.count = size_of(from, "count"),
-          .index_view = int_of(indices, "bufferView", -1),
-          .value_view = int_of(values, "bufferView", -1),
-          .index_offset_bytes = size_of(indices, "byteOffset"),
-          .value_offset_bytes = size_of(values, "byteOffset"),
-          .index_type = int_of(indices, "componentType", 0)};
-}
-
-GltfAccessor accessor_of(const Json& from) {
-  GltfAccessor to{.view = int_of(from, "bufferView", -1),
-                  .offset_bytes = size_of(from, "byteOffset"),
-                  .count = size_of(from, "count"),
-                  .component_type = int_of(from, "componentType", 0),
-                  .component_count = gltf_component_count(text_of(from, "type")).value_or(0),
-                  .normalized = from.value("normalized", false),
-                  .sparse = {}};
-  const auto sparse = from.find("sparse");
-  if (sparse != from.end()) to.sparse = sparse_of(*sparse);
-  return to;
-}
-
-void set_texture(GltfMaterial& material, const Json& info) {
-  material.texture = int_of(info, "index", -1);
-  material.tex_coord = int_of(info, "texCoord", 0);
-  const Json* transform = extension_of(info, "KHR_texture_transform");
-  if (transform == nullptr) return;
-  material.tex_coord = int_of(*transform, "texCoord", material.tex_coord);
-  material.transform.offset = pair_of(*transform, "offset", 0.0);
-  material.transform.scale = pair_of(*transform, "scale", 1.0);
-  material.transform.rotation_rad = transform->value("rotation", 0.0);
-}
-
-// Sets colour and texture of the workflow with these keys.
-void set_base(GltfMaterial& material, const Json& from, const char* factor_key,
-              const char* texture_key) {
-  material.base_color_given = from.contains(factor_key);
-  const std::vector<double> factor = array_of<double>(from, factor_key);
-  for (int i = 0; i < 4 && factor.size() == 4; ++i) {
-    material.base_color[i] =
-        static_cast<float>(std::clamp(factor[static_cast<size_t>(i)], 0.0, 1.0));
-  }
-  const auto texture = from.find(texture_key);
-  if (texture != from.end()) set_texture(material, *texture);
-}
-
-GltfMaterial material_of(const Json& from) {
-  GltfMaterial to;
-  // If a file has both workflows, the older one carries more information.
-  const Json* older = extension_of(from, "KHR_materials_pbrSpecularGlossiness");
-  const auto pbr = from.find("pbrMetallicRoughness");
-  if (older != nullptr) {
-    set_base(to, *older, "diffuseFactor", "diffuseTexture");
-  } else if (pbr != from.end()) {
-    set_base(to, *pbr, "baseColorFactor", "baseColorTexture");
-  }
-  to.name = text_of(from, "name");
-  return to;
-}
-
-Wrap wrap_of(const Json& sampler, const char* key) {
-  const int wrap = int_of(sampler, key, 0);
-  if (wrap == kGlClampToEdge) return Wrap::kClamp;
-  return wrap == kGlMirroredRepeat ? Wrap::kMirror : Wrap::kRepeat;
-}
-
-GltfTexture texture_of(const Json& from, const Json& document) {
-  GltfTexture to{.image = int_of(from, "source", -1), .unread_format = {}};
-  if (const Json* webp = extension_of(from, "EXT_texture_webp")) {
-    to.image = int_of(*webp, "source", to.image);
-  }
-  if (from.contains("extensions")) {
-    for (const auto& [extension, unused] : from.at("extensions").items()) {
-      if (!is_texture_extension(extension) || is_read_extension(extension)) continue;
-      to.unread_format = extension;
-    }
-  }
-  const int sampler = int_of(from, "sampler", -1);
-  if (sampler >= 0) {
-    const Json& element = document.at("samplers").at(static_cast<size_t>(sampler));
-    to.wrap_u = wrap_of(element, "wrapS");
-    to.wrap_v = wrap_of(element, "wrapT");
-  }
-  return to;
-}
-
-GltfMesh mesh_of(const Json& from) {
-  GltfMesh to{.name = text_of(from, "name"),
-              .primitives = {},
-              .weights = array_of<double>(from, "weights")};
-  for (const Json& primitive : from.at("primitives")) {
-    GltfPrimitive& out = to.primitives.emplace_back();
-    out.mode = int_of(primitive, "mode", 4);
-    out.indices = int_of(primitive, "indices", -1);
-    out.material = int_of(primitive, "material", -1);
-    out.attributes = index_map_of(primitive.at("attributes"));
-    if (primitive.contains("targets")) {
-      for (const Json& target : primitive.at("targets")) {
-        out.targets.push_back(index_map_of(target));
-      }
-    }
-    constexpr const char* kDraco = "KHR_draco_mesh_compression";
-    if (extension_of(primitive, kDraco) != nullptr) out.compressed_by = kDraco;
-  }
-  return to;
-}
-
-// Sets the node's matrix and transform.
-Status set_transform(std::string_view name, size_t index, const Json& from, GltfNode& to) {
-  const auto read = [&](const char* key, size_t count) -> Result<std::vector<double>> {
-    std::vector<double> numbers = array_of<double>(from, key);
-    if (numbers.empty() || numbers.size() == count) return numbers;
-    return malformed_mesh(name, "nodes[" + std::to_string(index) + "]." + key,
-                          "wrong count of numbers", std::to_string(count),
-                          std::to_string(numbers.size()));
-  };
-  VOXELD_ASSIGN(const std::vector<double> matrix, read("matrix", 16));
-  if (!matrix.empty()) {
-    to.parent_from_node = glm::make_mat4(matrix.data());
-    to.has_matrix = true;
-    return {};
-  }
-  VOXELD_ASSIGN(const std::vector<double> t, read("translation", 3));
-  VOXELD_ASSIGN(const std::vector<double> r, read("rotation", 4));
-  VOXELD_ASSIGN(const std::vector<double> s, read("scale", 3));
-  if (!t.empty()) to.transform.translation = {t[0], t[1], t[2]};
-  if (!r.empty()) {
-    const glm::dquat q(r[3], r[0], r[1], r[2]);
-    const double length = glm::length(q);
-    if (length > 0.0 && std::isfinite(length)) to.transform.rotation = q / length;
-  }
-  if (!s.empty()) to.transform.scale = {s[0], s[1], s[2]};
-  to.parent_from_node = to.transform.matrix();
-  return {};
-}
-
-Result<std::vector<GltfNode>> nodes_of(std::string_view name, const Json& document) {
-  std::vector<GltfNode> nodes;
-  Status all;
-  for_each(document, "nodes", [&](const Json& from) {
-    GltfNode& to = nodes.emplace_back();
-    to.name = text_of(from, "name");
-    to.mesh = int_of(from, "mesh", -1);
-    to.skin = int_of(from, "skin", -1);
-    to.children = array_of<int>(from, "children");
-    to.weights = array_of<double>(from, "weights");
-    if (all) all = set_transform(name, nodes.size() - 1, from, to);
-  });
-  VOXELD_TRY(all);
-  return nodes;
-}
-
-std::optional<std::vector<int>> scene_nodes_of(const Json& document) {
-  const auto scenes = document.find("scenes");
-  if (scenes == document.end() || scenes->empty()) return std::nullopt;
-  return array_of<int>(scenes->at(static_cast<size_t>(int_of(document, "scene", 0))), "nodes");
+// Removes blanks and control characters at the ends of a URI, as in the WHATWG URL standard.
+void trim(std::string& uri) {
+  const auto is_blank = [](char c) { return static_cast<unsigned char>(c) <= 0x20; };
+  uri.erase(std::find_if_not(uri.rbegin(), uri.rend(), is_blank).base(), uri.end());
+  uri.erase(uri.begin(), std::find_if_not(uri.begin(), uri.end(), is_blank));
 }
 
 }  // namespace
 
-glm::dmat4 GltfTransform::matrix() const {
+// The part of the glTF 2.0 schema that voxeld reads: one function per object (json_reader.h), with
+// its members in alphabetical order. They are static instead of in the unnamed namespace, so that
+// JsonReader finds them by their arguments.
+
+static void members(Object o, Sparse& to) {
+  o.required("count", to.count);
+  o.required("indices", [&](Object indices) {
+    indices.required("bufferView", to.index_view, "bufferViews");
+    indices.optional("byteOffset", to.index_offset_bytes);
+    indices.required("componentType", to.index_type);
+  });
+  o.required("values", [&](Object values) {
+    values.required("bufferView", to.value_view, "bufferViews");
+    values.optional("byteOffset", to.value_offset_bytes);
+  });
+}
+
+static void members(Object o, Accessor& to) {
+  constexpr std::pair<std::string_view, int> kTypes[] = {
+      {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 0}, {"MAT3", 0}, {"MAT4", 16}};
+  o.optional("bufferView", to.view, "bufferViews");
+  o.optional("byteOffset", to.offset_bytes);
+  o.required("componentType", to.component_type);
+  o.required("count", to.count);
+  o.optional("normalized", to.normalized);
+  if (o.has("sparse")) o.optional("sparse", to.sparse.emplace());
+  std::string type;
+  o.required("type", type);
+  const auto* found = std::find_if(std::begin(kTypes), std::end(kTypes),
+                                   [&](const auto& known) { return known.first == type; });
+  if (found == std::end(kTypes)) {
+    return o.refuse("type", "wrong value", "SCALAR, VEC2, VEC3, VEC4, MAT2, MAT3 or MAT4",
+                    shown(type));
+  }
+  to.component_count = found->second;
+}
+
+static void members(Object o, Buffer& to) {
+  o.required("byteLength", to.length_bytes);
+  o.optional("extensions", [&](Object extensions) {
+    for (const char* name : {"KHR_meshopt_compression", "EXT_meshopt_compression"}) {
+      extensions.optional(name, [&](Object) { to.compressed_by = name; });
+    }
+  });
+  if (!o.has("uri")) return;
+  o.optional("uri", to.uri.emplace());
+  trim(*to.uri);
+}
+
+static void members(Object o, View& to) {
+  o.required("buffer", to.buffer, "buffers");
+  o.required("byteLength", to.length_bytes);
+  o.optional("byteOffset", to.offset_bytes);
+  o.optional("byteStride", to.stride_bytes);
+  if (to.stride_bytes % 4 != 0 || to.stride_bytes > 252) {
+    o.refuse("byteStride", "wrong value", "a multiple of 4 from 4 to 252",
+             std::to_string(to.stride_bytes));
+  }
+}
+
+static void members(Object o, ImageSource& to) {
+  o.optional("bufferView", to.view, "bufferViews");
+  o.optional("name", to.name);
+  o.optional("uri", to.uri);
+  trim(to.uri);
+}
+
+static void members(Object o, Texture& to) {
+  int webp = -1;
+  o.optional("extensions", [&](Object extensions) {
+    extensions.optional("EXT_texture_webp",
+                        [&](Object e) { e.optional("source", webp, "images"); });
+    for (const auto& [name, unused] : extensions.json.items()) {
+      if (is_texture_extension(name) && !is_read_extension(name)) to.unread_format = name;
+    }
+  });
+  o.optional("sampler", to.sampler, "samplers");
+  o.optional("source", to.image, "images");
+  if (webp >= 0) to.image = webp;
+}
+
+static void members(Object o, Sampler& to) {
+  const auto wrap = [&](const char* key, Wrap& mode) {
+    constexpr int kGlClampToEdge = 33071, kGlMirroredRepeat = 33648;
+    int value = 0;
+    o.optional(key, value);
+    if (value == kGlClampToEdge) mode = Wrap::kClamp;
+    if (value == kGlMirroredRepeat) mode = Wrap::kMirror;
+  };
+  wrap("wrapS", to.wrap_u);
+  wrap("wrapT", to.wrap_v);
+}
+
+static void members(Object o, TextureTransform& to) {
+  const auto pair = [&](const char* key, glm::dvec2& out) {
+    std::vector<double> numbers;
+    o.optional(key, numbers);
+    if (numbers.size() == 2) out = {numbers[0], numbers[1]};
+  };
+  pair("offset", to.offset);
+  o.optional("rotation", to.rotation_rad);
+  pair("scale", to.scale);
+}
+
+// Reads the base colour of one workflow, whose members have these names.
+static void read_base(Object o, const char* factor_key, const char* texture_key,
+                      MaterialSource& to) {
+  std::vector<double> factor;
+  o.optional(factor_key, factor);
+  to.base_color_given = o.has(factor_key);
+  for (int i = 0; i < 4 && factor.size() == 4; ++i) {
+    to.base_color[i] = static_cast<float>(std::clamp(factor[static_cast<size_t>(i)], 0.0, 1.0));
+  }
+  o.optional(texture_key, [&](Object info) {
+    std::optional<int> transformed_tex_coord;
+    info.optional("extensions", [&](Object extensions) {
+      extensions.optional("KHR_texture_transform", [&](Object transform) {
+        members(transform, to.transform);
+        if (!transform.has("texCoord")) return;
+        transform.optional("texCoord", transformed_tex_coord.emplace());
+      });
+    });
+    info.required("index", to.texture, "textures");
+    info.optional("texCoord", to.tex_coord);
+    to.tex_coord = transformed_tex_coord.value_or(to.tex_coord);
+  });
+}
+
+static void members(Object o, MaterialSource& to) {
+  std::optional<MaterialSource> older;
+  o.optional("extensions", [&](Object extensions) {
+    extensions.optional("KHR_materials_pbrSpecularGlossiness", [&](Object workflow) {
+      read_base(workflow, "diffuseFactor", "diffuseTexture", older.emplace());
+    });
+  });
+  std::string name;
+  o.optional("name", name);
+  o.optional("pbrMetallicRoughness", [&](Object workflow) {
+    read_base(workflow, "baseColorFactor", "baseColorTexture", to);
+  });
+  // If a file has both workflows, the older one carries more information.
+  if (older) to = *std::move(older);
+  to.name = std::move(name);
+}
+
+static void members(Object o, Primitive& to) {
+  o.required("attributes", to.attributes, "accessors");
+  o.optional("extensions", [&](Object extensions) {
+    extensions.optional(kDraco, [&](Object) { to.compressed_by = kDraco; });
+  });
+  o.optional("indices", to.indices, "accessors");
+  o.optional("material", to.material, "materials");
+  o.optional("mode", to.mode);
+  o.optional("targets", to.targets, "accessors");
+}
+
+static void members(Object o, Mesh& to) {
+  o.optional("name", to.name);
+  o.required("primitives", to.primitives);
+  o.optional("weights", to.weights);
+}
+
+static void members(Object o, Node& to) {
+  std::vector<double> matrix, rotation, scale, translation;
+  o.optional("children", to.children, "nodes");
+  o.optional("matrix", matrix);
+  o.optional("mesh", to.mesh, "meshes");
+  o.optional("name", to.name);
+  o.optional("rotation", rotation);
+  o.optional("scale", scale);
+  o.optional("skin", to.skin, "skins");
+  o.optional("translation", translation);
+  o.optional("weights", to.weights);
+  const auto is_given = [&](const char* key, const std::vector<double>& numbers, size_t count) {
+    if (numbers.empty() || numbers.size() == count) return !numbers.empty();
+    o.refuse(key, "wrong count of numbers", std::to_string(count), std::to_string(numbers.size()));
+    return false;
+  };
+  to.has_matrix = is_given("matrix", matrix, 16);
+  if (to.has_matrix) {
+    to.parent_from_node = glm::make_mat4(matrix.data());
+    return;
+  }
+  if (is_given("translation", translation, 3)) {
+    to.transform.translation = glm::make_vec3(translation.data());
+  }
+  if (is_given("rotation", rotation, 4)) {
+    const glm::dquat q(rotation[3], rotation[0], rotation[1], rotation[2]);
+    const double length = glm::length(q);
+    if (length > 0.0 && std::isfinite(length)) to.transform.rotation = q / length;
+  }
+  if (is_given("scale", scale, 3)) to.transform.scale = glm::make_vec3(scale.data());
+  to.parent_from_node = to.transform.matrix();
+}
+
+static void members(Object o, SceneSource& to) {
+  o.optional("nodes", to.nodes, "nodes");
+}
+
+static void members(Object o, Skin& to) {
+  o.optional("inverseBindMatrices", to.inverse_bind_matrices, "accessors");
+  o.required("joints", to.joints, "nodes");
+}
+
+static void members(Object o, ChannelSource& to) {
+  o.required("sampler", to.sampler);
+  o.required("target", [&](Object target) {
+    target.optional("node", to.node, "nodes");
+    target.required("path", to.path);
+  });
+}
+
+static void members(Object o, KeySampler& to) {
+  o.required("input", to.times, "accessors");
+  o.optional("interpolation", to.interpolation);
+  o.required("output", to.values, "accessors");
+}
+
+static void members(Object o, AnimationSource& to) {
+  o.required("channels", to.channels);
+  o.optional("name", to.name);
+  o.required("samplers", to.samplers);
+}
+
+namespace {
+
+// Collects the extensions that the document lists, and the members of every "extensions" outside
+// extras. The recursion is at most limits::kGltfJsonDepthMax deep.
+using Names = std::set<std::string, std::less<>>;
+
+void add_used(const Json& value, Names& names) {
+  if (value.is_array()) {
+    for (const Json& element : value) add_used(element, names);
+  }
+  if (!value.is_object()) return;
+  for (const auto& [key, member] : value.items()) {
+    if (key == "extras") continue;
+    if (key == "extensions" && member.is_object()) {
+      for (const auto& [extension, unused] : member.items()) names.insert(extension);
+    }
+    add_used(member, names);
+  }
+}
+
+// Reads the document, and the names of all its extensions.
+Status read_members(std::string_view name, Json& root, bool with_animations, Document& to,
+                    Names& extensions) {
+  std::vector<std::string> used, required;
+  JsonReader reader(name, root);
+  const Object o{reader, root};
+  o.optional("accessors", to.accessors);
+  o.optional("bufferViews", to.views);
+  o.optional("buffers", to.buffers);
+  o.optional("extensionsRequired", required);
+  o.optional("extensionsUsed", used);
+  o.optional("images", to.images);
+  o.optional("materials", to.materials);
+  o.optional("meshes", to.meshes);
+  o.optional("nodes", to.nodes);
+  o.optional("samplers", to.samplers);
+  o.optional("scene", to.scene, "scenes");
+  o.optional("scenes", to.scenes);
+  o.optional("skins", to.skins);
+  o.optional("textures", to.textures);
+  to.has_animations = o.has("animations") && !root["animations"].empty();
+  if (with_animations) o.optional("animations", to.animations);
+  VOXELD_TRY(reader.finish());
+  extensions.insert(used.begin(), used.end());
+  extensions.insert(required.begin(), required.end());
+  add_used(root, extensions);
+  return {};
+}
+
+// Counts brackets and commas outside strings. This needs no parser: text that nests deeper than the
+// limit, or has more values, has at least that many brackets or commas.
+Status check_shape(std::string_view name, std::string_view text) {
+  int depth = 0;
+  size_t value_count = 1;
+  bool in_string = false;
+  for (size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string) {
+      if (c == '\\') ++i;
+      if (c == '"') in_string = false;
+      continue;
+    }
+    if (c == '"') in_string = true;
+    if (c == '}' || c == ']') --depth;
+    if (c == '{' || c == '[') {
+      ++value_count;
+      if (++depth > limits::kGltfJsonDepthMax) {
+        return over_limit(name, "byte " + std::to_string(i), "depth of the JSON",
+                          limits::kGltfJsonDepthMax, depth);
+      }
+    }
+    if (c == ',' && ++value_count > kJsonValuesMax) {
+      return malformed_mesh(name, "byte " + std::to_string(i), "values in the JSON",
+                            "at most " + std::to_string(kJsonValuesMax), "more");
+    }
+  }
+  return {};
+}
+
+// Shortens "[json.exception.parse_error.101] parse error at line 1, column 5: syntax error …" by
+// the brackets and the place, and to 200 bytes. Anything but printable ASCII becomes '?', because
+// the text quotes the file, which need not be UTF-8.
+std::string short_reason(std::string_view what) {
+  if (const size_t end = what.find("] "); end != what.npos) what.remove_prefix(end + 2);
+  const size_t at = what.find("column ");
+  const size_t colon = at == what.npos ? what.npos : what.find(": ", at);
+  std::string text(what.substr(colon == what.npos ? 0 : colon + 2, 200));
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < 0x20 || c > 0x7e; }, '?');
+  return text;
+}
+
+Result<Json> parse(std::string_view name, std::string_view text) {
+  VOXELD_TRY(check_shape(name, text));
+  try {
+    Json root = Json::parse(text.begin(), text.end());
+    if (root.is_object()) return root;
+    return malformed_mesh(name, "", "the JSON is no object", "{\"asset\": …}", root.type_name());
+  } catch (const Json::parse_error& e) {
+    return malformed_mesh(name, "byte " + std::to_string(e.byte),
+                          "not JSON: " + short_reason(e.what()));
+  } catch (const Json::exception& e) {  // numbers beyond double
+    return malformed_mesh(name, "", "not JSON: " + short_reason(e.what()));
+  }
+}
+
+bool is_version_2(std::string_view version) {
+  int major = 0;
+  const char* last = version.data() + version.size();
+  const auto [end, error] = std::from_chars(version.data(), last, major);
+  return error == std::errc() && major == 2 && (end == last || *end == '.');
+}
+
+// Checks asset.version and the extensions that the file requires, before the rest of the document:
+// both may change its meaning. The shape must be complete without the extensions that are not read.
+Status check_version(std::string_view name, const Json& root) {
+  const auto asset = root.find("asset");
+  const auto text_of = [&](const char* key) -> const std::string* {
+    if (asset == root.end() || !asset->is_object() || !asset->contains(key)) return nullptr;
+    return asset->at(key).get_ptr<const std::string*>();
+  };
+  const auto unsupported = [&](const char* key, const std::string& text) {
+    return Error{ErrorCode::kUnsupportedFeature,
+                 std::string(name) + " asset." + key + ": version of glTF", "2.0", shown(text)};
+  };
+  const std::string *version = text_of("version"), *min_version = text_of("minVersion");
+  if (version == nullptr) {
+    return malformed_mesh(name, "asset.version", "the file does not say its version", "\"2.0\"",
+                          "nothing");
+  }
+  if (!is_version_2(*version)) return unsupported("version", *version);
+  if (min_version != nullptr && *min_version != "2.0") {
+    return unsupported("minVersion", *min_version);
+  }
+  const auto required = root.find("extensionsRequired");
+  if (required == root.end() || !required->is_array()) return {};
+  for (const Json& extension : *required) {
+    if (!extension.is_string()) continue;
+    const auto& text = extension.get_ref<const std::string&>();
+    if (is_read_extension(text) || is_texture_extension(text)) continue;
+    return unread_extension(name, "", "the file requires the glTF extension " + shown(text), text);
+  }
+  return {};
+}
+
+}  // namespace
+
+glm::dmat4 Transform::matrix() const {
   glm::dmat4 out = glm::mat4_cast(rotation);
   for (int i = 0; i < 3; ++i) out[i] *= scale[i];
   out[3] = glm::dvec4(translation, 1.0);
   return out;
 }
 
-std::optional<int> gltf_component_count(std::string_view type) {
-  constexpr std::pair<std::string_view, int> kTypes[] = {
-      {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 0}, {"MAT3", 0}, {"MAT4", 16}};
-  for (const auto& [name, count] : kTypes) {
-    if (name == type) return count;
+Error Document::malformed(std::string_view where, std::string_view what, std::string expected,
+                          std::string got) const {
+  return malformed_mesh(name, where, what, std::move(expected), std::move(got));
+}
+
+std::string at_index(std::string_view array, size_t index) {
+  return std::string(array) + "[" + std::to_string(index) + "]";
+}
+
+Error unread_extension(std::string_view name, std::string_view where, std::string_view what,
+                       std::string_view extension) {
+  Error error = malformed_mesh(name, where, what,
+                               "extensions that voxeld reads: KHR_mesh_quantization, "
+                               "KHR_texture_transform, KHR_materials_*, EXT_texture_webp",
+                               shown(extension));
+  error.code = ErrorCode::kUnsupportedFeature;
+  return error;
+}
+
+Result<Document> read_document(std::string_view name, std::string_view json, bool with_animations,
+                               Scene& scene) {
+  VOXELD_ASSIGN(Json root, parse(name, json));
+  VOXELD_TRY(check_version(name, root));
+  Document document;
+  document.name = name;
+  Names extensions;
+  VOXELD_TRY(read_members(name, root, with_animations, document, extensions));
+  for (const std::string& extension : extensions) {
+    if (is_read_extension(extension)) continue;
+    add_warning(scene, "ignored-extension",
+                document.name + ": the glTF extension " + shown(extension) + " is not read" +
+                    (is_texture_extension(extension) ? "; its textures are left out" : ""));
   }
-  return std::nullopt;
+  return document;
 }
 
-Result<GltfDocument> read_gltf_document(std::string_view name, const Json& document) {
-  GltfDocument to;
-  for_each(document, "bufferViews", [&](const Json& e) { to.views.push_back(view_of(e)); });
-  for_each(document, "accessors", [&](const Json& e) { to.accessors.push_back(accessor_of(e)); });
-  for_each(document, "materials", [&](const Json& e) { to.materials.push_back(material_of(e)); });
-  for_each(document, "textures",
-           [&](const Json& e) { to.textures.push_back(texture_of(e, document)); });
-  for_each(document, "meshes", [&](const Json& e) { to.meshes.push_back(mesh_of(e)); });
-  for_each(document, "skins", [&](const Json& e) {
-    to.skins.push_back({.inverse_bind_matrices = int_of(e, "inverseBindMatrices", -1),
-                        .joints = array_of<int>(e, "joints")});
-  });
-  VOXELD_ASSIGN(to.nodes, nodes_of(name, document));
-  to.scene_nodes = scene_nodes_of(document);
-  return to;
-}
-
-}  // namespace voxeld
+}  // namespace voxeld::gltf

@@ -1,8 +1,9 @@
-// A glTF document as plain data, reduced to what voxeld uses, with defaults filled in. Every index
-// names an existing element. Byte ranges are checked only when an accessor is opened
-// (gltf_accessor.h).
+// A glTF document as plain data, reduced to what voxeld uses, with defaults filled in. Types,
+// ranges and indices are checked: every index names an existing element, and -1 means none. Byte
+// ranges are checked when an accessor is opened (accessor.h).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -15,86 +16,109 @@
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
-#include <nlohmann/json_fwd.hpp>
 
 #include "proto/result.h"
 #include "server/scene/scene.h"
 
-namespace voxeld {
+namespace voxeld::gltf {
 
-struct GltfView {
+// JSON values in one file; a value takes up to about 100 bytes of memory. More: malformed-mesh.
+inline constexpr size_t kJsonValuesMax = 8'000'000;
+// Elements of one array (nodes, accessors, …); an element takes up to some 2 KB of memory. More:
+// malformed-mesh.
+inline constexpr size_t kArrayElementsMax = 262'144;
+
+struct Buffer {
+  uint64_t length_bytes = 0;
+  std::optional<std::string> uri;
+  std::string compressed_by;  // an extension that alone gives the data; empty: none
+};
+
+struct View {
   int buffer = -1;
   uint64_t offset_bytes = 0, length_bytes = 0;
   uint64_t stride_bytes = 0;  // 0: tightly packed
 };
 
 // Elements of an accessor that replace those of its buffer view, or zeros.
-struct GltfSparse {
+struct Sparse {
   uint64_t count = 0;
   int index_view = -1, value_view = -1;
   uint64_t index_offset_bytes = 0, value_offset_bytes = 0;
   int index_type = 0;  // a component type
 };
 
-struct GltfAccessor {
+struct Accessor {
   int view = -1;  // -1: zeros
   uint64_t offset_bytes = 0;
   uint64_t count = 0;
   int component_type = 0;   // 5120 i8, 5121 u8, 5122 i16, 5123 u16, 5125 u32, 5126 float
-  int component_count = 0;  // gltf_component_count()
+  int component_count = 0;  // VEC3: 3, MAT4: 16; 0 for types that voxeld does not read
   bool normalized = false;
-  std::optional<GltfSparse> sparse;
+  std::optional<Sparse> sparse;
 };
 
-struct GltfTextureTransform {
+struct ImageSource {
+  std::string name;
+  std::string uri;  // empty: in the buffer view
+  int view = -1;
+};
+
+struct Sampler {
+  Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
+};
+
+struct Texture {
+  int image = -1;             // -1: no image in a format that voxeld reads
+  std::string unread_format;  // the extension of an image that voxeld does not read; empty: none
+  int sampler = -1;
+};
+
+struct TextureTransform {
   glm::dvec2 offset{0.0}, scale{1.0};
   double rotation_rad = 0.0;
 };
 
-struct GltfMaterial {
+struct MaterialSource {
   std::string name;
   glm::vec4 base_color{1.0f};  // linear
   bool base_color_given = false;
   int texture = -1;
   int tex_coord = 0;  // N of TEXCOORD_N
-  GltfTextureTransform transform;
+  TextureTransform transform;
 };
 
-struct GltfTexture {
-  int image = -1;             // -1: no image in a format that voxeld reads
-  std::string unread_format;  // the extension of an image that voxeld does not read; empty: none
-  Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
-};
+using Attributes = std::map<std::string, int>;  // accessors by name
 
-struct GltfPrimitive {
+struct Primitive {
   int mode = 4;
   int indices = -1;  // accessor
   int material = -1;
-  std::map<std::string, int> attributes;            // accessors
-  std::vector<std::map<std::string, int>> targets;  // of morphing
-  std::string compressed_by;                        // an extension; empty: none
+  Attributes attributes;
+  std::vector<Attributes> targets;  // of morphing
+  std::string compressed_by;        // an extension; empty: none
 };
 
-struct GltfMesh {
+struct Mesh {
   std::string name;
-  std::vector<GltfPrimitive> primitives;
+  std::vector<Primitive> primitives;
   std::vector<double> weights;
 };
 
-struct GltfSkin {
+struct Skin {
   int inverse_bind_matrices = -1;  // accessor; -1: identities
   std::vector<int> joints;         // nodes
 };
 
 // A transform: scales first, then rotates, then translates.
-struct GltfTransform {
+struct Transform {
   glm::dvec3 translation{0.0};
   glm::dquat rotation{1.0, 0.0, 0.0, 0.0};  // of length 1
   glm::dvec3 scale{1.0};
   glm::dmat4 matrix() const;
 };
 
-struct GltfNode {
+struct Node {
   std::string name;
   int mesh = -1, skin = -1;
   std::vector<int> children;
@@ -102,26 +126,68 @@ struct GltfNode {
   glm::dmat4 parent_from_node{1.0};
   // The parts of parent_from_node, if the file gives no matrix.
   bool has_matrix = false;
-  GltfTransform transform;
+  Transform transform;
 };
 
-struct GltfDocument {
-  std::vector<GltfView> views;
-  std::vector<GltfAccessor> accessors;
-  std::vector<GltfMaterial> materials;
-  std::vector<GltfTexture> textures;
-  std::vector<GltfMesh> meshes;
-  std::vector<GltfSkin> skins;
-  std::vector<GltfNode> nodes;
-  // Nodes of the default scene, or of the first scene if there is no default; nullopt: no scenes.
-  std::optional<std::vector<int>> scene_nodes;
+struct SceneSource {
+  std::vector<int> nodes;
 };
 
-// Components of an accessor's type: "VEC3" has 3, "MAT4" 16. 0 for a type that voxeld does not
-// read, nullopt for an unknown type.
-std::optional<int> gltf_component_count(std::string_view type);
+struct KeySampler {
+  int times = -1, values = -1;  // accessors
+  std::string interpolation = "LINEAR";
+};
 
-// Reads a document that passed check_gltf_schema. Errors: malformed-mesh.
-Result<GltfDocument> read_gltf_document(std::string_view name, const nlohmann::json& document);
+struct ChannelSource {
+  uint64_t sampler = 0;  // not checked: the samplers stand behind the channels
+  int node = -1;
+  std::string path;  // "translation"; extensions add others
+};
 
-}  // namespace voxeld
+struct AnimationSource {
+  std::string name;
+  std::vector<ChannelSource> channels;
+  std::vector<KeySampler> samplers;
+};
+
+struct Document {
+  std::string name;  // of the file, for errors
+  std::vector<Buffer> buffers;
+  std::vector<View> views;
+  std::vector<Accessor> accessors;
+  std::vector<ImageSource> images;
+  std::vector<Sampler> samplers;
+  std::vector<Texture> textures;
+  std::vector<MaterialSource> materials;
+  std::vector<Mesh> meshes;
+  std::vector<Skin> skins;
+  std::vector<Node> nodes;
+  std::vector<SceneSource> scenes;
+  int scene = 0;  // the default scene; the first where the file names none
+  bool has_animations = false;
+  std::vector<AnimationSource> animations;  // empty unless they were asked for
+
+  // malformed-mesh with the detail "<name> <where>: <what>".
+  Error malformed(std::string_view where, std::string_view what, std::string expected = {},
+                  std::string got = {}) const;
+};
+
+// "nodes[3]": the place of an element, as errors name it.
+std::string at_index(std::string_view array, size_t index);
+
+// unsupported-feature: the item at `where` cannot be read without `extension`.
+Error unread_extension(std::string_view name, std::string_view where, std::string_view what,
+                       std::string_view extension);
+
+// Reads the JSON of a glTF file. A scan bounds depth (limits::kGltfJsonDepthMax) and number of
+// values before it is parsed, so hostile text can exhaust neither stack nor memory. Animations are
+// checked and read only on request, because a scene that stands still does not need them. Adds the
+// warning "ignored-extension" for each extension that is not read, whether the file lists it or
+// only uses it.
+//
+// Errors: malformed-mesh with the byte, or the path ("accessors[3].bufferView");
+// unsupported-feature for another version of glTF, and for an extension that the file requires.
+Result<Document> read_document(std::string_view name, std::string_view json, bool with_animations,
+                               Scene& scene);
+
+}  // namespace voxeld::gltf

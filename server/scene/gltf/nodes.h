@@ -1,7 +1,6 @@
 // The node tree of a glTF document: the nodes that the scene shows, and their places.
 #pragma once
 
-#include <string_view>
 #include <vector>
 
 #include <glm/mat4x4.hpp>
@@ -9,18 +8,18 @@
 #include "proto/result.h"
 #include "server/scene/gltf/document.h"
 
-namespace voxeld {
+namespace voxeld::gltf {
 
-struct GltfNodes {
-  std::vector<glm::dmat4> world_from_node;  // of every node, because joints may be outside the
-                                            // scene
-  std::vector<int> shown;                   // nodes of the scene, parents before children
-  std::vector<int> parents;                 // of every node; -1 for roots
-  std::vector<int> order;                   // every node, parents before children
+struct NodeTree {
+  // Of every node, because joints may be outside the scene.
+  std::vector<glm::dmat4> world_from_node;
+  std::vector<int> parents;  // of every node; -1 for roots
+  std::vector<int> order;    // every node, parents before children
+  std::vector<int> shown;    // nodes of the scene, parents before children
 };
 
 // Walks the tree. Errors: malformed-mesh for a node with two parents, a cycle, or a tree deeper
 // than limits::kGltfNodeDepthMax.
-Result<GltfNodes> walk_gltf_nodes(std::string_view name, const GltfDocument& document);
+Result<NodeTree> walk_nodes(const Document& document);
 
-}  // namespace voxeld
+}  // namespace voxeld::gltf

@@ -1,58 +1,29 @@
 #include "server/scene/gltf/textures.h"
 
-#include <cmath>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "server/base/cancel_point.h"
-#include "server/scene/image.h"
+#include "server/scene/gltf/container.h"
 #include "server/scene/mesh_error.h"
-#include "server/scene/textures.h"
 
-namespace voxeld {
-namespace {
+namespace voxeld::gltf {
 
-// A readable name of the image: its file, else its name, else its number.
-std::string label_of(const GltfImage& image, int index) {
-  if (!image.uri.empty() && !is_data_uri(image.uri)) return image.uri;
-  if (!image.name.empty()) return image.name;
-  return "images[" + std::to_string(index) + "]";
-}
-
-float finite_float(double x) {
-  return is_coordinate(x) ? static_cast<float>(x) : 0.0f;
-}
-
-}  // namespace
-
-std::vector<GltfImage> take_gltf_images(nlohmann::json& document) {
-  std::vector<GltfImage> images;
-  const auto elements = document.find("images");
-  if (elements == document.end()) return images;
-  for (nlohmann::json& element : *elements) {
-    GltfImage image;
-    if (element.contains("name")) image.name = element["name"].get<std::string>();
-    if (element.contains("bufferView")) image.view = element["bufferView"].get<int>();
-    image.uri = take_uri(element).value_or("");
-    images.push_back(std::move(image));
-  }
-  return images;
-}
-
-int GltfTextures::use_material(int index) {
+int Textures::use_material(int index) {
   if (index < 0) return -1;
   const auto found = materials_.find(index);
   if (found != materials_.end()) return found->second;
-  const GltfMaterial& from = document_.materials[static_cast<size_t>(index)];
+  const MaterialSource& from = document_.materials[static_cast<size_t>(index)];
   Material to{.name = from.name, .base_color = from.base_color};
   if (from.base_color_given) scene_.colors_given = true;
   if (from.texture >= 0) {
-    const GltfTexture& texture = document_.textures[static_cast<size_t>(from.texture)];
-    const std::string needed_by =
-        from.name.empty() ? "materials[" + std::to_string(index) + "]" : from.name;
-    to.wrap_u = texture.wrap_u;
-    to.wrap_v = texture.wrap_v;
-    to.image = use_texture(from.texture, needed_by);
+    const int sampler = document_.textures[static_cast<size_t>(from.texture)].sampler;
+    if (sampler >= 0) {
+      to.wrap_u = document_.samplers[static_cast<size_t>(sampler)].wrap_u;
+      to.wrap_v = document_.samplers[static_cast<size_t>(sampler)].wrap_v;
+    }
+    to.image = use_texture(from.texture, from.name.empty()
+                                             ? at_index("materials", static_cast<size_t>(index))
+                                             : from.name);
   }
   scene_.materials.push_back(std::move(to));
   const int at = static_cast<int>(scene_.materials.size()) - 1;
@@ -60,46 +31,47 @@ int GltfTextures::use_material(int index) {
   return at;
 }
 
-int GltfTextures::use_texture(int index, const std::string& needed_by) {
-  const GltfTexture& texture = document_.textures[static_cast<size_t>(index)];
-  if (texture.image >= 0) return use_image(texture.image, needed_by);
-  const std::string in = texture.unread_format.empty()
-                             ? std::string()
-                             : ", only in that of " + shown(texture.unread_format);
-  return refuse("textures[" + std::to_string(index) + "]", needed_by, "missing-texture",
-                "has no image in a format that voxeld reads" + in);
-}
-
-int GltfTextures::use_image(int image, const std::string& needed_by) {
-  const auto found = loaded_.find(image);
-  if (found != loaded_.end()) return found->second;
-  const int at = load_image(image, needed_by);
-  loaded_.emplace(image, at);
+int Textures::use_texture(int index, const std::string& needed_by) {
+  const Texture& texture = document_.textures[static_cast<size_t>(index)];
+  if (texture.image < 0) {
+    const std::string in = texture.unread_format.empty()
+                               ? std::string()
+                               : ", only in that of " + shown(texture.unread_format);
+    return refuse(at_index("textures", static_cast<size_t>(index)), needed_by, "missing-texture",
+                  "has no image in a format that voxeld reads" + in);
+  }
+  const auto found = images_.find(texture.image);
+  if (found != images_.end()) return found->second;
+  const int at = load_image(texture.image, needed_by);
+  images_.emplace(texture.image, at);
   return at;
 }
 
-Result<std::optional<std::vector<uint8_t>>> GltfTextures::image_bytes(const GltfImage& image) {
+Result<std::optional<std::vector<uint8_t>>> Textures::image_bytes(const ImageSource& image) {
   using Bytes = std::optional<std::vector<uint8_t>>;
   if (image.uri.empty()) {
     if (image.view < 0) return Bytes();
     VOXELD_ASSIGN(const auto view, accessors_.view_bytes(image.view));
     return Bytes(std::vector<uint8_t>(view.begin(), view.end()));
   }
-  if (!is_data_uri(image.uri)) return bundle_.find(image.uri, name_);
+  if (!is_data_uri(image.uri)) return bundle_.find(image.uri, document_.name);
   Bytes bytes = decode_data_uri(image.uri);
   if (bytes) return bytes;
   return Error{ErrorCode::kMalformedImage, "broken data URI", "base64", ""};
 }
 
-int GltfTextures::load_image(int index, const std::string& needed_by) {
+int Textures::load_image(int index, const std::string& needed_by) {
   cancel_point();
-  const GltfImage& image = images_[static_cast<size_t>(index)];
-  const std::string label = label_of(image, index);
+  const ImageSource& image = document_.images[static_cast<size_t>(index)];
+  // A readable name: the file, else the image's name, else its number.
+  std::string label =
+      image.name.empty() ? at_index("images", static_cast<size_t>(index)) : image.name;
+  if (!image.uri.empty() && !is_data_uri(image.uri)) label = image.uri;
   // Many elements may name one large file, so both successes and failures are limited.
   if (refused_count_ >= kSceneWarningsMax) return -1;
   if (budget_.is_spent()) return refuse(label, needed_by, "too-many-pixels", too_many_pixels());
   const auto bytes = image_bytes(image);
-  if (!bytes) return refuse(label, needed_by, "bad-texture", bytes.error().message());
+  if (!bytes) return refuse(label, needed_by, "broken-texture", bytes.error().message());
   if (!*bytes) return refuse(label, needed_by, "missing-texture", "is not in the upload");
   Image decoded{.name = label, .rgba = {}};
   if (options_.decode_images) {
@@ -107,15 +79,15 @@ int GltfTextures::load_image(int index, const std::string& needed_by) {
     if (!result && budget_.is_spent()) {
       return refuse(label, needed_by, "too-many-pixels", too_many_pixels());
     }
-    if (!result) return refuse(label, needed_by, "bad-texture", result.error().message());
+    if (!result) return refuse(label, needed_by, "broken-texture", result.error().message());
     decoded = *std::move(result);
   }
   scene_.images.push_back(std::move(decoded));
   return static_cast<int>(scene_.images.size()) - 1;
 }
 
-int GltfTextures::refuse(const std::string& label, const std::string& needed_by,
-                         std::string_view code, const std::string& why) {
+int Textures::refuse(const std::string& label, const std::string& needed_by, std::string_view code,
+                     const std::string& why) {
   ++refused_count_;
   add_warning(scene_, code, label + ", named by " + needed_by + ": " + why);
   if (scene_.missing_files.size() < kSceneWarningsMax) {
@@ -124,14 +96,4 @@ int GltfTextures::refuse(const std::string& label, const std::string& needed_by,
   return -1;
 }
 
-// Transforms a texture coordinate. The specification's rotation appears counter-clockwise with v
-// downwards. Its example (offset 0 1, rotation 90 degrees, scale 0.5) must land in the lower left
-// quarter of the image.
-glm::vec2 transformed_uv(const GltfTextureTransform& transform, const glm::dvec2& uv) {
-  const double c = std::cos(transform.rotation_rad), s = std::sin(transform.rotation_rad);
-  const glm::dvec2 scaled = transform.scale * uv;
-  return {finite_float(c * scaled.x + s * scaled.y + transform.offset.x),
-          finite_float(-s * scaled.x + c * scaled.y + transform.offset.y)};
-}
-
-}  // namespace voxeld
+}  // namespace voxeld::gltf
