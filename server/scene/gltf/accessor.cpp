@@ -132,14 +132,13 @@ Result<std::span<const uint8_t>> Accessors::buffer_bytes(size_t index) {
 }
 
 Result<std::span<const uint8_t>> Accessors::view_bytes(int index) {
-  const View& view = document_.views.at(static_cast<size_t>(index));
-  const auto buffer_index = static_cast<size_t>(view.buffer);
-  VOXELD_ASSIGN(const auto buffer, buffer_bytes(buffer_index));
+  const View& view = document_.views[index];
+  VOXELD_ASSIGN(const auto buffer, buffer_bytes(view.buffer));
   if (is_inside(view.offset_bytes, view.length_bytes, buffer.size())) {
     return buffer.subspan(view.offset_bytes, view.length_bytes);
   }
-  return document_.malformed(at_index("bufferViews", static_cast<size_t>(index)),
-                             "the range lies outside of " + at_index("buffers", buffer_index),
+  return document_.malformed(at_index("bufferViews", index),
+                             "the range lies outside of " + at_index("buffers", view.buffer),
                              "at most " + std::to_string(buffer.size()) + " bytes",
                              from_byte(view.length_bytes, view.offset_bytes));
 }
@@ -148,9 +147,9 @@ Result<std::span<const uint8_t>> Accessors::view_range(int view, uint64_t offset
                                                        const std::string& path) {
   VOXELD_ASSIGN(const auto all, view_bytes(view));
   if (is_inside(offset, bytes, all.size())) return all.subspan(offset, bytes);
-  return document_.malformed(
-      path, "the elements lie outside of " + at_index("bufferViews", static_cast<size_t>(view)),
-      "at most " + std::to_string(all.size()) + " bytes", from_byte(bytes, offset));
+  return document_.malformed(path, "the elements lie outside of " + at_index("bufferViews", view),
+                             "at most " + std::to_string(all.size()) + " bytes",
+                             from_byte(bytes, offset));
 }
 
 Status Accessors::check(const Accessor& accessor, const std::string& path,
@@ -181,8 +180,8 @@ Status Accessors::check(const Accessor& accessor, const std::string& path,
 }
 
 Result<Elements> Accessors::open(int index, const Expected& expected) {
-  const Accessor& accessor = document_.accessors.at(static_cast<size_t>(index));
-  const std::string path = at_index("accessors", static_cast<size_t>(index));
+  const Accessor& accessor = document_.accessors[index];
+  const std::string path = at_index("accessors", index);
   VOXELD_TRY(check(accessor, path, expected));
   const uint64_t component_bytes = bytes_of(accessor.component_type);
   const uint64_t element_bytes = component_bytes * static_cast<uint64_t>(accessor.component_count);
@@ -194,7 +193,7 @@ Result<Elements> Accessors::open(int index, const Expected& expected) {
                     .element_bytes = element_bytes,
                     .is_normalized = accessor.normalized};
   if (accessor.view >= 0 && accessor.count > 0) {
-    const uint64_t stride = document_.views[static_cast<size_t>(accessor.view)].stride_bytes;
+    const uint64_t stride = document_.views[accessor.view].stride_bytes;
     if (stride != 0 && stride < element_bytes) {
       return document_.malformed(path, "byteStride is smaller than an element",
                                  "at least " + std::to_string(element_bytes),
@@ -212,7 +211,7 @@ Result<Elements> Accessors::open(int index, const Expected& expected) {
 
 // Copies the elements into a dense array and writes the sparse ones over it.
 Status Accessors::fill_sparse(int index, const std::string& path, Elements& elements) {
-  const Sparse& sparse = *document_.accessors[static_cast<size_t>(index)].sparse;
+  const Sparse& sparse = *document_.accessors[index].sparse;
   const uint64_t element_bytes = elements.element_bytes;
   auto found = filled_.find(index);
   if (found == filled_.end()) {

@@ -10,11 +10,13 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "server/scene/gltf/json_reader.h"
+#include "server/scene/gltf/json_object.h"
 #include "server/scene/mesh_error.h"
 
 namespace voxeld::gltf {
 namespace {
+
+using Json = nlohmann::json;
 
 constexpr const char* kDraco = "KHR_draco_mesh_compression";
 
@@ -43,24 +45,24 @@ void trim(std::string& uri) {
 
 }  // namespace
 
-// The part of the glTF 2.0 schema that voxeld reads: one function per object (json_reader.h), with
+// The part of the glTF 2.0 schema that voxeld reads: one function per object (json_object.h), with
 // its members in alphabetical order. They are static instead of in the unnamed namespace, so that
-// JsonReader finds them by their arguments.
+// JsonObject finds them by their arguments.
 
-static void members(Object o, Sparse& to) {
+static void members(JsonObject o, Sparse& to) {
   o.required("count", to.count);
-  o.required("indices", [&](Object indices) {
+  o.required("indices", [&](JsonObject indices) {
     indices.required("bufferView", to.index_view, "bufferViews");
     indices.optional("byteOffset", to.index_offset_bytes);
     indices.required("componentType", to.index_type);
   });
-  o.required("values", [&](Object values) {
+  o.required("values", [&](JsonObject values) {
     values.required("bufferView", to.value_view, "bufferViews");
     values.optional("byteOffset", to.value_offset_bytes);
   });
 }
 
-static void members(Object o, Accessor& to) {
+static void members(JsonObject o, Accessor& to) {
   constexpr std::pair<std::string_view, int> kTypes[] = {
       {"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}, {"MAT2", 0}, {"MAT3", 0}, {"MAT4", 16}};
   o.optional("bufferView", to.view, "bufferViews");
@@ -80,11 +82,11 @@ static void members(Object o, Accessor& to) {
   to.component_count = found->second;
 }
 
-static void members(Object o, Buffer& to) {
+static void members(JsonObject o, Buffer& to) {
   o.required("byteLength", to.length_bytes);
-  o.optional("extensions", [&](Object extensions) {
+  o.optional("extensions", [&](JsonObject extensions) {
     for (const char* name : {"KHR_meshopt_compression", "EXT_meshopt_compression"}) {
-      extensions.optional(name, [&](Object) { to.compressed_by = name; });
+      extensions.optional(name, [&](JsonObject) { to.compressed_by = name; });
     }
   });
   if (!o.has("uri")) return;
@@ -92,7 +94,7 @@ static void members(Object o, Buffer& to) {
   trim(*to.uri);
 }
 
-static void members(Object o, View& to) {
+static void members(JsonObject o, View& to) {
   o.required("buffer", to.buffer, "buffers");
   o.required("byteLength", to.length_bytes);
   o.optional("byteOffset", to.offset_bytes);
@@ -103,19 +105,19 @@ static void members(Object o, View& to) {
   }
 }
 
-static void members(Object o, ImageSource& to) {
+static void members(JsonObject o, ImageSource& to) {
   o.optional("bufferView", to.view, "bufferViews");
   o.optional("name", to.name);
   o.optional("uri", to.uri);
   trim(to.uri);
 }
 
-static void members(Object o, Texture& to) {
+static void members(JsonObject o, Texture& to) {
   int webp = -1;
-  o.optional("extensions", [&](Object extensions) {
+  o.optional("extensions", [&](JsonObject extensions) {
     extensions.optional("EXT_texture_webp",
-                        [&](Object e) { e.optional("source", webp, "images"); });
-    for (const auto& [name, unused] : extensions.json.items()) {
+                        [&](JsonObject e) { e.optional("source", webp, "images"); });
+    for (const auto& [name, unused] : extensions.json().items()) {
       if (is_texture_extension(name) && !is_read_extension(name)) to.unread_format = name;
     }
   });
@@ -124,7 +126,7 @@ static void members(Object o, Texture& to) {
   if (webp >= 0) to.image = webp;
 }
 
-static void members(Object o, Sampler& to) {
+static void members(JsonObject o, Sampler& to) {
   const auto wrap = [&](const char* key, Wrap& mode) {
     constexpr int kGlClampToEdge = 33071, kGlMirroredRepeat = 33648;
     int value = 0;
@@ -136,7 +138,7 @@ static void members(Object o, Sampler& to) {
   wrap("wrapT", to.wrap_v);
 }
 
-static void members(Object o, TextureTransform& to) {
+static void members(JsonObject o, TextureTransform& to) {
   const auto pair = [&](const char* key, glm::dvec2& out) {
     std::vector<double> numbers;
     o.optional(key, numbers);
@@ -148,18 +150,18 @@ static void members(Object o, TextureTransform& to) {
 }
 
 // Reads the base colour of one workflow, whose members have these names.
-static void read_base(Object o, const char* factor_key, const char* texture_key,
+static void read_base(JsonObject o, const char* factor_key, const char* texture_key,
                       MaterialSource& to) {
   std::vector<double> factor;
   o.optional(factor_key, factor);
   to.base_color_given = o.has(factor_key);
   for (int i = 0; i < 4 && factor.size() == 4; ++i) {
-    to.base_color[i] = static_cast<float>(std::clamp(factor[static_cast<size_t>(i)], 0.0, 1.0));
+    to.base_color[i] = static_cast<float>(std::clamp(factor[i], 0.0, 1.0));
   }
-  o.optional(texture_key, [&](Object info) {
+  o.optional(texture_key, [&](JsonObject info) {
     std::optional<int> transformed_tex_coord;
-    info.optional("extensions", [&](Object extensions) {
-      extensions.optional("KHR_texture_transform", [&](Object transform) {
+    info.optional("extensions", [&](JsonObject extensions) {
+      extensions.optional("KHR_texture_transform", [&](JsonObject transform) {
         members(transform, to.transform);
         if (!transform.has("texCoord")) return;
         transform.optional("texCoord", transformed_tex_coord.emplace());
@@ -171,16 +173,16 @@ static void read_base(Object o, const char* factor_key, const char* texture_key,
   });
 }
 
-static void members(Object o, MaterialSource& to) {
+static void members(JsonObject o, MaterialSource& to) {
   std::optional<MaterialSource> older;
-  o.optional("extensions", [&](Object extensions) {
-    extensions.optional("KHR_materials_pbrSpecularGlossiness", [&](Object workflow) {
+  o.optional("extensions", [&](JsonObject extensions) {
+    extensions.optional("KHR_materials_pbrSpecularGlossiness", [&](JsonObject workflow) {
       read_base(workflow, "diffuseFactor", "diffuseTexture", older.emplace());
     });
   });
   std::string name;
   o.optional("name", name);
-  o.optional("pbrMetallicRoughness", [&](Object workflow) {
+  o.optional("pbrMetallicRoughness", [&](JsonObject workflow) {
     read_base(workflow, "baseColorFactor", "baseColorTexture", to);
   });
   // If a file has both workflows, the older one carries more information.
@@ -188,10 +190,10 @@ static void members(Object o, MaterialSource& to) {
   to.name = std::move(name);
 }
 
-static void members(Object o, Primitive& to) {
+static void members(JsonObject o, Primitive& to) {
   o.required("attributes", to.attributes, "accessors");
-  o.optional("extensions", [&](Object extensions) {
-    extensions.optional(kDraco, [&](Object) { to.compressed_by = kDraco; });
+  o.optional("extensions", [&](JsonObject extensions) {
+    extensions.optional(kDraco, [&](JsonObject) { to.compressed_by = kDraco; });
   });
   o.optional("indices", to.indices, "accessors");
   o.optional("material", to.material, "materials");
@@ -199,13 +201,13 @@ static void members(Object o, Primitive& to) {
   o.optional("targets", to.targets, "accessors");
 }
 
-static void members(Object o, Mesh& to) {
+static void members(JsonObject o, Mesh& to) {
   o.optional("name", to.name);
   o.required("primitives", to.primitives);
   o.optional("weights", to.weights);
 }
 
-static void members(Object o, Node& to) {
+static void members(JsonObject o, Node& to) {
   std::vector<double> matrix, rotation, scale, translation;
   o.optional("children", to.children, "nodes");
   o.optional("matrix", matrix);
@@ -238,30 +240,30 @@ static void members(Object o, Node& to) {
   to.parent_from_node = to.transform.matrix();
 }
 
-static void members(Object o, SceneSource& to) {
+static void members(JsonObject o, SceneSource& to) {
   o.optional("nodes", to.nodes, "nodes");
 }
 
-static void members(Object o, Skin& to) {
+static void members(JsonObject o, Skin& to) {
   o.optional("inverseBindMatrices", to.inverse_bind_matrices, "accessors");
   o.required("joints", to.joints, "nodes");
 }
 
-static void members(Object o, ChannelSource& to) {
+static void members(JsonObject o, ChannelSource& to) {
   o.required("sampler", to.sampler);
-  o.required("target", [&](Object target) {
+  o.required("target", [&](JsonObject target) {
     target.optional("node", to.node, "nodes");
     target.required("path", to.path);
   });
 }
 
-static void members(Object o, KeySampler& to) {
+static void members(JsonObject o, KeySampler& to) {
   o.required("input", to.times, "accessors");
   o.optional("interpolation", to.interpolation);
   o.required("output", to.values, "accessors");
 }
 
-static void members(Object o, AnimationSource& to) {
+static void members(JsonObject o, AnimationSource& to) {
   o.required("channels", to.channels);
   o.optional("name", to.name);
   o.required("samplers", to.samplers);
@@ -269,10 +271,10 @@ static void members(Object o, AnimationSource& to) {
 
 namespace {
 
-// Collects the extensions that the document lists, and the members of every "extensions" outside
-// extras. The recursion is at most limits::kGltfJsonDepthMax deep.
-using Names = std::set<std::string, std::less<>>;
+using Names = std::set<std::string>;
 
+// Collects the members of every "extensions" outside extras. The recursion is at most
+// limits::kGltfJsonDepthMax deep.
 void add_used(const Json& value, Names& names) {
   if (value.is_array()) {
     for (const Json& element : value) add_used(element, names);
@@ -287,12 +289,12 @@ void add_used(const Json& value, Names& names) {
   }
 }
 
-// Reads the document, and the names of all its extensions.
+// Reads the document, and the names of all extensions that it lists or uses.
 Status read_members(std::string_view name, Json& root, bool with_animations, Document& to,
                     Names& extensions) {
   std::vector<std::string> used, required;
-  JsonReader reader(name, root);
-  const Object o{reader, root};
+  JsonReading reading{name, root};
+  JsonObject o(reading, root);
   o.optional("accessors", to.accessors);
   o.optional("bufferViews", to.views);
   o.optional("buffers", to.buffers);
@@ -309,7 +311,7 @@ Status read_members(std::string_view name, Json& root, bool with_animations, Doc
   o.optional("textures", to.textures);
   to.has_animations = o.has("animations") && !root["animations"].empty();
   if (with_animations) o.optional("animations", to.animations);
-  VOXELD_TRY(reader.finish());
+  if (reading.error) return *std::move(reading.error);
   extensions.insert(used.begin(), used.end());
   extensions.insert(required.begin(), required.end());
   add_used(root, extensions);
@@ -412,6 +414,55 @@ Status check_version(std::string_view name, const Json& root) {
   return {};
 }
 
+// Completes the nodes by what their lists of children say. Errors: malformed-mesh for a node with
+// two parents, a cycle, or a tree deeper than limits::kGltfNodeDepthMax.
+Status walk_nodes(Document& document) {
+  std::vector<Node>& nodes = document.nodes;
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    for (const int child : nodes[i].children) {
+      int& parent = nodes[child].parent;
+      if (parent >= 0) {
+        return document.malformed(at_index("nodes", child), "the node has two parents", "a tree",
+                                  at_index("nodes", parent) + " and " + at_index("nodes", i));
+      }
+      parent = static_cast<int>(i);
+    }
+  }
+  // A document without scenes shows all.
+  for (Node& node : nodes) node.is_shown = document.scenes.empty();
+  if (!document.scenes.empty()) {
+    for (const int node : document.scenes[document.scene].nodes) nodes[node].is_shown = true;
+  }
+  std::vector<int> stack, depths(nodes.size());
+  for (int i = static_cast<int>(nodes.size()); i-- > 0;) {
+    if (nodes[i].parent < 0) stack.push_back(i);
+  }
+  while (!stack.empty()) {
+    const int at = stack.back();
+    stack.pop_back();
+    Node& node = nodes[at];
+    depths[at] = 1;
+    node.world_from_node = node.parent_from_node;
+    if (node.parent >= 0) {
+      const Node& parent = nodes[node.parent];
+      depths[at] += depths[node.parent];
+      node.world_from_node = parent.world_from_node * node.parent_from_node;
+      node.is_shown = node.is_shown || parent.is_shown;
+    }
+    if (depths[at] > limits::kGltfNodeDepthMax) {
+      return over_limit(document.name, at_index("nodes", at), "depth of the node tree",
+                        limits::kGltfNodeDepthMax, depths[at]);
+    }
+    document.order.push_back(at);
+    stack.insert(stack.end(), node.children.rbegin(), node.children.rend());
+  }
+  // Each node has one parent, so nodes that no root reaches are in cycles.
+  const auto unreached = std::find(depths.begin(), depths.end(), 0);
+  if (unreached == depths.end()) return {};
+  return document.malformed(at_index("nodes", unreached - depths.begin()),
+                            "the node stands in a cycle", "a tree");
+}
+
 }  // namespace
 
 glm::dmat4 Transform::matrix() const {
@@ -454,6 +505,7 @@ Result<Document> read_document(std::string_view name, std::string_view json, boo
                 document.name + ": the glTF extension " + shown(extension) + " is not read" +
                     (is_texture_extension(extension) ? "; its textures are left out" : ""));
   }
+  VOXELD_TRY(walk_nodes(document));
   return document;
 }
 

@@ -127,6 +127,9 @@ struct Node {
   // The parts of parent_from_node, if the file gives no matrix.
   bool has_matrix = false;
   Transform transform;
+  int parent = -1;
+  glm::dmat4 world_from_node{1.0};
+  bool is_shown = false;  // the scene lists the node or one above it
 };
 
 struct SceneSource {
@@ -162,6 +165,7 @@ struct Document {
   std::vector<Mesh> meshes;
   std::vector<Skin> skins;
   std::vector<Node> nodes;
+  std::vector<int> order;  // every node, parents before children
   std::vector<SceneSource> scenes;
   int scene = 0;  // the default scene; the first where the file names none
   bool has_animations = false;
@@ -185,7 +189,7 @@ Error unread_extension(std::string_view name, std::string_view where, std::strin
 // warning "ignored-extension" for each extension that is not read, whether the file lists it or
 // only uses it.
 //
-// Errors: malformed-mesh with the byte, or the path ("accessors[3].bufferView");
+// Errors: malformed-mesh with the byte or the path ("accessors[3].bufferView");
 // unsupported-feature for another version of glTF, and for an extension that the file requires.
 Result<Document> read_document(std::string_view name, std::string_view json, bool with_animations,
                                Scene& scene);

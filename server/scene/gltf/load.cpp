@@ -8,7 +8,6 @@
 #include "server/scene/gltf/container.h"
 #include "server/scene/gltf/document.h"
 #include "server/scene/gltf/mesh.h"
-#include "server/scene/gltf/nodes.h"
 #include "server/scene/gltf/rig.h"
 #include "server/scene/gltf/textures.h"
 #include "server/scene/load.h"
@@ -29,12 +28,11 @@ Status load(std::string_view name, std::span<const uint8_t> bytes, const Bundle&
     add_warning(scene, "static-pose",
                 document.name + ": animations are left out; the mesh has the file's own pose");
   }
-  VOXELD_ASSIGN(const gltf::NodeTree tree, gltf::walk_nodes(document));
   gltf::Accessors accessors(document, container, bundle);
   gltf::Textures textures(document, accessors, bundle, options, scene);
-  gltf::RigBuilder rig(document, tree);
-  VOXELD_TRY(add_meshes(document, tree, accessors, textures, scene, with_rig ? &rig : nullptr));
-  return with_rig ? rig.finish(accessors, to) : Status();
+  gltf::RigBuilder rig(document, accessors, with_rig);
+  VOXELD_TRY(add_meshes(document, accessors, textures, scene, rig));
+  return with_rig ? rig.finish(to) : Status();
 }
 
 }  // namespace

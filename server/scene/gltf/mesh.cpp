@@ -29,12 +29,6 @@ namespace {
 enum Mode { kTriangles = 4, kStrip = 5, kFan = 6 };
 constexpr int kInfluenceSetsMax = 4;  // JOINTS_0 to JOINTS_3; real files have at most two
 
-// The joints of a skin, in the pose in which the file leaves its nodes.
-struct BoundSkin {
-  std::vector<glm::dmat4> inverse_bind;  // empty: identities
-  std::vector<glm::dmat4> world_from_bound;
-};
-
 // The open accessors of one primitive on one node.
 struct VertexSource {
   struct Target {
@@ -50,20 +44,23 @@ struct VertexSource {
   std::optional<Elements> normal, uv, color;
   TextureTransform uv_transform;
   std::vector<Target> targets;
-  glm::dmat4 world_from_mesh{1.0};  // of a mesh without a skin
   std::vector<Influences> influences;
-  const BoundSkin* skin = nullptr;
+  size_t joint_count = 0;
   // Indices of the rig's matrices and weights.
   uint32_t node_matrix = 0, first_joint_matrix = 0, first_weight = 0;
 };
 
-// The joints that a vertex is bound to with a weight above 0.
-struct VertexJoints {
-  std::array<std::pair<uint32_t, double>, size_t{4} * kInfluenceSetsMax> joints;
+// The matrices that a vertex follows: those of its joints with a weight above 0, or that of its
+// node. Weights are divided by their sum, although glTF 2.0, 3.7.3.3 asks writers for a sum of 1.
+struct VertexMatrices {
+  std::array<Influence, size_t{4} * kInfluenceSetsMax> influences;
   size_t count = 0;
   double weight_sum = 0.0;
-  std::span<const std::pair<uint32_t, double>> used() const {
-    return std::span(joints).first(count);
+
+  std::span<const Influence> used() const { return std::span(influences).first(count); }
+  void add(uint32_t matrix, double weight) {
+    influences[count++] = {matrix, weight};
+    weight_sum += weight;
   }
 };
 
@@ -84,8 +81,8 @@ glm::vec2 transformed_uv(const TextureTransform& transform, const glm::dvec2& uv
 // Reads vertices of primitives in world space: morphed, skinned, transformed.
 class Vertices {
  public:
-  Vertices(const Document& document, const NodeTree& tree, Accessors& accessors, RigBuilder* rig)
-      : document_(document), tree_(tree), accessors_(accessors), rig_(rig) {}
+  Vertices(const Document& document, Accessors& accessors, RigBuilder& rig)
+      : document_(document), accessors_(accessors), rig_(rig) {}
 
   Result<VertexSource> open(int node_index, const Primitive& primitive, const std::string& path) {
     VertexSource source;
@@ -100,24 +97,21 @@ class Vertices {
     VOXELD_ASSIGN(source.normal, open_attribute(primitive.attributes, "NORMAL", 3, 3, source));
     VOXELD_ASSIGN(source.color, open_attribute(primitive.attributes, "COLOR_0", 3, 4, source));
     if (primitive.material >= 0) {
-      const auto& material = document_.materials[static_cast<size_t>(primitive.material)];
+      const auto& material = document_.materials[primitive.material];
       if (material.texture >= 0) {
         const std::string key = "TEXCOORD_" + std::to_string(material.tex_coord);
         VOXELD_ASSIGN(source.uv, open_attribute(primitive.attributes, key, 2, 2, source));
         source.uv_transform = material.transform;
       }
     }
-    const auto at = static_cast<size_t>(node_index);
-    source.world_from_mesh = tree_.world_from_node[at];
-    if (rig_ != nullptr) source.node_matrix = rig_->matrix_of_node(node_index);
+    source.node_matrix = rig_.matrix_of_node(node_index);
     VOXELD_TRY(open_targets(node_index, primitive, source));
-    const int skin = document_.nodes[at].skin;
-    if (skin >= 0) VOXELD_TRY(open_skin(skin, primitive, source));
+    VOXELD_TRY(open_skin(document_.nodes[node_index].skin, primitive, source));
     return source;
   }
 
   // Appends vertex `index` < source.position.count to every attribute of the part, and to `skin`,
-  // the part's table in the rig (null without a rig).
+  // the part's table in the rig (null if the rig is not recorded).
   Status append(const VertexSource& source, uint32_t index, MeshPart& part, SkinPart* skin) const {
     glm::dvec3 position(source.position.vector(index));
     glm::dvec3 normal(source.normal ? source.normal->vector(index) : glm::dvec4(0.0));
@@ -125,15 +119,15 @@ class Vertices {
       if (target.position) position += target.weight * glm::dvec3(target.position->vector(index));
       if (target.normal) normal += target.weight * glm::dvec3(target.normal->vector(index));
     }
-    VOXELD_ASSIGN(const VertexJoints joints, joints_of(source, index));
-    const glm::dmat4 world_from_mesh = world_from_vertex(source, joints);
+    VOXELD_ASSIGN(const VertexMatrices matrices, matrices_of(source, index));
+    const glm::dmat4 world_from_mesh = blended(matrices);
     position = glm::dvec3(world_from_mesh * glm::dvec4(position, 1.0));
     if (!is_coordinate(position.x) || !is_coordinate(position.y) || !is_coordinate(position.z)) {
       return document_.malformed(source.path + ".attributes.POSITION",
                                  "vertex " + std::to_string(index) + " is at no finite place",
                                  "coordinates of at most 1e30 in size");
     }
-    if (skin != nullptr) VOXELD_TRY(append_to_rig(source, joints, index, *skin));
+    if (skin != nullptr) VOXELD_TRY(append_to_rig(source, matrices, index, *skin));
     part.positions.push_back(position);
     if (source.normal) {
       part.normals.push_back(direction_of(world_normal(world_from_mesh, normal)));
@@ -152,8 +146,8 @@ class Vertices {
 
   // Whether the transform of a vertex mirrors, which reverses the orientation of triangles.
   Result<bool> is_mirrored(const VertexSource& source, uint32_t index) const {
-    VOXELD_ASSIGN(const VertexJoints joints, joints_of(source, index));
-    return glm::determinant(glm::dmat3(world_from_vertex(source, joints))) < 0.0;
+    VOXELD_ASSIGN(const VertexMatrices matrices, matrices_of(source, index));
+    return glm::determinant(glm::dmat3(blended(matrices))) < 0.0;
   }
 
  private:
@@ -172,18 +166,18 @@ class Vertices {
   }
 
   Status open_targets(int node_index, const Primitive& primitive, VertexSource& source) {
-    const Node& node = document_.nodes[static_cast<size_t>(node_index)];
-    const Mesh& mesh = document_.meshes[static_cast<size_t>(node.mesh)];
+    const Node& node = document_.nodes[node_index];
+    const Mesh& mesh = document_.meshes[node.mesh];
     const std::vector<double>& weights = node.weights.empty() ? mesh.weights : node.weights;
-    if (rig_ != nullptr && !primitive.targets.empty()) {
+    if (rig_.is_recorded() && !primitive.targets.empty()) {
       // All primitives of a mesh should have the same number of targets. The most counts.
       size_t count = 0;
       for (const Primitive& other : mesh.primitives) count = std::max(count, other.targets.size());
-      source.first_weight = rig_->first_weight_of_node(node_index, weights, count);
+      source.first_weight = rig_.first_weight_of_node(node_index, weights, count);
     }
     for (size_t i = 0; i < primitive.targets.size(); ++i) {
       const double weight = i < weights.size() ? weights[i] : 0.0;
-      if (weight == 0.0 && rig_ == nullptr) continue;
+      if (weight == 0.0 && !rig_.is_recorded()) continue;
       VertexSource::Target target{.number = static_cast<uint32_t>(i), .weight = weight};
       const Attributes& attributes = primitive.targets[i];
       VOXELD_ASSIGN(target.position, open_attribute(attributes, "POSITION", 3, 3, source));
@@ -193,8 +187,9 @@ class Vertices {
     return {};
   }
 
-  // Opens the skin. Only its joints place a skinned mesh (glTF 2.0, 3.7.3.1).
+  // Opens a skin; -1: none. Only its joints place a skinned mesh (glTF 2.0, 3.7.3.1).
   Status open_skin(int skin, const Primitive& primitive, VertexSource& source) {
+    if (skin < 0) return {};
     for (int set = 0; set < kInfluenceSetsMax; ++set) {
       const std::string number = std::to_string(set);
       VOXELD_ASSIGN(const auto joints,
@@ -204,78 +199,48 @@ class Vertices {
       if (!joints || !weights) break;
       source.influences.push_back({*joints, *weights});
     }
-    if (source.influences.empty()) return {};  // not bound to any joint
-    if (!skins_.contains(skin)) VOXELD_TRY(bind(skin));
-    source.skin = &skins_.at(skin);
-    if (rig_ != nullptr) {
-      source.first_joint_matrix = rig_->first_matrix_of_skin(skin, source.skin->inverse_bind);
-    }
+    if (source.influences.empty()) return {};
+    source.joint_count = document_.skins[skin].joints.size();
+    VOXELD_ASSIGN(source.first_joint_matrix, rig_.first_matrix_of_skin(skin));
     return {};
   }
 
-  Status bind(int index) {
-    const Skin& skin = document_.skins[static_cast<size_t>(index)];
-    BoundSkin bound;
-    for (const int joint : skin.joints) {
-      bound.world_from_bound.push_back(tree_.world_from_node[static_cast<size_t>(joint)]);
-    }
-    if (skin.inverse_bind_matrices >= 0) {
-      VOXELD_ASSIGN(const Elements inverse,
-                    accessors_.open(skin.inverse_bind_matrices,
-                                    {"inverseBindMatrices", 16, 16, Expected::kFloat}));
-      if (inverse.count < skin.joints.size()) {
-        return document_.malformed(
-            at_index("skins", static_cast<size_t>(index)) + ".inverseBindMatrices", "elements",
-            "at least " + std::to_string(skin.joints.size()), std::to_string(inverse.count));
-      }
-      for (size_t i = 0; i < skin.joints.size(); ++i) {
-        bound.inverse_bind.push_back(inverse.matrix(i));
-        bound.world_from_bound[i] = bound.world_from_bound[i] * bound.inverse_bind.back();
-      }
-    }
-    skins_.emplace(index, std::move(bound));
-    return {};
-  }
-
-  Result<VertexJoints> joints_of(const VertexSource& source, uint32_t index) const {
-    VertexJoints out;
+  Result<VertexMatrices> matrices_of(const VertexSource& source, uint32_t index) const {
+    VertexMatrices out;
     for (const auto& [joints, weights] : source.influences) {
       const glm::dvec4 joint = joints.vector(index);
       const glm::dvec4 weight = weights.vector(index, Scaling::kAlways);
-      const size_t joint_count = source.skin->world_from_bound.size();
       for (int i = 0; i < 4; ++i) {
         if (!(weight[i] > 0.0) || !is_coordinate(weight[i])) continue;
-        if (!(joint[i] >= 0.0 && joint[i] < static_cast<double>(joint_count))) {
+        if (!(joint[i] >= 0.0 && joint[i] < static_cast<double>(source.joint_count))) {
           return document_.malformed(
-              source.path + ".JOINTS", "joint out of range", index_text(joint_count, "joints"),
+              source.path + ".JOINTS", "joint out of range",
+              index_text(source.joint_count, "joints"),
               std::to_string(joint[i]) + " at vertex " + std::to_string(index));
         }
-        out.joints[out.count++] = {static_cast<uint32_t>(joint[i]), weight[i]};
-        out.weight_sum += weight[i];
+        out.add(source.first_joint_matrix + static_cast<uint32_t>(joint[i]), weight[i]);
       }
     }
+    if (out.count == 0) out.add(source.node_matrix, 1.0);
     return out;
   }
 
-  // The matrix of a vertex: that of its node if it has no joints. Weights are divided by their sum,
-  // although glTF 2.0, 3.7.3.3 asks writers for a sum of 1.
-  static glm::dmat4 world_from_vertex(const VertexSource& source, const VertexJoints& joints) {
-    if (joints.count == 0) return source.world_from_mesh;
+  glm::dmat4 blended(const VertexMatrices& matrices) const {
+    if (matrices.count == 1) return rig_.world_from_bound(matrices.influences[0].matrix);
     glm::dmat4 sum(0.0);
-    for (const auto& [joint, weight] : joints.used()) {
-      sum += weight * source.skin->world_from_bound[joint];
+    for (const auto& [matrix, weight] : matrices.used()) {
+      sum += weight * rig_.world_from_bound(matrix);
     }
-    return sum / joints.weight_sum;
+    return sum / matrices.weight_sum;
   }
 
-  Status append_to_rig(const VertexSource& source, const VertexJoints& joints, uint32_t index,
+  Status append_to_rig(const VertexSource& source, const VertexMatrices& matrices, uint32_t index,
                        SkinPart& skin) const {
     skin.points.emplace_back(source.position.vector(index));
     skin.normals.emplace_back(source.normal ? source.normal->vector(index) : glm::dvec4(0.0));
-    for (const auto& [joint, weight] : joints.used()) {
-      skin.influences.push_back({source.first_joint_matrix + joint, weight / joints.weight_sum});
+    for (const auto& [matrix, weight] : matrices.used()) {
+      skin.influences.push_back({matrix, weight / matrices.weight_sum});
     }
-    if (joints.count == 0) skin.influences.push_back({source.node_matrix, 1.0});
     for (const VertexSource::Target& target : source.targets) {
       MorphDelta delta{.weight = source.first_weight + target.number};
       if (target.position) delta.position = glm::vec3(target.position->vector(index));
@@ -283,14 +248,12 @@ class Vertices {
       if (delta.position == glm::vec3(0.0f) && delta.normal == glm::vec3(0.0f)) continue;
       skin.morphs.push_back(delta);
     }
-    return rig_->end_vertex(skin);
+    return rig_.end_vertex(skin);
   }
 
   const Document& document_;
-  const NodeTree& tree_;
   Accessors& accessors_;
-  RigBuilder* rig_;  // null: the caller needs no bindings
-  std::map<int, BoundSkin> skins_;
+  RigBuilder& rig_;
 };
 
 // Renumbers the vertices of a file in the order of their first use. It uses a plain array if most
@@ -319,23 +282,23 @@ class Renumbering {
 
 class MeshLoader {
  public:
-  MeshLoader(const Document& document, const NodeTree& tree, Accessors& accessors,
-             Textures& textures, Scene& scene, RigBuilder* rig)
+  MeshLoader(const Document& document, Accessors& accessors, Textures& textures, Scene& scene,
+             RigBuilder& rig)
       : document_(document),
         accessors_(accessors),
         textures_(textures),
         scene_(scene),
         rig_(rig),
-        vertices_(document, tree, accessors, rig),
+        vertices_(document, accessors, rig),
         meshes_(scene.meshes),
         nodes_(scene.nodes),
         groups_(scene.groups) {}
 
   // Adds the node's mesh, if it has one.
   Status add_node(int node) {
-    const int mesh = document_.nodes[static_cast<size_t>(node)].mesh;
+    const int mesh = document_.nodes[node].mesh;
     if (mesh < 0) return {};
-    const auto& primitives = document_.meshes[static_cast<size_t>(mesh)].primitives;
+    const auto& primitives = document_.meshes[mesh].primitives;
     for (size_t i = 0; i < primitives.size(); ++i) {
       if (primitives[i].mode < kTriangles) {
         ++skipped_primitive_count_;
@@ -361,9 +324,8 @@ class MeshLoader {
 
  private:
   Status add_primitive(int node, int mesh, size_t index) {
-    const Primitive& primitive = document_.meshes[static_cast<size_t>(mesh)].primitives[index];
-    const std::string path =
-        at_index(at_index("meshes", static_cast<size_t>(mesh)) + ".primitives", index);
+    const Primitive& primitive = document_.meshes[mesh].primitives[index];
+    const std::string path = at_index(at_index("meshes", mesh) + ".primitives", index);
     if (is_compressed(primitive)) {
       return unread_extension(document_.name, path, "the data is compressed",
                               primitive.compressed_by);
@@ -375,7 +337,7 @@ class MeshLoader {
     VOXELD_ASSIGN(const bool is_mirrored, vertices_.is_mirrored(source, corners[0]));
     const int material = textures_.use_material(primitive.material);
     MeshPart& part = part_for(node, index, material, source);
-    if (material >= 0 && scene_.materials[static_cast<size_t>(material)].image >= 0 && !source.uv) {
+    if (material >= 0 && scene_.materials[material].image >= 0 && !source.uv) {
       add_warning(scene_, "no-texture-coordinates",
                   document_.name + " " + path + ": has no coordinates for its texture");
     }
@@ -390,10 +352,10 @@ class MeshLoader {
 
   Status add_corners(const VertexSource& source, const std::vector<uint32_t>& corners,
                      MeshPart& part) {
-    SkinPart* skin =
-        rig_ == nullptr ? nullptr : &rig_->part(static_cast<size_t>(&part - scene_.parts.data()));
+    SkinPart* skin = rig_.is_recorded() ? &rig_.part(&part - scene_.parts.data()) : nullptr;
     Renumbering renumbering(source.position.count, corners.size());
-    part.indices.reserve(part.indices.size() + corners.size());
+    // A part that many primitives share grows on its own: each reserve() would copy it.
+    if (part.indices.empty()) part.indices.reserve(corners.size());
     for (const uint32_t corner : corners) {
       cancel_point();
       const auto next = static_cast<uint32_t>(part.positions.size());
@@ -414,7 +376,7 @@ class MeshLoader {
   bool is_compressed(const Primitive& primitive) const {
     if (primitive.compressed_by.empty()) return false;
     const auto is_empty = [&](int accessor) {
-      const Accessor& a = document_.accessors[static_cast<size_t>(accessor)];
+      const Accessor& a = document_.accessors[accessor];
       return a.view < 0 && !a.sparse;
     };
     return (primitive.indices >= 0 && is_empty(primitive.indices)) ||
@@ -485,13 +447,13 @@ class MeshLoader {
       scene_.parts_merged = true;
       return scene_.parts[found->second];
     }
-    const Node& node = document_.nodes[static_cast<size_t>(node_index)];
-    const Mesh& mesh = document_.meshes[static_cast<size_t>(node.mesh)];
+    const Node& node = document_.nodes[node_index];
+    const Mesh& mesh = document_.meshes[node.mesh];
     const auto mesh_name = [&] {
-      return mesh.name.empty() ? at_index("meshes", static_cast<size_t>(node.mesh)) : mesh.name;
+      return mesh.name.empty() ? at_index("meshes", node.mesh) : mesh.name;
     };
     const auto node_name = [&] {
-      return node.name.empty() ? at_index("nodes", static_cast<size_t>(node_index)) : node.name;
+      return node.name.empty() ? at_index("nodes", node_index) : node.name;
     };
     MeshPart part;
     part.name = node.name.empty() ? mesh.name : node.name;
@@ -508,7 +470,7 @@ class MeshLoader {
   Accessors& accessors_;
   Textures& textures_;
   Scene& scene_;
-  RigBuilder* rig_;
+  RigBuilder& rig_;
   Vertices vertices_;
   NameList<int> meshes_, nodes_;
   NameList<std::pair<int, size_t>> groups_;  // mesh, primitive
@@ -520,10 +482,12 @@ class MeshLoader {
 
 }  // namespace
 
-Status add_meshes(const Document& document, const NodeTree& tree, Accessors& accessors,
-                  Textures& textures, Scene& scene, RigBuilder* rig) {
-  MeshLoader loader(document, tree, accessors, textures, scene, rig);
-  for (const int node : tree.shown) VOXELD_TRY(loader.add_node(node));
+Status add_meshes(const Document& document, Accessors& accessors, Textures& textures, Scene& scene,
+                  RigBuilder& rig) {
+  MeshLoader loader(document, accessors, textures, scene, rig);
+  for (const int node : document.order) {
+    if (document.nodes[node].is_shown) VOXELD_TRY(loader.add_node(node));
+  }
   return loader.finish();
 }
 

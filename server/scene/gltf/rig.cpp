@@ -4,6 +4,7 @@
 #include <array>
 #include <glm/gtc/quaternion.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -15,7 +16,7 @@ namespace {
 
 struct RigParts {
   std::vector<Node> nodes;
-  NodeTree tree;
+  std::vector<int> order;  // Document::order
   Bindings bindings;
   std::vector<Animation> animations;
   // The node of the root joint, per animation, and last for the rest pose.
@@ -66,11 +67,9 @@ class GltfRig final : public Rig {
   // `parent_from_node`: of every node, animated or not.
   Pose pose_of(const std::vector<glm::dmat4>& parent_from_node, uint32_t root) const {
     std::vector<glm::dmat4> world_from_node = parent_from_node;
-    for (const int node : parts_.tree.order) {
-      const auto at = static_cast<size_t>(node);
-      const int parent = parts_.tree.parents[at];
-      if (parent < 0) continue;
-      world_from_node[at] = world_from_node[static_cast<size_t>(parent)] * parent_from_node[at];
+    for (const int node : parts_.order) {
+      const int parent = parts_.nodes[node].parent;
+      if (parent >= 0) world_from_node[node] = world_from_node[parent] * parent_from_node[node];
     }
     Pose pose;
     pose.world_from_bound.reserve(parts_.bindings.bound.size());
@@ -88,24 +87,38 @@ class GltfRig final : public Rig {
 
 }  // namespace
 
+void RigBuilder::add_matrix(int node, const glm::dmat4& node_from_bound) {
+  bindings_.bound.push_back({static_cast<uint32_t>(node), node_from_bound});
+  world_from_bound_.push_back(document_.nodes[node].world_from_node * node_from_bound);
+}
+
 uint32_t RigBuilder::matrix_of_node(int node) {
   const auto next = static_cast<uint32_t>(bindings_.bound.size());
   const auto [found, is_new] = node_matrices_.try_emplace(node, next);
-  if (is_new) bindings_.bound.push_back({.node = static_cast<uint32_t>(node)});
+  if (is_new) add_matrix(node, glm::dmat4(1.0));
   return found->second;
 }
 
-uint32_t RigBuilder::first_matrix_of_skin(int skin, const std::vector<glm::dmat4>& inverse_bind) {
+Result<uint32_t> RigBuilder::first_matrix_of_skin(int index) {
   const auto next = static_cast<uint32_t>(bindings_.bound.size());
-  const auto [found, is_new] = skin_matrices_.try_emplace(skin, next);
+  const auto [found, is_new] = skin_matrices_.try_emplace(index, next);
   if (!is_new) return found->second;
-  skins_.push_back(skin);
-  const std::vector<int>& joints = document_.skins[static_cast<size_t>(skin)].joints;
-  for (size_t j = 0; j < joints.size(); ++j) {
-    bindings_.bound.push_back({static_cast<uint32_t>(joints[j]),
-                               inverse_bind.empty() ? glm::dmat4(1.0) : inverse_bind[j]});
+  skins_.push_back(index);
+  const Skin& skin = document_.skins[index];
+  std::optional<Elements> inverse;
+  if (skin.inverse_bind_matrices >= 0) {
+    VOXELD_ASSIGN(inverse, accessors_.open(skin.inverse_bind_matrices,
+                                           {"inverseBindMatrices", 16, 16, Expected::kFloat}));
+    if (inverse->count < skin.joints.size()) {
+      return document_.malformed(at_index("skins", index) + ".inverseBindMatrices", "elements",
+                                 "at least " + std::to_string(skin.joints.size()),
+                                 std::to_string(inverse->count));
+    }
   }
-  return found->second;
+  for (size_t j = 0; j < skin.joints.size(); ++j) {
+    add_matrix(skin.joints[j], inverse ? inverse->matrix(j) : glm::dmat4(1.0));
+  }
+  return next;
 }
 
 uint32_t RigBuilder::first_weight_of_node(int node, const std::vector<double>& weights,
@@ -138,57 +151,57 @@ Status RigBuilder::end_vertex(SkinPart& part) {
                     kSkinInfluencesMax, count);
 }
 
+// Per node: whether it is a joint of one of the skins.
+std::vector<bool> RigBuilder::is_joint_of(std::span<const int> skins) const {
+  std::vector<bool> is_joint(document_.nodes.size());
+  for (const int skin : skins) {
+    for (const int node : document_.skins[skin].joints) is_joint[node] = true;
+  }
+  return is_joint;
+}
+
 // Adds the joints of the skins that vertices follow, in the order of the tree. A joint's parent is
 // the next joint above it.
 void RigBuilder::add_joints(AnimatedScene& animated) const {
-  std::vector<bool> is_joint(document_.nodes.size());
-  for (const int skin : skins_) {
-    for (const int node : document_.skins[static_cast<size_t>(skin)].joints) {
-      is_joint[static_cast<size_t>(node)] = true;
-    }
-  }
+  const std::vector<bool> is_joint = is_joint_of(skins_);
   std::vector<int> joint_above(document_.nodes.size(), -1);  // or the node itself
-  for (const int node : tree_.order) {
-    const auto at = static_cast<size_t>(node);
-    const int parent = tree_.parents[at];
-    const int above = parent < 0 ? -1 : joint_above[static_cast<size_t>(parent)];
-    joint_above[at] = above;
+  for (const int at : document_.order) {
+    const Node& node = document_.nodes[at];
+    if (node.parent >= 0) joint_above[at] = joint_above[node.parent];
     if (!is_joint[at]) continue;
-    joint_above[at] = static_cast<int>(animated.joints.size());
-    const std::string& name = document_.nodes[at].name;
-    animated.joints.push_back({name.empty() ? "node " + std::to_string(node) : name, above});
+    const int joint = static_cast<int>(animated.joints.size());
+    animated.joints.push_back(
+        {node.name.empty() ? "node " + std::to_string(at) : node.name, joint_above[at]});
+    joint_above[at] = joint;
   }
 }
 
 // The topmost joint of the first skin, or the topmost node that the animation translates. Else the
 // first node, which always exists, because the scene shows a mesh.
 uint32_t RigBuilder::root_of(const Animation* animation) const {
-  std::vector<bool> is_candidate(document_.nodes.size());
-  if (!skins_.empty()) {
-    for (const int node : document_.skins[static_cast<size_t>(skins_[0])].joints) {
-      is_candidate[static_cast<size_t>(node)] = true;
-    }
-  } else if (animation != nullptr) {
+  std::vector<bool> is_candidate =
+      is_joint_of(std::span(skins_).first(std::min(skins_.size(), size_t{1})));
+  if (skins_.empty() && animation != nullptr) {
     for (const Channel& channel : animation->channels) {
       if (channel.property == Property::kTranslation) is_candidate[channel.node] = true;
     }
   }
-  const auto found = std::find_if(tree_.order.begin(), tree_.order.end(), [&](int node) {
-    return is_candidate[static_cast<size_t>(node)];
-  });
-  return static_cast<uint32_t>(found != tree_.order.end() ? *found : tree_.order.at(0));
+  const auto& order = document_.order;
+  const auto found =
+      std::find_if(order.begin(), order.end(), [&](int node) { return is_candidate[node]; });
+  return static_cast<uint32_t>(found != order.end() ? *found : order.at(0));
 }
 
-Status RigBuilder::finish(Accessors& accessors, AnimatedScene& animated) {
+Status RigBuilder::finish(AnimatedScene& animated) {
   const auto morph_target_count = [&](uint32_t node) {
     const auto found = bindings_.weights_of_node.find(node);
     return found == bindings_.weights_of_node.end() ? size_t{0} : found->second.count;
   };
   RigParts rig;
   rig.nodes = document_.nodes;
-  rig.tree = tree_;
+  rig.order = document_.order;
   VOXELD_ASSIGN(rig.animations,
-                read_animations(document_, accessors, morph_target_count, animated.scene));
+                read_animations(document_, accessors_, morph_target_count, animated.scene));
   for (const Animation& animation : rig.animations) {
     animated.animations.push_back({.name = animation.name, .duration_s = animation.duration_s});
     rig.roots.push_back(root_of(&animation));

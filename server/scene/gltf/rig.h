@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <span>
 #include <vector>
 
 #include <glm/mat4x4.hpp>
@@ -13,7 +14,6 @@
 #include "server/scene/gltf/accessor.h"
 #include "server/scene/gltf/animation.h"
 #include "server/scene/gltf/document.h"
-#include "server/scene/gltf/nodes.h"
 
 namespace voxeld::gltf {
 
@@ -34,16 +34,21 @@ struct Bindings {
   std::map<uint32_t, Weights> weights_of_node;  // in morph_weights
 };
 
-// Records the vertices' bindings while meshes are loaded. One per load; the objects it refers to
-// must outlive it.
+// Makes the matrices that vertices follow while meshes are loaded, in the pose in which the file
+// leaves its nodes, and records the vertices' bindings for a rig. One per load; the objects it
+// refers to must outlive it.
 class RigBuilder {
  public:
-  RigBuilder(const Document& document, const NodeTree& tree) : document_(document), tree_(tree) {}
+  // `is_recorded`: the scene is animated; otherwise there is no part() and no finish().
+  RigBuilder(const Document& document, Accessors& accessors, bool is_recorded)
+      : document_(document), accessors_(accessors), is_recorded_(is_recorded) {}
 
+  bool is_recorded() const { return is_recorded_; }
   // Index of the matrix of a node without skin, or of the first joint of a skin; made on first use.
-  // `inverse_bind`: one per joint, or none for identities.
+  // Errors: malformed-mesh, for the inverse bind matrices of a skin.
   uint32_t matrix_of_node(int node);
-  uint32_t first_matrix_of_skin(int skin, const std::vector<glm::dmat4>& inverse_bind);
+  Result<uint32_t> first_matrix_of_skin(int skin);
+  const glm::dmat4& world_from_bound(uint32_t matrix) const { return world_from_bound_[matrix]; }
   // Index of the first of `count` weights of a node's mesh. They begin with `weights`, followed by
   // zeros.
   uint32_t first_weight_of_node(int node, const std::vector<double>& weights, size_t count);
@@ -53,15 +58,19 @@ class RigBuilder {
   Status end_vertex(SkinPart& part);
 
   // Completes `animated`, which has its scene already. Errors: those of read_animations().
-  Status finish(Accessors& accessors, AnimatedScene& animated);
+  Status finish(AnimatedScene& animated);
 
  private:
+  void add_matrix(int node, const glm::dmat4& node_from_bound);
+  std::vector<bool> is_joint_of(std::span<const int> skins) const;
   void add_joints(AnimatedScene& animated) const;
   uint32_t root_of(const Animation* animation) const;
 
   const Document& document_;
-  const NodeTree& tree_;
+  Accessors& accessors_;
+  bool is_recorded_;
   Bindings bindings_;
+  std::vector<glm::dmat4> world_from_bound_;  // of bindings_.bound
   std::vector<SkinPart> parts_;
   std::map<int, uint32_t> node_matrices_, skin_matrices_;
   std::vector<int> skins_;  // in the order of their first use

@@ -12,18 +12,17 @@ int Textures::use_material(int index) {
   if (index < 0) return -1;
   const auto found = materials_.find(index);
   if (found != materials_.end()) return found->second;
-  const MaterialSource& from = document_.materials[static_cast<size_t>(index)];
+  const MaterialSource& from = document_.materials[index];
   Material to{.name = from.name, .base_color = from.base_color};
   if (from.base_color_given) scene_.colors_given = true;
   if (from.texture >= 0) {
-    const int sampler = document_.textures[static_cast<size_t>(from.texture)].sampler;
+    const int sampler = document_.textures[from.texture].sampler;
     if (sampler >= 0) {
-      to.wrap_u = document_.samplers[static_cast<size_t>(sampler)].wrap_u;
-      to.wrap_v = document_.samplers[static_cast<size_t>(sampler)].wrap_v;
+      to.wrap_u = document_.samplers[sampler].wrap_u;
+      to.wrap_v = document_.samplers[sampler].wrap_v;
     }
-    to.image = use_texture(from.texture, from.name.empty()
-                                             ? at_index("materials", static_cast<size_t>(index))
-                                             : from.name);
+    to.image =
+        use_texture(from.texture, from.name.empty() ? at_index("materials", index) : from.name);
   }
   scene_.materials.push_back(std::move(to));
   const int at = static_cast<int>(scene_.materials.size()) - 1;
@@ -32,12 +31,12 @@ int Textures::use_material(int index) {
 }
 
 int Textures::use_texture(int index, const std::string& needed_by) {
-  const Texture& texture = document_.textures[static_cast<size_t>(index)];
+  const Texture& texture = document_.textures[index];
   if (texture.image < 0) {
     const std::string in = texture.unread_format.empty()
                                ? std::string()
                                : ", only in that of " + shown(texture.unread_format);
-    return refuse(at_index("textures", static_cast<size_t>(index)), needed_by, "missing-texture",
+    return refuse(at_index("textures", index), needed_by, "missing-texture",
                   "has no image in a format that voxeld reads" + in);
   }
   const auto found = images_.find(texture.image);
@@ -62,10 +61,9 @@ Result<std::optional<std::vector<uint8_t>>> Textures::image_bytes(const ImageSou
 
 int Textures::load_image(int index, const std::string& needed_by) {
   cancel_point();
-  const ImageSource& image = document_.images[static_cast<size_t>(index)];
+  const ImageSource& image = document_.images[index];
   // A readable name: the file, else the image's name, else its number.
-  std::string label =
-      image.name.empty() ? at_index("images", static_cast<size_t>(index)) : image.name;
+  std::string label = image.name.empty() ? at_index("images", index) : image.name;
   if (!image.uri.empty() && !is_data_uri(image.uri)) label = image.uri;
   // Many elements may name one large file, so both successes and failures are limited.
   if (refused_count_ >= kSceneWarningsMax) return -1;
