@@ -173,7 +173,7 @@ class Vertices {
       // All primitives of a mesh should have the same number of targets. The most counts.
       size_t count = 0;
       for (const Primitive& other : mesh.primitives) count = std::max(count, other.targets.size());
-      source.first_weight = rig_.first_weight_of_node(node_index, weights, count);
+      VOXELD_ASSIGN(source.first_weight, rig_.first_weight_of_node(node_index, weights, count));
     }
     for (size_t i = 0; i < primitive.targets.size(); ++i) {
       const double weight = i < weights.size() ? weights[i] : 0.0;

@@ -121,17 +121,20 @@ Result<uint32_t> RigBuilder::first_matrix_of_skin(int index) {
   return next;
 }
 
-uint32_t RigBuilder::first_weight_of_node(int node, const std::vector<double>& weights,
-                                          size_t count) {
+Result<uint32_t> RigBuilder::first_weight_of_node(int node, const std::vector<double>& weights,
+                                                  size_t count) {
   std::vector<double>& all = bindings_.morph_weights;
   const Bindings::Weights next{static_cast<uint32_t>(all.size()), count};
   const auto [found, is_new] =
       bindings_.weights_of_node.try_emplace(static_cast<uint32_t>(node), next);
-  if (is_new) {
-    all.resize(all.size() + count);
-    std::copy_n(weights.begin(), std::min(count, weights.size()), all.begin() + next.first);
+  if (!is_new) return found->second.first;
+  if (count > kMorphWeightsMax - all.size()) {
+    return over_limit(document_.name, at_index("nodes", node), "morph weights of all nodes",
+                      kMorphWeightsMax, static_cast<int64_t>(all.size() + count));
   }
-  return found->second.first;
+  all.resize(all.size() + count);
+  std::copy_n(weights.begin(), std::min(count, weights.size()), all.begin() + next.first);
+  return next.first;
 }
 
 SkinPart& RigBuilder::part(size_t index) {

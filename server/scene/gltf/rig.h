@@ -17,6 +17,10 @@
 
 namespace voxeld::gltf {
 
+// Morph weights of all nodes that show a mesh, 32 MiB of doubles in every pose. More:
+// malformed-mesh. A few bytes of a file can give many nodes a mesh with many empty targets.
+inline constexpr size_t kMorphWeightsMax = size_t{1} << 22;
+
 // The matrices and weights that vertices follow: one matrix per joint of each skin in use, and one
 // per node whose mesh has vertices without a skin.
 struct Bindings {
@@ -50,8 +54,8 @@ class RigBuilder {
   Result<uint32_t> first_matrix_of_skin(int skin);
   const glm::dmat4& world_from_bound(uint32_t matrix) const { return world_from_bound_[matrix]; }
   // Index of the first of `count` weights of a node's mesh. They begin with `weights`, followed by
-  // zeros.
-  uint32_t first_weight_of_node(int node, const std::vector<double>& weights, size_t count);
+  // zeros. Errors: malformed-mesh for more than kMorphWeightsMax.
+  Result<uint32_t> first_weight_of_node(int node, const std::vector<double>& weights, size_t count);
   // The table for the vertices of one part of the scene.
   SkinPart& part(size_t index);
   // Closes a vertex. Errors: malformed-mesh for more influences or morphs than kSkinInfluencesMax.
