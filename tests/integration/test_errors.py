@@ -24,7 +24,7 @@ TESTED_ELSEWHERE = {
     "device-unavailable": "unit_jobs: no worker",
     "queue-full": "unit_jobs: queue limit",
     "too-many-requests": "unit_api: cap on requests that wait",
-    "malformed-image": "unit_scene_gltf: decode_image; a request gets the warning bad-texture",
+    "malformed-image": "unit_scene_gltf: decode_image; a request gets the warning broken-texture",
     "deadline-exceeded": "unit_http: slow body",
 }
 PROVOKED = set()

@@ -113,6 +113,17 @@ TEST(GltfAnimationErrors, the_sum_of_all_keys_is_bounded) {
             "268435456, got 500000000");
 }
 
+TEST(GltfAnimationErrors, morph_weights_of_all_nodes_are_bounded) {
+  GltfBuilder builder = triangle();
+  builder.primitive()["targets"] = Json(1 << 11, Json::object());
+  builder.json["nodes"] = Json((1 << 11) + 1, Json{{"mesh", 0}});
+  for (const char* key : {"scene", "scenes"}) builder.json.erase(key);
+  EXPECT_EQ(outcome(builder.load()), "ok");
+  EXPECT_EQ(animated_message(builder),
+            "a.gltf nodes[2048]: morph weights of all nodes: expected at most 4194304, got "
+            "4196352");
+}
+
 TEST(GltfAnimationErrors, cycles_and_joints_that_are_not_there_are_refused) {
   GltfBuilder builder = dancer();
   builder.json["nodes"][3]["children"] = {2};

@@ -4,7 +4,7 @@
 
 #include <glm/geometric.hpp>
 
-#include "server/scene/gltf_animation.h"
+#include "server/scene/gltf/animation.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene_animation/animation_fixtures.h"
 
@@ -65,20 +65,20 @@ TEST(GltfAnimation, has_names_and_durations) {
   EXPECT_EQ(animated.joints[0].parent, -1);
 }
 
-GltfKeys keys_of(Interpolation interpolation, size_t width, std::vector<float> times,
-                 std::vector<float> values) {
+gltf::Keys keys_of(gltf::Interpolation interpolation, size_t width, std::vector<float> times,
+                   std::vector<float> values) {
   return {interpolation, width, std::move(times), std::move(values)};
 }
 
-double number_at(const GltfKeys& keys, double seconds) {
+double number_at(const gltf::Keys& keys, double seconds) {
   double out = 0.0;
-  sample_numbers(keys, seconds, {&out, 1});
+  gltf::sample_numbers(keys, seconds, {&out, 1});
   return out;
 }
 
 TEST(GltfKeys, steps_hold_and_lines_go_straight_and_both_end_at_their_ends) {
-  const GltfKeys step = keys_of(Interpolation::kStep, 1, {1, 2, 4}, {10, 20, 40});
-  const GltfKeys line = keys_of(Interpolation::kLinear, 1, {1, 2, 4}, {10, 20, 40});
+  const gltf::Keys step = keys_of(gltf::Interpolation::kStep, 1, {1, 2, 4}, {10, 20, 40});
+  const gltf::Keys line = keys_of(gltf::Interpolation::kLinear, 1, {1, 2, 4}, {10, 20, 40});
   EXPECT_EQ(number_at(step, 0.0), 10);
   EXPECT_EQ(number_at(step, 1.999), 10);
   EXPECT_EQ(number_at(step, 2.0), 20);
@@ -91,13 +91,14 @@ TEST(GltfKeys, steps_hold_and_lines_go_straight_and_both_end_at_their_ends) {
 
 TEST(GltfKeys, a_spline_follows_its_tangents) {
   // x^3 from 0 to 2 has the slopes 0 and 12; a cubic is what a Hermite spline is exact for.
-  const GltfKeys cube = keys_of(Interpolation::kCubicSpline, 1, {0, 2}, {9, 0, 0, 12, 8, 9});
+  const gltf::Keys cube =
+      keys_of(gltf::Interpolation::kCubicSpline, 1, {0, 2}, {9, 0, 0, 12, 8, 9});
   for (const double t : {0.0, 0.3, 1.0, 1.7, 2.0})
     EXPECT_NEAR(number_at(cube, t), t * t * t, 1e-12);
 }
 
 TEST(GltfKeys, times_that_repeat_jump) {
-  const GltfKeys line = keys_of(Interpolation::kLinear, 1, {0, 1, 1, 2}, {0, 1, 5, 6});
+  const gltf::Keys line = keys_of(gltf::Interpolation::kLinear, 1, {0, 1, 1, 2}, {0, 1, 5, 6});
   EXPECT_NEAR(number_at(line, 0.999), 0.999, 1e-9);
   EXPECT_EQ(number_at(line, 1.0), 5);
   EXPECT_EQ(number_at(line, 1.5), 5.5);
@@ -106,14 +107,14 @@ TEST(GltfKeys, times_that_repeat_jump) {
 TEST(GltfKeys, rotations_go_the_short_way_and_none_is_none) {
   // A turn by 0 and, with the other sign, by 90 degrees about z.
   const float h = std::sqrt(0.5f);
-  const GltfKeys turn =
-      keys_of(Interpolation::kLinear, 4, {0, 1, 2}, {0, 0, 0, 1, 0, 0, -h, -h, 0, 0, 0, 0});
+  const gltf::Keys turn =
+      keys_of(gltf::Interpolation::kLinear, 4, {0, 1, 2}, {0, 0, 0, 1, 0, 0, -h, -h, 0, 0, 0, 0});
   std::array<double, 4> q{};
-  sample_rotation(turn, 0.5, q);
+  gltf::sample_rotation(turn, 0.5, q);
   EXPECT_NEAR(std::abs(q[2]), std::sin(std::acos(-1) / 8), 1e-6);
   EXPECT_NEAR(std::abs(q[3]), std::cos(std::acos(-1) / 8), 1e-6);
   EXPECT_GT(q[2] * q[3], 0);
-  sample_rotation(turn, 2.0, q);
+  gltf::sample_rotation(turn, 2.0, q);
   EXPECT_THAT(q, ElementsAre(0, 0, 0, 1));
 }
 

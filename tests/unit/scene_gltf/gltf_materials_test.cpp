@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/scene/gltf_buffers.h"
+#include "server/scene/gltf/container.h"
 #include "tests/unit/scene_gltf/gltf_builder.h"
 
 namespace voxeld {
@@ -76,7 +76,7 @@ TEST(GltfMaterials, a_broken_texture_is_a_warning_that_names_it) {
   const auto scene = textured({{"uri", "a.png"}}).load(&bundle);
   ASSERT_EQ(outcome(scene), "ok");
   ASSERT_EQ(scene->warnings.size(), 1u);
-  EXPECT_EQ(scene->warnings[0].code, "bad-texture");
+  EXPECT_EQ(scene->warnings[0].code, "broken-texture");
   EXPECT_THAT(scene->warnings[0].detail, HasSubstr("a.png, named by skin"));
   EXPECT_EQ(scene->missing_files.at(0).name, "a.png");
 }
@@ -88,7 +88,7 @@ TEST(GltfMaterials, a_view_outside_of_its_buffer_is_a_broken_texture) {
   builder.json["images"][0]["bufferView"] = 2;
   const auto scene = builder.load();
   ASSERT_EQ(outcome(scene), "ok");
-  EXPECT_EQ(scene->warnings.at(0).code, "bad-texture");
+  EXPECT_EQ(scene->warnings.at(0).code, "broken-texture");
   EXPECT_THAT(scene->warnings.at(0).detail, HasSubstr("bufferViews[2]"));
 }
 
@@ -188,7 +188,7 @@ TEST(GltfMaterials, optional_extensions_that_are_not_read_are_told) {
 
 TEST(GltfBuffers, data_uris_in_all_their_forms) {
   const auto text = [](std::string_view uri) {
-    const auto bytes = decode_data_uri(uri);
+    const auto bytes = gltf::decode_data_uri(uri);
     return bytes ? std::string(bytes->begin(), bytes->end()) : "none";
   };
   EXPECT_EQ(text("data:application/octet-stream;base64,aGVsbG8="), "hello");
