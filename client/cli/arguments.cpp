@@ -9,7 +9,7 @@
 
 #include "client/cli/api_key.h"
 #include "proto/job.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/sequence_format.h"
 #include "proto/version.h"
 

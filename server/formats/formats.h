@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "proto/job.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/grid/grid.h"
 

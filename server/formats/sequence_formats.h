@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "proto/job.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "proto/sequence_format.h"
 #include "server/grid/frame_source.h"

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "proto/bundle_manifest.h"
-#include "proto/option_frames.h"
+#include "proto/options/rules.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/base/sha256_file.h"
@@ -134,7 +134,7 @@ json grid_options(const RequestOptions& options) {
 json frame_grid_options(const RequestOptions& options) {
   json kept = grid_options(options);
   for (const OptionInfo& info : option_table()) {
-    if (option_frames::is_animation_option(info.name)) kept.erase(std::string(info.name));
+    if (option_rules::is_animation_option(info.name)) kept.erase(std::string(info.name));
   }
   return kept;
 }

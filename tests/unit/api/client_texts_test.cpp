@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/jobs/sqlite.h"
 #include "tests/unit/api/api_server_fixture.h"
 

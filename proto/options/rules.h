@@ -5,10 +5,10 @@
 #include <set>
 #include <string_view>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 
-namespace voxeld::option_frames {
+namespace voxeld::option_rules {
 
 // The names of the options that a request gives.
 using Given = std::set<std::string_view>;
@@ -28,4 +28,4 @@ void complete_animation(RequestOptions& options, OptionScope scope, const Given&
 Status check_animation(const AnimationOptions& animation, const Given& given);
 Status check_picture(const RequestOptions& options, OptionScope scope, const Given& given);
 
-}  // namespace voxeld::option_frames
+}  // namespace voxeld::option_rules

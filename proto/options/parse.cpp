@@ -1,4 +1,4 @@
-#include "proto/options.h"
+#include "proto/options/options.h"
 
 #include <algorithm>
 #include <bit>
@@ -7,9 +7,9 @@
 
 #include "proto/client_texts.h"
 #include "proto/limits.h"
-#include "proto/option_frames.h"
-#include "proto/option_values.h"
-#include "proto/option_words.h"
+#include "proto/options/rules.h"
+#include "proto/options/values.h"
+#include "proto/options/words.h"
 
 namespace voxeld {
 namespace {
@@ -302,11 +302,11 @@ Status set_option(RequestOptions& options, const OptionInfo& option, std::string
     options.filename = text;
     return {};
   }
-  if (option_frames::is_animation_option(option.name)) {
-    return option_frames::set_animation(options.animation, option.name, text);
+  if (option_rules::is_animation_option(option.name)) {
+    return option_rules::set_animation(options.animation, option.name, text);
   }
-  if (option_frames::is_picture_option(option.name)) {
-    return option_frames::set_picture(options.render, option.name, text);
+  if (option_rules::is_picture_option(option.name)) {
+    return option_rules::set_picture(options.render, option.name, text);
   }
   if (option.for_voxelize) return set_voxelize(options.voxelize, option.name, text);
   if (option.for_output) return set_output(options.output, option.name, text);
@@ -425,9 +425,9 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
     if (!seen.contains("width")) options.render.width = kDefaultSheetSide;
     if (!seen.contains("height")) options.render.height = kDefaultSheetSide;
   }
-  option_frames::complete_animation(options, scope, seen);
-  VOXELD_TRY(option_frames::check_animation(options.animation, seen));
-  VOXELD_TRY(option_frames::check_picture(options, scope, seen));
+  option_rules::complete_animation(options, scope, seen);
+  VOXELD_TRY(option_rules::check_animation(options.animation, seen));
+  VOXELD_TRY(option_rules::check_picture(options, scope, seen));
   VOXELD_TRY(check_combinations(options));
   return options;
 }

@@ -3,9 +3,9 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/hex.h"
-#include "proto/option_values.h"
-#include "proto/option_words.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
+#include "proto/options/values.h"
+#include "proto/options/words.h"
 
 namespace voxeld {
 namespace {

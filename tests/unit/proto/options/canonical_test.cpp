@@ -4,7 +4,7 @@
 #include <set>
 #include <string>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 
 namespace voxeld {
 namespace {

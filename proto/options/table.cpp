@@ -1,5 +1,5 @@
 // The table of all options: names, value texts and help. Order is the order of help texts.
-#include "proto/options.h"
+#include "proto/options/options.h"
 
 namespace voxeld {
 namespace {

@@ -1,4 +1,4 @@
-#include "proto/options.h"
+#include "proto/options/options.h"
 
 #include <gtest/gtest.h>
 

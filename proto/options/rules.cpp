@@ -1,4 +1,4 @@
-#include "proto/option_frames.h"
+#include "proto/options/rules.h"
 
 #include <algorithm>
 #include <array>
@@ -6,10 +6,10 @@
 
 #include "proto/client_texts.h"
 #include "proto/limits.h"
-#include "proto/option_values.h"
-#include "proto/option_words.h"
+#include "proto/options/values.h"
+#include "proto/options/words.h"
 
-namespace voxeld::option_frames {
+namespace voxeld::option_rules {
 namespace {
 
 using namespace option_values;
@@ -215,4 +215,4 @@ Status check_picture(const RequestOptions& options, OptionScope scope, const Giv
   return {};
 }
 
-}  // namespace voxeld::option_frames
+}  // namespace voxeld::option_rules
