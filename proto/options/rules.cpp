@@ -2,107 +2,130 @@
 
 #include <algorithm>
 #include <array>
-#include <nlohmann/json.hpp>
+#include <string>
 
-#include "proto/client_texts.h"
-#include "proto/limits.h"
 #include "proto/options/values.h"
 #include "proto/options/words.h"
 
-namespace voxeld::option_rules {
+namespace voxeld {
 namespace {
 
 using namespace option_values;
 namespace words = option_words;
 
-constexpr std::array<std::string_view, 6> kAnimationOptions = {"animation", "time",  "frames",
-                                                               "fps",       "times", "root_motion"};
-constexpr std::array<std::string_view, 5> kPictureOptions = {"picture", "frame", "turntable",
-                                                             "rate", "columns"};
+constexpr double kDefaultBandThickness = 3.0;  // voxels
+constexpr int kDefaultSheetSide = 160;         // pixels of one image of a sheet
 
-constexpr double kAnimationSecondsMax = 86'400;  // a day: invalid-option
-constexpr double kFpsMin = 0.01, kFpsMax = 1000;
-constexpr int kTurntableMin = 2, kTurntableMax = 360;
-constexpr double kRateMin = 0.1, kRateMax = 100;
+// A request whose options are parsed one by one.
+struct Parsed {
+  const RequestOptions& options;
+  OptionScope scope;
+  const GivenOptions& given;
 
-// Canonical JSON holds the animation's name, and JSON must be UTF-8.
-bool is_utf8(std::string_view text) {
-  using Handler = nlohmann::json::error_handler_t;
-  const nlohmann::json json(text);
-  return json.dump(-1, ' ', false, Handler::replace) == json.dump(-1, ' ', false, Handler::ignore);
-}
-
-Status set_name(AnimationOptions& animation, std::string_view text) {
-  if (text.empty() || text.size() > client_texts::kAnimation.bytes_max ||
-      text.find('\0') != std::string_view::npos || !is_utf8(text)) {
-    return invalid("animation", "a name or number: 1 to 255 bytes of UTF-8 without NUL", text);
+  bool gives(std::string_view name) const { return given.contains(name); }
+  // The first of `names` that the request gives; empty: none.
+  std::string_view first_of(std::initializer_list<std::string_view> names) const {
+    const auto* found = std::ranges::find_if(names, [&](auto name) { return gives(name); });
+    return found == names.end() ? std::string_view() : *found;
   }
-  animation.animation = text;
-  return {};
-}
-
-Status set_frames(AnimationOptions& animation, std::string_view text) {
-  const Error wrong =
-      invalid("frames",
-              "FIRST..LAST, or one number: integers from 0 on, the first not above the "
-              "last",
-              text);
-  const size_t dots = text.find("..");
-  const auto first = parse_int(text.substr(0, dots));
-  const auto last = dots == std::string_view::npos ? first : parse_int(text.substr(dots + 2));
-  if (!first || !last || *first < 0 || *last < *first) return wrong;
-  if (*last - *first >= limits::kFramesMax) {
-    return invalid("frames", "at most " + std::to_string(limits::kFramesMax) + " of them", text);
+  std::string_view fill() const { return word_of<Fill>(options.voxelize.fill, words::kFill); }
+  std::string_view picture() const {
+    return word_of<PictureKind>(options.render.picture, words::kPicture);
   }
-  animation.frames = {*first, *last};
-  return {};
+};
+
+// Requests for frames of a mesh that name no animation take the first one: a frame of an image, and
+// images of several grids that are not a turntable.
+void complete_animation(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
+  const RenderOptions& render = options.render;
+  const bool shows_frames =
+      scope == OptionScope::kRenderMesh &&
+      (given.contains("frame") || (render.picture != PictureKind::kPng && render.turntable == 0));
+  const bool is_of_mesh = scope == OptionScope::kRenderMesh || scope == OptionScope::kVoxelize;
+  AnimationOptions& animation = options.animation;
+  if (!is_of_mesh || animation.animation || !(animation.moves() || shows_frames)) return;
+  animation.animation = "0";
 }
 
-Status set_times(AnimationOptions& animation, std::string_view text) {
-  const auto parts = split(text);
-  if (parts.size() > static_cast<size_t>(limits::kFramesMax)) {
-    return invalid("times", "at most " + std::to_string(limits::kFramesMax) + " times",
-                   std::to_string(parts.size()));
+void complete(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
+  if (options.voxelize.fill == Fill::kBand && !given.contains("thickness")) {
+    options.voxelize.thickness = kDefaultBandThickness;
   }
-  animation.times_s.clear();
-  for (const std::string_view part : parts) {
-    const auto value = parse_double(part);
-    const bool ascends = animation.times_s.empty() || (value && *value > animation.times_s.back());
-    if (!value || *value < 0 || *value > kAnimationSecondsMax || !ascends) {
-      return invalid("times",
-                     "T0,T1,…: seconds from 0 to " + to_text(kAnimationSecondsMax) +
-                         ", each above the one before it",
-                     text);
-    }
-    animation.times_s.push_back(*value);
+  if (options.render.picture == PictureKind::kSheet) {
+    if (!given.contains("width")) options.render.width = kDefaultSheetSide;
+    if (!given.contains("height")) options.render.height = kDefaultSheetSide;
   }
-  return {};
+  complete_animation(options, scope, given);
 }
 
-template <typename Number>
-Status set_between(std::optional<Number>& field, std::string_view name, std::string_view text,
-                   double min, double max) {
-  VOXELD_ASSIGN(field, number_between(name, text, min, max));
-  return {};
+// Options without effect are refused: they are more likely a mistake.
+
+Status sign_needs_inside_or_distance(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (!request.gives("sign") || v.has_inside() || v.measures()) return {};
+  return invalid("sign", "fill solid or shell or channel distance with it", request.fill());
 }
 
-Status set_int(int& field, std::string_view name, std::string_view text, int min, int max) {
-  VOXELD_ASSIGN(field, int_between(name, text, min, max));
-  return {};
+Status coverage_needs_surface_or_solid(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (!v.names(Channel::kCoverage) || v.fill == Fill::kSurface || v.fill == Fill::kSolid) return {};
+  return invalid("channels", "fill surface or solid with coverage", request.fill());
 }
 
-template <typename Enum, size_t N>
-Status set_word(Enum& field, std::string_view name, std::string_view text,
-                const std::array<Word<Enum>, N>& list) {
-  VOXELD_ASSIGN(field, (one_of<Enum>(name, text, list)));
-  return {};
+Status coverage_of_solid_excludes_flood(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (!v.names(Channel::kCoverage) || v.fill != Fill::kSolid || v.sign != Sign::kFlood) return {};
+  return invalid("sign", "parity, nonzero, majority, winding or auto with coverage", "flood");
 }
 
-std::string_view first_given(const Given& given, std::initializer_list<std::string_view> names) {
-  for (const std::string_view name : names) {
-    if (given.contains(name)) return name;
-  }
-  return {};
+Status thickness_needs_shell_or_band(const Parsed& request) {
+  const Fill fill = request.options.voxelize.fill;
+  if (!request.gives("thickness") || fill == Fill::kShell || fill == Fill::kBand) return {};
+  return invalid("thickness", "fill shell or band with it", request.fill());
+}
+
+Status interior_needs_inside(const Parsed& request) {
+  if (!request.gives("interior") || request.options.voxelize.has_inside()) return {};
+  return invalid("interior", "fill solid or shell with it", request.fill());
+}
+
+Status nearest_interior_needs_surface(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (v.interior != Interior::kNearest || v.rule != Rule::kNone) return {};
+  return invalid("rule", "touch, thin or center where interior is nearest", "none");
+}
+
+Status labels_need_channel_label(const Parsed& request) {
+  if (!request.gives("labels") || request.options.voxelize.names(Channel::kLabel)) return {};
+  return invalid("labels", "channel label with it", "channels without it");
+}
+
+Status time_excludes_frames(const Parsed& request) {
+  const std::string_view other = request.first_of({"frames", "fps", "times"});
+  if (!request.gives("time") || other.empty()) return {};
+  return invalid("time", "neither frames, fps nor times with it", other);
+}
+
+Status times_exclude_frames_and_fps(const Parsed& request) {
+  const std::string_view other = request.first_of({"frames", "fps"});
+  if (!request.gives("times") || other.empty()) return {};
+  return invalid("times", "neither frames nor fps with it", other);
+}
+
+Status root_motion_needs_animation(const Parsed& request) {
+  if (!request.gives("root_motion") || request.options.animation.moves()) return {};
+  return invalid("root_motion", "animation, time, frames, fps or times with it", "none of them");
+}
+
+Status rate_needs_gif_or_apng(const Parsed& request) {
+  const PictureKind kind = request.options.render.picture;
+  if (!request.gives("rate") || kind == PictureKind::kGif || kind == PictureKind::kApng) return {};
+  return invalid("rate", "picture gif or apng with it", request.picture());
+}
+
+Status columns_need_sheet(const Parsed& request) {
+  if (!request.gives("columns") || request.options.render.picture == PictureKind::kSheet) return {};
+  return invalid("columns", "picture sheet with it", request.picture());
 }
 
 // The number of frames that the request names; 0: as many as the input has.
@@ -111,108 +134,94 @@ int frames_named(const AnimationOptions& animation) {
   return static_cast<int>(animation.times_s.size());
 }
 
-Status check_frame(const RequestOptions& options, OptionScope scope) {
+Status frame_is_one_of_sequence(const Parsed& request) {
+  if (!request.gives("frame")) return {};
+  const RequestOptions& options = request.options;
   const std::string got = std::to_string(options.render.frame);
   if (options.render.picture != PictureKind::kPng) {
-    return invalid("frame", "picture png with it",
-                   word_of<PictureKind>(options.render.picture, words::kPicture));
+    return invalid("frame", "picture png with it", request.picture());
   }
-  if (scope == OptionScope::kRenderMesh && !options.animation.is_sequence()) {
+  if (request.scope == OptionScope::kRenderMesh && !options.animation.is_sequence()) {
     return invalid("frame", "frames of an animation, and not its time", got);
   }
   const int named = frames_named(options.animation);
-  if (named > 0 && options.render.frame >= named) {
-    return invalid("frame",
-                   "less than " + std::to_string(named) +
-                       ", the number of frames that are asked "
-                       "for",
-                   got);
-  }
-  return {};
+  if (named == 0 || options.render.frame < named) return {};
+  return invalid("frame",
+                 "less than " + std::to_string(named) + ", the number of frames that are asked for",
+                 got);
 }
 
-Status check_turntable(const RequestOptions& options, std::string_view picture) {
+Status turntable_shows_one_grid(const Parsed& request) {
+  if (!request.gives("turntable")) return {};
+  const RequestOptions& options = request.options;
   if (options.render.picture == PictureKind::kPng) {
-    return invalid("turntable", "picture gif, apng or sheet with it", picture);
+    return invalid("turntable", "picture gif, apng or sheet with it", request.picture());
   }
   if (options.render.matrix) return invalid("turntable", "a camera without matrix", "matrix");
-  if (options.animation.is_sequence()) {
-    return invalid("turntable", "one grid: no animation, or its time", "frames of an animation");
-  }
-  return {};
+  if (!options.animation.is_sequence()) return {};
+  return invalid("turntable", "one grid: no animation, or its time", "frames of an animation");
 }
+
+Status several_images_need_frames_or_views(const Parsed& request) {
+  const RenderOptions& render = request.options.render;
+  const bool is_several = request.options.animation.is_sequence() || render.turntable > 0;
+  if (request.scope != OptionScope::kRenderMesh || render.picture == PictureKind::kPng) return {};
+  if (is_several) return {};
+  return invalid("picture", "frames of an animation, or turntable with it", request.picture());
+}
+
+Status surface_needs_rule(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (v.rule != Rule::kNone || v.fill != Fill::kSurface) return {};
+  return invalid("rule", "touch, thin or center where fill is surface", "none");
+}
+
+Status one_of_size_dims_and_voxel_size(const Parsed& request) {
+  const PlacementOptions& p = request.options.voxelize.placement;
+  const int given = (p.size ? 1 : 0) + (p.dims ? 1 : 0) + (p.voxel_size ? 1 : 0);
+  if (given <= 1) return {};
+  return Error{ErrorCode::kInvalidOption, "size, dims and voxel_size exclude each other",
+               "at most one of them", std::to_string(given)};
+}
+
+Status padding_leaves_room(const Parsed& request) {
+  const PlacementOptions& p = request.options.voxelize.placement;
+  if (p.voxel_size) return {};
+  const int side = p.dims ? std::ranges::min(*p.dims) : p.size.value_or(kDefaultSize);
+  if (2 * p.padding < side) return {};
+  return invalid(
+      "padding",
+      p.dims ? "less than half of each of dims" : "less than half of size " + std::to_string(side),
+      std::to_string(p.padding));
+}
+
+// In the order in which they are checked: a request that breaks several gets the first one's error.
+constexpr std::array kRules = {sign_needs_inside_or_distance,
+                               coverage_needs_surface_or_solid,
+                               coverage_of_solid_excludes_flood,
+                               thickness_needs_shell_or_band,
+                               interior_needs_inside,
+                               nearest_interior_needs_surface,
+                               labels_need_channel_label,
+                               time_excludes_frames,
+                               times_exclude_frames_and_fps,
+                               root_motion_needs_animation,
+                               rate_needs_gif_or_apng,
+                               columns_need_sheet,
+                               frame_is_one_of_sequence,
+                               turntable_shows_one_grid,
+                               several_images_need_frames_or_views,
+                               surface_needs_rule,
+                               one_of_size_dims_and_voxel_size,
+                               padding_leaves_room};
 
 }  // namespace
 
-bool is_animation_option(std::string_view name) {
-  return std::ranges::find(kAnimationOptions, name) != kAnimationOptions.end();
-}
-bool is_picture_option(std::string_view name) {
-  return std::ranges::find(kPictureOptions, name) != kPictureOptions.end();
-}
-
-Status set_animation(AnimationOptions& animation, std::string_view name, std::string_view text) {
-  if (name == "animation") return set_name(animation, text);
-  if (name == "time") return set_between(animation.time_s, name, text, 0, kAnimationSecondsMax);
-  if (name == "frames") return set_frames(animation, text);
-  if (name == "fps") return set_between(animation.fps, name, text, kFpsMin, kFpsMax);
-  if (name == "times") return set_times(animation, text);
-  return set_word(animation.root_motion, name, text, words::kRootMotion);
-}
-
-Status set_picture(RenderOptions& render, std::string_view name, std::string_view text) {
-  if (name == "picture") return set_word(render.picture, name, text, words::kPicture);
-  if (name == "frame") return set_int(render.frame, name, text, 0, limits::kFramesMax - 1);
-  if (name == "turntable") {
-    return set_int(render.turntable, name, text, kTurntableMin, kTurntableMax);
-  }
-  if (name == "rate") return set_between(render.rate, name, text, kRateMin, kRateMax);
-  return set_int(render.columns, name, text, 1, limits::kFramesMax);
-}
-
-void complete_animation(RequestOptions& options, OptionScope scope, const Given& given) {
-  const RenderOptions& render = options.render;
-  const bool shows_frames =
-      scope == OptionScope::kRenderMesh &&
-      (given.contains("frame") || (render.picture != PictureKind::kPng && render.turntable == 0));
-  const bool of_mesh = scope == OptionScope::kRenderMesh || scope == OptionScope::kVoxelize;
-  AnimationOptions& animation = options.animation;
-  if (!of_mesh || animation.animation || !(animation.moves() || shows_frames)) return;
-  animation.animation = "0";
-}
-
-Status check_animation(const AnimationOptions& animation, const Given& given) {
-  const auto other = first_given(given, {"frames", "fps", "times"});
-  if (given.contains("time") && !other.empty()) {
-    return invalid("time", "neither frames, fps nor times with it", other);
-  }
-  const auto even = first_given(given, {"frames", "fps"});
-  if (given.contains("times") && !even.empty()) {
-    return invalid("times", "neither frames nor fps with it", even);
-  }
-  if (given.contains("root_motion") && !animation.moves()) {
-    return invalid("root_motion", "animation, time, frames, fps or times with it", "none of them");
-  }
+Status apply_option_rules(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
+  complete(options, scope, given);
+  const Parsed request{options, scope, given};
+  for (const auto& rule : kRules) VOXELD_TRY(rule(request));
   return {};
 }
 
-Status check_picture(const RequestOptions& options, OptionScope scope, const Given& given) {
-  const RenderOptions& render = options.render;
-  const std::string_view picture = word_of<PictureKind>(render.picture, words::kPicture);
-  const bool moves = render.picture == PictureKind::kGif || render.picture == PictureKind::kApng;
-  if (given.contains("rate") && !moves) {
-    return invalid("rate", "picture gif or apng with it", picture);
-  }
-  if (given.contains("columns") && render.picture != PictureKind::kSheet) {
-    return invalid("columns", "picture sheet with it", picture);
-  }
-  if (given.contains("frame")) VOXELD_TRY(check_frame(options, scope));
-  if (given.contains("turntable")) VOXELD_TRY(check_turntable(options, picture));
-  const bool is_several = options.animation.is_sequence() || render.turntable > 0;
-  if (scope == OptionScope::kRenderMesh && render.picture != PictureKind::kPng && !is_several) {
-    return invalid("picture", "frames of an animation, or turntable with it", picture);
-  }
-  return {};
-}
-
-}  // namespace voxeld::option_rules
+}  // namespace voxeld
