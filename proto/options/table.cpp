@@ -24,7 +24,38 @@ constexpr OptionScope kImageOut[] = {OptionScope::kRenderMesh, OptionScope::kRen
 constexpr OptionScope kAll[] = {OptionScope::kVoxelize, OptionScope::kRenderMesh,
                                 OptionScope::kRenderGrid, OptionScope::kExport};
 
-constexpr auto kNever = [](const RequestOptions&) { return false; };
+// When canonical JSON has an option that is not always there. Members that only some requests need
+// are omitted from the others, whose names must not depend on them.
+bool never(const RequestOptions&) {
+  return false;
+}
+bool is_sized(const RequestOptions& options) {
+  return !options.voxelize.placement.dims && !options.voxelize.placement.voxel_size;
+}
+bool has_inside(const RequestOptions& options) {
+  return options.voxelize.has_inside();
+}
+bool has_sign(const RequestOptions& options) {
+  return options.voxelize.has_inside() || options.voxelize.measures();
+}
+bool has_thickness(const RequestOptions& options) {
+  return options.voxelize.fill == Fill::kShell || options.voxelize.fill == Fill::kBand;
+}
+bool has_labels(const RequestOptions& options) {
+  return options.voxelize.names(Channel::kLabel);
+}
+bool moves(const RequestOptions& options) {
+  return options.animation.moves();
+}
+bool is_coarse(const RequestOptions& options) {
+  return options.output.level > 0;
+}
+bool is_several_images(const RequestOptions& options) {
+  return options.render.picture != PictureKind::kPng;
+}
+bool is_later_frame(const RequestOptions& options) {
+  return options.render.frame > 0;
+}
 
 std::vector<Option> placement_options() {
   using P = PlacementOptions;
@@ -32,10 +63,7 @@ std::vector<Option> placement_options() {
       {.name = "size",
        .codec = integer(&P::size, 1, limits::kGridSideMax, kDefaultSize),
        .help = "voxels on the longest side",
-       .is_written =
-           [](const RequestOptions& options) {
-             return !options.voxelize.placement.dims && !options.voxelize.placement.voxel_size;
-           }},
+       .is_written = is_sized},
       {.name = "dims",
        .form = "NX,NY,NZ",
        .codec = dims(),
@@ -84,26 +112,21 @@ std::vector<Option> voxelization_options() {
       {.name = "sign",
        .codec = word(&V::sign, words::kSign),
        .help = "how the inside is found, for fill solid and shell and for distances",
-       .details = "`majority`: by parity along three axes. `auto` chooses by the mesh; the "
-                  "response names its choice.",
-       .is_written =
-           [](const RequestOptions& options) {
-             return options.voxelize.has_inside() || options.voxelize.measures();
-           }},
+       .details =
+           "`majority`: two of the parities along x, y and z. `auto` chooses by the mesh; the "
+           "response names its choice.",
+       .is_written = has_sign},
       {.name = "thickness",
        .form = "T",
        .codec = number(&V::thickness, 1, limits::kShellThicknessMax),
        .help = "thickness of a shell, or of a band to each side, in voxels",
        .default_words = "1, of a band 3",
-       .is_written =
-           [](const RequestOptions& options) {
-             return options.voxelize.fill == Fill::kShell || options.voxelize.fill == Fill::kBand;
-           }},
+       .is_written = has_thickness},
       {.name = "interior",
        .codec = word(&V::interior, words::kInterior),
        .help = "colour and normal of voxels inside, for fill solid and shell",
        .details = "`nearest`: those of the nearest surface voxel, for solids that are cut open.",
-       .is_written = [](const RequestOptions& options) { return options.voxelize.has_inside(); }},
+       .is_written = has_inside},
       {.name = "color",
        .codec = word(&V::color, words::kColor),
        .help = "colour of a voxel: area average, at the nearest point, average of the largest "
@@ -124,8 +147,7 @@ std::vector<Option> voxelization_options() {
        .codec = word(&V::labels, words::kLabels),
        .help = "what channel label numbers: the one with the largest part of a voxel",
        .details = "`meta` of the response names each id.",
-       .is_written =
-           [](const RequestOptions& options) { return options.voxelize.names(Channel::kLabel); }},
+       .is_written = has_labels},
       {.name = "pipeline",
        .codec = word(&V::pipeline, words::kPipeline),
        .help = "how the grid is computed; its bytes are always the same"},
@@ -166,7 +188,7 @@ std::vector<Option> animation_options() {
       {.name = "root_motion",
        .codec = word(&A::root_motion, words::kRootMotion),
        .help = "whether a walking model leaves the place where it began",
-       .is_written = [](const RequestOptions& options) { return options.animation.moves(); }},
+       .is_written = moves},
   };
 }
 
@@ -194,11 +216,11 @@ std::vector<Option> selection_options() {
        .codec = integer(&O::level, 0, kLevelMax),
        .help =
            "level of detail: one voxel stands for 2^N on a side; of an image, the finest one drawn",
-       .is_written = [](const RequestOptions& options) { return options.output.level > 0; }},
+       .is_written = is_coarse},
       {.name = "level_rule",
        .codec = word(&O::level_rule, words::kLevelRule),
        .help = "occupied cells that a voxel of a level needs: any, or at least half of them",
-       .is_written = [](const RequestOptions& options) { return options.output.level > 0; }},
+       .is_written = is_coarse},
       {.name = "region",
        .form = "X0,Y0,Z0,X1,Y1,Z1",
        .codec = region(),
@@ -271,15 +293,12 @@ std::vector<Option> several_images_options() {
       {.name = "picture",
        .codec = word(&R::picture, words::kPicture),
        .help = "one image, or all frames or views as an animation or side by side",
-       .is_written =
-           [](const RequestOptions& options) {
-             return options.render.picture != PictureKind::kPng;
-           }},
+       .is_written = is_several_images},
       {.name = "frame",
        .form = "K",
        .codec = integer(&R::frame, 0, limits::kFramesMax - 1),
        .help = "picture png: number of the frame among the requested ones, from 0",
-       .is_written = [](const RequestOptions& options) { return options.render.frame > 0; }},
+       .is_written = is_later_frame},
       {.name = "turntable",
        .codec = integer(&R::turntable, limits::kTurntableViewsMin, limits::kTurntableViewsMax),
        .help = "picture gif, apng and sheet: number of views around one grid"},
@@ -300,13 +319,13 @@ std::vector<Option> request_options() {
       {.name = "cache",
        .codec = word(&RequestOptions::use_cache, words::kYesNo),
        .help = "whether a stored result may answer; no computes it again",
-       .is_written = kNever},
+       .is_written = never},
       {.name = "filename",
        .form = "NAME",
        .codec = filename(),
        .help = "name of the input file, which tells its format",
        .default_words = "by Content-Type and the first bytes",
-       .is_written = kNever,
+       .is_written = never,
        .bytes_max = client_texts::kFilename.bytes_max},
   };
 }
