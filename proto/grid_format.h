@@ -62,7 +62,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
 

@@ -12,7 +12,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "proto/limits.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 
 namespace voxeld {

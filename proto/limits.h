@@ -37,6 +37,10 @@ inline constexpr int kImageSideMax = 32'768;
 
 // Frames of one request. More: invalid-option.
 inline constexpr int kFramesMax = 4096;
+inline constexpr double kAnimationSecondsMax = 86'400;   // a day: invalid-option
+inline constexpr double kFpsMin = 0.01, kFpsMax = 1000;  // of an animation: invalid-option
+inline constexpr double kImageRateMin = 0.1, kImageRateMax = 100;  // images per s: invalid-option
+inline constexpr int kTurntableViewsMin = 2, kTurntableViewsMax = 360;  // invalid-option
 
 inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
 

@@ -61,7 +61,7 @@
 #include <vector>
 
 #include "proto/grid_format.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
 

@@ -9,7 +9,8 @@
 
 #include "client/cli/api_key.h"
 #include "proto/job.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
+#include "proto/options/table.h"
 #include "proto/sequence_format.h"
 #include "proto/version.h"
 
@@ -29,18 +30,14 @@ std::string flag_of(std::string_view name) {
 // The flags of the command line; only these go to the daemon.
 using Given = std::map<std::string, std::string>;
 
-enum class Flags { kVoxelize, kRender };
-
-void add_option_flags(CLI::App& app, Flags flags, Given& given) {
-  for (const OptionInfo& info : option_table()) {
-    const bool is_wanted =
-        info.for_voxelize || (flags == Flags::kVoxelize ? info.for_output : info.for_render);
-    if (!is_wanted) continue;
-    const std::string name(info.name);
+void add_option_flags(CLI::App& app, OptionScope scope, Given& given) {
+  for (const Option& option : option_table()) {
+    if (!option.applies_to(scope)) continue;
+    const std::string name(option.name);
     app.add_option_function<std::string>(
            flag_of(name), [&given, name](const std::string& value) { given[name] = value; },
-           std::string(info.help))
-        ->type_name(std::string(info.value));
+           flag_help(option))
+        ->type_name(form_text(option));
   }
 }
 
@@ -183,7 +180,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
       ->type_name("FILE");
   add_output_flag(app, arguments);
   add_common_flags(app, arguments);
-  add_option_flags(app, Flags::kVoxelize, voxelize_given);
+  add_option_flags(app, OptionScope::kVoxelize, voxelize_given);
   add_urgency_flags(app, arguments);
 
   CLI::App* render = app.add_subcommand("render", "a picture of a mesh's voxels");
@@ -194,7 +191,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
       ->type_name("ID");
   add_output_flag(*render, arguments);
   add_common_flags(*render, arguments);
-  add_option_flags(*render, Flags::kRender, render_given);
+  add_option_flags(*render, OptionScope::kRenderMesh, render_given);
   add_urgency_flags(*render, arguments);
 
   CLI::App* jobs = app.add_subcommand("jobs", "the daemon's latest jobs, or one of them");

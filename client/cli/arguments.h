@@ -1,5 +1,5 @@
 // The command line of voxel: subcommands and flags. Flags for the daemon come from its table of
-// options (proto/options.h).
+// options (proto/options/table.h).
 #pragma once
 
 #include <optional>

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "proto/job.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/output_format.h"
 #include "proto/result.h"
 #include "server/grid/frame_source.h"

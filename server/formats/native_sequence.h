@@ -9,7 +9,7 @@
 #include <span>
 
 #include "proto/grid_format.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/formats/sequence_file.h"
 #include "server/formats/sequence_writer.h"

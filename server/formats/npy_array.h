@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/grid/grid.h"
 
 namespace voxeld {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/option_values.h"
+#include "proto/options/values.h"
 #include "server/base/cancel_point.h"
 
 namespace voxeld::vox {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "proto/limits.h"
-#include "proto/option_values.h"
+#include "proto/options/values.h"
 
 namespace voxeld {
 namespace {

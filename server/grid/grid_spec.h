@@ -6,7 +6,7 @@
 #include <glm/mat4x4.hpp>
 #include <glm/vec3.hpp>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 
 namespace voxeld {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/grid/tile_source.h"
 
 namespace voxeld {

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/grid/tile_source.h"
 
 namespace voxeld {

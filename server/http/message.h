@@ -16,7 +16,7 @@
 #include <variant>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/base/authority.h"
 #include "server/base/trace_context.h"

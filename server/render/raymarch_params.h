@@ -1,7 +1,7 @@
 // The parameters of a ray march, which the GL and the CPU renderer share.
 #pragma once
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/render/packed_grid.h"
 #include "server/render/render.h"

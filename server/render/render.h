@@ -11,7 +11,7 @@
 
 #include <glm/vec3.hpp>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/render/camera.h"

@@ -10,7 +10,7 @@
 #include <glm/mat3x3.hpp>
 #include <glm/mat4x4.hpp>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/scene/scene.h"
 #include "server/voxel/flat_colors.h"
 #include "server/voxel/snap.h"

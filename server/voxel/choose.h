@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/voxel/calibration.h"
 #include "server/voxel/cost_model.h"
 #include "server/voxel/tile_pipeline.h"

@@ -52,14 +52,13 @@ WantedChannels wanted_channels(const Scene& scene, const VoxelizeOptions& option
   const bool has_source = options.color == ColorMode::kAxis ||
                           options.color == ColorMode::kShaded || scene.has_colors();
   wanted.grid.color = options.color != ColorMode::kNone && has_source &&
-                      (!options.channels_given || options.channel_color);
-  wanted.grid.normal = options.channels_given && options.channel_normal;
-  wanted.grid.material = options.channels_given && options.channel_material;
-  wanted.grid.label = options.channels_given && options.channel_label;
-  wanted.grid.coverage = options.channels_given && options.channel_coverage;
+                      (!options.channels || options.channels->color);
+  wanted.grid.normal = options.names(Channel::kNormal);
+  wanted.grid.material = options.names(Channel::kMaterial);
+  wanted.grid.label = options.names(Channel::kLabel);
+  wanted.grid.coverage = options.names(Channel::kCoverage);
   wanted.volume = wanted.grid.coverage && options.fill == Fill::kSolid;
-  wanted.grid.distance =
-      options.channels_given ? options.channel_distance : options.fill == Fill::kBand;
+  wanted.grid.distance = options.measures();
   wanted.shaded = wanted.grid.color && options.color == ColorMode::kShaded;
   wanted.nearest = wanted.grid.color && options.color == ColorMode::kNearest;
   wanted.has_alpha =
@@ -108,7 +107,7 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
 
 int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,
                    int64_t surface_bytes, int threads) {
-  if (options.fill == Fill::kSurface && !options.channel_distance) return 0;
+  if (options.fill == Fill::kSurface && !options.names(Channel::kDistance)) return 0;
   // An upper bound of the crossings: the columns that the boxes of triangles reach, along one axis
   // or three.
   const bool votes = options.sign == Sign::kAuto || options.sign == Sign::kMajority;

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "proto/channels.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/voxel/attribute_records.h"
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 
 namespace voxeld {
 

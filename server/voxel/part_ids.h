@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/scene/scene.h"
 #include "server/voxel/id_fold.h"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/sparse_tile.h"
 #include "server/voxel/attribute_records.h"
 

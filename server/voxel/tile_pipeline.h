@@ -13,7 +13,7 @@
 #include <glm/mat4x4.hpp>
 
 #include "proto/limits.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
 #include "server/base/clock.h"

@@ -8,7 +8,7 @@
 #include <memory>
 #include <string>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"

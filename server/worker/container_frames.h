@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/formats/native_sequence.h"
 #include "server/grid/frame_source.h"
 #include "server/worker/make_frames.h"

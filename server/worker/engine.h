@@ -9,7 +9,7 @@
 #include <string_view>
 #include <utility>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/render/drawing_cost.h"

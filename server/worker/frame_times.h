@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/scene/animated_scene.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "proto/grid_writer.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/base/file.h"
 #include "server/grid/content_hash.h"

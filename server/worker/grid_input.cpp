@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/option_values.h"
-#include "proto/option_words.h"
+#include "proto/options/values.h"
+#include "proto/options/words.h"
 #include "server/base/mapped_pages.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <optional>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/base/file.h"
 #include "server/grid/tile_source.h"
 #include "server/worker/task_run.h"

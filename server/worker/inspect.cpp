@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "proto/option_words.h"
+#include "proto/options/words.h"
 #include "server/scene/describe_asset.h"
 
 namespace voxeld {

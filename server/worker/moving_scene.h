@@ -15,7 +15,7 @@
 
 #include <glm/mat4x4.hpp>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/scene/animated_scene.h"
 #include "server/voxel/shared_frames.h"

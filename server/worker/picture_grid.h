@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/grid/tile_source.h"
 #include "server/worker/task_run.h"
 

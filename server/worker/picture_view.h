@@ -6,7 +6,7 @@
 
 #include <glm/mat4x4.hpp>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/grid/grid_spec.h"
 #include "server/grid/tile_source.h"
 

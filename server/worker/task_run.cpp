@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "proto/bundle_manifest.h"
-#include "proto/option_frames.h"
+#include "proto/options/table.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/base/sha256.h"
@@ -123,18 +123,19 @@ Result<RequestOptions> task_options(const Task& task, OptionScope scope) {
 
 json grid_options(const RequestOptions& options) {
   json named = json::parse(canonical_json(options, OptionScope::kVoxelize), nullptr, false);
-  json kept = json::object();
-  for (const OptionInfo& info : option_table()) {
-    const std::string name(info.name);
-    if (info.for_voxelize && name != "pipeline" && named.contains(name)) kept[name] = named[name];
+  for (const Option& option : option_table()) {
+    const bool decides_grid = option.group == OptionGroup::kPlacement ||
+                              option.group == OptionGroup::kVoxelization ||
+                              option.group == OptionGroup::kAnimation;
+    if (!decides_grid || option.name == "pipeline") named.erase(std::string(option.name));
   }
-  return kept;
+  return named;
 }
 
 json frame_grid_options(const RequestOptions& options) {
   json kept = grid_options(options);
-  for (const OptionInfo& info : option_table()) {
-    if (option_frames::is_animation_option(info.name)) kept.erase(std::string(info.name));
+  for (const Option& option : option_table()) {
+    if (option.group == OptionGroup::kAnimation) kept.erase(std::string(option.name));
   }
   return kept;
 }

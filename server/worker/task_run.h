@@ -10,7 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/task_api.h"
 #include "server/base/clock.h"
 #include "server/worker/device_slice.h"

@@ -44,7 +44,7 @@ Arguments parse(int argc, char** argv) {
     } else if (text == "--frames") {
       arguments.frames = static_cast<size_t>(std::max(1, std::atoi(value())));
     } else if (text == "--normal") {
-      arguments.options.channel_normal = true;
+      arguments.options.channels = ChannelSet{.color = true, .normal = true};
     } else if (text == "--native") {
       arguments.native_only = true;
     } else if (text == "--out") {

@@ -32,7 +32,7 @@ Arguments parse(int argc, char** argv) {
   Arguments arguments;
   arguments.options.pipeline = PipelineChoice::kCpu;
   arguments.options.color = ColorMode::kAverage;
-  arguments.options.channels_given = true;
+  arguments.options.channels.emplace();
   for (int i = 1; i < argc; ++i) {
     const std::string text = argv[i];
     const auto number = [&] { return i + 1 < argc ? std::max(1, std::atoi(argv[++i])) : 1; };
@@ -41,9 +41,9 @@ Arguments parse(int argc, char** argv) {
     } else if (text == "--size") {
       arguments.options.placement.size = number();
     } else if (text == "--color") {
-      arguments.options.channel_color = true;
+      arguments.options.channels->color = true;
     } else if (text == "--normal") {
-      arguments.options.channel_normal = true;
+      arguments.options.channels->normal = true;
     } else {
       arguments.files.push_back(text);
     }

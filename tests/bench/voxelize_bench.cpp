@@ -17,7 +17,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/base/clock.h"
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/base/check.h"
 
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/api/resources/api.h"
 
 namespace voxeld::api {

@@ -48,10 +48,10 @@ double frames_of(const AnimationOptions& animation) {
 std::string voxelize_sort(const VoxelizeOptions& options) {
   constexpr std::array<std::string_view, 4> kFills = {" surface", " solid", " shell", " band"};
   std::string sort(kFills[static_cast<size_t>(options.fill)]);
-  const bool plain = options.channels_given && !options.channel_color && !options.channel_normal &&
-                     !options.channel_material && !options.channel_label;
+  const bool plain = options.channels && !options.channels->color && !options.channels->normal &&
+                     !options.channels->material && !options.channels->label;
   sort += plain ? " occupancy" : " attributes";
-  if (options.channel_distance) sort += " distance";
+  if (options.names(Channel::kDistance)) sort += " distance";
   return sort;
 }
 

@@ -9,7 +9,7 @@
 
 #include "proto/bundle_manifest.h"
 #include "proto/limits.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/sequence.h"
 #include "server/base/clock.h"
 #include "server/base/file.h"

@@ -13,7 +13,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/sparse_tile.h"
 #include "server/grid/grid_spec.h"
 #include "server/voxel/bin.h"

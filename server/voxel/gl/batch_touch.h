@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/gpu/pass_timer.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/gl_tuning.h"

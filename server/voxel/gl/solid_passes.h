@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/gpu/objects.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/slice_map.h"

@@ -1,7 +1,7 @@
 // The pass that finds the occupied cells of a tile.
 #pragma once
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/tile_device.h"
 #include "server/voxel/pipeline.h"

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "proto/result.h"
 #include "proto/sparse_tile.h"
 #include "server/voxel/cpu/worker_pool.h"

@@ -57,7 +57,7 @@ TEST(Batches, every_tuning_gives_the_same_bytes_across_tiles) {
 TEST(Batches, every_tuning_gives_the_same_attributes) {
   const Scene scene = soup(63, {.count = 600, .extent = 300, .size_max = 60, .colors = true});
   VoxelizeOptions options = unit_cells({300, 300, 300});
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   const Grid expected = voxelize(scene, options, PipelineChoice::kCpu);
   for (const size_t tiles : {1u, 3u, 64u}) {
     gpu::ShaderLibrary shaders(gpu::test_context());

@@ -14,7 +14,7 @@ using Color = std::array<int, 4>;
 using Normal = std::array<int, 3>;
 
 VoxelizeOptions with_normals(VoxelizeOptions options) {
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   return options;
 }
 
@@ -245,7 +245,7 @@ TEST(Attributes, colours_of_nearest_points_are_the_same_by_each_pipeline) {
   const Grid alone = voxelize_all(scene, options, "colour alone");
   EXPECT_TRUE(alone.channels.color);
   options = with_normals(options);
-  options.channel_coverage = true;
+  options.channels->coverage = true;
   const Grid nearest = voxelize_all(scene, options, "with normals");
   EXPECT_EQ(nearest.tiles[0].color, alone.tiles[0].color);
   options.color = ColorMode::kAverage;
@@ -285,20 +285,20 @@ TEST(Attributes, ids_and_coverage_are_the_same_by_each_pipeline) {
     }
   }
   VoxelizeOptions options = unit_cells({40, 40, 40});
-  options.channels_given = options.channel_material = options.channel_coverage = true;
+  options.channels = ChannelSet{.material = true, .coverage = true};
   const Grid grid = voxelize_all(scene, options);
   ASSERT_EQ(grid.tiles.size(), 1u);
   std::array<size_t, 5> counts{};
   for (const uint16_t id : grid.tiles[0].material) ++counts.at(id);
   for (const size_t count : counts) EXPECT_GT(count, 500u);
-  options.channel_normal = true;
+  options.channels->normal = true;
   EXPECT_EQ(voxelize_all(scene, options).tiles[0].material, grid.tiles[0].material);
   for (MeshPart& part : scene.parts) {
     for (size_t i = 0; i < part.positions.size(); ++i) {
       part.colors.emplace_back(float(random() % 256) / 255, float(i % 3) / 2, 0.5f, 1.0f);
     }
   }
-  options.channel_color = true;
+  options.channels->color = true;
   options.color = ColorMode::kDominant;
   const Grid dominant = voxelize_all(scene, options);
   EXPECT_EQ(dominant.tiles[0].material, grid.tiles[0].material);

@@ -12,7 +12,7 @@ namespace voxeld::pipelines {
 namespace {
 
 VoxelizeOptions all_channels(VoxelizeOptions options) {
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   return options;
 }
 

@@ -14,7 +14,7 @@ namespace {
 VoxelizeOptions labelled(LabelKind kind, int size) {
   VoxelizeOptions options;
   options.placement.size = size;
-  options.channels_given = options.channel_label = true;
+  options.channels = ChannelSet{.label = true};
   options.labels = kind;
   return options;
 }
@@ -41,8 +41,8 @@ TEST(Ids, beside_all_other_channels_and_over_tiles_are_the_same_by_each_pipeline
                        glm::vec4(float(part.group % 7) / 6.0f, 0.5f, 0.2f, 1.0f));
   }
   VoxelizeOptions options = labelled(LabelKind::kGroup, 280);
-  options.channel_color = options.channel_normal = options.channel_material = true;
-  options.channel_coverage = true;
+  options.channels->color = options.channels->normal = options.channels->material = true;
+  options.channels->coverage = true;
   const Grid grid = voxelize_all(scene, options);
   ASSERT_GT(grid.tiles.size(), 1u);
   // 36 materials: also the colours are finished by the CPU.

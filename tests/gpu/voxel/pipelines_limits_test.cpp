@@ -40,7 +40,7 @@ TEST(Limits, a_tile_with_more_voxels_than_the_sums_hold_is_summed_in_parts) {
     for (int i = 0; i < 4; ++i) part.colors.emplace_back(z % 2, (z + 1) % 2, 0, 1);
   }
   VoxelizeOptions options = unit_cells({256, 256, 90});
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   const Grid grid = voxelize(scene_of(std::move(part)), options, PipelineChoice::kCompute);
   ASSERT_EQ(grid.tiles.size(), 1u);
   ASSERT_EQ(grid.tiles[0].voxel_count(), size_t{90} * 256 * 256);
@@ -109,7 +109,7 @@ TEST(Limits, a_grid_over_the_memory_limit_is_refused_with_estimate_and_limit) {
 TEST(Limits, estimates_are_not_exceeded) {
   const Scene scene = soup(23, {.count = 2000, .extent = 300, .size_max = 60, .colors = true});
   VoxelizeOptions options = unit_cells({300, 300, 300});
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   const auto estimate = voxelizer().estimate(scene, options);
   ASSERT_TRUE(estimate.ok()) << estimate.error().message();
   EXPECT_EQ(estimate->spec.dims, glm::ivec3(300));

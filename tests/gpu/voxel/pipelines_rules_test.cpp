@@ -16,7 +16,7 @@ constexpr std::array<std::pair<Rule, const char*>, 2> kRules = {
 
 VoxelizeOptions with_rule(VoxelizeOptions options, Rule rule) {
   options.rule = rule;
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   return options;
 }
 

@@ -302,7 +302,7 @@ TEST(Skin, the_transform_of_a_request_is_the_devices_too) {
 TEST(Skin, normals_fills_and_other_pipelines_are_left_to_the_cpu) {
   const Worm worm(true);
   VoxelizeOptions normals = colors(), shaded = colors(ColorMode::kShaded), solid = geometry();
-  normals.channels_given = normals.channel_normal = normals.channel_color = true;
+  normals.channels = ChannelSet{.color = true, .normal = true};
   solid.fill = Fill::kSolid;
   const GridSpec spec = grid_of(64);
   const auto expect_cpu = [&](const VoxelizeOptions& options, const GlTuning& tuning) {

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/table.h"
 #include "server/jobs/database/sqlite.h"
 #include "tests/unit/api/api_server_fixture.h"
 
@@ -102,11 +102,11 @@ TEST_F(ClientTexts, members_of_a_job_are_bounded) {
 }
 
 TEST_F(ClientTexts, every_option_of_a_job_is_bounded) {
-  for (const OptionInfo& info : option_table()) {
+  for (const Option& info : option_table()) {
     const std::string name(info.name);
     const auto tried = [&](const nlohmann::json& value) {
       nlohmann::json body = job();
-      if (!info.for_voxelize && !info.for_output) {
+      if (!info.applies_to(OptionScope::kVoxelize)) {
         body["kind"] = "render";
       }
       body["options"][name] = value;

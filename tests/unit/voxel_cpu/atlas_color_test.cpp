@@ -305,8 +305,7 @@ TEST(AtlasColor, colours_do_not_depend_on_the_number_of_threads) {
   for (const bool with_normals : {false, true}) {
     VoxelizeOptions options;
     options.placement.size = 24;
-    options.channels_given = options.channel_color = true;
-    options.channel_normal = with_normals;
+    options.channels = ChannelSet{.color = true, .normal = with_normals};
     const auto one = Voxelizer(nullptr, 1).voxelize(scene, options, {}, nullptr);
     const auto five = Voxelizer(nullptr, 5).voxelize(scene, options, {}, nullptr);
     ASSERT_TRUE(one.ok() && five.ok());

@@ -14,7 +14,7 @@ namespace {
 VoxelizeOptions labelled(LabelKind kind, int size = 48) {
   VoxelizeOptions options;
   options.placement.size = size;
-  options.channels_given = options.channel_label = true;
+  options.channels = ChannelSet{.label = true};
   options.labels = kind;
   return options;
 }
@@ -61,7 +61,7 @@ TEST(Labels, are_the_ids_with_the_largest_surface_by_the_oracle) {
 TEST(Labels, materials_are_those_of_channel_material) {
   const Scene scene = test::gored_balls();
   VoxelizeOptions options = labelled(LabelKind::kMaterial);
-  options.channel_material = true;
+  options.channels->material = true;
   for (const SparseTile& tile : voxelized(scene, options).tiles) {
     EXPECT_EQ(tile.label, tile.material);
   }
@@ -73,7 +73,7 @@ TEST(Labels, do_not_depend_on_the_order_of_parts_nor_on_other_channels) {
   const Grid grid = voxelized(scene, options);
   ASSERT_GT(grid.tiles.size(), 1u);
   std::ranges::reverse(scene.parts);
-  options.channel_normal = options.channel_coverage = true;
+  options.channels->normal = options.channels->coverage = true;
   const Grid other = voxelized(scene, options);
   ASSERT_EQ(grid.tiles.size(), other.tiles.size());
   for (size_t i = 0; i < grid.tiles.size(); ++i) {

@@ -53,7 +53,7 @@ VoxelizeOptions in_box() {
   VoxelizeOptions options;
   options.placement.bounds = {{0.0, 0.0, 0.0, 16.0, 16.0, 8.0}};
   options.placement.size = 96;
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   return options;
 }
 

@@ -55,7 +55,7 @@ Scene colored_soup(int count, float extent, bool textured) {
 VoxelizeOptions all_channels(int size) {
   VoxelizeOptions options;
   options.placement.size = size;
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   return options;
 }
 
@@ -81,7 +81,7 @@ TEST(VoxelizerWithoutDevice, channels_do_not_change_the_voxels) {
   VoxelizeOptions options = all_channels(300);
   Voxelizer voxelizer;
   const Grid all = voxelized(voxelizer, scene, options);
-  options.channel_color = options.channel_normal = false;
+  options.channels->color = options.channels->normal = false;
   const Grid bare = voxelized(voxelizer, scene, options);
   ASSERT_EQ(all.tiles.size(), bare.tiles.size());
   for (size_t i = 0; i < all.tiles.size(); ++i) {
@@ -182,7 +182,7 @@ VoxelizeOptions ids_in_cells(std::array<int, 3> dims) {
   VoxelizeOptions options;
   options.placement.voxel_size = {1.0, 1.0, 1.0};
   options.placement.bounds = {0, 0, 0, double(dims[0]), double(dims[1]), double(dims[2])};
-  options.channels_given = options.channel_material = options.channel_coverage = true;
+  options.channels = ChannelSet{.material = true, .coverage = true};
   return options;
 }
 
@@ -321,7 +321,7 @@ TEST(DominantColor, is_that_of_the_material_with_the_largest_area_alone) {
                                              glm::vec4(0, 0, 1, 1)};
     for (size_t p = 0; p < 3; ++p) scene.parts[p].colors.assign(4, colors[p]);
     VoxelizeOptions options = ids_in_cells({1, 1, 1});
-    options.channel_color = true;
+    options.channels->color = true;
     options.color = mode;
     Voxelizer voxelizer;
     const Grid grid = voxelized(voxelizer, scene, options);

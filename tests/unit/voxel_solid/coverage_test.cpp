@@ -17,7 +17,7 @@ VoxelizeOptions covering(Sign sign, Rule rule, int size) {
   VoxelizeOptions options = solid(sign);
   options.rule = rule;
   options.placement.size = size;
-  options.channels_given = options.channel_coverage = true;
+  options.channels = ChannelSet{.coverage = true};
   return options;
 }
 
@@ -124,7 +124,7 @@ TEST(SolidCoverage, comes_with_the_attributes_of_the_surface) {
   Scene scene = wavy_sphere(2);
   VoxelizeOptions options = covering(Sign::kParity, Rule::kTouch, 40);
   const std::vector<int> alone = coverage_of(voxelized(scene, options));
-  options.channel_normal = true;
+  options.channels->normal = true;
   const Grid both = voxelized(scene, options);
   EXPECT_EQ(coverage_of(both), alone);
   for (const SparseTile& tile : both.tiles) EXPECT_EQ(tile.normal.size(), 3 * tile.coverage.size());

@@ -336,7 +336,7 @@ TEST(SignedDistance, is_the_oracles_distance_and_sign_by_every_fill) {
   const Scene scene = wavy_sphere(2);
   VoxelizeOptions options = band_options(2.5, 24);
   options.sign = Sign::kParity;
-  options.channels_given = options.channel_distance = true;
+  options.channels = ChannelSet{.distance = true};
   for (const Fill fill : {Fill::kBand, Fill::kSurface, Fill::kSolid, Fill::kShell}) {
     options.fill = fill;
     const Grid grid = voxelized(scene, options);
@@ -362,9 +362,9 @@ TEST(SignedDistance, no_voxel_and_no_other_attribute_changes_for_it) {
     VoxelizeOptions options = band_options(3, 60);
     options.fill = fill;
     options.color = ColorMode::kAxis;
-    options.channels_given = options.channel_color = true;
+    options.channels = ChannelSet{.color = true};
     Grid plain = voxelized(scene, options);
-    options.channel_distance = true;
+    options.channels->distance = true;
     Grid measured = voxelized(scene, options, nullptr, 3);
     EXPECT_TRUE(measured.channels.distance);
     EXPECT_FALSE(plain.channels.distance);
@@ -381,7 +381,7 @@ TEST(SignedDistance, surface_voxels_of_a_solid_have_one_where_it_has_no_other_at
   options.fill = Fill::kSurface;
   const Occupancy surface = cells_of(voxelized(wavy_sphere(2), options));
   options.fill = Fill::kSolid;
-  options.channels_given = options.channel_distance = true;
+  options.channels = ChannelSet{.distance = true};
   const Grid solid = voxelized(wavy_sphere(2), options);
   const auto all = distances_of(solid);
   EXPECT_LT(all.size(), solid.voxel_count());  // full nodes have none

@@ -180,7 +180,7 @@ TEST(Fill, interior_voxels_have_no_attributes) {
   VoxelizeOptions options = in_bounds(Sign::kAuto, glm::dvec3(0), glm::dvec3(64));
   options.rule = Rule::kTouch;
   options.color = ColorMode::kAxis;
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   const Grid solid_grid = voxelized(scene, options);
   options.fill = Fill::kSurface;
   const Grid surface = voxelized(scene, options);

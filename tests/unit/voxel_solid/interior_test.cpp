@@ -108,7 +108,7 @@ VoxelizeOptions with_attributes(Fill fill, int size) {
   options.placement.size = size;
   options.fill = fill;
   options.color = ColorMode::kAxis;
-  options.channels_given = options.channel_color = options.channel_normal = true;
+  options.channels = ChannelSet{.color = true, .normal = true};
   options.interior = Interior::kNearest;
   return options;
 }
@@ -149,7 +149,7 @@ TEST(Interior, threads_and_tiles_do_not_matter) {
 TEST(Interior, without_attributes_the_inside_stays_full_nodes) {
   VoxelizeOptions options = with_attributes(Fill::kSolid, 100);
   options.color = ColorMode::kNone;
-  options.channel_color = options.channel_normal = false;
+  options.channels->color = options.channels->normal = false;
   const Grid grid = voxelized(wavy_sphere(2), options);
   EXPECT_FALSE(grid.tiles.front().full.empty());
 }

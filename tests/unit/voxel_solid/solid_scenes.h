@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 #include "server/grid/grid.h"
 #include "server/scene/scene.h"
 #include "server/voxel/voxelize.h"

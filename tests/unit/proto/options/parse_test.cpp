@@ -1,4 +1,4 @@
-#include "proto/options.h"
+#include "proto/options/table.h"
 
 #include <gtest/gtest.h>
 
@@ -13,9 +13,10 @@ namespace {
 constexpr const char* kIdentity = "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1";
 
 OptionScope scope_of(std::string_view name) {
-  const auto row = std::ranges::find(option_table(), name, &OptionInfo::name);
-  EXPECT_NE(row, option_table().end()) << name;
-  return row->for_voxelize || row->for_output ? OptionScope::kVoxelize : OptionScope::kRenderGrid;
+  const Option* const option = find_option(name);
+  EXPECT_NE(option, nullptr) << name;
+  return option && option->applies_to(OptionScope::kVoxelize) ? OptionScope::kVoxelize
+                                                              : OptionScope::kRenderGrid;
 }
 
 RequestOptions parsed(const OptionPairs& pairs, OptionScope scope) {
@@ -153,10 +154,10 @@ TEST(Options, every_value_outside_is_refused_with_what_is_expected_and_what_came
 
 TEST(Options, every_option_of_the_table_has_its_cases_here) {
   const std::set<std::string> elsewhere = {"bounds", "transform", "matrix", "section", "filename"};
-  for (const OptionInfo& option : option_table()) {
+  for (const Option& option : option_table()) {
     const std::string name(option.name);
     EXPECT_TRUE(cases().contains(name) != elsewhere.contains(name)) << name;
-    EXPECT_FALSE(option.value.empty()) << name;
+    EXPECT_FALSE(form_text(option).empty()) << name;
     EXPECT_FALSE(option.help.empty()) << name;
   }
 }
@@ -210,8 +211,8 @@ TEST(Options, a_filename_takes_255_bytes_without_nul) {
 TEST(Options, labels_say_something_only_of_channel_label) {
   const auto options =
       parsed({{"channels", "label"}, {"labels", "group"}}, OptionScope::kVoxelize).voxelize;
-  EXPECT_TRUE(options.channel_label);
-  EXPECT_FALSE(options.channel_material);
+  EXPECT_TRUE(options.names(Channel::kLabel));
+  EXPECT_FALSE(options.names(Channel::kMaterial));
   EXPECT_EQ(options.labels, LabelKind::kGroup);
   EXPECT_EQ(parsed({{"channels", "label"}}, OptionScope::kVoxelize).voxelize.labels,
             LabelKind::kMesh);
@@ -247,8 +248,8 @@ TEST(Options, values_reach_their_fields) {
   EXPECT_EQ(placement.units, "mm");
   EXPECT_TRUE(placement.transform);
   EXPECT_EQ(grid.voxelize.color, ColorMode::kAxis);
-  EXPECT_TRUE(grid.voxelize.channels_given && grid.voxelize.channel_normal);
-  EXPECT_FALSE(grid.voxelize.channel_color);
+  EXPECT_TRUE(grid.voxelize.names(Channel::kNormal));
+  EXPECT_FALSE(grid.voxelize.names(Channel::kColor));
   EXPECT_EQ(grid.voxelize.pipeline, PipelineChoice::kCompute);
   EXPECT_EQ(grid.output.format, Format::kNpz);
   EXPECT_EQ(grid.output.axes, AxisOrder::kXyz);
@@ -302,16 +303,28 @@ TEST(Options, unknown_names_are_refused_with_the_nearest_ones) {
 }
 
 TEST(Options, each_scope_takes_its_own_options_alone) {
-  for (const OptionInfo& option : option_table()) {
-    const std::string name(option.name);
-    const auto taken = [&](OptionScope scope) {
-      const auto options = parse_options(OptionPairs{{name, "?"}}, scope);
-      return options || options.error().code != ErrorCode::kUnknownOption;
-    };
-    EXPECT_EQ(taken(OptionScope::kVoxelize), option.for_voxelize || option.for_output) << name;
-    EXPECT_EQ(taken(OptionScope::kRenderMesh), option.for_voxelize || option.for_render) << name;
-    EXPECT_EQ(taken(OptionScope::kRenderGrid), option.for_render) << name;
-    EXPECT_EQ(taken(OptionScope::kExport), option.for_output) << name;
+  const std::string of_mesh =
+      "size dims voxel_size padding bounds up units transform rule fill sign thickness interior "
+      "color channels labels pipeline animation time frames fps times root_motion ";
+  const std::string of_output = "format codec axes dtype palette ";
+  const std::string of_selection = "level level_rule region ";
+  const std::string of_image =
+      "width height projection azimuth elevation zoom matrix background light occlusion shadow "
+      "samples renderer section picture frame turntable rate columns ";
+  const std::map<OptionScope, std::string> expected = {
+      {OptionScope::kVoxelize, of_mesh + of_output + of_selection},
+      {OptionScope::kRenderMesh, of_mesh + of_selection + of_image},
+      {OptionScope::kRenderGrid, "frames " + of_selection + of_image},
+      {OptionScope::kExport, "frames " + of_output + of_selection},
+  };
+  for (const auto& [scope, names] : expected) {
+    std::string taken;
+    for (const Option& option : option_table()) {
+      const auto options = parse_options(OptionPairs{{std::string(option.name), "?"}}, scope);
+      if (!options && options.error().code == ErrorCode::kUnknownOption) continue;
+      taken += std::string(option.name) + " ";
+    }
+    EXPECT_EQ(taken, names + "cache filename ");
   }
   const Error error = refused({{"width", "5"}}, OptionScope::kVoxelize);
   EXPECT_EQ(error.detail, "option does not apply to this request");
@@ -415,7 +428,7 @@ TEST(Options, interior_applies_to_solids_and_shells_that_have_a_surface) {
 TEST(Options, distances_have_a_sign_and_bands_have_distances) {
   const auto surface =
       parsed({{"channels", "occupancy,distance"}, {"sign", "parity"}}, OptionScope::kVoxelize);
-  EXPECT_TRUE(surface.voxelize.channel_distance);
+  EXPECT_TRUE(surface.voxelize.names(Channel::kDistance));
   EXPECT_EQ(surface.voxelize.sign, Sign::kParity);
   EXPECT_EQ(parsed({{"fill", "band"}, {"sign", "winding"}}, OptionScope::kVoxelize).voxelize.sign,
             Sign::kWinding);

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <string>
 
-#include "proto/option_values.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
+#include "proto/options/values.h"
 
 namespace voxeld::option_words {
 

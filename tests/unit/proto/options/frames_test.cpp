@@ -7,7 +7,7 @@
 #include <string>
 
 #include "proto/limits.h"
-#include "proto/options.h"
+#include "proto/options/options.h"
 
 namespace voxeld {
 namespace {

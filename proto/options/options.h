@@ -1,19 +1,17 @@
-// The names and values of every request parameter. One table serves the query string, a job's JSON
-// and the CLI's flags, so the three cannot differ. Parsed options are valid, and their canonical
-// JSON gives results their names.
+// The options of requests: their members, parsing and canonical JSON. Their names, ranges, defaults
+// and help are in one table (table.h), which query strings, JSON of jobs, flags and documents use.
 #pragma once
 
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
 #include <nlohmann/json_fwd.hpp>
 
+#include "proto/channels.h"
 #include "proto/output_format.h"
 #include "proto/result.h"
 
@@ -67,16 +65,16 @@ struct VoxelizeOptions {
   // Attributes of interior voxels, which lie on no surface.
   Interior interior = Interior::kNone;
   ColorMode color = ColorMode::kAverage;
-  // If no channels are given: occupancy, and colour if the mesh has colours.
-  bool channels_given = false;
-  bool channel_color = false;
-  bool channel_normal = false;
-  bool channel_material = false;
-  bool channel_label = false;
-  bool channel_distance = false;
-  bool channel_coverage = false;
+  // Unset: occupancy, colour if the mesh has colours, and the distance of a band.
+  std::optional<ChannelSet> channels;
   LabelKind labels = LabelKind::kMesh;  // what channel label numbers
   PipelineChoice pipeline = PipelineChoice::kAuto;
+
+  // Whether the request names the channel.
+  bool names(Channel channel) const { return channels && channels->has(channel); }
+  // Whether voxels get distances, which need a sign.
+  bool measures() const { return channels ? channels->distance : fill == Fill::kBand; }
+  bool has_inside() const { return fill == Fill::kSolid || fill == Fill::kShell; }
 };
 
 // The animation and its times. All unset: the pose in which the file leaves the mesh.
@@ -148,7 +146,7 @@ struct RequestOptions {
   std::string filename;   // names the input's format; empty: Content-Type, then first bytes
 };
 
-// The groups of parameters that a request takes. Others are unknown-option.
+// The kinds of request that take options. Each option names its own; others are unknown-option.
 enum class OptionScope { kVoxelize, kRenderMesh, kRenderGrid, kExport };
 
 using OptionPairs = std::vector<std::pair<std::string, std::string>>;
@@ -164,16 +162,5 @@ Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope s
 // Canonical JSON: fixed key order, defaults spelled out, no filename, no cache. Equal requests give
 // equal bytes. parse_options(canonical_json(o)) == o.
 std::string canonical_json(const RequestOptions& options, OptionScope scope);
-
-// One row of the table, for help texts, completion and the test that docs name every option.
-struct OptionInfo {
-  std::string_view name;   // "voxel_size"; as a flag --voxel-size
-  std::string_view value;  // "S | X,Y,Z"
-  std::string_view help;
-  bool for_voxelize = false;  // placement and voxelization
-  bool for_output = false;
-  bool for_render = false;
-};
-std::span<const OptionInfo> option_table();
 
 }  // namespace voxeld

@@ -1,10 +1,14 @@
 #include <gtest/gtest.h>
 
+#include <cstdlib>
+#include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <sstream>
 #include <string>
 
-#include "proto/options.h"
+#include "proto/options/options.h"
 
 namespace voxeld {
 namespace {
@@ -43,6 +47,44 @@ TEST(CanonicalOptions, spell_out_every_default_in_a_fixed_order) {
             R"({"width":512,"height":512,"projection":"perspective","azimuth":"30",)"
             R"("elevation":"20","zoom":"1","background":"#ffffffff","light":"phong",)"
             R"("occlusion":"no","shadow":"no","samples":"auto","renderer":"auto"})");
+}
+
+OptionPairs pairs_of_query(const std::string& query) {
+  OptionPairs pairs;
+  std::istringstream parts(query);
+  for (std::string part; std::getline(parts, part, '&');) {
+    const size_t equals = part.find('=');
+    pairs.emplace_back(part.substr(0, equals), part.substr(equals + 1));
+  }
+  return pairs;
+}
+
+// Random requests with every option, each with its canonical text: "SCOPE QUERY<tab>JSON". Names of
+// stored results are made from such texts, so a changed line loses the results of its request;
+// VOXELD_RENEW=1 writes the texts anew where that is wanted.
+TEST(CanonicalOptions, of_random_requests_are_as_recorded) {
+  const std::map<std::string, OptionScope> scopes = {{"voxelize", OptionScope::kVoxelize},
+                                                     {"render", OptionScope::kRenderMesh},
+                                                     {"render-grid", OptionScope::kRenderGrid},
+                                                     {"export", OptionScope::kExport}};
+  const std::string path = VOXELD_SOURCE_DIR "/tests/unit/proto/options/canonical.txt";
+  std::ifstream file(path);
+  std::string renewed;
+  const bool renews = std::getenv("VOXELD_RENEW") != nullptr;
+  size_t count = 0;
+  for (std::string line; std::getline(file, line); ++count) {
+    const size_t space = line.find(' '), tab = line.find('\t');
+    ASSERT_LT(space, tab) << line;
+    const OptionScope scope = scopes.at(line.substr(0, space));
+    const std::string query = line.substr(space + 1, tab - space - 1);
+    const std::string text = canonical(pairs_of_query(query), scope);
+    renewed += line.substr(0, tab + 1) + text + "\n";
+    EXPECT_TRUE(renews || text == line.substr(tab + 1)) << line << "\nis now " << text;
+    EXPECT_EQ(canonical_of_json(text, scope), text) << query;
+  }
+  EXPECT_EQ(count, 48u);
+  file.close();
+  if (renews) std::ofstream(path) << renewed;
 }
 
 TEST(CanonicalOptions, fills_name_their_sign_and_shells_their_thickness) {

@@ -1,4 +1,4 @@
-#include "proto/option_values.h"
+#include "proto/options/values.h"
 #include "proto/number_text.h"
 #include "proto/range_text.h"
 

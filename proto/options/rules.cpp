@@ -1,0 +1,227 @@
+#include "proto/options/rules.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "proto/options/values.h"
+#include "proto/options/words.h"
+
+namespace voxeld {
+namespace {
+
+using namespace option_values;
+namespace words = option_words;
+
+constexpr double kDefaultBandThickness = 3.0;  // voxels
+constexpr int kDefaultSheetSide = 160;         // pixels of one image of a sheet
+
+// A request whose options are parsed one by one.
+struct Parsed {
+  const RequestOptions& options;
+  OptionScope scope;
+  const GivenOptions& given;
+
+  bool gives(std::string_view name) const { return given.contains(name); }
+  // The first of `names` that the request gives; empty: none.
+  std::string_view first_of(std::initializer_list<std::string_view> names) const {
+    const auto* found = std::ranges::find_if(names, [&](auto name) { return gives(name); });
+    return found == names.end() ? std::string_view() : *found;
+  }
+  std::string_view fill() const { return word_of<Fill>(options.voxelize.fill, words::kFill); }
+  std::string_view picture() const {
+    return word_of<PictureKind>(options.render.picture, words::kPicture);
+  }
+};
+
+// Requests for frames of a mesh that name no animation take the first one: a frame of an image, and
+// images of several grids that are not a turntable.
+void complete_animation(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
+  const RenderOptions& render = options.render;
+  const bool shows_frames =
+      scope == OptionScope::kRenderMesh &&
+      (given.contains("frame") || (render.picture != PictureKind::kPng && render.turntable == 0));
+  const bool is_of_mesh = scope == OptionScope::kRenderMesh || scope == OptionScope::kVoxelize;
+  AnimationOptions& animation = options.animation;
+  if (!is_of_mesh || animation.animation || !(animation.moves() || shows_frames)) return;
+  animation.animation = "0";
+}
+
+void complete(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
+  if (options.voxelize.fill == Fill::kBand && !given.contains("thickness")) {
+    options.voxelize.thickness = kDefaultBandThickness;
+  }
+  if (options.render.picture == PictureKind::kSheet) {
+    if (!given.contains("width")) options.render.width = kDefaultSheetSide;
+    if (!given.contains("height")) options.render.height = kDefaultSheetSide;
+  }
+  complete_animation(options, scope, given);
+}
+
+// Options without effect are refused: they are more likely a mistake.
+
+Status sign_needs_inside_or_distance(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (!request.gives("sign") || v.has_inside() || v.measures()) return {};
+  return invalid("sign", "fill solid or shell or channel distance with it", request.fill());
+}
+
+Status coverage_needs_surface_or_solid(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (!v.names(Channel::kCoverage) || v.fill == Fill::kSurface || v.fill == Fill::kSolid) return {};
+  return invalid("channels", "fill surface or solid with coverage", request.fill());
+}
+
+Status coverage_of_solid_excludes_flood(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (!v.names(Channel::kCoverage) || v.fill != Fill::kSolid || v.sign != Sign::kFlood) return {};
+  return invalid("sign", "parity, nonzero, majority, winding or auto with coverage", "flood");
+}
+
+Status thickness_needs_shell_or_band(const Parsed& request) {
+  const Fill fill = request.options.voxelize.fill;
+  if (!request.gives("thickness") || fill == Fill::kShell || fill == Fill::kBand) return {};
+  return invalid("thickness", "fill shell or band with it", request.fill());
+}
+
+Status interior_needs_inside(const Parsed& request) {
+  if (!request.gives("interior") || request.options.voxelize.has_inside()) return {};
+  return invalid("interior", "fill solid or shell with it", request.fill());
+}
+
+Status nearest_interior_needs_surface(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (v.interior != Interior::kNearest || v.rule != Rule::kNone) return {};
+  return invalid("rule", "touch, thin or center where interior is nearest", "none");
+}
+
+Status labels_need_channel_label(const Parsed& request) {
+  if (!request.gives("labels") || request.options.voxelize.names(Channel::kLabel)) return {};
+  return invalid("labels", "channel label with it", "channels without it");
+}
+
+Status time_excludes_frames(const Parsed& request) {
+  const std::string_view other = request.first_of({"frames", "fps", "times"});
+  if (!request.gives("time") || other.empty()) return {};
+  return invalid("time", "neither frames, fps nor times with it", other);
+}
+
+Status times_exclude_frames_and_fps(const Parsed& request) {
+  const std::string_view other = request.first_of({"frames", "fps"});
+  if (!request.gives("times") || other.empty()) return {};
+  return invalid("times", "neither frames nor fps with it", other);
+}
+
+Status root_motion_needs_animation(const Parsed& request) {
+  if (!request.gives("root_motion") || request.options.animation.moves()) return {};
+  return invalid("root_motion", "animation, time, frames, fps or times with it", "none of them");
+}
+
+Status rate_needs_gif_or_apng(const Parsed& request) {
+  const PictureKind kind = request.options.render.picture;
+  if (!request.gives("rate") || kind == PictureKind::kGif || kind == PictureKind::kApng) return {};
+  return invalid("rate", "picture gif or apng with it", request.picture());
+}
+
+Status columns_need_sheet(const Parsed& request) {
+  if (!request.gives("columns") || request.options.render.picture == PictureKind::kSheet) return {};
+  return invalid("columns", "picture sheet with it", request.picture());
+}
+
+// The number of frames that the request names; 0: as many as the input has.
+int frames_named(const AnimationOptions& animation) {
+  if (animation.frames) return (*animation.frames)[1] - (*animation.frames)[0] + 1;
+  return static_cast<int>(animation.times_s.size());
+}
+
+Status frame_is_one_of_sequence(const Parsed& request) {
+  if (!request.gives("frame")) return {};
+  const RequestOptions& options = request.options;
+  const std::string got = std::to_string(options.render.frame);
+  if (options.render.picture != PictureKind::kPng) {
+    return invalid("frame", "picture png with it", request.picture());
+  }
+  if (request.scope == OptionScope::kRenderMesh && !options.animation.is_sequence()) {
+    return invalid("frame", "frames of an animation, and not its time", got);
+  }
+  const int named = frames_named(options.animation);
+  if (named == 0 || options.render.frame < named) return {};
+  return invalid("frame",
+                 "less than " + std::to_string(named) + ", the number of frames that are asked for",
+                 got);
+}
+
+Status turntable_shows_one_grid(const Parsed& request) {
+  if (!request.gives("turntable")) return {};
+  const RequestOptions& options = request.options;
+  if (options.render.picture == PictureKind::kPng) {
+    return invalid("turntable", "picture gif, apng or sheet with it", request.picture());
+  }
+  if (options.render.matrix) return invalid("turntable", "a camera without matrix", "matrix");
+  if (!options.animation.is_sequence()) return {};
+  return invalid("turntable", "one grid: no animation, or its time", "frames of an animation");
+}
+
+Status several_images_need_frames_or_views(const Parsed& request) {
+  const RenderOptions& render = request.options.render;
+  const bool is_several = request.options.animation.is_sequence() || render.turntable > 0;
+  if (request.scope != OptionScope::kRenderMesh || render.picture == PictureKind::kPng) return {};
+  if (is_several) return {};
+  return invalid("picture", "frames of an animation, or turntable with it", request.picture());
+}
+
+Status surface_needs_rule(const Parsed& request) {
+  const VoxelizeOptions& v = request.options.voxelize;
+  if (v.rule != Rule::kNone || v.fill != Fill::kSurface) return {};
+  return invalid("rule", "touch, thin or center where fill is surface", "none");
+}
+
+Status one_of_size_dims_and_voxel_size(const Parsed& request) {
+  const PlacementOptions& p = request.options.voxelize.placement;
+  const int given = (p.size ? 1 : 0) + (p.dims ? 1 : 0) + (p.voxel_size ? 1 : 0);
+  if (given <= 1) return {};
+  return Error{ErrorCode::kInvalidOption, "size, dims and voxel_size exclude each other",
+               "at most one of them", std::to_string(given)};
+}
+
+Status padding_leaves_room(const Parsed& request) {
+  const PlacementOptions& p = request.options.voxelize.placement;
+  if (p.voxel_size) return {};
+  const int side = p.dims ? std::ranges::min(*p.dims) : p.size.value_or(kDefaultSize);
+  if (2 * p.padding < side) return {};
+  return invalid(
+      "padding",
+      p.dims ? "less than half of each of dims" : "less than half of size " + std::to_string(side),
+      std::to_string(p.padding));
+}
+
+// In the order in which they are checked: a request that breaks several gets the first one's error.
+constexpr std::array kRules = {sign_needs_inside_or_distance,
+                               coverage_needs_surface_or_solid,
+                               coverage_of_solid_excludes_flood,
+                               thickness_needs_shell_or_band,
+                               interior_needs_inside,
+                               nearest_interior_needs_surface,
+                               labels_need_channel_label,
+                               time_excludes_frames,
+                               times_exclude_frames_and_fps,
+                               root_motion_needs_animation,
+                               rate_needs_gif_or_apng,
+                               columns_need_sheet,
+                               frame_is_one_of_sequence,
+                               turntable_shows_one_grid,
+                               several_images_need_frames_or_views,
+                               surface_needs_rule,
+                               one_of_size_dims_and_voxel_size,
+                               padding_leaves_room};
+
+}  // namespace
+
+Status apply_option_rules(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
+  complete(options, scope, given);
+  const Parsed request{options, scope, given};
+  for (const auto& rule : kRules) VOXELD_TRY(rule(request));
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,84 @@
+// The registry of options. One entry per option gives its name, the requests that take it, the
+// member that holds it, its values, its default and its help. Parsing, canonical JSON, the CLI's
+// flags and help, README's tables and the parameters of openapi.yaml follow from the entries.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "proto/client_texts.h"
+#include "proto/options/options.h"
+#include "proto/result.h"
+
+namespace voxeld {
+
+// The groups in which documents list options.
+enum class OptionGroup {
+  kPlacement,
+  kVoxelization,
+  kAnimation,
+  kOutput,
+  kSelection,
+  kImage,
+  kSeveralImages,
+  kRequest
+};
+
+// What an option's text can be, for help and schemas. The codec's parse() decides.
+struct IntegerValues {
+  int min, max;
+};
+struct NumberValues {
+  double min, max;
+};
+struct WordValues {
+  std::vector<std::string_view> words;
+};
+struct TextValues {};  // in a form of its own
+using OptionValues = std::variant<IntegerValues, NumberValues, WordValues, TextValues>;
+
+// A value as canonical JSON holds it: nothing if the member is unset, else an integer or a text.
+using OptionText = std::variant<std::monostate, int, std::string>;
+
+// Reads an option's text into its member and writes it back. codecs.h makes them.
+struct OptionCodec {
+  OptionValues values;
+  // Errors: invalid-option with the name, the expected and the given value.
+  std::function<Status(RequestOptions&, std::string_view name, std::string_view text)> parse;
+  std::function<OptionText(const RequestOptions&)> write;
+};
+
+struct Option {
+  std::string_view name;  // "voxel_size"; as a flag --voxel-size
+  std::string form = {};  // the form of its text: "S | X,Y,Z"; empty: as `codec.values` tells
+  OptionCodec codec = {};
+  std::string help = {};     // a noun phrase without markup, for every document
+  std::string details = {};  // sentences in CommonMark, for README and openapi.yaml
+  // The default in words, if it is not the value of a default RequestOptions.
+  std::string default_words = {};
+  // Whether canonical JSON has the member, if it is set. Null: always.
+  bool (*is_written)(const RequestOptions&) = nullptr;
+  size_t bytes_max = client_texts::kOption.bytes_max;  // of its text
+  OptionGroup group = OptionGroup::kRequest;
+  std::span<const OptionScope> scopes = {};  // the requests that take it
+
+  bool applies_to(OptionScope scope) const;
+};
+
+// All options, in the order of help texts.
+std::span<const Option> option_table();
+// Null for an unknown name.
+const Option* find_option(std::string_view name);
+
+// Texts for documents.
+std::string form_text(const Option& option);     // "N", "y | z", "NX,NY,NZ"
+std::string range_text(const Option& option);    // "1 to 16384"; empty: not a number
+std::string default_text(const Option& option);  // "128"; empty: none
+std::string flag_help(const Option& option);     // "voxels … (1 to 16384; default: 128)"
+
+}  // namespace voxeld
