@@ -9,7 +9,7 @@
 
 #include "client/answers.h"
 #include "client/content_check.h"
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "proto/percent_encoding.h"
 
 namespace voxeld::client {

@@ -4,7 +4,7 @@
 #include <iterator>
 
 #include "client/grid_impl.h"
-#include "proto/tile_runs.h"
+#include "proto/codec/tile_runs.h"
 
 namespace voxeld::client {
 

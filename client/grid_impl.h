@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "client/include/voxeld/client.h"
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "proto/result.h"
 
 namespace voxeld::client {

@@ -1,6 +1,6 @@
 // Sequences of the client library, over proto's container reader.
 #include "client/grid_impl.h"
-#include "proto/sequence_format.h"
+#include "proto/container/sequence_format.h"
 
 namespace voxeld::client {
 

@@ -1,7 +1,5 @@
 #include "proto/client_texts.h"
 
-#include "proto/job.h"
-
 namespace voxeld {
 
 Status check_length(const ClientText& limit, std::string_view text) {
@@ -19,13 +17,6 @@ Status check_filename(std::string_view filename) {
   VOXELD_TRY(check_length(client_texts::kFilename, filename));
   if (filename.find('\0') == std::string_view::npos) return {};
   return Error{ErrorCode::kInvalidOption, "filename", "a name without NUL", echoed(filename)};
-}
-
-Status check_texts(const JobRequest& request) {
-  VOXELD_TRY(check_length(client_texts::kAsset, request.asset));
-  VOXELD_TRY(check_length(client_texts::kGrid, request.grid));
-  VOXELD_TRY(check_length(client_texts::kSequence, request.sequence));
-  return check_filename(request.filename);
 }
 
 std::string echoed(std::string_view text) {

@@ -51,9 +51,6 @@ Status check_length(const ClientText& limit, std::string_view text);
 Status check_length(const ClientText& limit, std::string_view name, std::string_view text);
 // Checks the length and refuses NUL: code that takes the text as a path would lose the rest.
 Status check_filename(std::string_view filename);
-struct JobRequest;
-// Checks the lengths of the request's ids and of its filename.
-Status check_texts(const JobRequest& request);
 // The beginning of `text` in quotes.
 std::string echoed(std::string_view text);
 

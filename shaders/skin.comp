@@ -1,4 +1,4 @@
-// Moves the vertices of a frame to its pose (skin_vertices() of server/scene/skin_table.h) and
+// Moves the vertices of a frame to its pose (skin_vertices() of server/scene/core/skin_table.h) and
 // snaps them (steps 1 and 2 of server/voxel/README.md). One invocation per vertex. It does the
 // CPU's operations on doubles in the CPU's order, so that all bits are equal. Vertices outside the
 // grid's cells are reported and left to the CPU. SKIN_POINT_PER_INFLUENCE: points per influence

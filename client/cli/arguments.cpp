@@ -8,10 +8,10 @@
 #include <map>
 
 #include "client/cli/api_key.h"
-#include "proto/job.h"
+#include "proto/container/sequence_format.h"
+#include "proto/messages/job.h"
 #include "proto/options/options.h"
 #include "proto/options/table.h"
-#include "proto/sequence_format.h"
 #include "proto/version.h"
 
 namespace voxeld::cli {

@@ -13,8 +13,8 @@
 #include "client/cli/output_file.h"
 #include "client/cli/progress_bar.h"
 #include "client/cli/top.h"
+#include "proto/container/sequence_format.h"
 #include "proto/options/options.h"
-#include "proto/sequence_format.h"
 
 namespace voxeld::cli {
 namespace {

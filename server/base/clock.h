@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 
 namespace voxeld {
 

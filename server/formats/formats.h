@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "proto/options/options.h"
 #include "proto/output_format.h"
 #include "proto/result.h"

@@ -1,4 +1,4 @@
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "server/formats/formats.h"
 
 namespace voxeld {

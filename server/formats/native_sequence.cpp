@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/grid_streams.h"
+#include "proto/container/grid_streams.h"
 #include "server/base/file.h"
 #include "server/base/mapped_pages.h"
 #include "server/formats/formats.h"

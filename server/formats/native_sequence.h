@@ -8,7 +8,7 @@
 #include <memory>
 #include <span>
 
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/formats/sequence_file.h"

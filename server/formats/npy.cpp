@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "proto/tile_runs.h"
+#include "proto/codec/tile_runs.h"
 #include "server/base/cancel_point.h"
 #include "server/formats/extend_sign.h"
 #include "server/formats/formats.h"

@@ -4,13 +4,13 @@
 #include <string>
 #include <utility>
 
-#include "proto/canonical_tile.h"
-#include "proto/grid_layout.h"
-#include "proto/grid_writer.h"
-#include "proto/octree_codec.h"
+#include "proto/codec/canonical_tile.h"
+#include "proto/codec/octree_codec.h"
+#include "proto/codec/stream_codec.h"
+#include "proto/container/grid_layout.h"
+#include "proto/container/grid_writer.h"
+#include "proto/container/tile_streams.h"
 #include "proto/parallel.h"
-#include "proto/stream_codec.h"
-#include "proto/tile_streams.h"
 #include "server/base/sha256.h"
 
 namespace voxeld {

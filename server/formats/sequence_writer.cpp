@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "proto/grid_layout.h"
+#include "proto/container/grid_layout.h"
 #include "proto/parallel.h"
 #include "server/base/sha256.h"
 #include "server/formats/sequence_source.h"

@@ -1,5 +1,5 @@
-// Writes the sequence container (proto/sequence_format.h) frame by frame. In memory are the index
-// and the streams that the next frame's may be differences to.
+// Writes the sequence container (proto/container/sequence_format.h) frame by frame. In memory are
+// the index and the streams that the next frame's may be differences to.
 #pragma once
 
 #include <array>
@@ -12,11 +12,11 @@
 #include <utility>
 #include <vector>
 
-#include "proto/grid_format.h"
-#include "proto/grid_streams.h"
+#include "proto/container/grid_format.h"
+#include "proto/container/grid_streams.h"
+#include "proto/container/sequence_format.h"
+#include "proto/container/sequence_layout.h"
 #include "proto/result.h"
-#include "proto/sequence_format.h"
-#include "proto/sequence_layout.h"
 
 namespace voxeld {
 

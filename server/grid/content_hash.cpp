@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/canonical_tile.h"
+#include "proto/codec/canonical_tile.h"
 #include "server/base/cancel_point.h"
 
 namespace voxeld {

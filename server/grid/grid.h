@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "proto/grid_format.h"
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
+#include "proto/container/grid_format.h"
 #include "server/grid/grid_spec.h"
 
 namespace voxeld {

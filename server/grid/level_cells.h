@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/grid/tile_appender.h"
 
 namespace voxeld {

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/grid/grid.h"
 
 namespace voxeld {

@@ -13,9 +13,9 @@
 
 #include <glm/vec3.hpp>
 
-#include "proto/grid_format.h"
+#include "proto/codec/sparse_tile.h"
+#include "proto/container/grid_format.h"
 #include "proto/result.h"
-#include "proto/sparse_tile.h"
 #include "server/grid/grid.h"
 
 namespace voxeld {

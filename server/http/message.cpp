@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/client_texts.h"
-#include "proto/job.h"
+#include "proto/messages/job.h"
 
 namespace voxeld::http {
 namespace {

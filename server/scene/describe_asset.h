@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 
 namespace voxeld {
 

@@ -3,11 +3,11 @@
 #include <cstring>
 
 #include "proto/text_file.h"
-#include "server/scene/bundle_names.h"
+#include "server/scene/core/bundle_names.h"
+#include "server/scene/core/mesh_error.h"
+#include "server/scene/core/text_cursor.h"
 #include "server/scene/load.h"
-#include "server/scene/mesh_error.h"
-#include "server/scene/stl.h"
-#include "server/scene/text_cursor.h"
+#include "server/scene/stl/stl.h"
 
 namespace voxeld {
 namespace {

@@ -3,10 +3,10 @@
 
 #include <utility>
 
-#include "server/scene/animated_scene.h"
-#include "server/scene/bundle_names.h"
-#include "server/scene/mesh_error.h"
-#include "server/scene/ply.h"
+#include "server/scene/core/animated_scene.h"
+#include "server/scene/core/bundle_names.h"
+#include "server/scene/core/mesh_error.h"
+#include "server/scene/ply/ply.h"
 
 namespace voxeld {
 namespace {

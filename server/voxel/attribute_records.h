@@ -11,7 +11,7 @@
 #include <glm/mat4x4.hpp>
 
 #include "proto/options/options.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/flat_colors.h"
 #include "server/voxel/snap.h"
 #include "server/voxel/tile_window.h"

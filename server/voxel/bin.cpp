@@ -4,8 +4,8 @@
 #include <bit>
 #include <numeric>
 
+#include "proto/codec/sparse_tile.h"
 #include "proto/limits.h"
-#include "proto/sparse_tile.h"
 #include "server/voxel/parallel.h"
 #include "server/voxel/raw_vector.h"
 

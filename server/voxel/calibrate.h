@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/calibration.h"
 #include "server/voxel/voxelize.h"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 
 namespace voxeld {
 

@@ -11,7 +11,7 @@
 #include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/grid/grid_spec.h"
-#include "server/scene/skin_table.h"
+#include "server/scene/core/skin_table.h"
 #include "server/voxel/tile_pipeline.h"
 
 namespace voxeld {

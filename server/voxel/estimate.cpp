@@ -7,7 +7,7 @@
 #include <bit>
 #include <numeric>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/parallel.h"
 
 namespace voxeld {

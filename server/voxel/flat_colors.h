@@ -9,7 +9,7 @@
 #include <glm/vec2.hpp>
 #include <glm/vec4.hpp>
 
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 
 namespace voxeld {
 

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/snap.h"
 
 namespace voxeld {

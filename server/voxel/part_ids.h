@@ -8,7 +8,7 @@
 
 #include "proto/options/options.h"
 #include "proto/result.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/id_fold.h"
 
 namespace voxeld {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <span>
 
+#include "proto/codec/sparse_tile.h"
 #include "proto/options/options.h"
-#include "proto/sparse_tile.h"
 #include "server/voxel/attribute_records.h"
 
 namespace voxeld {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <atomic>
 
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 
 namespace voxeld {
 namespace {

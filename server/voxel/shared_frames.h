@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "server/grid/grid_spec.h"
-#include "server/scene/skin_table.h"
+#include "server/scene/core/skin_table.h"
 #include "server/voxel/attribute_records.h"
 #include "server/voxel/choose.h"
 #include "server/voxel/estimate.h"

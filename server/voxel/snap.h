@@ -12,7 +12,7 @@
 #include "proto/limits.h"
 #include "proto/result.h"
 #include "server/grid/grid_spec.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/raw_vector.h"
 
 namespace voxeld {

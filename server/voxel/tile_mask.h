@@ -1,5 +1,5 @@
 // The mask of a tile: one bit per cell in Morton order, the order of a brick in
-// proto/sparse_tile.h.
+// proto/codec/sparse_tile.h.
 #pragma once
 
 #include <cstddef>

@@ -12,12 +12,12 @@
 
 #include <glm/mat4x4.hpp>
 
+#include "proto/codec/sparse_tile.h"
 #include "proto/limits.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
-#include "proto/sparse_tile.h"
 #include "server/base/clock.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/attribute_records.h"
 #include "server/voxel/bin.h"
 #include "server/voxel/cost_model.h"

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "proto/codec/sparse_tile.h"
 #include "proto/result.h"
-#include "proto/sparse_tile.h"
 #include "server/grid/grid.h"
 
 namespace voxeld {

@@ -11,7 +11,7 @@
 #include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/grid/grid.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/choose.h"
 #include "server/voxel/shared_frames.h"
 #include "server/voxel/tile_pipeline.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "shaders/shared/voxelize.h"
 
 namespace voxeld {

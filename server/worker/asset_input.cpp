@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/bundle_manifest.h"
+#include "proto/messages/bundle_manifest.h"
 #include "server/base/file.h"
 #include "server/scene/load.h"
 

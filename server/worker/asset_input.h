@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 #include "server/worker/task_run.h"
 
 namespace voxeld {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/sequence_format.h"
+#include "proto/container/sequence_format.h"
 #include "server/base/file.h"
 #include "server/formats/formats.h"
 #include "server/grid/region.h"

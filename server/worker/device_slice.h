@@ -1,11 +1,11 @@
-// The worker's side of time slices on its device (proto/task_api.h).
+// The worker's side of time slices on its device (proto/messages/task_api.h).
 #pragma once
 
 #include <chrono>
 #include <memory>
 #include <string>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/base/frame_socket.h"
 
 namespace voxeld {

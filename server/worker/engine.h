@@ -13,7 +13,7 @@
 #include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/render/drawing_cost.h"
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 #include "server/voxel/voxelize.h"
 #include "server/worker/mesh_topology.h"
 #include "server/worker/open_device.h"
@@ -61,7 +61,8 @@ struct Engine {
   // `auto` draws on the CPU if GL would run on the same cores, only slower
   // (tests/bench/render_bench). Errors: device-unavailable for gl without a GL context.
   Result<ChosenRenderer> choose_renderer(RendererChoice asked);
-  // Call before each task: drops the cached inputs of another tenant (proto/task_api.h tells why).
+  // Call before each task: drops the cached inputs of another tenant (proto/messages/task_api.h
+  // tells why).
   void begin_task_of(const std::string& tenant);
 
   OpenedDevice device;  // its pipeline was moved to the voxelizer

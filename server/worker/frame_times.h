@@ -5,7 +5,7 @@
 
 #include "proto/options/options.h"
 #include "proto/result.h"
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 
 namespace voxeld {
 

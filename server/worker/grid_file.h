@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/grid_writer.h"
+#include "proto/container/grid_writer.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/base/file.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 #include "server/voxel/fill_stats.h"
 #include "server/worker/mesh_topology.h"
 

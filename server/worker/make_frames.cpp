@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/grid/grid_spec.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/sequence.h"
+#include "proto/messages/sequence.h"
 #include "server/worker/frame_times.h"
 #include "server/worker/moving_scene.h"
 #include "server/worker/task_run.h"

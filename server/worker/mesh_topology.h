@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 
 namespace voxeld {
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <string>
 
+#include "proto/messages/task_api.h"
 #include "proto/result.h"
-#include "proto/task_api.h"
 #include "server/gpu/device.h"
 #include "server/render/render.h"
 #include "server/voxel/tile_pipeline.h"

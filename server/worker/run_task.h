@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/worker/device_slice.h"
 #include "server/worker/engine.h"
 #include "server/worker/task_monitor.h"

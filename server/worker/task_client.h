@@ -6,7 +6,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/base/frame_socket.h"
 #include "server/base/thread_annotations.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <thread>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/base/thread_annotations.h"
 #include "server/worker/task_client.h"
 

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "proto/bundle_manifest.h"
+#include "proto/messages/bundle_manifest.h"
 #include "proto/options/table.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"

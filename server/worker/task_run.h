@@ -10,8 +10,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "proto/messages/task_api.h"
 #include "proto/options/options.h"
-#include "proto/task_api.h"
 #include "server/base/clock.h"
 #include "server/worker/device_slice.h"
 #include "server/worker/engine.h"

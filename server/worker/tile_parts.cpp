@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/base/log.h"

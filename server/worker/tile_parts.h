@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "proto/grid_format.h"
-#include "proto/grid_writer.h"
+#include "proto/codec/sparse_tile.h"
+#include "proto/container/grid_format.h"
+#include "proto/container/grid_writer.h"
 #include "proto/result.h"
-#include "proto/sparse_tile.h"
 #include "server/base/clock.h"
 #include "server/worker/grid_file.h"
 #include "server/worker/task_run.h"

@@ -11,7 +11,7 @@
 #include <optional>
 #include <utility>
 
-#include "proto/task_bounds.h"
+#include "proto/messages/task_bounds.h"
 #include "server/base/clock.h"
 #include "server/base/log.h"
 #include "server/base/machine.h"

@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "proto/messages/task_api.h"
 #include "proto/result.h"
-#include "proto/task_api.h"
 
 namespace voxeld {
 

@@ -1,5 +1,5 @@
 // The place of a voxel in the 512-bit mask of its brick: Morton order, x lowest
-// (proto/sparse_tile.h). It uses only integers, so that a C++ test can compile it too.
+// (proto/codec/sparse_tile.h). It uses only integers, so that a C++ test can compile it too.
 
 int dda_spread_3bit(int v) { return (v & 1) | ((v & 2) << 2) | ((v & 4) << 4); }
 

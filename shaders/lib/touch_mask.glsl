@@ -1,5 +1,5 @@
 // The bits of a tile: cell (x, y, z), 0..255 each, is bit m & 31 of word m >> 5, m its Morton code
-// (proto/sparse_tile.h: bricks in Morton order, and Morton order within the brick).
+// (proto/codec/sparse_tile.h: bricks in Morton order, and Morton order within the brick).
 
 #define TILE_MORTON_X 0x249249u
 

@@ -39,7 +39,7 @@
 #define RAYMARCH_BLOCK_NORMAL 65
 #define RAYMARCH_BLOCK_WORDS 66
 
-// A brick: the mask in Morton order (proto/sparse_tile.h), then these.
+// A brick: the mask in Morton order (proto/codec/sparse_tile.h), then these.
 #define RAYMARCH_BRICK_FIRST 16   // number of its first voxel
 #define RAYMARCH_BRICK_NODES 17   // bit i: any voxel in mask words 2i and 2i+1, a cube of 4^3
 #define RAYMARCH_BRICK_COLOR 18   // mean, in the form of RAYMARCH_COLORS

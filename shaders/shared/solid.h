@@ -16,7 +16,7 @@
 #define SOLID_VOLUME_Y 1
 #define SOLID_VOLUME_Z 2
 #define SOLID_DISAGREE 3  // mask like SOLID_MASK: cells on which the axes disagree
-#define SOLID_MASK 6      // bit per cell of the tile in Morton order, proto/sparse_tile.h
+#define SOLID_MASK 6      // bit per cell of the tile in Morton order, proto/codec/sparse_tile.h
 #define SOLID_FLAGS 7     // uints, see below
 // Bindings of the flood.
 #define SOLID_FREE 0  // bit per cell of the grid, see solid_flood.comp

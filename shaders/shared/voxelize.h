@@ -5,9 +5,9 @@
 #include "shaders/shared/types.h"
 
 // Storage buffers.
-#define VOXELIZE_TRIANGLES 0     // 9 ints per triangle: x y z of three vertices, see VoxelizeParams
-#define VOXELIZE_ITEMS 1         // VoxelizeItem per work item; pipeline compute alone
-#define VOXELIZE_MASK 2          // bit per cell of the tile in Morton order, proto/sparse_tile.h
+#define VOXELIZE_TRIANGLES 0  // 9 ints per triangle: x y z of three vertices, see VoxelizeParams
+#define VOXELIZE_ITEMS 1      // VoxelizeItem per work item; pipeline compute alone
+#define VOXELIZE_MASK 2       // bit per cell of the tile in Morton order, proto/codec/sparse_tile.h
 #define VOXELIZE_ATTRIBUTES 3    // ATTRIBUTE_WORDS uints per triangle, attributes.h
 #define VOXELIZE_WORD_OFFSETS 4  // uint per mask word: number of the word's first voxel in the tile
 #define VOXELIZE_SUMS 5          // uint: sums of the attributes, attributes.h

@@ -5,7 +5,7 @@
 //   batch_bricks    masks -> which bricks are occupied
 //   batch_scan      -> how many are before each
 //   batch_gather    -> the occupied bricks alone
-// Passes for the tiles' octrees, breadth first, in the format of proto/grid_format.h:
+// Passes for the tiles' octrees, breadth first, in the format of proto/container/grid_format.h:
 //   octree_bricks   masks -> what each brick adds to the levels below it
 //   octree_levels   -> where each level and each brick begins, and the levels down to the bricks
 //   octree_leaves   -> the levels of 4 and of 2 cells

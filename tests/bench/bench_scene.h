@@ -5,7 +5,8 @@
 #include <string>
 
 #include "proto/result.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
+#include "server/scene/load.h"
 
 namespace voxeld::bench {
 

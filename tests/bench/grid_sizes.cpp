@@ -12,7 +12,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "server/base/file.h"
 #include "tests/bench/grid_sizes.h"
 

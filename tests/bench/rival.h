@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 
 namespace voxeld::bench {
 

@@ -8,7 +8,8 @@
 #include <utility>
 
 #include "server/base/file.h"
-#include "server/scene/ply_body.h"
+#include "server/scene/load.h"
+#include "server/scene/ply/body.h"
 #include "tests/bench/rival.h"
 
 namespace voxeld::bench {

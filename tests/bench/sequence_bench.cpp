@@ -18,7 +18,8 @@
 #include "server/base/file.h"
 #include "server/formats/formats.h"
 #include "server/formats/sequence_writer.h"
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
+#include "server/scene/load.h"
 #include "server/voxel/voxelize.h"
 
 namespace voxeld {

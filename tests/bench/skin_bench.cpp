@@ -19,7 +19,8 @@
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/grid/content_hash.h"
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
+#include "server/scene/load.h"
 #include "server/voxel/gl/gl_pipeline.h"
 #include "server/voxel/voxelize.h"
 

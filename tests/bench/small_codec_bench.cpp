@@ -11,9 +11,9 @@
 #include <string>
 #include <vector>
 
-#include "proto/grid_format.h"
-#include "proto/octree_codec.h"
-#include "proto/tile_streams.h"
+#include "proto/codec/octree_codec.h"
+#include "proto/container/grid_format.h"
+#include "proto/container/tile_streams.h"
 #include "server/base/file.h"
 #include "server/grid/grid.h"
 #include "server/scene/load.h"

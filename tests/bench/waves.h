@@ -1,7 +1,7 @@
 // A closed mesh of any size: a sphere with waves.
 #pragma once
 
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 
 namespace voxeld {
 

@@ -11,6 +11,7 @@
 
 #include "server/base/check.h"
 #include "server/scene/describe_asset.h"
+#include "server/scene/load.h"
 #include "tests/fuzz/scene_fuzz.h"
 
 namespace voxeld::fuzz {

@@ -10,9 +10,9 @@
 #include <span>
 #include <vector>
 
-#include "proto/canonical_tile.h"
-#include "proto/octree_codec.h"
-#include "proto/stream_codec.h"
+#include "proto/codec/canonical_tile.h"
+#include "proto/codec/octree_codec.h"
+#include "proto/codec/stream_codec.h"
 #include "server/base/check.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"

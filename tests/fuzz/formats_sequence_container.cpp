@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/grid_streams.h"
+#include "proto/container/grid_streams.h"
 #include "server/base/check.h"
 #include "tests/unit/formats/sample_frames.h"
 

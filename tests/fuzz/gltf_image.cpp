@@ -3,8 +3,8 @@
 #include <cstdint>
 
 #include "server/base/check.h"
-#include "server/scene/image.h"
-#include "server/scene/image_tga.h"
+#include "server/scene/images/image.h"
+#include "server/scene/images/tga.h"
 
 namespace {
 

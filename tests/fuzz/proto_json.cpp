@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "proto/job.h"
-#include "proto/job_text.h"
+#include "proto/messages/job.h"
+#include "proto/messages/job_text.h"
 #include "server/base/check.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

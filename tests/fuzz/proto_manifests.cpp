@@ -7,9 +7,9 @@
 #include <string_view>
 
 #include "proto/blob_id.h"
-#include "proto/bundle_manifest.h"
 #include "proto/limits.h"
-#include "proto/sequence.h"
+#include "proto/messages/bundle_manifest.h"
+#include "proto/messages/sequence.h"
 #include "server/base/check.h"
 
 namespace {

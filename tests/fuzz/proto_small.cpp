@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
-#include "proto/attribute_small.h"
-#include "proto/canonical_tile.h"
-#include "proto/octree_small.h"
+#include "proto/codec/attribute_small.h"
+#include "proto/codec/canonical_tile.h"
+#include "proto/codec/octree_small.h"
 #include "server/base/check.h"
 #include "tests/unit/proto/tile_maker.h"
 

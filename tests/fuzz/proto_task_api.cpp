@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "proto/task_api.h"
-#include "proto/task_bounds.h"
+#include "proto/messages/task_api.h"
+#include "proto/messages/task_bounds.h"
 #include "server/base/check.h"
 
 namespace {

@@ -1,8 +1,8 @@
 #include <cmath>
 
-#include "server/scene/md5_anim.h"
-#include "server/scene/md5_materials.h"
-#include "server/scene/text_cursor.h"
+#include "server/scene/core/text_cursor.h"
+#include "server/scene/md5/animation.h"
+#include "server/scene/md5/materials.h"
 #include "tests/fuzz/scene_fuzz.h"
 
 namespace {

@@ -16,23 +16,43 @@ def jobs(*folders, store=False):
             | ({"server/store"} if store else set()))
 
 
+def scene(*folders):
+    """Folders of server/scene, with what all of them may include."""
+    return {"server/scene/" + folder for folder in folders} | {"server/scene/core", "server/base",
+                                                              "proto"}
+
+
 # module -> modules whose headers it may include.
 ARROWS = {
+    # Folders of the contract, from the lowest up. Others may include all of them.
     "proto": {"proto"},
+    "proto/options": {"proto/options", "proto"},
+    "proto/codec": {"proto/codec", "proto"},
+    "proto/container": {"proto/container", "proto/codec", "proto/options", "proto"},
+    "proto/messages": {"proto/messages", "proto/container", "proto/options", "proto"},
     "client": {"client", "proto"},
     "server/base": {"server/base", "proto"},
     "server/grid": {"server/grid", "server/base", "proto"},
-    "server/scene": {"server/scene", "server/base", "proto"},
+    # Folders of the scene: what loaders share, images, one for each format, the choice among them.
+    "server/scene/core": {"server/scene/core", "server/base", "proto"},
+    "server/scene/images": scene("images"),
+    "server/scene/gltf": scene("gltf", "images"),
+    "server/scene/md5": scene("md5", "images"),
+    "server/scene/obj": scene("obj", "images"),
+    "server/scene/off": scene("off"),
+    "server/scene/ply": scene("ply", "images"),
+    "server/scene/stl": scene("stl"),
+    "server/scene": scene("images", "gltf", "md5", "obj", "off", "ply", "stl") | {"server/scene"},
     "server/store": {"server/store", "server/base", "proto"},
     "server/gpu": {"server/gpu", "server/base", "proto", "shaders"},
     "server/formats": {"server/formats", "server/grid", "server/base", "proto"},
-    "server/voxel": {"server/voxel", "server/scene", "server/grid", "server/base", "proto",
+    "server/voxel": {"server/voxel", "server/scene/core", "server/grid", "server/base", "proto",
                      "shaders"},
-    "server/voxel/gl": {"server/voxel/gl", "server/voxel", "server/scene", "server/grid",
+    "server/voxel/gl": {"server/voxel/gl", "server/voxel", "server/scene/core", "server/grid",
                         "server/gpu", "server/base", "proto", "shaders"},
     "server/render": {"server/render", "server/grid", "server/gpu", "server/base", "proto",
                       "shaders"},
-    "server/worker": {"server/worker", "server/scene", "server/voxel", "server/voxel/gl",
+    "server/worker": {"server/worker", "server/scene", "server/scene/core", "server/voxel", "server/voxel/gl",
                       "server/render", "server/formats", "server/grid", "server/gpu", "server/base", "proto"},
     # Folders of jobs, from the lowest up.
     "server/jobs/model": jobs("model"),
@@ -56,9 +76,9 @@ ARROWS = {
 ONLY_IN = {
     "sqlite3.h": {"server/jobs/database"},
     "curl/curl.h": {"client"},
-    "zip.h": {"server/scene", "client"},
-    "zstd.h": {"proto", "server/http"},
-    "OpenImageIO/imageio.h": {"server/scene", "server/render"},
+    "zip.h": {"server/scene/core", "client"},
+    "zstd.h": {"proto/codec", "server/http"},
+    "OpenImageIO/imageio.h": {"server/scene/images", "server/render"},
     "spdlog/spdlog.h": {"server/base"},
     "GL/glcorearb.h": {"server/gpu"},
 }
@@ -70,8 +90,9 @@ INCLUDE = re.compile(r'^\s*#include\s+(["<])([^">]+)[">]')
 
 def module_of(path):
     parts = path.split("/")
-    if len(parts) > 3 and "/".join(parts[:3]) in ARROWS:
-        return "/".join(parts[:3])
+    for depth in (3, 2):
+        if len(parts) > depth and "/".join(parts[:depth]) in ARROWS:
+            return "/".join(parts[:depth])
     if parts[0] == "server" and len(parts) > 2:
         return "server/" + parts[1]
     return parts[0]
@@ -97,7 +118,9 @@ def check_file(path, findings):
             findings.append(f"{relative}:{number}: {target} belongs to {sorted(ONLY_IN[target])}")
         target_module = module_of(target)
         if match.group(1) == '"' and target_module in ARROWS:
-            if target_module not in ARROWS[module]:
+            is_contract = target_module.startswith("proto/") and not module.startswith("proto")
+            allowed = "proto" if is_contract else target_module
+            if allowed not in ARROWS[module]:
                 findings.append(f"{relative}:{number}: {module} must not include {target_module}")
 
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "server/api/access.h"
 #include "server/api/http_types.h"
 #include "server/api/wait_limit.h"

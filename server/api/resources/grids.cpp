@@ -2,8 +2,8 @@
 #include <functional>
 #include <utility>
 
-#include "proto/grid_directory.h"
-#include "proto/json_writer.h"
+#include "proto/container/grid_directory.h"
+#include "proto/messages/json_writer.h"
 #include "proto/number_text.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "proto/job_text.h"
+#include "proto/messages/job_text.h"
 #include "server/http/file_response.h"
 
 namespace voxeld::api {

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "proto/job_text.h"
+#include "proto/messages/job_text.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"
 #include "server/api/resources/list_body.h"

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "proto/client_texts.h"
-#include "proto/json_writer.h"
+#include "proto/messages/json_writer.h"
 #include "proto/number_text.h"
 
 namespace voxeld::api {

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "proto/client_texts.h"
+#include "proto/messages/job.h"
 #include "proto/number_text.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"

@@ -1,7 +1,7 @@
 // GET /v1/queue: devices and live jobs, those of other tenants as numbers only.
 
-#include "proto/job_text.h"
-#include "proto/json_writer.h"
+#include "proto/messages/job_text.h"
+#include "proto/messages/json_writer.h"
 #include "proto/number_text.h"
 #include "server/api/resources/resources.h"
 

@@ -1,5 +1,5 @@
 // /v1/jobs/{id}/result: a job's bytes, or its grid or sequence in another format.
-#include "proto/sequence_format.h"
+#include "proto/container/sequence_format.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"
 #include "server/api/resources/resources.h"

@@ -2,10 +2,10 @@
 // in any format, and as images.
 #include <limits>
 
-#include "proto/json_writer.h"
+#include "proto/container/sequence_format.h"
+#include "proto/messages/json_writer.h"
 #include "proto/number_text.h"
 #include "proto/range_text.h"
-#include "proto/sequence_format.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"
 #include "server/api/resources/list_body.h"

@@ -1,7 +1,7 @@
 // Lists of stored results (/v1/results, /v1/grids, /v1/sequences), and their deletion.
 #include <algorithm>
 
-#include "proto/json_writer.h"
+#include "proto/messages/json_writer.h"
 #include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/bundle_manifest.h"
+#include "proto/messages/bundle_manifest.h"
 #include "server/api/resources/api.h"
 #include "server/api/resources/job_wait.h"
 #include "server/store/blob_store.h"

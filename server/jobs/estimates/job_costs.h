@@ -6,7 +6,7 @@
 #include <map>
 #include <string>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "server/base/clock.h"
 #include "server/base/thread_annotations.h"
 #include "server/jobs/estimates/cost_regression.h"

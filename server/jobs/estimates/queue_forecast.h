@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "server/base/thread_annotations.h"
 #include "server/jobs/estimates/forecast.h"
 #include "server/jobs/estimates/job_costs.h"

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "server/base/thread_annotations.h"
 #include "server/base/waker.h"
 #include "server/jobs/model/job_watch.h"

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 
 namespace prometheus {
 class Registry;

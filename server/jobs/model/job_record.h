@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 
 namespace voxeld {
 
@@ -39,7 +39,7 @@ struct SubmitOptions {
 struct JobEvent {
   int64_t id = 0;         // the job's version: monotonic per job
   std::string type;       // "state", "progress"
-  std::string data_json;  // JobStatus as a row: proto/job_text.h
+  std::string data_json;  // JobStatus as a row: proto/messages/job_text.h
 };
 
 enum class JobOrder { kNewestFirst, kOldestFirst };

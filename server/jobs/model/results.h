@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "proto/limits.h"
-#include "proto/sequence.h"
+#include "proto/messages/sequence.h"
 
 namespace voxeld {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "proto/job.h"
-#include "proto/task_api.h"
+#include "proto/messages/job.h"
+#include "proto/messages/task_api.h"
 
 namespace voxeld {
 

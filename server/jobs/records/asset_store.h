@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/bundle_manifest.h"
+#include "proto/messages/bundle_manifest.h"
 #include "proto/result.h"
 #include "server/jobs/database/database.h"
 #include "server/jobs/model/assets.h"

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/sequence.h"
-#include "proto/task_api.h"
+#include "proto/messages/sequence.h"
+#include "proto/messages/task_api.h"
 #include "server/jobs/database/database.h"
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/results.h"

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "proto/job_text.h"
+#include "proto/messages/job_text.h"
 #include "server/base/clock.h"
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/job_record.h"

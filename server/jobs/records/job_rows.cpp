@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "proto/job_text.h"
+#include "proto/messages/job_text.h"
 #include "server/jobs/records/job_queue.h"
 #include "server/jobs/records/quota.h"
 

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "proto/result.h"
 #include "server/jobs/database/sqlite.h"
 #include "server/jobs/model/caller.h"

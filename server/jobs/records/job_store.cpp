@@ -6,6 +6,7 @@
 #include "proto/asset_id.h"
 #include "proto/client_texts.h"
 #include "proto/limits.h"
+#include "proto/messages/job.h"
 #include "server/base/check.h"
 #include "server/base/clock.h"
 #include "server/base/random.h"

@@ -18,8 +18,8 @@
 #include <utility>
 #include <vector>
 
-#include "proto/job.h"
-#include "proto/task_api.h"
+#include "proto/messages/job.h"
+#include "proto/messages/task_api.h"
 #include "server/jobs/database/database.h"
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/job_record.h"

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 
 namespace voxeld {
 

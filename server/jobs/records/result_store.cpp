@@ -5,7 +5,7 @@
 #include <optional>
 #include <utility>
 
-#include "proto/job.h"
+#include "proto/messages/job.h"
 #include "server/jobs/model/results.h"
 #include "server/jobs/records/expiry.h"
 #include "server/jobs/records/quota.h"

@@ -7,10 +7,10 @@
 #include <variant>
 #include <vector>
 
-#include "proto/bundle_manifest.h"
 #include "proto/limits.h"
+#include "proto/messages/bundle_manifest.h"
+#include "proto/messages/sequence.h"
 #include "proto/options/options.h"
-#include "proto/sequence.h"
 #include "server/base/clock.h"
 #include "server/base/file.h"
 #include "server/jobs/auth/api_key.h"

@@ -1,10 +1,11 @@
 // Which started jobs give up their workers, so that tenants that have none get one: a worker runs a
 // job until it ends, and giant ones take hours.
 //
-// A preempted job is queued again and goes on later with what it has done (proto/task_api.h), so
-// all that is lost is its preparation: reading the mesh, placing and snapping it, and taking over
-// the tiles before. Jobs that look at the whole surface (fills, signed distances), and whatever
-// reads, draws or encodes, cannot be preempted; their workers say so.
+// A preempted job is queued again and goes on later with what it has done
+// (proto/messages/task_api.h), so all that is lost is its preparation: reading the mesh, placing
+// and snapping it, and taking over the tiles before. Jobs that look at the whole surface (fills,
+// signed distances), and whatever reads, draws or encodes, cannot be preempted; their workers say
+// so.
 #pragma once
 
 #include <cstddef>

@@ -6,7 +6,7 @@
 #include <memory>
 #include <utility>
 
-#include "proto/job_text.h"
+#include "proto/messages/job_text.h"
 #include "server/base/clock.h"
 #include "server/base/log.h"
 #include "server/jobs/events/job_log.h"

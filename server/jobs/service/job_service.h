@@ -15,12 +15,12 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/bundle_manifest.h"
-#include "proto/job.h"
 #include "proto/limits.h"
+#include "proto/messages/bundle_manifest.h"
+#include "proto/messages/job.h"
+#include "proto/messages/sequence.h"
+#include "proto/messages/task_api.h"
 #include "proto/result.h"
-#include "proto/sequence.h"
-#include "proto/task_api.h"
 #include "server/base/waker.h"
 #include "server/jobs/model/assets.h"
 #include "server/jobs/model/caller.h"

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/base/thread_annotations.h"
 #include "server/jobs/scheduling/slots.h"
 #include "server/jobs/workers/task_context.h"

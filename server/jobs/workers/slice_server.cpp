@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "proto/task_bounds.h"
+#include "proto/messages/task_bounds.h"
 #include "server/jobs/workers/message_rate.h"
 
 namespace voxeld {

@@ -1,10 +1,10 @@
-// The gateway's side of a connection for time slices on a device (proto/task_api.h).
+// The gateway's side of a connection for time slices on a device (proto/messages/task_api.h).
 #pragma once
 
 #include <atomic>
 
+#include "proto/messages/task_api.h"
 #include "proto/result.h"
-#include "proto/task_api.h"
 #include "server/base/frame_socket.h"
 #include "server/jobs/events/job_board.h"
 #include "server/jobs/scheduling/time_slices.h"

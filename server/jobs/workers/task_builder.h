@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/jobs/workers/task_context.h"
 #include "server/jobs/workers/worker_files.h"
 

@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "proto/messages/task_api.h"
 #include "proto/result.h"
-#include "proto/task_api.h"
 
 namespace voxeld {
 

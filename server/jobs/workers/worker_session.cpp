@@ -7,7 +7,7 @@
 #include <thread>
 #include <utility>
 
-#include "proto/task_bounds.h"
+#include "proto/messages/task_bounds.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/jobs/records/job_rows.h"

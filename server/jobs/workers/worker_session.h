@@ -1,5 +1,5 @@
-// The session of one worker: its connection of the task API (proto/task_api.h), on a thread of its
-// own. A connection for time slices is one, too (slice_server.h).
+// The session of one worker: its connection of the task API (proto/messages/task_api.h), on a
+// thread of its own. A connection for time slices is one, too (slice_server.h).
 #pragma once
 
 #include <atomic>
@@ -13,7 +13,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/base/clock.h"
 #include "server/base/frame_socket.h"
 #include "server/base/thread_annotations.h"

@@ -7,7 +7,7 @@
 
 #include "proto/limits.h"
 #include "proto/range_text.h"
-#include "server/scene/mesh_error.h"
+#include "server/scene/core/mesh_error.h"
 
 namespace voxeld::gltf {
 namespace {

@@ -14,9 +14,9 @@
 #include <glm/vec4.hpp>
 
 #include "proto/result.h"
+#include "server/scene/core/loaders.h"
 #include "server/scene/gltf/container.h"
 #include "server/scene/gltf/document.h"
-#include "server/scene/load.h"
 
 namespace voxeld::gltf {
 

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "proto/result.h"
+#include "server/scene/core/scene.h"
 #include "server/scene/gltf/accessor.h"
 #include "server/scene/gltf/document.h"
-#include "server/scene/scene.h"
 
 namespace voxeld::gltf {
 

@@ -2,9 +2,9 @@
 
 #include <string>
 
-#include "server/scene/bundle_names.h"
-#include "server/scene/mesh_error.h"
-#include "server/scene/text_cursor.h"
+#include "server/scene/core/bundle_names.h"
+#include "server/scene/core/mesh_error.h"
+#include "server/scene/core/text_cursor.h"
 
 namespace voxeld::gltf {
 namespace {

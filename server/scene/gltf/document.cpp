@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/json_object.h"
-#include "server/scene/mesh_error.h"
 
 namespace voxeld::gltf {
 namespace {

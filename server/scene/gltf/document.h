@@ -18,7 +18,7 @@
 #include <glm/vec4.hpp>
 
 #include "proto/result.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 
 namespace voxeld::gltf {
 

@@ -27,8 +27,8 @@
 #include <vector>
 
 #include "proto/range_text.h"
+#include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/document.h"
-#include "server/scene/mesh_error.h"
 
 namespace voxeld::gltf {
 

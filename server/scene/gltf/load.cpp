@@ -3,15 +3,15 @@
 #include <optional>
 #include <utility>
 
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
+#include "server/scene/core/loaders.h"
+#include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/accessor.h"
 #include "server/scene/gltf/container.h"
 #include "server/scene/gltf/document.h"
 #include "server/scene/gltf/mesh.h"
 #include "server/scene/gltf/rig.h"
 #include "server/scene/gltf/textures.h"
-#include "server/scene/load.h"
-#include "server/scene/mesh_error.h"
 
 namespace voxeld {
 namespace {

@@ -17,11 +17,11 @@
 #include "proto/limits.h"
 #include "proto/range_text.h"
 #include "server/base/cancel_point.h"
-#include "server/scene/color_space.h"
-#include "server/scene/mesh_error.h"
-#include "server/scene/name_list.h"
-#include "server/scene/normals.h"
-#include "server/scene/vertex_table.h"
+#include "server/scene/core/color_space.h"
+#include "server/scene/core/mesh_error.h"
+#include "server/scene/core/name_list.h"
+#include "server/scene/core/normals.h"
+#include "server/scene/core/vertex_table.h"
 
 namespace voxeld::gltf {
 namespace {

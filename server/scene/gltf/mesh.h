@@ -2,11 +2,11 @@
 #pragma once
 
 #include "proto/result.h"
+#include "server/scene/core/scene.h"
 #include "server/scene/gltf/accessor.h"
 #include "server/scene/gltf/document.h"
 #include "server/scene/gltf/rig.h"
 #include "server/scene/gltf/textures.h"
-#include "server/scene/scene.h"
 
 namespace voxeld::gltf {
 

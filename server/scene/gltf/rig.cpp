@@ -9,7 +9,7 @@
 #include <string>
 #include <utility>
 
-#include "server/scene/mesh_error.h"
+#include "server/scene/core/mesh_error.h"
 
 namespace voxeld::gltf {
 namespace {

@@ -10,7 +10,7 @@
 #include <glm/mat4x4.hpp>
 
 #include "proto/result.h"
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 #include "server/scene/gltf/accessor.h"
 #include "server/scene/gltf/animation.h"
 #include "server/scene/gltf/document.h"

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "server/base/cancel_point.h"
+#include "server/scene/core/mesh_error.h"
 #include "server/scene/gltf/container.h"
-#include "server/scene/mesh_error.h"
 
 namespace voxeld::gltf {
 

@@ -10,11 +10,11 @@
 #include <vector>
 
 #include "proto/result.h"
+#include "server/scene/core/loaders.h"
+#include "server/scene/core/scene.h"
 #include "server/scene/gltf/accessor.h"
 #include "server/scene/gltf/document.h"
-#include "server/scene/image.h"
-#include "server/scene/load.h"
-#include "server/scene/scene.h"
+#include "server/scene/images/image.h"
 
 namespace voxeld::gltf {
 

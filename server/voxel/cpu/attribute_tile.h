@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/bin.h"
 #include "server/voxel/cpu/attribute_visitor.h"
 #include "server/voxel/cpu/worker_pool.h"

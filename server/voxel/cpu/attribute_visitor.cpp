@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/grid/color_tables.h"
 #include "server/voxel/nearest_point.h"
 #include "shaders/glsl.h"

@@ -13,8 +13,8 @@
 #include <span>
 #include <vector>
 
+#include "proto/codec/sparse_tile.h"
 #include "proto/options/options.h"
-#include "proto/sparse_tile.h"
 #include "server/grid/grid_spec.h"
 #include "server/voxel/bin.h"
 #include "server/voxel/cpu/cpu_isa.h"

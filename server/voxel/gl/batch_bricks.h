@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/gpu/objects.h"
 #include "server/gpu/pass_timer.h"
 #include "server/gpu/shader_library.h"

@@ -1,6 +1,6 @@
 // Construction of the octrees of a batch of tiles on the device, level by level, from their masks.
-// The bytes are those of octree_from_tile() (proto/octree_codec.h), so they are stored as they are
-// read back.
+// The bytes are those of octree_from_tile() (proto/codec/octree_codec.h), so they are stored as
+// they are read back.
 #pragma once
 
 #include <cstdint>

@@ -6,14 +6,14 @@
 #include <span>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/cpu/worker_pool.h"
 #include "server/voxel/tile_mask.h"
 
 namespace voxeld {
 
 // Number of bricks of a mask. On little-endian machines a mask has the bytes of its bricks; see
-// proto/sparse_tile.h.
+// proto/codec/sparse_tile.h.
 inline constexpr size_t kTileMaskBricks = kTileMaskBytes / sizeof(BrickMask);
 
 // Takes bricks out of masks. It keeps its memory between calls. Not thread-safe.

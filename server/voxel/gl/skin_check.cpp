@@ -6,7 +6,7 @@
 #include <random>
 #include <utility>
 
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 #include "server/voxel/gl/skin_pass.h"
 #include "server/voxel/snap.h"
 

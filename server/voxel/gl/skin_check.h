@@ -6,7 +6,7 @@
 
 #include "server/gpu/context.h"
 #include "server/grid/grid_spec.h"
-#include "server/scene/skin_table.h"
+#include "server/scene/core/skin_table.h"
 
 namespace voxeld {
 

@@ -6,7 +6,7 @@
 
 #include "server/base/check.h"
 #include "server/base/log.h"
-#include "server/scene/mesh_error.h"
+#include "server/scene/core/mesh_error.h"
 #include "server/voxel/gl/skin_check.h"
 
 namespace voxeld {

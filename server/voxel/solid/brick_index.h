@@ -8,7 +8,7 @@
 
 #include <glm/vec3.hpp>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/solid/tile_bits.h"
 
 namespace voxeld {

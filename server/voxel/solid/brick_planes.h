@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 
 namespace voxeld {
 

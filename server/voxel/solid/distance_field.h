@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/cpu/worker_pool.h"
 #include "server/voxel/solid/brick_index.h"
 #include "server/voxel/solid/inside.h"

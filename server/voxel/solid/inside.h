@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
+#include "proto/codec/sparse_tile.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
-#include "proto/sparse_tile.h"
 #include "server/voxel/cpu/worker_pool.h"
 #include "server/voxel/solid/fill_mesh.h"
 

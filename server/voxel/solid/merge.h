@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/cpu/worker_pool.h"
 
 namespace voxeld {

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "server/voxel/solid/crossings.h"
 
 namespace voxeld {

@@ -4,7 +4,7 @@
 #include <random>
 #include <vector>
 
-#include "proto/octree_codec.h"
+#include "proto/codec/octree_codec.h"
 #include "server/voxel/gl/batch_octree.h"
 #include "server/voxel/tile_mask.h"
 #include "shaders/shared/voxelize_batch.h"

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "server/gpu/shader_source.h"
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 #include "server/voxel/gl/skin_check.h"
 #include "server/voxel/gl/skin_pass.h"
 #include "tests/gpu/voxel/pipelines.h"

@@ -1,8 +1,8 @@
 // A textured tube that bends and breathes: a scene, what its vertices follow, and its poses.
 #pragma once
 
-#include "server/scene/scene.h"
-#include "server/scene/skin_table.h"
+#include "server/scene/core/scene.h"
+#include "server/scene/core/skin_table.h"
 
 namespace voxeld::pipelines {
 

@@ -5,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-#include "proto/bundle_manifest.h"
+#include "proto/messages/bundle_manifest.h"
 #include "server/base/sha256.h"
 #include "tests/unit/api/api_server_fixture.h"
 

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "client/include/voxeld/client.h"
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "tests/unit/client/client_test_tools.h"
 #include "tests/unit/client/scripted_server.h"
 

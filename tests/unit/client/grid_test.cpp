@@ -9,7 +9,7 @@
 #include <set>
 
 #include "client/include/voxeld/client.h"
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "tests/unit/client/client_test_tools.h"
 #include "tests/unit/proto/tile_maker.h"
 

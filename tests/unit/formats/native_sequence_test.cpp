@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/grid_streams.h"
+#include "proto/container/grid_streams.h"
 #include "server/base/file.h"
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "tests/unit/formats/sample_frames.h"
 
 namespace voxeld {

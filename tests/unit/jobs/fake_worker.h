@@ -11,8 +11,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "proto/sequence.h"
-#include "proto/task_api.h"
+#include "proto/messages/sequence.h"
+#include "proto/messages/task_api.h"
 #include "server/base/frame_socket.h"
 
 namespace voxeld::testing {

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <string>
 
-#include "proto/sequence.h"
+#include "proto/messages/sequence.h"
 #include "server/base/sha256.h"
 #include "server/jobs/auth/key_file.h"
 #include "tests/unit/jobs/service_fixture.h"

@@ -1,4 +1,4 @@
-#include "proto/bundle_manifest.h"
+#include "proto/messages/bundle_manifest.h"
 
 #include <gtest/gtest.h>
 

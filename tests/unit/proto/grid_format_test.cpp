@@ -1,4 +1,4 @@
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <random>
 #include <string>
 
-#include "proto/grid_streams.h"
-#include "proto/grid_writer.h"
+#include "proto/container/grid_streams.h"
+#include "proto/container/grid_writer.h"
 #include "tests/unit/proto/tile_maker.h"
 
 namespace voxeld {

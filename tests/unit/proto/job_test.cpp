@@ -1,4 +1,4 @@
-#include "proto/job.h"
+#include "proto/messages/job.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "proto/job_json.h"
-#include "proto/job_text.h"
-#include "proto/json_writer.h"
+#include "proto/messages/job_json.h"
+#include "proto/messages/job_text.h"
+#include "proto/messages/json_writer.h"
 
 namespace voxeld {
 namespace {

@@ -3,9 +3,9 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "proto/job.h"
-#include "proto/json_bounds.h"
 #include "proto/limits.h"
+#include "proto/messages/job.h"
+#include "proto/messages/json_bounds.h"
 
 namespace voxeld {
 namespace {

@@ -1,4 +1,4 @@
-#include "proto/octree_codec.h"
+#include "proto/codec/octree_codec.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "proto/sequence.h"
+#include "proto/messages/sequence.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "proto/stream_codec.h"
+#include "proto/codec/stream_codec.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/task_bounds.h"
+#include "proto/messages/task_bounds.h"
 
 namespace voxeld {
 namespace {

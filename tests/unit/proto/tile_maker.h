@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 
 namespace voxeld::test {
 

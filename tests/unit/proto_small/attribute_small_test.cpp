@@ -1,4 +1,4 @@
-#include "proto/attribute_small.h"
+#include "proto/codec/attribute_small.h"
 
 #include <gtest/gtest.h>
 
@@ -8,10 +8,10 @@
 #include <span>
 #include <string>
 
-#include "proto/attribute_context.h"
-#include "proto/grid_format.h"
-#include "proto/stream_codec.h"
-#include "proto/voxel_numbers.h"
+#include "proto/codec/attribute_context.h"
+#include "proto/codec/stream_codec.h"
+#include "proto/codec/voxel_numbers.h"
+#include "proto/container/grid_format.h"
 #include "tests/unit/proto/tile_maker.h"
 #include "tests/unit/proto_small/small_shapes.h"
 

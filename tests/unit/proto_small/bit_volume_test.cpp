@@ -1,4 +1,4 @@
-#include "proto/bit_volume.h"
+#include "proto/codec/bit_volume.h"
 
 #include <gtest/gtest.h>
 

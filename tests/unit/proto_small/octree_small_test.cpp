@@ -1,11 +1,11 @@
-#include "proto/octree_small.h"
+#include "proto/codec/octree_small.h"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <string>
 
-#include "proto/octree_codec.h"
+#include "proto/codec/octree_codec.h"
 #include "tests/unit/proto/tile_maker.h"
 #include "tests/unit/proto_small/small_shapes.h"
 

@@ -1,11 +1,11 @@
-#include "proto/range_coder.h"
+#include "proto/codec/range_coder.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
 #include <span>
 
-#include "proto/logistic.h"
+#include "proto/codec/logistic.h"
 
 namespace voxeld {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <random>
 
-#include "proto/bit_volume.h"
-#include "proto/sparse_tile.h"
+#include "proto/codec/bit_volume.h"
+#include "proto/codec/sparse_tile.h"
 
 namespace voxeld::test {
 

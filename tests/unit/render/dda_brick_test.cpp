@@ -1,7 +1,8 @@
-// The shader's own text, compiled as C++, against the layout that proto/sparse_tile.h defines.
+// The shader's own text, compiled as C++, against the layout that proto/codec/sparse_tile.h
+// defines.
 #include <gtest/gtest.h>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 
 namespace voxeld {
 namespace glsl {

@@ -1,4 +1,4 @@
-#include "server/scene/bundle_names.h"
+#include "server/scene/core/bundle_names.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 
+#include "server/scene/load.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene/zip_maker.h"
 

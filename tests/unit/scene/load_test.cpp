@@ -1,6 +1,7 @@
 // load_scene: which file of a bundle is loaded, and what a scene says of itself.
 #include <gmock/gmock.h>
 
+#include "server/scene/load.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene/zip_maker.h"
 

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "server/scene/md5.h"
-#include "server/scene/md5_anim.h"
-#include "server/scene/md5_materials.h"
+#include "server/scene/md5/animation.h"
+#include "server/scene/md5/load.h"
+#include "server/scene/md5/materials.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene/zip_maker.h"
 

@@ -1,4 +1,4 @@
-#include "server/scene/mtl.h"
+#include "server/scene/obj/mtl.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "server/scene/normals.h"
+#include "server/scene/core/normals.h"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <random>
 
-#include "server/scene/color_space.h"
+#include "server/scene/core/color_space.h"
 #include "tests/unit/scene/scene_test_util.h"
 
 namespace voxeld {

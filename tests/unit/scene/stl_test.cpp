@@ -1,4 +1,4 @@
-#include "server/scene/stl.h"
+#include "server/scene/stl/stl.h"
 
 #include <gmock/gmock.h>
 

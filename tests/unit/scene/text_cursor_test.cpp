@@ -1,4 +1,4 @@
-#include "server/scene/text_cursor.h"
+#include "server/scene/core/text_cursor.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/scene/triangulate.h"
+#include "server/scene/core/triangulate.h"
 
 #include <gtest/gtest.h>
 

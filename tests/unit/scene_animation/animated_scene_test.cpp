@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <limits>
 
+#include "server/scene/load.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene_animation/animation_fixtures.h"
 

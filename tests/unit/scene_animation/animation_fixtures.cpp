@@ -5,6 +5,7 @@
 #include <cstring>
 #include <glm/geometric.hpp>
 
+#include "server/scene/load.h"
 #include "tests/unit/scene/zip_maker.h"
 
 namespace voxeld {

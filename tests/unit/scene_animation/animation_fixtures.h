@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "server/scene/animated_scene.h"
+#include "server/scene/core/animated_scene.h"
 #include "tests/reference/gltf_skinning_oracle.h"
 #include "tests/reference/md5_skinning_oracle.h"
 #include "tests/unit/scene_gltf/gltf_builder.h"

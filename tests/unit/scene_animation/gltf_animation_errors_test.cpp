@@ -1,6 +1,7 @@
 // Errors of a glTF animation name their place; a static scene ignores them.
 #include <gtest/gtest.h>
 
+#include "server/scene/load.h"
 #include "tests/unit/scene/scene_test_util.h"
 #include "tests/unit/scene_animation/animation_fixtures.h"
 

@@ -5,7 +5,7 @@
 #include <glm/geometric.hpp>
 #include <glm/gtc/matrix_transform.hpp>
 
-#include "server/scene/skin_table.h"
+#include "server/scene/core/skin_table.h"
 #include "tests/unit/scene/scene_test_util.h"
 
 namespace voxeld {

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "server/scene/image.h"
+#include "server/scene/images/image.h"
 
 namespace voxeld {
 namespace {

@@ -1,5 +1,5 @@
 // Textures through OpenImageIO: which formats, which pixels, which refusals.
-#include "server/scene/image.h"
+#include "server/scene/images/image.h"
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>

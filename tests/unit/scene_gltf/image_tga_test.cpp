@@ -1,5 +1,5 @@
 // Our own TGA reader: every type and origin, and every way to be broken.
-#include "server/scene/image_tga.h"
+#include "server/scene/images/tga.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -6,7 +6,7 @@
 #include <random>
 #include <set>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 
 namespace voxeld {
 namespace {

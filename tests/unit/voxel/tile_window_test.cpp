@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "proto/sparse_tile.h"
+#include "proto/codec/sparse_tile.h"
 #include "shaders/shared/voxelize.h"
 #include "tests/reference/touch_oracle.h"
 

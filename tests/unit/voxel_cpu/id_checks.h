@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "server/grid/grid.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/id_fold.h"
 #include "tests/reference/id_oracle.h"
 

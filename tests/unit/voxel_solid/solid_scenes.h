@@ -6,7 +6,7 @@
 
 #include "proto/options/options.h"
 #include "server/grid/grid.h"
-#include "server/scene/scene.h"
+#include "server/scene/core/scene.h"
 #include "server/voxel/voxelize.h"
 #include "tests/reference/solid_oracle.h"
 

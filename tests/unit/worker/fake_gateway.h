@@ -10,7 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "proto/task_api.h"
+#include "proto/messages/task_api.h"
 #include "server/base/frame_socket.h"
 #include "tests/unit/base/temporary_dir.h"
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/grid_format.h"
+#include "proto/container/grid_format.h"
 #include "server/base/file.h"
 #include "server/base/sha256.h"
 #include "server/worker/run_task.h"

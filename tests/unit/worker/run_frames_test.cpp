@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-#include "proto/sequence.h"
-#include "proto/sequence_format.h"
+#include "proto/container/sequence_format.h"
+#include "proto/messages/sequence.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/base/sha256.h"

@@ -1,0 +1,19 @@
+#include "server/scene/core/normals.h"
+
+namespace voxeld {
+
+void repair_normals(std::span<const glm::dvec3> positions, std::span<const uint32_t> indices,
+                    std::span<glm::vec3> normals) {
+  for (size_t i = 0; i + 2 < indices.size() && !normals.empty(); i += 3) {
+    const uint32_t* corner = &indices[i];
+    for (int c = 0; c < 3; ++c) {
+      if (normals[corner[c]] != glm::vec3(0.0f)) continue;
+      const glm::dvec3& a = positions[corner[0]];
+      const glm::dvec3 n = glm::cross(positions[corner[1]] - a, positions[corner[2]] - a);
+      const glm::vec3 normal = direction_of(n);
+      normals[corner[c]] = normal != glm::vec3(0.0f) ? normal : glm::vec3(0.0f, 0.0f, 1.0f);
+    }
+  }
+}
+
+}  // namespace voxeld

@@ -1,0 +1,39 @@
+// The elements of a PLY file as plain arrays, before they become a Scene.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
+
+#include "proto/result.h"
+#include "server/scene/ply/header.h"
+
+namespace voxeld {
+
+// The data per vertex, per face and per corner. Each array is empty or complete.
+struct PlyMesh {
+  std::vector<glm::dvec3> positions;
+  std::vector<glm::vec3> normals;  // as written
+  std::vector<glm::vec2> uvs;      // as written: (0,0) is the bottom left
+  std::vector<glm::vec4> colors;   // linear light
+
+  std::vector<uint32_t> corners;       // vertex numbers, each < positions.size()
+  std::vector<uint32_t> face_sizes;    // corners per face, >= 3
+  std::vector<glm::vec4> face_colors;  // linear light
+  std::vector<glm::vec2> corner_uvs;   // "texcoord"; as written
+  std::vector<int> face_textures;      // "texnumber"
+  int64_t skipped_face_count = 0;      // with fewer than 3 corners
+};
+
+// Reads all elements; unknown elements and properties are skipped. Colours of integer types are
+// taken as sRGB from 0 to the type's largest value (255 for types wider than 16 bits). Colours of
+// floating-point types are linear light. Errors: malformed-mesh with line or byte and element.
+Result<PlyMesh> read_ply_body(std::string_view name, const PlyHeader& header,
+                              std::span<const uint8_t> bytes);
+
+}  // namespace voxeld
