@@ -439,16 +439,24 @@ void WorkerSession::set_task(std::string id, int64_t fence) {
   ended_for_.clear();
 }
 
+// The job's end is durable: a step that fails must not keep the next ones from being done, last of
+// all that requests that wait for the job are woken. A second try finds memory more often than not.
 void WorkerSession::end_task(const JobRecord& record) {
-  context_.parts.slices.end_task(record.status.id, fence_);
+  const auto step = [](const auto& work) {
+    constexpr std::string_view kWhat = "the end of a task";
+    if (!guarded(kWhat, work)) guarded(kWhat, work);
+  };
+  step([&] { context_.parts.slices.end_task(record.status.id, fence_); });
   set_task("", 0);
-  std::vector<std::string> cached = {input_};
-  if (record.status.result) cached.push_back(record.status.result->grid);
-  context_.dispatcher.end_task(number_, record.tenant, std::move(cached));
-  files_.clear();
+  step([&] {
+    std::vector<std::string> cached = {input_};
+    if (record.status.result) cached.push_back(record.status.result->grid);
+    context_.dispatcher.end_task(number_, record.tenant, std::move(cached));
+  });
+  step([&] { files_.clear(); });
   // First the metrics and all that goes with the job's end, then those who wait for it.
-  context_.parts.job_changed(record);
-  context_.parts.board.changed(record.status.id, record.status.version, false);
+  step([&] { context_.parts.job_changed(record); });
+  step([&] { context_.parts.board.changed(record.status.id, record.status.version, false); });
   if (Status status = socket_.set_receive_timeout(0); !status) {
     log::warn("task socket", {{"error", status.error().message()}});
   }

@@ -75,7 +75,7 @@ const std::map<std::string, OptionCase>& cases() {
       {"labels", {{}, {"meshes", ""}, "mesh | node | material | group"}},
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
-      {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, "native | npy | npz | vox"}},
+      {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, format_names(" | ")}},
       {"codec", {{"fast", "small"}, {"best", ""}, "fast | small"}},
       {"axes", {{"zyx", "xyz"}, {"yxz", ""}, "zyx | xyz"}},
       {"dtype", {{"uint8", "bool", "float32"}, {"float64", ""}, "uint8 | bool | float32"}},
