@@ -24,7 +24,9 @@ namespace voxeld {
   X(kNpz, "npz", "application/x-npz", ".npz", "application/x-npz", ".npz", kDense, encode_npz, \
     write_npz_sequence) \
   X(kVox, "vox", "model/x-magicavoxel-vox", ".vox", "model/x-magicavoxel-vox", ".vox", kSparse, \
-    encode_vox, write_vox_sequence)
+    encode_vox, write_vox_sequence) \
+  X(kXyz, "xyz", "text/x-xyz", ".xyz", "application/zip", ".zip", kSparse, encode_xyz, \
+    write_zip_sequence)
 // clang-format on
 
 #define VOXELD_FORMAT_ENUMERATOR(format, ...) format,

@@ -8,6 +8,7 @@ import sys
 import tempfile
 import unittest
 import urllib.parse
+import zipfile
 
 import numpy as np
 
@@ -33,6 +34,29 @@ class Formats(DaemonTest):
             self.assertTrue((grid.astype(bool) == base.astype(bool)).all())
         xyz = np.load(io.BytesIO(self.voxelize("size=31&format=npy&axes=xyz").body))
         self.assertTrue((xyz == base.transpose(2, 1, 0)).all())
+
+    def test_points_are_the_centres_and_colours_of_the_npz(self):
+        def expected(grid, occupancy, color):
+            z, y, x = np.nonzero(occupancy)
+            centres = (np.stack([x, y, z], 1) + 0.5) * grid["voxel_size"] + grid["origin"]
+            return np.concatenate([centres, color[z, y, x, :3]], 1)
+
+        def same(text, rows):
+            points = np.loadtxt(io.BytesIO(text), ndmin=2)
+            self.assertEqual(points.shape, rows.shape)
+            order, wanted = np.lexsort(points.T), np.lexsort(rows.T)
+            np.testing.assert_allclose(points[order], rows[wanted], rtol=0, atol=1e-9)
+
+        grid = self.npz("size=33")
+        points = self.voxelize("size=33&format=xyz")
+        self.assertEqual(points.headers["Content-Type"], "text/x-xyz")
+        same(points.body, expected(grid, grid["occupancy"], grid["color"]))
+        frames = np.load(io.BytesIO(self.frames("npz")))
+        archive = zipfile.ZipFile(io.BytesIO(self.frames("xyz")))
+        self.assertEqual(archive.namelist(), [f"frame-{i:04}.xyz" for i in range(6)])
+        for i in range(6):
+            text = archive.read(f"frame-{i:04}.xyz")
+            same(text, expected(frames, frames["occupancy"][i], frames["color"][i]))
 
     def test_meta_of_an_npz_has_the_warnings_with_their_texts(self):
         mesh = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl skin\nf 1 2 3\n"

@@ -1,0 +1,49 @@
+// Writes points as text: a line "x y z" for the centre of each voxel in world units, in the order of
+// the container (Morton), with " r g b" (sRGB, 0..255) where the grid has colour. Numbers are the
+// shortest that read back as the same double. Voxels of full nodes have the grid's mean colour.
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <vector>
+
+#include "server/base/cancel_point.h"
+#include "server/formats/formats.h"
+
+namespace voxeld {
+namespace {
+
+template <typename Number>
+void append(std::vector<uint8_t>& text, Number value, char end) {
+  std::array<char, 32> digits{};  // the longest double has 24 characters
+  const auto written = std::to_chars(digits.data(), digits.data() + digits.size(), value);
+  text.insert(text.end(), digits.data(), written.ptr);
+  text.push_back(static_cast<uint8_t>(end));
+}
+
+}  // namespace
+
+Result<std::vector<uint8_t>> encode_xyz(const Grid& grid, const OutputOptions& /*options*/) {
+  constexpr size_t kLineBytes = 40;  // about; more are allocated as they come
+  const size_t channels = channel_info(Channel::kColor).components;
+  const std::array<uint8_t, 3> mean = grid.channels.color ? mean_color(grid) : kNeutralColor;
+  std::vector<uint8_t> text;
+  text.reserve(kLineBytes * grid.voxel_count());
+  for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
+    for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {
+      const glm::dvec3 center = grid.spec.world_from_grid(glm::dvec3(x, y, z) + 0.5);
+      append(text, center.x, ' ');
+      append(text, center.y, ' ');
+      append(text, center.z, grid.channels.color ? ' ' : '\n');
+      if (!grid.channels.color) return;
+      const uint8_t* color =
+          voxel == kNoAttributes ? mean.data() : tile.color.data() + channels * voxel;
+      append(text, unsigned{color[0]}, ' ');
+      append(text, unsigned{color[1]}, ' ');
+      append(text, unsigned{color[2]}, '\n');
+    });
+  }
+  return text;
+}
+
+}  // namespace voxeld
