@@ -12,7 +12,7 @@ namespace voxeld {
 
 // After --drain-seconds, what still runs is cut, and workers and database are closed. The process
 // exits this long after the drain at the latest, whatever has not come to its end: what was
-// acknowledged is on the disk by then (server/README.md, Durability).
+// acknowledged is on the disk by then (server/jobs/README.md, Durability).
 inline constexpr double kCloseSecondsMax = 1.5;
 // Time to log what did not end; a log that nobody reads must not hold the process either.
 inline constexpr double kLastWordsSecondsMax = 0.25;

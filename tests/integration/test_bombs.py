@@ -1,4 +1,4 @@
-"""Small files that would blow up: each cap of server/README.md, on both of its sides where that is cheap.
+"""Small files that would blow up: each cap of server/worker/README.md, on both of its sides where that is cheap.
 
 What is refused must name the limit, and the worker that looked at it must not have grown."""
 import base64
