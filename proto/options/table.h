@@ -29,7 +29,7 @@ enum class OptionGroup {
   kRequest
 };
 
-// What an option's text can be, for help and schemas. The codec's parse() decides.
+// The texts that an option takes, for help and schemas. The codec's parse() decides.
 struct IntegerValues {
   int min, max;
 };

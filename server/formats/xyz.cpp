@@ -1,6 +1,6 @@
-// Writes points as text: a line "x y z" for the centre of each voxel in world units, in the order of
-// the container (Morton), with " r g b" (sRGB, 0..255) where the grid has colour. Numbers are the
-// shortest that read back as the same double. Voxels of full nodes have the grid's mean colour.
+// Writes points as text: a line "x y z" for the centre of each voxel in world units, in the order
+// of the container (Morton), with " r g b" (sRGB, 0..255) where the grid has colour. Numbers are
+// the shortest that read back as the same double. Voxels of full nodes have the grid's mean colour.
 #include <array>
 #include <charconv>
 #include <cstdint>

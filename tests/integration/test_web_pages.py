@@ -150,7 +150,7 @@ class WithKeys(unittest.TestCase):
             "Origin": origin, "Access-Control-Request-Method": "POST"})
         self.assertEqual((preflight.status, exposed(preflight)), (403, {}))
         answer = lab.get("/v1/jobs", headers={"Origin": origin})
-        # Whoever has a key is served; a browser does not let the page read it.
+        # A request with a key is served; a browser does not let the page read it.
         self.assertEqual((answer.status, exposed(answer)), (200, {}))
         self.assertEqual(answer.headers["Vary"], "Origin")
 

@@ -119,7 +119,7 @@ void Database::undo(const Error& why) {
   }
 }
 
-// Whatever happens, the followers are told: they wait for this thread, which must not end early.
+// Always wakes the followers: they wait for this thread, which must not end early.
 void Database::run_batch(const std::vector<Pending*>& batch) noexcept {
   const MutexLock lock(writer_mutex_);
   Status whole;

@@ -1,4 +1,4 @@
-// In whose name something is asked, and what of the store that one may see.
+// The tenant and rights in whose name a request acts.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@ class Caller {
  public:
   // One that the key ring admitted. An admin sees what every tenant has; what it makes is its own.
   static Caller tenant(std::string name, bool is_admin) { return {std::move(name), is_admin}; }
-  // Whoever talks to a daemon without keys: the tenant "".
+  // A client of a daemon without keys: the tenant "".
   static Caller open() { return {"", false}; }
   // Sees nothing and owns nothing; no tenant can have this name.
   static Caller nobody() { return {"-", false}; }

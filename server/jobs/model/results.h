@@ -1,4 +1,4 @@
-// What a job leaves: its result, and the frames of a sequence.
+// The result of a job, and the frames of a sequence.
 #pragma once
 
 #include <cstdint>

@@ -17,7 +17,7 @@
 #include "server/jobs/records/job_queue.h"
 #include "server/jobs/records/job_rows.h"
 #include "server/jobs/records/quota.h"
-#include "server/jobs/records/request_hash.h"
+#include "server/jobs/model/request_hash.h"
 #include "server/jobs/records/visibility.h"
 
 namespace voxeld {

@@ -1,5 +1,5 @@
-// What worker sessions, the dispatcher and the adoption of outputs share: settings of the task
-// server, and the parts of the service that they work on.
+// Settings of the task server, and the parts of the service that worker sessions, the dispatcher
+// and the adoption of outputs work on.
 #pragma once
 
 #include <cstdint>

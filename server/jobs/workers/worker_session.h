@@ -27,7 +27,7 @@
 
 namespace voxeld {
 
-// What a session needs of the server; all of it outlives the session.
+// The parts of the server that a session uses; all of them outlive it.
 struct WorkerSessionContext {
   const TaskServerConfig& config;
   const TaskServerContext& parts;
@@ -110,7 +110,7 @@ class WorkerSession {
   const WorkerFiles files_;
   std::atomic<bool> has_ended_{false};
 
-  // Of the session's thread.
+  // Used by the session's thread alone.
   std::string device_;
   int64_t pid_ = 0;
   int64_t fence_ = 0;

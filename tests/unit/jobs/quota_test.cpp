@@ -93,7 +93,7 @@ TEST_F(QuotaTest, an_upload_that_does_not_fit_is_refused_with_the_numbers) {
   EXPECT_EQ(more.error().got, "4 beside 7 used");
   EXPECT_EQ(service_->upload_room(lab_, 11).error().code, ErrorCode::kPayloadTooLarge);
   EXPECT_EQ(service_->upload_room(studio_, 10).value(), 10);
-  // Whoever asked first: the row itself is refused.
+  // A caller that skips upload_room(): the row itself is refused.
   EXPECT_EQ(put(lab_, "8901").error().code, ErrorCode::kQuotaExceeded);
   EXPECT_TRUE(put(lab_, "1234567"));  // it is there already
   EXPECT_TRUE(put(lab_, "890"));
@@ -149,7 +149,7 @@ TEST_F(QuotaTest, the_worker_is_told_how_many_cells_a_job_may_have) {
   EXPECT_EQ(task->cells_max, 1000);
 }
 
-// Whoever removes rows need not know of the sums.
+// Code that removes rows need not know of the sums.
 TEST_F(QuotaTest, rows_that_go_take_their_bytes_along) {
   finish(lab_, "0123456789");
   service_.reset();

@@ -1,4 +1,4 @@
-#include "server/jobs/records/request_hash.h"
+#include "server/jobs/model/request_hash.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/jobs/records/request_hash.h"
+#include "server/jobs/model/request_hash.h"
 
 #include "proto/asset_id.h"
 #include "server/base/algorithm_version.h"
