@@ -100,16 +100,15 @@ std::string format_by_extension(const std::string& output) {
                                              " (or --format), got \"" + output + "\"");
 }
 
-// Checks the extension: the containers of grids and of sequences have different ones.
-void check_extension(const std::string& output, bool is_sequence) {
-  const std::string extension = extension_of(output);
-  const std::string_view grid = format_extension(Format::kNative),
-                         sequence = sequence_extension(Format::kNative);
-  if (extension != (is_sequence ? grid : sequence)) return;
-  throw CLI::ValidationError("--output", is_sequence
-                                             ? "an animation's frames go to a .voxs, not a .voxg"
-                                             : "a .voxs holds an animation's frames: name one with "
-                                               "--animation");
+// Checks the extension: files of grids and of sequences have different ones in some formats.
+void check_extension(const std::string& output, Format format, bool is_sequence) {
+  const FormatInfo& info = format_info(format);
+  const std::string grid(info.extension), sequence(info.sequence_extension);
+  if (grid == sequence || extension_of(output) != (is_sequence ? grid : sequence)) return;
+  throw CLI::ValidationError(
+      "--output",
+      is_sequence ? "an animation's frames go to a " + sequence + ", not a " + grid
+                  : "a " + sequence + " holds an animation's frames: name one with --animation");
 }
 
 // The kind of image of the output's extension; "" for one that a .png can hold.
@@ -134,9 +133,7 @@ void check_voxelize(Arguments& arguments, Given& given) {
     if (!format.empty()) given["format"] = format;
   }
   const RequestOptions options = take_options(given, OptionScope::kVoxelize, arguments);
-  if (options.output.format == Format::kNative) {
-    check_extension(arguments.output, options.animation.is_sequence());
-  }
+  check_extension(arguments.output, options.output.format, options.animation.is_sequence());
 }
 
 void check_render(Arguments& arguments, Given& given) {

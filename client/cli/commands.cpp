@@ -397,8 +397,15 @@ void run_top(const Arguments& arguments, const std::stop_token& stop) {
 }
 
 void run_formats(const Arguments& arguments) {
+  Json written = Json::array();
+  for (const FormatInfo& format : output_formats()) {
+    written.push_back(std::string(format.extension));
+    if (format.extension != format.sequence_extension) {
+      written.push_back(std::string(format.sequence_extension));
+    }
+  }
   const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "md5mesh", "zip"}},
-                       {"write", {".npy", ".npz", ".vox", ".voxg", ".voxs"}},
+                       {"write", written},
                        {"picture", {".png", ".gif", ".apng"}}};
   if (arguments.json) {
     print_json(object);
@@ -410,6 +417,7 @@ void run_formats(const Arguments& arguments) {
       "writes  .npy  dense array; of an animation with a frame axis\n"
       "        .npz  dense arrays with origin and voxel size; likewise\n"
       "        .vox  MagicaVoxel; of an animation animated\n"
+      "        .xyz  points as text; of an animation a .zip of one file each\n"
       "        .voxg voxeld's sparse container\n"
       "        .voxs the same of an animation's frames\n"
       "        .png  picture (voxel render); .gif, .apng of an animation or a turntable\n");

@@ -56,6 +56,9 @@ std::vector<Warning> sequence_warnings(const GridSpec& spec, size_t frames,
 VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_FUNCTIONS)
 #undef VOXELD_FORMAT_FUNCTIONS
 
+// Voxels of a grid as points, which take about 40 bytes each. More: grid-too-large.
+inline constexpr uint64_t kPointsMax = uint64_t{1} << 26;
+
 // A zip of the frames' grids, each encoded by itself, as "frame-0000.EXT" and so on.
 Status write_zip_sequence(const FrameSource& source, const OutputOptions& options,
                           const std::filesystem::path& path);

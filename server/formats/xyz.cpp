@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "server/base/cancel_point.h"
@@ -26,6 +27,10 @@ Result<std::vector<uint8_t>> encode_xyz(const Grid& grid, const OutputOptions& /
   constexpr size_t kLineBytes = 40;  // about; more are allocated as they come
   const size_t channels = channel_info(Channel::kColor).components;
   const std::array<uint8_t, 3> mean = grid.channels.color ? mean_color(grid) : kNeutralColor;
+  if (const uint64_t points = grid.voxel_count(); points > kPointsMax) {
+    return Error{ErrorCode::kGridTooLarge, "xyz: too many voxels for points",
+                 "at most " + std::to_string(kPointsMax), std::to_string(points)};
+  }
   std::vector<uint8_t> text;
   text.reserve(kLineBytes * grid.voxel_count());
   for (const SparseTile& tile : grid.tiles) {

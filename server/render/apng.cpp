@@ -9,8 +9,8 @@
 //
 // Numbers count fcTL and fdAT chunks together, from 0. All numbers are big-endian.
 #include <fcntl.h>
+#include <zlib.h>
 
-#include <array>
 #include <span>
 #include <string_view>
 #include <utility>
@@ -42,30 +42,13 @@ void append(std::vector<uint8_t>& out, std::span<const uint8_t> bytes) {
   out.insert(out.end(), bytes.begin(), bytes.end());
 }
 
-constexpr std::array<uint32_t, 256> crc_table() {
-  std::array<uint32_t, 256> table{};
-  for (uint32_t byte = 0; byte < table.size(); ++byte) {
-    uint32_t crc = byte;
-    for (int bit = 0; bit < 8; ++bit) crc = (crc & 1u) != 0 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
-    table[byte] = crc;
-  }
-  return table;
-}
-
-// CRC-32 of ISO 3309, as PNG's annex D computes it.
-uint32_t crc_of(std::span<const uint8_t> bytes) {
-  static constexpr std::array<uint32_t, 256> kTable = crc_table();
-  uint32_t crc = ~0u;
-  for (const uint8_t byte : bytes) crc = kTable[(crc ^ byte) & 255u] ^ crc >> 8;
-  return ~crc;
-}
-
 void put_chunk(std::vector<uint8_t>& out, std::string_view type, std::span<const uint8_t> data) {
   put_u32(out, static_cast<uint32_t>(data.size()));
   const size_t begin = out.size();
   out.insert(out.end(), type.begin(), type.end());
   append(out, data);
-  put_u32(out, crc_of(std::span(out).subspan(begin)));
+  const auto length = static_cast<uInt>(out.size() - begin);
+  put_u32(out, static_cast<uint32_t>(crc32(0, out.data() + begin, length)));
 }
 
 // The parts of an encoded image.

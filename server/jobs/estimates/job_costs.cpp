@@ -58,10 +58,9 @@ std::string voxelize_sort(const VoxelizeOptions& options) {
 }  // namespace
 
 JobWork work_of(JobKind kind, const RequestOptions& options, int64_t input_bytes) {
-  constexpr std::array<std::string_view, 4> kFormats = {" npy", " npz", " vox", " native"};
   JobWork work{std::string(job_kind_name(kind)), {}};
   if (kind == JobKind::kVoxelize || kind == JobKind::kExport) {
-    work.sort += kFormats[static_cast<size_t>(options.output.format)];
+    work.sort += " " + std::string(format_name(options.output.format));
   }
   work.features.input_bytes = static_cast<double>(input_bytes);
   if (kind == JobKind::kVoxelize) {

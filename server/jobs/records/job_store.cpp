@@ -12,12 +12,12 @@
 #include "server/base/random.h"
 #include "server/jobs/model/assets.h"
 #include "server/jobs/model/job_record.h"
+#include "server/jobs/model/request_hash.h"
 #include "server/jobs/records/asset_store.h"
 #include "server/jobs/records/job_changes.h"
 #include "server/jobs/records/job_queue.h"
 #include "server/jobs/records/job_rows.h"
 #include "server/jobs/records/quota.h"
-#include "server/jobs/model/request_hash.h"
 #include "server/jobs/records/visibility.h"
 
 namespace voxeld {

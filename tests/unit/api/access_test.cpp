@@ -12,23 +12,11 @@ namespace {
 
 class AccessTest : public ServerTest {
  protected:
-  // A line of a request's head.
-  static std::string bearer(const std::string& key) {
-    return "Authorization: Bearer " + key + "\r\n";
-  }
   std::string add(const std::string& tenant, bool is_admin = false, int64_t expires_ms = 0) {
-    const KeySecret secret = make_key_secret();
-    EXPECT_TRUE(change_keys(dir_.path() / "data", [&](KeyList& keys) -> Status {
-      ApiKey key;
-      key.id = secret.id;
-      key.tenant = tenant;
-      key.secret_hash = secret.hash();
-      key.expires_ms = expires_ms;
-      key.is_admin = is_admin;
-      keys.push_back(key);
-      return {};
-    }));
-    return secret.text();
+    ApiKey key;
+    key.is_admin = is_admin;
+    key.expires_ms = expires_ms;
+    return add_key(tenant, key);
   }
   void revoke(const std::string& key) {
     EXPECT_TRUE(change_keys(dir_.path() / "data", [&](KeyList& keys) -> Status {

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "server/api/api_server.h"
+#include "server/jobs/auth/key_file.h"
 #include "server/jobs/service/job_service.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/http/http_client.h"
@@ -56,6 +57,24 @@ class ServerTest : public ::testing::Test {
     ASSERT_TRUE(server) << server.error().message();
     server_ = *std::move(server);
   }
+  // Adds an API key of this tenant and with these rights (the id and the hash are made here), and
+  // returns its text.
+  std::string add_key(const std::string& tenant, ApiKey key = {}) {
+    const KeySecret secret = make_key_secret();
+    key.id = secret.id;
+    key.tenant = tenant;
+    key.secret_hash = secret.hash();
+    EXPECT_TRUE(change_keys(dir_.path() / "data", [&](KeyList& keys) -> Status {
+      keys.push_back(key);
+      return {};
+    }));
+    return secret.text();
+  }
+  // The line of a request's head that carries a key.
+  static std::string bearer(const std::string& key) {
+    return "Authorization: Bearer " + key + "\r\n";
+  }
+
   // As it is on the disk.
   BlobStore blobs() { return BlobStore::open(dir_.path() / "data").value(); }
   FakeWorker connect_worker() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }

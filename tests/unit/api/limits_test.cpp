@@ -9,19 +9,10 @@ namespace {
 
 class LimitsTest : public ServerTest {
  protected:
-  // A line of a request's head.
   std::string add(const std::string& tenant, const TenantLimits& limits) {
-    const KeySecret secret = make_key_secret();
-    EXPECT_TRUE(change_keys(dir_.path() / "data", [&](KeyList& keys) -> Status {
-      ApiKey key;
-      key.id = secret.id;
-      key.tenant = tenant;
-      key.secret_hash = secret.hash();
-      key.limits = limits;
-      keys.push_back(key);
-      return {};
-    }));
-    return "Authorization: Bearer " + secret.text() + "\r\n";
+    ApiKey key;
+    key.limits = limits;
+    return bearer(add_key(tenant, key));
   }
   static TenantLimits bytes(int64_t most) {
     TenantLimits limits;

@@ -20,19 +20,7 @@ class WaitsTest : public ServerTest {
     config.connections_max = 400;
     start(config);
   }
-  // Adds a key and returns the header line that carries it.
-  std::string add(const std::string& tenant) {
-    const KeySecret secret = make_key_secret();
-    EXPECT_TRUE(change_keys(dir_.path() / "data", [&](KeyList& keys) -> Status {
-      ApiKey key;
-      key.id = secret.id;
-      key.tenant = tenant;
-      key.secret_hash = secret.hash();
-      keys.push_back(key);
-      return {};
-    }));
-    return "Authorization: Bearer " + secret.text() + "\r\n";
-  }
+  std::string add(const std::string& tenant) { return bearer(add_key(tenant)); }
   // Sends a one-shot request for a mesh of its own and does not wait for the response.
   HttpClient one_shot(const std::string& lines, const std::string& mesh) {
     HttpClient client(server_->port());
@@ -139,20 +127,13 @@ TEST_F(WaitsTest, a_poll_ends_at_its_time_with_the_job_as_it_is) {
 
 TEST_F(WaitsTest, a_key_that_expires_ends_what_waits_in_its_name) {
   const std::string id = submit();
-  const KeySecret secret = make_key_secret();
-  ASSERT_TRUE(change_keys(dir_.path() / "data", [&](KeyList& keys) -> Status {
-    ApiKey key;
-    key.id = secret.id;
-    key.tenant = "lab";
-    key.secret_hash = secret.hash();
-    key.is_admin = true;
-    key.expires_ms = unix_time_ms() + 1500;
-    keys.push_back(key);
-    return {};
-  }));
+  ApiKey key;
+  key.is_admin = true;
+  key.expires_ms = unix_time_ms() + 1500;
+  const std::string text = add_key("lab", key);
   HttpClient client(server_->port());
-  ASSERT_TRUE(client.send_get(
-      "/v1/jobs/" + id, "Authorization: Bearer " + secret.text() + "\r\nPrefer: wait=60\r\n"));
+  ASSERT_TRUE(client.send_get("/v1/jobs/" + id,
+                              "Authorization: Bearer " + text + "\r\nPrefer: wait=60\r\n"));
   ASSERT_TRUE(client.readable(kPatienceSeconds / 2)) << "less than it would wait";
   EXPECT_EQ(client.receive().value_or(HttpAnswer{}).code(), "unauthorized");
 }

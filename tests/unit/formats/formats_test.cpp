@@ -61,5 +61,23 @@ TEST(Formats, too_large_grids_are_refused_by_encode_too) {
   }
 }
 
+TEST(Xyz, more_voxels_than_points_may_be_are_refused_before_they_are_written) {
+  Grid grid;
+  grid.spec.dims = {4 * limits::kTileSide + 1, limits::kTileSide, limits::kTileSide};
+  for (int x = 0; x < 4; ++x) {
+    SparseTile tile;
+    tile.coord = {x, 0, 0};
+    tile.full = {{0, kTileLevels}};
+    grid.tiles.push_back(tile);
+  }
+  ASSERT_EQ(grid.voxel_count(), kPointsMax);
+  SparseTile one_more;
+  one_more.coord = {4, 0, 0};
+  one_more.full = {{0, 0}};
+  grid.tiles.push_back(one_more);
+  EXPECT_EQ(encode_xyz(grid, {}).error().message(),
+            "xyz: too many voxels for points: expected at most 67108864, got 67109376");
+}
+
 }  // namespace
 }  // namespace voxeld

@@ -49,6 +49,13 @@ TEST_F(JobCostsTest, waits_are_no_work) {
   EXPECT_DOUBLE_EQ(seconds.worker, 0.4);
 }
 
+TEST_F(JobCostsTest, jobs_of_each_format_are_a_sort_of_their_own) {
+  for (const FormatInfo& format : output_formats()) {
+    EXPECT_EQ(work(64, format.format).sort,
+              "voxelize " + std::string(format.name) + " surface attributes");
+  }
+}
+
 TEST_F(JobCostsTest, jobs_of_other_sorts_teach_nothing) {
   JobCosts costs(file());
   for (int i = 0; i < 200; ++i) costs.learn(work(256), done_job());
