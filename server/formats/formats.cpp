@@ -13,19 +13,19 @@ namespace {
 
 constexpr size_t kVoxFramesShown = 120;  // frames that MagicaVoxel's editor plays
 
-struct Codec {
+struct FormatFunctions {
   Result<std::vector<uint8_t>> (*encode)(const Grid&, const OutputOptions&);
   Status (*write)(const FrameSource&, const OutputOptions&, const std::filesystem::path&);
 };
 
-#define VOXELD_FORMAT_CODEC(format, name, type, extension, sequence_type, sequence_extension, \
-                            density, encode, write)                                           \
-  Codec{encode, write},
-constexpr std::array kCodecs = {VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_CODEC)};
-#undef VOXELD_FORMAT_CODEC
+#define VOXELD_FORMAT_PAIR(format, name, type, extension, sequence_type, sequence_extension, \
+                           density, encode, write)                                           \
+  FormatFunctions{encode, write},
+constexpr std::array kFunctions = {VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_PAIR)};
+#undef VOXELD_FORMAT_PAIR
 
-const Codec& codec_of(Format format) {
-  return kCodecs.at(static_cast<size_t>(format));
+const FormatFunctions& functions_of(Format format) {
+  return kFunctions.at(static_cast<size_t>(format));
 }
 
 }  // namespace
@@ -44,7 +44,7 @@ Status check_encodable(const GridSpec& spec, const OutputOptions& options) {
 
 Result<std::vector<uint8_t>> encode(const Grid& grid, const OutputOptions& options) {
   VOXELD_TRY(check_encodable(grid.spec, options));
-  return codec_of(options.format).encode(grid, options);
+  return functions_of(options.format).encode(grid, options);
 }
 
 Status check_sequence_encodable(const GridSpec& spec, size_t frames, const OutputOptions& options) {
@@ -73,7 +73,7 @@ std::vector<Warning> sequence_warnings(const GridSpec& spec, size_t frames,
 Status write_sequence(const FrameSource& source, const OutputOptions& options,
                       const std::filesystem::path& path) {
   VOXELD_TRY(check_sequence_encodable(source.common().spec, source.frame_count(), options));
-  return codec_of(options.format).write(source, options, path);
+  return functions_of(options.format).write(source, options, path);
 }
 
 Status write_zip_sequence(const FrameSource& source, const OutputOptions& options,
