@@ -26,4 +26,10 @@ bool guarded(std::string_view what, Work&& work) noexcept {
   return false;
 }
 
+// For a step that nobody would do later: a second try finds memory more often than not.
+template <typename Work>
+bool guarded_twice(std::string_view what, const Work& work) noexcept {
+  return guarded(what, work) || guarded(what, work);
+}
+
 }  // namespace voxeld

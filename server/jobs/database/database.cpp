@@ -102,7 +102,10 @@ Status Database::run_operations(const std::vector<Pending*>& batch) {
     VOXELD_ASSIGN(generation, next_generation(writer_));
   }
   VOXELD_TRY(writer_.run("COMMIT"));
-  if (generation > 0 && generation_told_) generation_told_(generation);
+  if (generation > 0 && generation_told_) {
+    // The batch is durable: what fails from here on must not report it as undone.
+    guarded("the generation of the job database", [&] { generation_told_(generation); });
+  }
   return {};
 }
 

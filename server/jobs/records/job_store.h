@@ -49,6 +49,12 @@ struct LiveJob {
   int64_t device_us;  // for which this attempt has had its device
 };
 
+// A job in the state `running`, as its claim left it.
+struct RunningJob {
+  std::string id;
+  int64_t fence = 0;
+};
+
 // Thread-safe; holds no state of its own.
 class JobStore {
  public:
@@ -124,6 +130,7 @@ class JobStore {
   // How many jobs wait and run: all of them, or those that the caller sees.
   Result<LiveJobs> live();
   Result<LiveJobs> live(const Caller& caller);
+  Result<std::vector<RunningJob>> running();
   // The first queued job of each tenant.
   Result<std::vector<QueueHead>> queue_heads();
   // The first `limit` that arrived of running jobs and of waiting ones, in brief.

@@ -28,6 +28,18 @@ Result<std::vector<QueueHead>> JobStore::queue_heads() {
   return voxeld::queue_heads(*reader);
 }
 
+Result<std::vector<RunningJob>> JobStore::running() {
+  VOXELD_ASSIGN(Database::Lease reader, database_.read());
+  VOXELD_ASSIGN(SqlStatement rows,
+                reader->query("SELECT id, fence FROM jobs WHERE state = 'running' ORDER BY seq"));
+  std::vector<RunningJob> running;
+  while (true) {
+    VOXELD_ASSIGN(const bool row, rows.step());
+    if (!row) return running;
+    running.push_back({rows.text(0), rows.int64(1)});
+  }
+}
+
 Result<std::vector<JobEvent>> JobStore::events(const Caller& caller, std::string_view id,
                                                int64_t after_id) {
   VOXELD_ASSIGN(Database::Lease reader, database_.read());

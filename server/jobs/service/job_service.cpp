@@ -8,6 +8,7 @@
 
 #include "proto/messages/job_text.h"
 #include "server/base/clock.h"
+#include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/jobs/events/job_log.h"
 #include "server/jobs/records/blob_needs.h"
@@ -24,31 +25,40 @@ void Service::overlay(JobStatus& status) {
   status.device_ms += static_cast<double>(slices_.device_us(status.id)) / 1000.0;
 }
 
-void Service::job_changed(const JobRecord& record) {
+// The change is durable: a step that fails must not keep the next ones from being done.
+void Service::job_changed(const JobRecord& record) noexcept {
   const JobStatus& status = record.status;
-  forecast_.changed(record, 0);
-  log_job_change(record);
+  const auto step = [](const auto& work) { guarded_twice("the change of a job", work); };
+  step([&] { forecast_.changed(record, 0); });
+  step([&] { log_job_change(record); });
   if (status.ended()) {
-    parts_.remove(status.id);
-    metrics_.ended(status, record.tenant, record.worker);
-    board_.changed(status.id, status.version, false);
+    job_ended(record);
+  } else if (status.state == JobState::kRunning) {
+    step([&] { metrics_.claimed(status); });
+  } else if (record.was_preempted) {
+    step([&] { metrics_.preempted(status, record.tenant); });
+  } else {
+    step([&] { metrics_.requeued(status); });
+  }
+  step([&] { update_gauges(); });
+}
+
+void Service::job_ended(const JobRecord& record) noexcept {
+  const JobStatus& status = record.status;
+  const auto step = [](const auto& work) { guarded_twice("the end of a job", work); };
+  step([&] { parts_.remove(status.id); });
+  step([&] { metrics_.ended(status, record.tenant, record.worker); });
+  step([&] { board_.changed(status.id, status.version, false); });
+  step([&] {
     // If they were deleted meanwhile, they stayed for the job.
     for (const std::string& input : {status.grid, status.sequence}) {
       if (!input.empty()) blobs_.suspect(input);
     }
-    if (!status.sequence.empty()) {
-      const Status left = let_go(results_.leftover_frames(status.sequence));
-      if (!left) log::warn("frames may stay behind", {{"error", left.error().message()}});
-    }
-    sweep_.look_at_deleted();
-  } else if (status.state == JobState::kRunning) {
-    metrics_.claimed(status);
-  } else if (record.was_preempted) {
-    metrics_.preempted(status, record.tenant);
-  } else {
-    metrics_.requeued(status);
-  }
-  update_gauges();
+    if (status.sequence.empty()) return;
+    const Status left = let_go(results_.leftover_frames(status.sequence));
+    if (!left) log::warn("frames may stay behind", {{"error", left.error().message()}});
+  });
+  step([&] { sweep_.look_at_deleted(); });
 }
 
 void Service::update_gauges() {

@@ -140,7 +140,8 @@ class Service final : public JobService {
   // Rows with all their texts that are read at a time, each of which may take megabytes.
   using WholeReads = std::counting_semaphore<4>;
 
-  void job_changed(const JobRecord& record);
+  void job_changed(const JobRecord& record) noexcept;
+  void job_ended(const JobRecord& record) noexcept;
   void update_gauges();
   // Bytes of the asset with its files, or of the grid; 0 if unknown.
   int64_t input_bytes(const std::string& tenant, const std::string& asset, const std::string& grid);

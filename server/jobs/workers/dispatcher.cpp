@@ -47,6 +47,11 @@ void Dispatcher::add(DispatchedWorker worker) {
   added.info = std::move(worker);
 }
 
+void Dispatcher::retire(int64_t worker) noexcept {
+  MutexLock lock(mutex_);
+  if (Worker* known = find(worker)) known->is_idle = false;
+}
+
 void Dispatcher::remove(int64_t worker) {
   MutexLock lock(mutex_);
   workers_.erase(worker);
@@ -75,8 +80,7 @@ std::optional<JobRecord> Dispatcher::wait(int64_t worker) {
     const uint64_t seen = work_epoch();
     // A worker that died while it waited must not cost the next job an attempt.
     if (has_to_leave(worker)) {
-      MutexLock lock(mutex_);
-      if (Worker* known = find(worker)) known->is_idle = false;
+      retire(worker);
       return std::nullopt;
     }
     assign_jobs(device, polls % kIdlePollsPerClaim == 0);
@@ -149,6 +153,7 @@ void Dispatcher::assign_jobs(const std::string& device, bool is_poll) {
   const uint64_t epoch = work_epoch();
   // Another worker of the device has looked since something changed.
   if (!is_poll && claimed_epoch_[device] == epoch) return;
+  if (is_poll) put_back_lost();
   std::optional<int> blocked;  // nullopt: nobody has looked into the queue
   while (!stopping_ && put_back_unassigned()) {
     const DeviceSlots slots = slots_of(device);
@@ -206,6 +211,40 @@ bool Dispatcher::put_back_unassigned() {
   return true;
 }
 
+// Where memory or the disk fails at the wrong moment, a claim may be committed and its caller told
+// that it failed. Without this the job would be running until the daemon restarts. A job that ends
+// between the two looks has another fence or state by then, and is left alone.
+void Dispatcher::put_back_lost() {
+  const auto running = context_.jobs.running();
+  if (!running) {
+    log::error("cannot read the running jobs", {{"error", running.error().message()}});
+    return;
+  }
+  const std::set<std::string> known = known_tasks();
+  for (const RunningJob& job : *running) {
+    if (known.contains(job.id)) continue;
+    const auto back =
+        context_.jobs.lose_worker(job.id, job.fence, "", false, context_.live(job.id));
+    if (!back) {
+      log::error("cannot put a job back", {{"job", job.id}, {"error", back.error().message()}});
+    } else if (*back) {
+      log::warn("a running job had no worker and is put back", {{"job", job.id}});
+      context_.job_changed(**back);
+    }
+  }
+}
+
+std::set<std::string> Dispatcher::known_tasks() const {
+  std::set<std::string> known;
+  if (unassigned_) known.insert(unassigned_->status.id);
+  MutexLock lock(mutex_);
+  for (const auto& [number, worker] : workers_) {
+    if (worker.assigned) known.insert(worker.assigned->status.id);
+    if (worker.started) known.insert(worker.task);
+  }
+  return known;
+}
+
 void Dispatcher::DeviceSlots::add(const Worker& worker) {
   ++connected;
   if (worker.started) started.push_back(*worker.started);
@@ -230,22 +269,25 @@ bool Dispatcher::assign(std::vector<IdleSlot> idle, const JobRecord& record) {
   });
   if (idle.empty()) return false;  // isolation has begun meanwhile
   const int64_t wanted = idle[pick_slot(idle, record.tenant, input_of(status))].connection;
-  MutexLock lock(mutex_);
-  Worker* worker = find(wanted);
-  if (worker == nullptr || !worker->is_idle || worker->is_replaced) return false;
   StartedJob started;
   started.tenant = record.tenant;
   started.priority = status.priority;
   started.deadline_ms = status.deadline_at_ms == 0 ? kNoDeadline : status.deadline_at_ms;
   started.seq = record.seq;
   started.device_seconds = status.device_ms / 1000.0;
-  worker->assigned = record;
+  JobRecord assigned = record;
+  std::string task = status.id;
+  MutexLock lock(mutex_);
+  Worker* worker = find(wanted);
+  if (worker == nullptr || !worker->is_idle || worker->is_replaced) return false;
+  worker->idle.past.add(record.tenant, record.asset_tenant);
+  // From here on nothing allocates: the worker has all of the job, or nothing.
+  worker->assigned = std::move(assigned);
   worker->started = std::move(started);
-  worker->task = status.id;
+  worker->task = std::move(task);
   worker->started_at = Clock::now();
   worker->was_asked = false;
   worker->is_idle = false;
-  worker->idle.past.add(record.tenant, record.asset_tenant);
   work_.notify_all();
   return true;
 }

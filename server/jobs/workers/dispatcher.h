@@ -41,6 +41,8 @@ class Dispatcher {
   void notify_work() EXCLUDES(mutex_);
 
   void add(DispatchedWorker worker) EXCLUDES(mutex_);
+  // Nothing is assigned to the worker any more; what was assigned before stays so.
+  void retire(int64_t worker) noexcept EXCLUDES(mutex_);
   void remove(int64_t worker) EXCLUDES(mutex_);
   // Waits until a job is claimed for the worker. It stays assigned until accept(), so that whoever
   // ends the session before that puts it back. nullopt: the worker has left or is replaced, or the
@@ -102,6 +104,9 @@ class Dispatcher {
                          const std::vector<QueueHead>& heads);
   bool assign(std::vector<IdleSlot> idle, const JobRecord& record) EXCLUDES(mutex_);
   bool put_back_unassigned() REQUIRES(claim_mutex_);
+  // Puts back the running jobs that no worker has.
+  void put_back_lost() REQUIRES(claim_mutex_) EXCLUDES(mutex_);
+  std::set<std::string> known_tasks() const REQUIRES(claim_mutex_) EXCLUDES(mutex_);
   static Tenants tenants_of(const std::vector<QueueHead>& heads);
 
   // --- isolation

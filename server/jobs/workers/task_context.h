@@ -55,7 +55,7 @@ struct TaskServerContext {
   JobBoard& board;
   JobMetrics& metrics;
   TimeSlices& slices;
-  std::function<void(const JobRecord&)> job_changed;  // after each durable change
+  std::function<void(const JobRecord&)> job_changed;  // after each durable change; never throws
 
   // Facts of a running task that are not in the database yet.
   LiveJob live(const std::string& task) const {

@@ -115,6 +115,7 @@ void WorkerSession::run() noexcept {
   } catch (const std::exception& failure) {
     status = exception_error(failure);
   }
+  context_.dispatcher.retire(number_);
   guarded("a worker's session", [&] {
     if (!status && status.error().code != ErrorCode::kGone && !context_.stopping) {
       blame(status.error());
@@ -440,12 +441,9 @@ void WorkerSession::set_task(std::string id, int64_t fence) {
 }
 
 // The job's end is durable: a step that fails must not keep the next ones from being done, last of
-// all that requests that wait for the job are woken. A second try finds memory more often than not.
+// all that requests that wait for the job are woken.
 void WorkerSession::end_task(const JobRecord& record) {
-  const auto step = [](const auto& work) {
-    constexpr std::string_view kWhat = "the end of a task";
-    if (!guarded(kWhat, work)) guarded(kWhat, work);
-  };
+  const auto step = [](const auto& work) { guarded_twice("the end of a task", work); };
   step([&] { context_.parts.slices.end_task(record.status.id, fence_); });
   set_task("", 0);
   step([&] {
@@ -455,7 +453,7 @@ void WorkerSession::end_task(const JobRecord& record) {
   });
   step([&] { files_.clear(); });
   // First the metrics and all that goes with the job's end, then those who wait for it.
-  step([&] { context_.parts.job_changed(record); });
+  context_.parts.job_changed(record);
   step([&] { context_.parts.board.changed(record.status.id, record.status.version, false); });
   if (Status status = socket_.set_receive_timeout(0); !status) {
     log::warn("task socket", {{"error", status.error().message()}});

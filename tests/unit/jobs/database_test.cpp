@@ -93,6 +93,21 @@ TEST_F(DatabaseTest, an_exception_in_an_operation_is_an_error) {
   EXPECT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "after"); }));
 }
 
+TEST_F(DatabaseTest, an_exception_after_the_commit_does_not_report_the_write_as_undone) {
+  auto database = open();
+  ASSERT_TRUE(database->write([](SqlConnection& c) {
+    return c.run("INSERT INTO store (only_one, id, generation) VALUES (1, 'a', 1)");
+  }));
+  int told = 0;
+  database->tell_generation([&](int64_t) {
+    ++told;
+    throw std::bad_alloc();
+  });
+  EXPECT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "kept"); }));
+  EXPECT_EQ(told, 1);
+  EXPECT_EQ(count_keys(*database), 1);
+}
+
 TEST_F(DatabaseTest, readers_cannot_write) {
   auto database = open();
   auto reader = database->read();

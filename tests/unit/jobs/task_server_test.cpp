@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "server/base/sha256.h"
+#include "server/jobs/database/sqlite.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"
@@ -224,6 +225,39 @@ TEST_F(TaskServerTest, a_connection_that_ends_puts_its_task_back_at_once) {
   EXPECT_EQ(task->fence, 2);
   EXPECT_TRUE(next.complete(*task, "second time"));
   EXPECT_EQ(wait_end(id).state, JobState::kDone);
+}
+
+// As after a claim that was committed and whose caller had no memory left.
+TEST_F(TaskServerTest, a_running_job_that_no_worker_has_is_put_back_uncounted) {
+  const std::string id = submit();
+  auto claimed =
+      SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
+  ASSERT_TRUE(claimed);
+  ASSERT_TRUE(claimed->run("UPDATE jobs SET state = 'running', attempt = 1, fence = 1,"
+                           " worker = 'llvmpipe' WHERE id = $1",
+                           id));
+  FakeWorker worker = connect();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  EXPECT_EQ(task->id, id);
+  EXPECT_EQ(task->attempt, 1);
+  EXPECT_EQ(task->fence, 2);
+  EXPECT_TRUE(worker.complete(*task, "voxels"));
+  EXPECT_EQ(wait_end(id).state, JobState::kDone);
+}
+
+TEST_F(TaskServerTest, a_job_that_a_worker_has_is_not_put_back) {
+  const std::string id = submit();
+  FakeWorker working = connect(), idle = connect();
+  const auto task = working.claim();
+  ASSERT_TRUE(task);
+  std::thread looking([&] { EXPECT_FALSE(idle.claim()); });
+  std::this_thread::sleep_for(seconds(3));  // an idle worker looks every two seconds
+  EXPECT_EQ(service_->get(Caller::open(), id)->state, JobState::kRunning);
+  EXPECT_TRUE(working.complete(*task, "voxels"));
+  EXPECT_EQ(wait_end(id).state, JobState::kDone);
+  service_.reset();
+  looking.join();
 }
 
 TEST_F(TaskServerTest, three_lost_workers_fail_the_job) {
