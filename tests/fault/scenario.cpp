@@ -128,7 +128,8 @@ class Life {
     end_of(submit(put_asset("moving", "frames.md5mesh"), ""), JobState::kDone);
     start();
     end_of(submit(put_asset("bad", "fail.ply"), ""), JobState::kFailed);
-    const std::string slow = submit(put_asset("slow", "slow.ply"), "");
+    // With a key: a submit that is tried again would leave a second job, which nobody cancels.
+    const std::string slow = submit(put_asset("slow", "slow.ply"), "key slow");
     attempt("cancel", [&] { return service_->cancel(Caller::open(), slow); });
     end_of(slow, JobState::kCancelled);
     attempt("delete", [&]() -> Result<bool> {
@@ -238,7 +239,9 @@ class Life {
   void end_of(const std::string& id, std::optional<JobState> expected) {
     const auto status = attempt(
         "wait", [&] { return testing::wait_end(*service_, Caller::open(), id, kJobSecondsMax); });
-    require(status.ended(), "a job hangs: " + id);
+    require(status.ended(), "a job hangs: " + id + ", " +
+                                std::string(job_state_name(status.state)) + " in attempt " +
+                                std::to_string(status.attempt));
     if (!expected) return;
     if (status.state != *expected) {
       require(status.state == JobState::kFailed && status.error.has_value(),

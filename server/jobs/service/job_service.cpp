@@ -146,23 +146,32 @@ Result<JobStatus> Service::submit(const Caller& caller, const JobRequest& reques
     overlay(record.status);
     return record.status;
   }
-  metrics_.submitted(record.status);
-  log::info("job submitted", {{"job", record.status.id},
-                              {"tenant", record.tenant},
-                              {"request", options.request_id},
-                              {"trace", options.trace_id},
-                              {"kind", job_kind_name(record.status.kind)}});
-  if (record.status.ended()) {
-    job_changed(record);
-  } else {
-    const JobStatus& status = record.status;
-    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
-    update_gauges();
-    if (record.status.deadline_at_ms != 0) deadlines_->look();
-    tasks_->notify_work();
-  }
+  job_submitted(record, options);
   overlay(record.status);
   return record.status;
+}
+
+// The job is durable: a step that fails must not keep the next ones from being done.
+void Service::job_submitted(const JobRecord& record, const SubmitOptions& options) noexcept {
+  const JobStatus& status = record.status;
+  const auto step = [](const auto& work) { guarded_twice("a submitted job", work); };
+  step([&] { metrics_.submitted(status); });
+  step([&] {
+    log::info("job submitted", {{"job", status.id},
+                                {"tenant", record.tenant},
+                                {"request", options.request_id},
+                                {"trace", options.trace_id},
+                                {"kind", job_kind_name(status.kind)}});
+  });
+  if (status.ended()) return job_changed(record);
+  step([&] {
+    forecast_.changed(record, input_bytes(record.asset_tenant, status.asset, status.grid));
+  });
+  step([&] { update_gauges(); });
+  step([&] {
+    if (status.deadline_at_ms != 0) deadlines_->look();
+  });
+  step([&] { tasks_->notify_work(); });
 }
 
 Result<JobStatus> Service::get(const Caller& caller, std::string_view id) {

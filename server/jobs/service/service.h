@@ -140,6 +140,7 @@ class Service final : public JobService {
   // Rows with all their texts that are read at a time, each of which may take megabytes.
   using WholeReads = std::counting_semaphore<4>;
 
+  void job_submitted(const JobRecord& record, const SubmitOptions& options) noexcept;
   void job_changed(const JobRecord& record) noexcept;
   void job_ended(const JobRecord& record) noexcept;
   void update_gauges();

@@ -289,10 +289,10 @@ Status WorkerSession::send_task(const JobRecord& record, const Task& sent) {
                          static_cast<double>(status.started_ms - status.created_ms) / 1000.0);
   }
   parts.board.start(status.id, status.version);
-  // A cancel that came between the claim and the line above is in the database alone.
-  if (auto now = parts.jobs.get(Caller::daemon(), status.id); now && now->cancel_requested) {
-    parts.board.request_cancel(status.id);
-  }
+  // A cancel that came between the claim and the line above is in the database alone. Without this
+  // look the job could not be cancelled any more, so where it fails the job is put back.
+  VOXELD_ASSIGN(const JobRecord now, parts.jobs.get(Caller::daemon(), status.id));
+  if (now.cancel_requested) parts.board.request_cancel(status.id);
   parts.job_changed(record);
   progress_ = {};
   since_progress_.lap();
