@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "server/base/clock.h"
+#include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/jobs/model/job_record.h"
 
@@ -52,19 +53,22 @@ void DeadlineWatch::run() {
       if (ending_) return;
       looks_ = false;
     }
-    const int64_t now = unix_time_ms();
-    const auto expired = jobs_.expire(now);
     sleep = kSleepMax;
-    if (!expired) {
-      log::error("cannot look for deadlines", {{"error", expired.error().message()}});
-      continue;
-    }
-    for (const JobRecord& record : expired->ended) ended_(record);
-    if (expired->next_ms != 0) {
-      sleep = std::clamp(std::chrono::milliseconds(expired->next_ms - now),
-                         std::chrono::milliseconds(1), kSleepMax);
-    }
+    guarded("the watch of deadlines", [&] { sleep = end_expired(); });
   }
+}
+
+std::chrono::milliseconds DeadlineWatch::end_expired() {
+  const int64_t now = unix_time_ms();
+  const auto expired = jobs_.expire(now);
+  if (!expired) {
+    log::error("cannot look for deadlines", {{"error", expired.error().message()}});
+    return kSleepMax;
+  }
+  for (const JobRecord& record : expired->ended) ended_(record);
+  if (expired->next_ms == 0) return kSleepMax;
+  return std::clamp(std::chrono::milliseconds(expired->next_ms - now), std::chrono::milliseconds(1),
+                    kSleepMax);
 }
 
 }  // namespace voxeld

@@ -1,6 +1,7 @@
 // Ends queued jobs when their deadline passes, and not when it would be their turn.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <thread>
 
@@ -25,6 +26,8 @@ class DeadlineWatch {
 
  private:
   void run() EXCLUDES(mutex_);
+  // How long to sleep until the next look.
+  std::chrono::milliseconds end_expired();
 
   JobStore& jobs_;
   const std::function<void(const JobRecord&)> ended_;

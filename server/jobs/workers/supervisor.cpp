@@ -23,6 +23,9 @@ Supervisor::Supervisor(SupervisorConfig config) : config_(std::move(config)) {
       auto slot = std::make_unique<Slot>();
       slot->device = device;
       slot->number = number;
+      slot->arguments = {"worker", "--gateway", config_.gateway, "--device", device};
+      slot->arguments.insert(slot->arguments.end(), config_.arguments.begin(),
+                             config_.arguments.end());
       slots_.push_back(std::move(slot));
     }
   }
@@ -39,9 +42,6 @@ Supervisor::~Supervisor() {
 }
 
 void Supervisor::run(Slot& slot) {
-  std::vector<std::string> arguments = {"worker", "--gateway", config_.gateway, "--device",
-                                        slot.device};
-  arguments.insert(arguments.end(), config_.arguments.begin(), config_.arguments.end());
   double backoff = kBackoffSecondsMin;
   if (!wait_to_start(slot)) return;
   while (true) {
@@ -50,7 +50,7 @@ void Supervisor::run(Slot& slot) {
       MutexLock lock(mutex_);
       if (stopping_) return;
       guarded("the start of a worker", [&] {
-        if (Status started = slot.child.spawn(config_.executable, arguments); !started) {
+        if (Status started = slot.child.spawn(config_.executable, slot.arguments); !started) {
           log::error("cannot start a worker",
                      {{"device", slot.device}, {"error", started.error().message()}});
         }
@@ -80,13 +80,13 @@ bool Supervisor::note_exit(Slot& slot, const ExitReason& reason) {
   bool stopping = false, is_replaced = false;
   {
     MutexLock lock(mutex_);
-    exits_.push_back(reason);
-    if (exits_.size() > kExitsKept) exits_.pop_front();
     slot.pid = 0;
     stopping = stopping_;
     is_replaced = std::exchange(slot.is_replaced, false);
     if (!stopping && !is_replaced) ++slot.restarts;
     changed_.notify_all();
+    exits_.push_back(reason);
+    if (exits_.size() > kExitsKept) exits_.pop_front();
   }
   log::write(stopping || is_replaced ? log::Level::kInfo : log::Level::kWarn, "worker ended",
              {{"device", slot.device}, {"pid", reason.pid}, {"reason", reason.text()}});

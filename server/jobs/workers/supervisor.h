@@ -72,6 +72,7 @@ class Supervisor {
   struct Slot {
     std::string device;
     int number = 0;
+    std::vector<std::string> arguments;  // of its processes
     ChildProcess child;
     // Guarded by the supervisor's mutex_. The number stays until the exit is on record, so that
     // exit_reason() sees one or the other.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "server/base/guard.h"
 #include "server/base/machine.h"
 
 namespace voxeld {
@@ -40,19 +41,23 @@ WorkerWatch::~WorkerWatch() {
 
 void WorkerWatch::run() {
   while (true) {
-    const std::vector<WatchedWorker> workers = calls_.workers();
-    std::vector<Measured> kept;
-    for (const WatchedWorker& worker : workers) {
-      const Measured measured{&worker, private_bytes(worker.pid)};
-      if (look(measured)) kept.push_back(measured);
-    }
-    look_at_all(kept);
+    guarded("the watch of workers", [this] { look_at_workers(); });
     const auto deadline = std::chrono::steady_clock::now() + kPeriod;
     MutexLock lock(mutex_);
     while (!ending_ && wake_.wait_until(lock, deadline) != std::cv_status::timeout) {
     }
     if (ending_) return;
   }
+}
+
+void WorkerWatch::look_at_workers() const {
+  const std::vector<WatchedWorker> workers = calls_.workers();
+  std::vector<Measured> kept;
+  for (const WatchedWorker& worker : workers) {
+    const Measured measured{&worker, private_bytes(worker.pid)};
+    if (look(measured)) kept.push_back(measured);
+  }
+  look_at_all(kept);
 }
 
 bool WorkerWatch::look(const Measured& measured) const {

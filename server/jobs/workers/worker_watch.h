@@ -55,6 +55,7 @@ class WorkerWatch {
 
  private:
   void run();
+  void look_at_workers() const;
   struct Measured {
     const WatchedWorker* worker;
     int64_t bytes;

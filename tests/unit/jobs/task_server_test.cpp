@@ -233,9 +233,10 @@ TEST_F(TaskServerTest, a_running_job_that_no_worker_has_is_put_back_uncounted) {
   auto claimed =
       SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
   ASSERT_TRUE(claimed);
-  ASSERT_TRUE(claimed->run("UPDATE jobs SET state = 'running', attempt = 1, fence = 1,"
-                           " worker = 'llvmpipe' WHERE id = $1",
-                           id));
+  ASSERT_TRUE(
+      claimed->run("UPDATE jobs SET state = 'running', attempt = 1, fence = 1,"
+                   " worker = 'llvmpipe' WHERE id = $1",
+                   id));
   FakeWorker worker = connect();
   const auto task = worker.claim();
   ASSERT_TRUE(task);
