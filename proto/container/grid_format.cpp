@@ -6,7 +6,7 @@
 
 #include "proto/container/grid_layout.h"
 #include "proto/container/tile_streams.h"
-#include "proto/parallel.h"
+#include "proto/thread_pool.h"
 
 namespace voxeld {
 
@@ -204,7 +204,7 @@ Result<SparseTile> GridReader::decode_tile(size_t index) const {
 Result<std::vector<SparseTile>> GridReader::decode_tiles() const {
   std::vector<SparseTile> tiles(tile_count());
   std::vector<Status> done(tile_count());
-  for_each_parallel(tile_count(), [&](size_t i) {
+  ThreadPool::shared().for_each(tile_count(), [&](size_t i) {
     auto tile = decode_tile(i);
     if (tile) {
       tiles[i] = *std::move(tile);

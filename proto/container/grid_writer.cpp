@@ -8,7 +8,7 @@
 #include "proto/container/grid_format.h"
 #include "proto/container/grid_layout.h"
 #include "proto/container/tile_streams.h"
-#include "proto/parallel.h"
+#include "proto/thread_pool.h"
 
 namespace voxeld {
 
@@ -97,7 +97,7 @@ Result<std::vector<EncodedTile>> encode_tiles(std::span<const SparseTile> tiles,
                                               const GridHeader& header) {
   std::vector<EncodedTile> encoded(tiles.size());
   std::vector<Status> done(tiles.size());
-  for_each_parallel(tiles.size(), [&](size_t i) {
+  ThreadPool::shared().for_each(tiles.size(), [&](size_t i) {
     if (tiles[i].empty()) return;
     auto one = encode_tile(tiles[i], header);
     if (one) {

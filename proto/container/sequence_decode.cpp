@@ -9,7 +9,7 @@
 #include "proto/container/sequence_format.h"
 #include "proto/container/sequence_layout.h"
 #include "proto/container/tile_streams.h"
-#include "proto/parallel.h"
+#include "proto/thread_pool.h"
 
 namespace voxeld {
 
@@ -60,7 +60,7 @@ Result<RawStreams> SequenceReader::raw_streams(std::span<const Tile> tiles,
   numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
   std::vector<std::shared_ptr<const std::vector<uint8_t>>> contents(numbers.size());
   std::vector<Status> done(numbers.size());
-  for_each_parallel(numbers.size(), [&](size_t i) {
+  ThreadPool::shared().for_each(numbers.size(), [&](size_t i) {
     auto raw = raw_stream(numbers[i], kept);
     if (raw) {
       contents[i] = *std::move(raw);
@@ -121,7 +121,7 @@ Result<std::vector<SparseTile>> SequenceReader::decode_frame(size_t frame, RawSt
   VOXELD_ASSIGN(RawStreams raw, raw_streams(entries, kept));
   std::vector<SparseTile> tiles(entries.size());
   std::vector<Status> done(entries.size());
-  for_each_parallel(entries.size(), [&](size_t i) {
+  ThreadPool::shared().for_each(entries.size(), [&](size_t i) {
     auto tile = decode_tile(entries[i], raw);
     if (tile) {
       tiles[i] = *std::move(tile);

@@ -10,7 +10,7 @@
 #include "proto/container/grid_layout.h"
 #include "proto/container/grid_writer.h"
 #include "proto/container/tile_streams.h"
-#include "proto/parallel.h"
+#include "proto/thread_pool.h"
 #include "server/base/sha256.h"
 
 namespace voxeld {
@@ -138,8 +138,8 @@ Status SequenceWriter::encode_all(std::vector<Source>& sources) const {
     if (source.base != kNoStream) work.emplace_back(&source, true);
   }
   std::vector<Status> done(work.size());
-  for_each_parallel(work.size(),
-                    [&](size_t i) { done[i] = encode(*work[i].first, work[i].second); });
+  ThreadPool::shared().for_each(
+      work.size(), [&](size_t i) { done[i] = encode(*work[i].first, work[i].second); });
   for (const Status& status : done) VOXELD_TRY(status);
   return {};
 }

@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "proto/container/grid_layout.h"
-#include "proto/parallel.h"
+#include "proto/thread_pool.h"
 #include "server/base/sha256.h"
 #include "server/formats/sequence_source.h"
 
@@ -166,7 +166,7 @@ Result<std::vector<uint8_t>> SequenceWriter::add_part(std::span<const AnyTile> t
   std::vector<Tile> entries(tiles.size());
   std::vector<Source> sources(tiles.size() * kStreamKinds);
   std::vector<Status> done(tiles.size());
-  for_each_parallel(tiles.size(), [&](size_t i) {
+  ThreadPool::shared().for_each(tiles.size(), [&](size_t i) {
     done[i] = prepare(tiles[i], entries[i], &sources[i * kStreamKinds]);
   });
   for (const Status& status : done) VOXELD_TRY(status);

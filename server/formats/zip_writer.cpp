@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "proto/parallel.h"
+#include "proto/thread_pool.h"
 #include "server/base/cancel_point.h"
 
 namespace voxeld {
@@ -101,7 +101,7 @@ Status ZipWriter::add(std::span<const uint8_t> bytes) {
 Status ZipWriter::deflate_pending(bool is_last) {
   const std::span<const uint8_t> raw = pending_;
   std::vector<Slice> slices(std::max<size_t>((raw.size() + kSliceBytes - 1) / kSliceBytes, 1));
-  for_each_parallel(slices.size(), [&](size_t i) {
+  ThreadPool::shared().for_each(slices.size(), [&](size_t i) {
     cancel_point();  // on the calling thread
     const size_t begin = i * kSliceBytes;
     slices[i] = deflate_slice(raw.subspan(begin, std::min(kSliceBytes, raw.size() - begin)),

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "proto/parallel.h"
+#include "proto/thread_pool.h"
 
 namespace voxeld {
 namespace {
@@ -91,7 +91,7 @@ Result<std::vector<SparseTile>> read_tiles(const TileSource& source, size_t begi
   if (end - begin == 1) {
     read(0);
   } else {
-    for_each_parallel(end - begin, read);
+    ThreadPool::shared().for_each(end - begin, read);
   }
   for (const Status& status : done) VOXELD_TRY(status);
   return tiles;

@@ -280,7 +280,7 @@ Status Voxelizer::Impl::run_solid(TilePipeline& surface_pipeline, const Voxelize
                            return {};
                          }));
   DeviceInside* inside = inside_of(stats.pipeline, plan.options.pipeline);
-  VOXELD_TRY(SolidFiller(cpu.pool(), host_bytes_max, inside)
+  VOXELD_TRY(SolidFiller(cpu.team(), host_bytes_max, inside)
                  .fill(
                      plan,
                      [&]() -> Result<std::vector<SparseTile>> {

@@ -172,7 +172,7 @@ Status SequenceBeside::frame(double time_s, const std::filesystem::path& contain
   });
 }
 
-// Runs on the side thread.
+// Runs on a thread of the pool.
 Status SequenceBeside::before_tiles(size_t done, size_t total) {
   if (!is_wanted_) return Error{ErrorCode::kCancelled, "the sequence is not wanted", "", ""};
   if (is_last_stage_) {

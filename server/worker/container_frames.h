@@ -11,7 +11,7 @@
 #include "server/formats/native_sequence.h"
 #include "server/grid/frame_source.h"
 #include "server/worker/make_frames.h"
-#include "server/worker/side_thread.h"
+#include "server/worker/serial_queue.h"
 #include "server/worker/task_run.h"
 
 namespace voxeld {
@@ -81,7 +81,7 @@ class SequenceBeside final : public FrameListener {
   size_t frame_count_ = 0;
   std::unique_ptr<NativeSequence> file_;
   std::atomic<bool> is_wanted_ = true, is_last_stage_ = false;
-  SideThread side_;  // last: it uses the above
+  SerialQueue side_;  // last: it uses the above
 };
 
 }  // namespace voxeld

@@ -13,7 +13,7 @@
 #include "server/worker/grid_file.h"
 #include "server/worker/host_estimate.h"
 #include "server/worker/mesh_report.h"
-#include "server/worker/side_thread.h"
+#include "server/worker/serial_queue.h"
 
 namespace voxeld {
 namespace {
@@ -50,7 +50,7 @@ struct FrameMeta {
 // thread.
 class FrameOutput final : public TileSink, public std::enable_shared_from_this<FrameOutput> {
  public:
-  FrameOutput(TaskRun& run, SideThread& side, size_t index, double time_s)
+  FrameOutput(TaskRun& run, SerialQueue& side, size_t index, double time_s)
       : run_(run),
         side_(side),
         file_(run.scratch / (run.task.id + "-frame-" + std::to_string(index)),
@@ -102,7 +102,7 @@ class FrameOutput final : public TileSink, public std::enable_shared_from_this<F
   }
 
   TaskRun& run_;
-  SideThread& side_;
+  SerialQueue& side_;
   TaskFrame frame_;
   GridFile file_;
   GridOutput output_;
@@ -125,7 +125,7 @@ class FrameLoop {
     describe(made, meta);
     if (listener != nullptr) VOXELD_TRY(listener->begin(made.manifest));
     // declared after the objects it writes to, so it is destroyed first
-    SideThread side(kWaitingBytesMax), moving(0);
+    SerialQueue side(kWaitingBytesMax), moving(0);
     VOXELD_ASSIGN(const size_t first, take_done(made, listener));
     VOXELD_TRY(move_later(moving, first));
     VOXELD_TRY(run_.slice.begin());
@@ -176,13 +176,13 @@ class FrameLoop {
 
   // Preempts the task: the frames before this one are reported, and a later attempt makes the
   // others.
-  Error preempt(SideThread& side) {
+  Error preempt(SerialQueue& side) {
     run_.slice.end();
     const Status reported = side.wait();
     return reported ? run_.monitor.preempt() : reported.error();
   }
 
-  Status move_later(SideThread& moving, size_t k) {
+  Status move_later(SerialQueue& moving, size_t k) {
     next_.has_vertices = !shared_.device_moves();
     return moving.push(0, [this, k]() -> Status {
       VOXELD_TRY(clip_.moving.find_pose(clip_.times.times_s[k], next_.pose));

@@ -8,24 +8,29 @@
 namespace voxeld {
 
 MeshReport::MeshReport(InputCache& cache, std::string key, const Scene& scene)
-    : cache_(cache), key_(std::move(key)) {
-  if (cache_.topology_key == key_) return;
-  // If no thread is available, `deferred` counts on the calling one.
-  const auto when = scene.triangle_count() > kBesideTrianglesMax
-                        ? std::launch::deferred
-                        : std::launch::async | std::launch::deferred;
-  counted_ = std::async(when, [this, &scene, task = std::this_thread::get_id()] {
-    if (std::this_thread::get_id() == task) return mesh_topology(scene);  // deferred
+    : cache_(cache), key_(std::move(key)), scene_(scene) {
+  is_beside_ = cache_.topology_key != key_ && scene.triangle_count() <= kBesideTrianglesMax;
+  if (!is_beside_) return;
+  (void)beside_.push(0, [this, task = std::this_thread::get_id()]() -> Status {
+    if (std::this_thread::get_id() == task) {  // get() did not find it begun
+      counted_ = mesh_topology(scene_);
+      return {};
+    }
     const CancelScope scope(is_unwanted_);
-    return mesh_topology(scene);
+    counted_ = mesh_topology(scene_);
+    return {};
   });
 }
 
 const std::optional<MeshTopology>& MeshReport::get() {
-  if (counted_.valid()) {
-    cache_.topology = counted_.get();
-    cache_.topology_key = key_;
+  if (cache_.topology_key == key_) return cache_.topology;
+  if (is_beside_) {
+    (void)beside_.wait().ok();  // a count has no errors
+  } else {
+    counted_ = mesh_topology(scene_);
   }
+  cache_.topology = counted_;
+  cache_.topology_key = key_;
   return cache_.topology;
 }
 

@@ -2,15 +2,15 @@
 #pragma once
 
 #include <atomic>
-#include <future>
 #include <optional>
 #include <string>
 
 #include "server/worker/engine.h"
+#include "server/worker/serial_queue.h"
 
 namespace voxeld {
 
-// Counts on a thread of its own from construction on, so tiles do not wait for it. Large meshes are
+// Counts on another thread from construction on, so tiles do not wait for it. Large meshes are
 // counted only when asked for, after the tiles' memory is free. A count that the cache has for the
 // same scene is reused. The scene and the cache must outlive it.
 class MeshReport {
@@ -25,14 +25,17 @@ class MeshReport {
   MeshReport(const MeshReport&) = delete;
   MeshReport& operator=(const MeshReport&) = delete;
 
-  // Waits for the count. Throws std::bad_alloc.
+  // Waits for the count, or makes it. Throws std::bad_alloc and Cancelled (cancel_point.h).
   const std::optional<MeshTopology>& get();
 
  private:
   InputCache& cache_;
-  std::string key_;
+  const std::string key_;
+  const Scene& scene_;
+  bool is_beside_ = false;
+  std::optional<MeshTopology> counted_;  // if is_beside_
   std::atomic<bool> is_unwanted_{false};
-  std::future<std::optional<MeshTopology>> counted_;  // last: it waits for its thread
+  SerialQueue beside_{0};  // last: it waits for the count that runs
 };
 
 }  // namespace voxeld

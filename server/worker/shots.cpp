@@ -11,7 +11,7 @@
 #include "server/worker/frame_times.h"
 #include "server/worker/host_estimate.h"
 #include "server/worker/picture_grid.h"
-#include "server/worker/side_thread.h"
+#include "server/worker/serial_queue.h"
 
 namespace voxeld {
 namespace {
@@ -44,7 +44,7 @@ Status write_animation(TaskRun& run, const Shots& shots, const RenderOptions& op
   const std::filesystem::path path = next_output(run);
   VOXELD_ASSIGN(const std::unique_ptr<AnimationWriter> writer,
                 is_gif ? write_gif(path, shots.durations_s) : write_apng(path, shots.durations_s));
-  SideThread side(kWaitingBytesMax);
+  SerialQueue side(kWaitingBytesMax);
   for (size_t i = 0; i < shots.durations_s.size(); ++i) {
     VOXELD_ASSIGN(Picture picture, shots.take(i));
     const auto shared = std::make_shared<const Picture>(std::move(picture));

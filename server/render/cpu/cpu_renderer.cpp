@@ -1,10 +1,9 @@
 #include "server/render/cpu/cpu_renderer.h"
 
 #include <algorithm>
-#include <atomic>
-#include <thread>
 #include <utility>
 
+#include "proto/thread_pool.h"
 #include "server/base/check.h"
 #include "server/render/cpu/raymarch_pixel.h"
 #include "server/render/picture_blocks.h"
@@ -13,8 +12,7 @@
 namespace voxeld {
 
 CpuRenderer::CpuRenderer(int threads)
-    : threads_(threads > 0 ? threads
-                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()))) {
+    : threads_(threads > 0 ? threads : static_cast<int>(ThreadPool::shared().threads())) {
   VOXELD_CHECK(set_grid(Grid{}).ok(), "an empty grid can be packed");
 }
 
@@ -32,13 +30,9 @@ Status CpuRenderer::set_grid(const Grid& grid) {
 // Rows differ much in cost, so each thread takes the next remaining row.
 template <typename DrawRow>
 void CpuRenderer::for_each_row(int first, int count, const DrawRow& draw_row) const {
-  std::atomic<int> next{0};
-  const auto work = [&] {
-    for (int row = next++; row < count; row = next++) draw_row(first + row);
-  };
-  std::vector<std::jthread> others;
-  for (int i = 1; i < std::min(threads_, count); ++i) others.emplace_back(work);
-  work();
+  ThreadPool::shared().for_each(
+      static_cast<size_t>(count), [&](size_t row) { draw_row(first + static_cast<int>(row)); },
+      static_cast<size_t>(threads_));
 }
 
 Result<Picture> CpuRenderer::render(const RenderOptions& options, const BlockProgress& progress) {

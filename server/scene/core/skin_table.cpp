@@ -4,9 +4,9 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <thread>
 #include <utility>
 
+#include "proto/thread_pool.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/normals.h"
 
@@ -118,20 +118,13 @@ ChunkReport skin_range(const SkinTable& table, const Pose& pose, size_t begin, s
 
 std::vector<ChunkReport> skin_all(const SkinTable& table, const Pose& pose, FrameVertices& out) {
   const size_t count = table.vertex_count();
-  const size_t threads = std::clamp<size_t>(std::thread::hardware_concurrency(), 1, kThreadsMax);
+  const size_t threads = std::min(ThreadPool::shared().threads(), kThreadsMax);
   const size_t chunks = std::clamp<size_t>(count / kVerticesPerThreadMin, 1, threads);
   std::vector<ChunkReport> reports(chunks);
-  const auto run = [&](size_t chunk) {
+  ThreadPool::shared().for_each(chunks, [&](size_t chunk) {
     reports[chunk] =
         skin_range(table, pose, count * chunk / chunks, count * (chunk + 1) / chunks, out);
-  };
-  std::vector<std::jthread> others;
-  others.reserve(chunks - 1);
-  for (size_t chunk = 1; chunk < chunks; ++chunk) {
-    others.emplace_back([&run, chunk] { run(chunk); });
-  }
-  run(0);
-  others.clear();  // joins
+  });
   return reports;
 }
 

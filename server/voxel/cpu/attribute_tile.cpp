@@ -263,8 +263,8 @@ void CpuAttributes::run_octants(const TileInput& input, SparseTile& tile) {
   sort_triangles(input.bin);
   std::atomic<size_t> next = 0;
   const auto count =
-      static_cast<int>(std::min<size_t>(octants_.size(), static_cast<size_t>(pool_->threads())));
-  pool_->run(count, [&](int worker) {
+      static_cast<int>(std::min<size_t>(octants_.size(), static_cast<size_t>(team_->threads())));
+  team_->run(count, [&](int worker) {
     for (size_t o = next++; o < octants_.size(); o = next++) {
       run_octant(input, octants_[o], workers_[static_cast<size_t>(worker)], tile);
     }
@@ -274,17 +274,17 @@ void CpuAttributes::run_octants(const TileInput& input, SparseTile& tile) {
 bool CpuAttributes::shares_octants(const TileInput& input) const {
   const bool sums_alone =
       !input.is_started && plan_->needs_sums() && !plan_->channels.nearest && plan_->ids.empty();
-  return sums_alone && octants_.size() < static_cast<size_t>(pool_->threads()) &&
+  return sums_alone && octants_.size() < static_cast<size_t>(team_->threads()) &&
          input.bin.triangles.size() >= kSharedTrianglesMin;
 }
 
 void CpuAttributes::run_shared_octants(const TileInput& input, SparseTile& tile) {
-  const auto threads = static_cast<size_t>(pool_->threads());
+  const auto threads = static_cast<size_t>(team_->threads());
   const std::span<const uint32_t> triangles = input.bin.triangles;
   for (const Octant& octant : octants_) {
     const AttributeTarget target = target_of(input, octant);
     const size_t sum_count = octant.voxel_count * target.channels.count();
-    pool_->run(pool_->threads(), [&](int worker) {
+    team_->run(team_->threads(), [&](int worker) {
       const auto number = static_cast<size_t>(worker);
       AttributeTarget own = target;
       workers_[number].sums.assign(sum_count, 0);

@@ -13,9 +13,9 @@
 #include "proto/codec/sparse_tile.h"
 #include "server/voxel/bin.h"
 #include "server/voxel/cpu/attribute_visitor.h"
-#include "server/voxel/cpu/worker_pool.h"
 #include "server/voxel/id_fold.h"
 #include "server/voxel/mip_chain.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/tile_pipeline.h"
 
 namespace voxeld {
@@ -25,8 +25,8 @@ using TextureLevels = std::vector<MipLevel>;
 
 class CpuAttributes {
  public:
-  explicit CpuAttributes(WorkerPool& pool)
-      : pool_(&pool), workers_(static_cast<size_t>(pool.threads())) {}
+  explicit CpuAttributes(ThreadTeam& team)
+      : team_(&team), workers_(static_cast<size_t>(team.threads())) {}
 
   // Builds the levels of the images that triangles use, unless the previous frame left them. The
   // plan must outlive the job.
@@ -85,7 +85,7 @@ class CpuAttributes {
   void run_octant(const TileInput& input, const Octant& octant, Worker& worker,
                   SparseTile& tile) const;
 
-  WorkerPool* pool_;
+  ThreadTeam* team_;
   std::vector<Worker> workers_;
   const VoxelizePlan* plan_ = nullptr;
   std::vector<TextureLevels> textures_;  // per image; empty where unused

@@ -9,7 +9,7 @@
 namespace voxeld {
 
 CpuPipeline::CpuPipeline(int threads, CpuIsa isa)
-    : touch_(threads, isa), attributes_(touch_.pool()) {}
+    : touch_(threads, isa), attributes_(touch_.team()) {}
 
 Status CpuPipeline::begin_job(const VoxelizePlan& plan, VoxelizeStats& stats) {
   plan_ = &plan;

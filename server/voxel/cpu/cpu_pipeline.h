@@ -32,7 +32,7 @@ class CpuPipeline final : public TilePipeline {
   // matter.
   std::vector<SparseTile> touch_tiles(const SnappedMesh& mesh, const GridSpec& spec,
                                       std::span<const TileBin> bins);
-  WorkerPool& pool() { return touch_.pool(); }
+  ThreadTeam& team() { return touch_.team(); }
   int threads() const { return touch_.threads(); }
 
  private:

@@ -6,7 +6,6 @@
 #include <bit>
 #include <cstddef>
 #include <cstring>
-#include <thread>
 
 #include "server/base/check.h"
 #include "server/voxel/tile_window.h"
@@ -24,7 +23,7 @@ static_assert(offsetof(SnappedTriangle, vertices) == 0);
 static_assert(std::endian::native == std::endian::little, "tiles are words of 64 and of 32 bits");
 
 int thread_count(int threads) {
-  if (threads <= 0) threads = static_cast<int>(std::thread::hardware_concurrency());
+  if (threads <= 0) threads = static_cast<int>(ThreadPool::shared().threads());
   return std::clamp(threads, 1, kThreadsMax);
 }
 
@@ -75,8 +74,8 @@ TouchInput touch_input(const SnappedMesh& mesh, const GridSpec& spec, const Tile
 
 CpuTouch::CpuTouch(int threads, CpuIsa isa)
     : kernel_(&touch_kernel(isa)),
-      pool_(thread_count(threads)),
-      workers_(static_cast<size_t>(pool_.threads())) {}
+      team_(thread_count(threads)),
+      workers_(static_cast<size_t>(team_.threads())) {}
 
 void CpuTouch::touch_part(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin,
                           size_t part, size_t parts) {
@@ -108,7 +107,7 @@ uint64_t CpuTouch::occupy(const TouchInput& input, Worker& worker) const {
 size_t CpuTouch::touch_shared(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin) {
   const size_t parts =
       std::clamp<size_t>(bin.triangles.size() / kTriangleGrain, 1, workers_.size());
-  pool_.run(static_cast<int>(parts),
+  team_.run(static_cast<int>(parts),
             [&](int part) { touch_part(mesh, spec, bin, static_cast<size_t>(part), parts); });
   return parts;
 }
@@ -143,7 +142,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, const Tile
   const size_t parts = touch_shared(mesh, spec, bin);
   uint64_t blocks = 0;
   for (size_t part = 0; part < parts; ++part) blocks |= workers_[part].blocks;
-  pool_.run(static_cast<int>(parts), [&](int part) {
+  team_.run(static_cast<int>(parts), [&](int part) {
     const uint64_t share = share_of_bits(blocks, static_cast<size_t>(part), parts);
     for_each_block(parts, share, [&](size_t block, std::span<uint64_t* const> tiles) {
       kernel_->join(tiles.data(), tiles.size(), block, mask.data());
@@ -161,7 +160,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, const Tile
     compact_blocks(parts, blocks, workers_[0], tile);
     return workers_[0].voxels;
   }
-  pool_.run(static_cast<int>(parts), [&](int part) {
+  team_.run(static_cast<int>(parts), [&](int part) {
     Worker& worker = workers_[static_cast<size_t>(part)];
     worker.part.brick_morton.clear();
     worker.part.masks.clear();
@@ -185,7 +184,7 @@ uint64_t CpuTouch::run(const SnappedMesh& mesh, const GridSpec& spec, std::span<
   }
   std::atomic<size_t> next = 0;
   std::atomic<uint64_t> total = 0;
-  pool_.run(pool_.threads(), [&](int part) {
+  team_.run(team_.threads(), [&](int part) {
     Worker& worker = workers_[static_cast<size_t>(part)];
     for (size_t i = next++; i < bins.size(); i = next++) {
       // The worker takes the whole tile with its own words, as the only part of a job of one.

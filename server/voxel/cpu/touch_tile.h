@@ -20,7 +20,7 @@
 #include "server/voxel/cpu/cpu_isa.h"
 #include "server/voxel/cpu/huge_array.h"
 #include "server/voxel/cpu/touch_kernel.h"
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/snap.h"
 
 namespace voxeld {
@@ -52,8 +52,8 @@ class CpuTouch {
   uint64_t run(const SnappedMesh& mesh, const GridSpec& spec, std::span<const TileBin> bins,
                std::span<SparseTile> tiles);
 
-  int threads() const { return pool_.threads(); }
-  WorkerPool& pool() { return pool_; }
+  int threads() const { return team_.threads(); }
+  ThreadTeam& team() { return team_; }
 
  private:
   struct Worker {
@@ -83,7 +83,7 @@ class CpuTouch {
 
   const TouchKernel* kernel_;
   Rule rule_ = Rule::kTouch;
-  WorkerPool pool_;
+  ThreadTeam team_;
   std::vector<Worker> workers_;
 };
 

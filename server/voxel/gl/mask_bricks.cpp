@@ -37,7 +37,7 @@ void MaskBricks::find(std::span<const BrickMask> masks, size_t index) {
 }
 
 void MaskBricks::take(std::span<BrickMask> masks, std::span<const uint64_t> blocks,
-                      WorkerPool& pool, std::span<SparseTile> tiles) {
+                      ThreadTeam& team, std::span<SparseTile> tiles) {
   VOXELD_CHECK(masks.size() >= blocks.size() * kTileMaskBricks && tiles.size() == blocks.size(),
                "a mask and a tile for each");
   blocks_.clear();
@@ -49,9 +49,9 @@ void MaskBricks::take(std::span<BrickMask> masks, std::span<const uint64_t> bloc
   }
   found_.resize(blocks_.size() * kBlockBricks);
   const size_t parts =
-      std::clamp<size_t>(blocks_.size() / kBlockGrain, 1, static_cast<size_t>(pool.threads()));
+      std::clamp<size_t>(blocks_.size() / kBlockGrain, 1, static_cast<size_t>(team.threads()));
   const auto bound = [&](int part) { return blocks_.size() * static_cast<size_t>(part) / parts; };
-  pool.run(static_cast<int>(parts), [&](int part) {
+  team.run(static_cast<int>(parts), [&](int part) {
     for (size_t i = bound(part); i < bound(part + 1); ++i) find(masks, i);
   });
   for (size_t i = 0; i < blocks_.size();) {
@@ -64,7 +64,7 @@ void MaskBricks::take(std::span<BrickMask> masks, std::span<const uint64_t> bloc
     tiles[slot].brick_morton.resize(place);
     tiles[slot].masks.resize(place);
   }
-  pool.run(static_cast<int>(parts), [&](int part) {
+  team.run(static_cast<int>(parts), [&](int part) {
     for (size_t i = bound(part); i < bound(part + 1); ++i) {
       const Block& block = blocks_[i];
       SparseTile& tile = tiles[block.slot];

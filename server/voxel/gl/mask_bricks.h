@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/tile_mask.h"
 
 namespace voxeld {
@@ -21,7 +21,7 @@ class MaskBricks {
  public:
   // Moves the nonempty bricks of blocks[i] (see TileWindow::blocks) of mask i to tiles[i], in
   // order. It clears them in `masks`, which has kTileMaskBricks for each tile.
-  void take(std::span<BrickMask> masks, std::span<const uint64_t> blocks, WorkerPool& pool,
+  void take(std::span<BrickMask> masks, std::span<const uint64_t> blocks, ThreadTeam& team,
             std::span<SparseTile> tiles);
 
  private:

@@ -109,12 +109,12 @@ void for_each_part_between(std::span<const TilePart> parts, size_t first, size_t
 }  // namespace
 
 void SmallTriangles::begin(const SnappedMesh& mesh, std::span<const TilePart> parts,
-                           WorkerPool& pool) {
+                           ThreadTeam& team) {
   size_t total = 0;
   for (const TilePart& part : parts) total += part.triangles.size();
-  chunk_count_ = std::clamp<size_t>(total / kTriangleGrain, 1, static_cast<size_t>(pool.threads()));
+  chunk_count_ = std::clamp<size_t>(total / kTriangleGrain, 1, static_cast<size_t>(team.threads()));
   chunks_.resize(std::max(chunks_.size(), chunk_count_));
-  pool.run(static_cast<int>(chunk_count_), [&](int worker) {
+  team.run(static_cast<int>(chunk_count_), [&](int worker) {
     const auto i = static_cast<size_t>(worker);
     const size_t first = total * i / chunk_count_, last = total * (i + 1) / chunk_count_;
     Chunk& chunk = chunks_[i];
@@ -175,9 +175,9 @@ void SmallTriangles::sort_part(const SnappedMesh& mesh, const TilePart& part, Ch
   chunk.packed_count = static_cast<size_t>(next - chunk.packed.data());
 }
 
-void SmallTriangles::write(std::span<shared::SmallTriangle> out, WorkerPool& pool) {
+void SmallTriangles::write(std::span<shared::SmallTriangle> out, ThreadTeam& team) {
   VOXELD_CHECK(out.size() == count_, "a place for each small triangle");
-  pool.run(static_cast<int>(chunk_count_), [&](int part) {
+  team.run(static_cast<int>(chunk_count_), [&](int part) {
     Chunk& chunk = chunks_[static_cast<size_t>(part)];
     for (const Packed& packed : std::span(chunk.packed).first(chunk.packed_count)) {
       out[chunk.places[packed.key]++] = packed.triangle;

@@ -11,7 +11,7 @@
 
 #include <glm/vec3.hpp>
 
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/raw_vector.h"
 #include "server/voxel/snap.h"
 #include "shaders/shared/voxelize.h"
@@ -31,13 +31,13 @@ class SmallTriangles {
   static constexpr size_t kSlotsMax = 8;
 
   // Takes the triangles of at most kSlotsMax tiles, each in a slot of its own.
-  void begin(const SnappedMesh& mesh, std::span<const TilePart> parts, WorkerPool& pool);
+  void begin(const SnappedMesh& mesh, std::span<const TilePart> parts, ThreadTeam& team);
 
   // Number of small triangles of the last begin(). Triangles whose boxes miss the tile's cells are
   // neither small nor large.
   size_t count() const { return count_; }
   // Writes the small triangles; out.size() == count().
-  void write(std::span<shared::SmallTriangle> out, WorkerPool& pool);
+  void write(std::span<shared::SmallTriangle> out, ThreadTeam& team);
   // The large triangles of a slot, ascending.
   std::span<const uint32_t> large(size_t slot) const { return large_[slot]; }
   // Blocks of 64^3 cells that the boxes of a slot's small triangles reach; see TileWindow::blocks.

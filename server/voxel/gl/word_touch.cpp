@@ -1,23 +1,13 @@
 #include "server/voxel/gl/word_touch.h"
 
 #include <algorithm>
-#include <thread>
 
 #include "server/voxel/parallel.h"
 #include "server/voxel/tile_mask.h"
 
 namespace voxeld {
-namespace {
-
-int thread_count() {
-  return static_cast<int>(
-      std::clamp<size_t>(std::thread::hardware_concurrency(), 1, kVoxelThreadsMax));
-}
-
-}  // namespace
 
 Status WordTouch::begin_job() {
-  if (!pool_) pool_.emplace(thread_count());
   VOXELD_TRY(gpu::ensure_mappable(masks_, *context_, kBatchTiles * kTileMaskBytes, "tile masks"));
   VOXELD_TRY(
       gpu::ensure_size(params_, *context_, sizeof(shared::VoxelizeParams), "voxelize parameters"));
@@ -27,13 +17,13 @@ Status WordTouch::begin_job() {
 }
 
 Status WordTouch::sort(const SnappedMesh& mesh, std::span<const TilePart> parts) {
-  small_.begin(mesh, parts, *pool_);
+  small_.begin(mesh, parts, team_);
   for (size_t slot = 0; slot < kBatchTiles; ++slot) blocks_[slot] |= small_.blocks(slot);
   if (small_.count() == 0) return {};
   const size_t bytes = small_.count() * sizeof(shared::SmallTriangle);
   VOXELD_TRY(gpu::ensure_mappable(triangles_, *context_, bytes, "small triangles"));
   VOXELD_ASSIGN(gpu::BufferMapping mapping, triangles_.map(0, bytes));
-  small_.write(mapping.as<shared::SmallTriangle>(), *pool_);
+  small_.write(mapping.as<shared::SmallTriangle>(), team_);
   return mapping.unmap();
 }
 
@@ -60,7 +50,7 @@ Status WordTouch::take_bricks(std::span<const uint64_t> more_blocks, std::span<S
   if (any == 0) return {};
   context_->gl().MemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT | GL_SHADER_STORAGE_BARRIER_BIT);
   VOXELD_ASSIGN(gpu::BufferMapping mapping, masks_.map(0, tiles.size() * kTileMaskBytes));
-  bricks_.take(mapping.as<BrickMask>(), std::span(blocks).first(tiles.size()), *pool_, tiles);
+  bricks_.take(mapping.as<BrickMask>(), std::span(blocks).first(tiles.size()), team_, tiles);
   VOXELD_TRY(mapping.unmap());
   is_clear_ = true;
   return {};

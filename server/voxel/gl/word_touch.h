@@ -53,7 +53,7 @@ class WordTouch {
  private:
   const gpu::Context* context_;
   gpu::ShaderLibrary* shaders_;
-  std::optional<WorkerPool> pool_;  // created by the first job
+  ThreadTeam team_{voxel_threads()};
   SmallTriangles small_;
   MaskBricks bricks_;
   gpu::Buffer triangles_, masks_, params_;

@@ -17,14 +17,14 @@ void TileCrossings::set(std::span<const Crossing> crossings, int tiles) {
 }
 
 AxisCrossings::AxisCrossings(const FillMesh& mesh, int axis, const glm::ivec3& dims,
-                             WorkerPool& pool) {
+                             ThreadTeam& team) {
   const TriangleColumns triangles(mesh, axis, dims);
   tiles_u_ = triangles.tiles_u();
   columns_.resize(triangles.count());
   const int cells = dims[axis];
   const int tiles = (cells + limits::kTileSide - 1) / limits::kTileSide;
   std::atomic<size_t> next = 0;
-  pool.run(pool.threads(), [&](int) {
+  team.run(team.threads(), [&](int) {
     std::vector<Crossing> crossings;
     for (size_t column = next++; column < columns_.size(); column = next++) {
       crossings.clear();

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/solid/crossings.h"
 #include "server/voxel/solid/triangle_columns.h"
 
@@ -29,7 +29,7 @@ class TileCrossings {
 
 class AxisCrossings {
  public:
-  AxisCrossings(const FillMesh& mesh, int axis, const glm::ivec3& dims, WorkerPool& pool);
+  AxisCrossings(const FillMesh& mesh, int axis, const glm::ivec3& dims, ThreadTeam& team);
 
   const TileCrossings& column(int tile_u, int tile_v) const {
     return columns_[static_cast<size_t>(tile_v) * static_cast<size_t>(tiles_u_) +

@@ -29,11 +29,11 @@ bool is_whole(const TileExtent& extent) {
 
 }  // namespace
 
-InsidePlan::InsidePlan(const InsideJob& inside_job, WorkerPool& pool)
+InsidePlan::InsidePlan(const InsideJob& inside_job, ThreadTeam& team)
     : job(inside_job), triangles(job.mesh, 2, job.dims) {
   if (needs_axes()) {
-    along_x.emplace(job.mesh, 0, job.dims, pool);
-    along_y.emplace(job.mesh, 1, job.dims, pool);
+    along_x.emplace(job.mesh, 0, job.dims, team);
+    along_y.emplace(job.mesh, 1, job.dims, team);
   }
   if (!needs_winding()) return;
   std::vector<glm::ivec3> corners = closing_cones(boundary_edges(job.mesh));

@@ -23,7 +23,7 @@ namespace voxeld {
 
 // Data that all columns of a job share.
 struct InsidePlan {
-  InsidePlan(const InsideJob& job, WorkerPool& pool);
+  InsidePlan(const InsideJob& job, ThreadTeam& team);
 
   bool needs_winding() const { return job.sign == Sign::kWinding || job.sign == Sign::kAuto; }
   bool needs_axes() const { return job.sign == Sign::kMajority || job.sign == Sign::kAuto; }

@@ -235,12 +235,12 @@ void for_each_cube(const glm::i64vec3& first, const glm::i64vec3& last, const gl
 
 }  // namespace
 
-Status find_band(const DistanceJob& job, double thickness, WorkerPool& pool,
+Status find_band(const DistanceJob& job, double thickness, ThreadTeam& team,
                  const ColumnProgress& progress, std::vector<DistanceTile>& tiles) {
   std::vector<Bricks> blocks(kBlocks);
   for (const glm::ivec3& tile : reached_tiles(job, thickness)) {
     std::atomic<uint32_t> next = 0;
-    pool.run(pool.threads(), [&](int) {
+    team.run(team.threads(), [&](int) {
       for (uint32_t b = next++; b < kBlocks; b = next++) {
         const glm::ivec3 tile_cell = tile * limits::kTileSide;
         BandWalk(job, thickness, tile_cell, blocks[b])
@@ -255,11 +255,11 @@ Status find_band(const DistanceJob& job, double thickness, WorkerPool& pool,
 }
 
 std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile& tile,
-                                       WorkerPool& pool) {
+                                       ThreadTeam& team) {
   constexpr size_t kBricks = 64;  // bricks per task
   std::vector<std::vector<int16_t>> parts((tile.masks.size() + kBricks - 1) / kBricks);
   std::atomic<size_t> next = 0;
-  pool.run(pool.threads(), [&](int) {
+  team.run(team.threads(), [&](int) {
     for (size_t part = next++; part < parts.size(); part = next++) {
       parts[part] = distances_of_bricks(job, tile, part * kBricks,
                                         std::min((part + 1) * kBricks, tile.masks.size()));

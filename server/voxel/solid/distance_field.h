@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/solid/brick_index.h"
 #include "server/voxel/solid/inside.h"
 #include "server/voxel/solid/triangle_tree.h"
@@ -29,12 +29,12 @@ struct DistanceJob {
 
 // Finds the tiles of the cells whose centre is at most `thickness` voxels from a triangle, in any
 // order. progress: called from time to time, with 0 columns done.
-Status find_band(const DistanceJob& job, double thickness, WorkerPool& pool,
+Status find_band(const DistanceJob& job, double thickness, ThreadTeam& team,
                  const ColumnProgress& progress, std::vector<DistanceTile>& tiles);
 
 // Distances of the voxels of a tile's masks. The mesh must have at least one triangle.
 std::vector<int16_t> distances_of_tile(const DistanceJob& job, const SparseTile& tile,
-                                       WorkerPool& pool);
+                                       ThreadTeam& team);
 
 // An upper bound of a band's cells: those of the cubes that are near the triangles' boxes.
 int64_t band_cells_max(const FillMesh& mesh, const glm::ivec3& dims, double thickness);

@@ -5,17 +5,17 @@
 namespace voxeld {
 
 DistanceMaker::DistanceMaker(const FillMesh& mesh, const glm::ivec3& dims,
-                             std::vector<SparseTile> inside, WorkerPool& pool)
+                             std::vector<SparseTile> inside, ThreadTeam& team)
     : triangles_(mesh),
       inside_(std::move(inside)),
       index_(inside_, dims),
       dims_(dims),
-      pool_(pool) {}
+      team_(team) {}
 
 Result<std::vector<SparseTile>> DistanceMaker::band(double thickness,
                                                     const ColumnProgress& progress) {
   std::vector<DistanceTile> found;
-  VOXELD_TRY(find_band({triangles_, dims_, index_}, thickness, pool_, progress, found));
+  VOXELD_TRY(find_band({triangles_, dims_, index_}, thickness, team_, progress, found));
   std::vector<SparseTile> cells;
   for (DistanceTile& tile : found) {
     cells.push_back(tile.tile);
@@ -33,7 +33,7 @@ Status DistanceMaker::measure(const ColumnProgress& progress,
         known->second.tile.brick_morton == tile.brick_morton) {
       tile.distance = known->second.distance;
     } else {
-      tile.distance = distances_of_tile({triangles_, dims_, index_}, tile, pool_);
+      tile.distance = distances_of_tile({triangles_, dims_, index_}, tile, team_);
     }
     if (progress) VOXELD_TRY(progress(0));
   }

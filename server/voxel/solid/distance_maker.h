@@ -13,9 +13,9 @@ namespace voxeld {
 class DistanceMaker {
  public:
   // inside: the cells whose distance is negative. The mesh need not outlive the constructor, but
-  // the pool must outlive this object.
+  // the team must outlive this object.
   DistanceMaker(const FillMesh& mesh, const glm::ivec3& dims, std::vector<SparseTile> inside,
-                WorkerPool& pool);
+                ThreadTeam& team);
 
   // The cells at most `thickness` voxels from the mesh, all as masks, in any order. Their distances
   // are stored for measure(). Errors: those of `progress`, as find_band().
@@ -29,7 +29,7 @@ class DistanceMaker {
   std::vector<SparseTile> inside_;
   BrickIndex index_;
   glm::ivec3 dims_;
-  WorkerPool& pool_;
+  ThreadTeam& team_;
   std::map<std::array<int32_t, 3>, DistanceTile> band_;  // by coord
 };
 

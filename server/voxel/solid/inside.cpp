@@ -46,8 +46,8 @@ struct Worker {
 
 class InsideRun {
  public:
-  InsideRun(const InsideJob& job, WorkerPool& pool)
-      : plan_(job, pool), pool_(pool), workers_(static_cast<size_t>(pool.threads())) {}
+  InsideRun(const InsideJob& job, ThreadTeam& team)
+      : plan_(job, team), team_(team), workers_(static_cast<size_t>(team.threads())) {}
 
   Status run(const ColumnProgress& progress, const TakeInside& take) {
     const size_t columns = plan_.triangles.count();
@@ -77,7 +77,7 @@ class InsideRun {
 
   void run_columns(size_t first, size_t last) {
     std::atomic<size_t> next = first;
-    pool_.run(pool_.threads(), [&](int index) {
+    team_.run(team_.threads(), [&](int index) {
       Worker& worker = workers_[static_cast<size_t>(index)];
       if (!worker.column) worker.column = std::make_unique<ColumnTiles>(tiles_z(), 1);
       ColumnTiles& column = *worker.column;
@@ -92,7 +92,7 @@ class InsideRun {
     // The sweeps of the axes carry state from row to row along y, so they cannot share a column.
     const size_t parts = plan_.needs_axes() ? 1 : workers_.size();
     if (!shared_) shared_ = std::make_unique<ColumnTiles>(tiles_z(), parts);
-    pool_.run(static_cast<int>(parts), [&](int index) {
+    team_.run(static_cast<int>(parts), [&](int index) {
       Worker& worker = workers_[static_cast<size_t>(index)];
       const ColumnShare share = {static_cast<size_t>(index), parts};
       worker.maker.run(plan_, column, share, shared_->bits, shared_->whole, worker.votes);
@@ -101,7 +101,7 @@ class InsideRun {
   }
 
   InsidePlan plan_;
-  WorkerPool& pool_;
+  ThreadTeam& team_;
   std::vector<Worker> workers_;
   std::unique_ptr<ColumnTiles> shared_;
 };
@@ -140,17 +140,17 @@ size_t tile_column_count(const glm::ivec3& dims) {
   return tiles(dims.x) * tiles(dims.y);
 }
 
-Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
+Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
                    std::vector<SparseTile>& tiles, AxisVotes& votes) {
   const auto append = [&](std::vector<SparseTile> made) {
     std::ranges::move(made, std::back_inserter(tiles));
   };
-  return find_inside(job, pool, progress, append, votes);
+  return find_inside(job, team, progress, append, votes);
 }
 
-Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
+Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
                    const TakeInside& take, AxisVotes& votes) {
-  InsideRun run(job, pool);
+  InsideRun run(job, team);
   VOXELD_TRY(run.run(progress, take));
   run.add_votes(votes);
   return {};

@@ -9,7 +9,7 @@
 #include "proto/codec/sparse_tile.h"
 #include "proto/options/options.h"
 #include "proto/result.h"
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/solid/fill_mesh.h"
 
 namespace voxeld {
@@ -48,13 +48,13 @@ size_t tile_column_count(const glm::ivec3& dims);
 
 // Appends the tiles with inside cells, canonical and without attributes, in any order. votes: set
 // by kMajority and kAuto only.
-Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
+Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
                    std::vector<SparseTile>& tiles, AxisVotes& votes);
 
 // The same, but tiles go to `take` in portions as columns are finished. It runs on the calling
 // thread.
 using TakeInside = std::function<void(std::vector<SparseTile>)>;
-Status find_inside(const InsideJob& job, WorkerPool& pool, const ColumnProgress& progress,
+Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
                    const TakeInside& take, AxisVotes& votes);
 
 }  // namespace voxeld

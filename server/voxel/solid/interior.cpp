@@ -174,10 +174,10 @@ int64_t interior_bytes(const GridSpec& spec, std::span<const SparseTile> surface
   return bytes;
 }
 
-Status copy_nearest(std::span<const SparseTile> surface, const GridSpec& spec, WorkerPool& pool,
+Status copy_nearest(std::span<const SparseTile> surface, const GridSpec& spec, ThreadTeam& team,
                     const ColumnProgress& progress, std::vector<SparseTile>& tiles) {
   const BrickIndex index(surface, spec.dims);
-  NearestCells nearest(index, spec.dims, pool);
+  NearestCells nearest(index, spec.dims, team);
   InteriorFill interior(index, spec, tiles);
   const auto slabs = bricks_by_slab(tiles, spec.dims);
   for (size_t slab = 0; slab < slabs.size(); ++slab) {
@@ -186,7 +186,7 @@ Status copy_nearest(std::span<const SparseTile> surface, const GridSpec& spec, W
     if (bricks.empty()) continue;
     if (!nearest.compute(static_cast<int>(slab))) return {};
     std::atomic<size_t> next = 0;
-    pool.run(pool.threads(), [&](int) {
+    team.run(team.threads(), [&](int) {
       for (size_t b = next++; b < bricks.size(); b = next++) interior.fill(bricks[b], nearest);
     });
   }

@@ -21,7 +21,7 @@ int64_t interior_bytes(const GridSpec& spec, std::span<const SparseTile> surface
 
 // Gives the voxels of `tiles` (all in masks) that are not in `surface` the attributes of the
 // nearest surface voxel, by NearestCells. progress: called from time to time, with 0 columns done.
-Status copy_nearest(std::span<const SparseTile> surface, const GridSpec& spec, WorkerPool& pool,
+Status copy_nearest(std::span<const SparseTile> surface, const GridSpec& spec, ThreadTeam& team,
                     const ColumnProgress& progress, std::vector<SparseTile>& tiles);
 
 }  // namespace voxeld

@@ -138,7 +138,7 @@ SparseTile merge_tile(const SparseTile& surface, const SparseTile& inside,
   return TileMerger(surface, inside, channels).run();
 }
 
-void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, WorkerPool& pool,
+void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, ThreadTeam& team,
                  std::vector<SparseTile>& tiles) {
   std::ranges::sort(tiles, {}, tile_order);
   std::ranges::sort(inside, {}, tile_order);
@@ -158,7 +158,7 @@ void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, Wor
   std::vector<SparseTile> merged(pairs.size());
   const bool bare = !channels.any();
   std::atomic<size_t> next = 0;
-  pool.run(pool.threads(), [&](int) {
+  team.run(team.threads(), [&](int) {
     SparseTile none;
     for (size_t p = next++; p < pairs.size(); p = next++) {
       const Pair& pair = pairs[p];

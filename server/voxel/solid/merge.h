@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 
 namespace voxeld {
 
@@ -16,7 +16,7 @@ SparseTile merge_tile(const SparseTile& surface, const SparseTile& inside,
 
 // Adds the inside to a grid's tiles, which may be in any order. The result is in ascending Morton
 // order of coord.
-void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, WorkerPool& pool,
+void merge_tiles(std::vector<SparseTile> inside, const ChannelSet& channels, ThreadTeam& team,
                  std::vector<SparseTile>& tiles);
 
 }  // namespace voxeld

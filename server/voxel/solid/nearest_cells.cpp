@@ -23,8 +23,8 @@ uint32_t row_of(const BrickMask& mask, int y, int z) {
 
 }  // namespace
 
-NearestCells::NearestCells(const BrickIndex& set, const glm::ivec3& dims, WorkerPool& pool)
-    : dims_(dims), pool_(pool), brick_rows_((dims.y + kWidth - 1) / kWidth) {
+NearestCells::NearestCells(const BrickIndex& set, const glm::ivec3& dims, ThreadTeam& team)
+    : dims_(dims), team_(team), brick_rows_((dims.y + kWidth - 1) / kWidth) {
   const glm::ivec3 bricks = (dims + kWidth - 1) / kWidth;
   rows_.resize(static_cast<size_t>(bricks.y) * static_cast<size_t>(bricks.z));
   for (int z = 0; z < bricks.z; ++z) {
@@ -35,7 +35,7 @@ NearestCells::NearestCells(const BrickIndex& set, const glm::ivec3& dims, Worker
       }
     }
   }
-  scratch_.resize(static_cast<size_t>(pool.threads()));
+  scratch_.resize(static_cast<size_t>(team.threads()));
   const size_t cells = size_t{kWidth} * static_cast<size_t>(dims.y) * static_cast<size_t>(dims.z);
   squared_.resize(cells);
   for (auto* nearest : {&nearest_x_, &nearest_y_, &nearest_z_}) nearest->resize(cells);
@@ -124,13 +124,13 @@ void NearestCells::run_lines(int y_begin, int y_end, Scratch& scratch) {
 bool NearestCells::compute(int slab) {
   if (std::ranges::all_of(rows_, [](const auto& row) { return row.empty(); })) return false;
   std::atomic<int> next_plane = 0;
-  pool_.run(pool_.threads(), [&](int worker) {
+  team_.run(team_.threads(), [&](int worker) {
     for (int z = next_plane++; z < dims_.z; z = next_plane++) {
       run_plane(slab, z, scratch_[static_cast<size_t>(worker)]);
     }
   });
   std::atomic<int> next_line = 0;
-  pool_.run(pool_.threads(), [&](int worker) {
+  team_.run(team_.threads(), [&](int worker) {
     for (int y = next_line.fetch_add(kLinesAtOnce); y < dims_.y;
          y = next_line.fetch_add(kLinesAtOnce)) {
       run_lines(y, std::min(y + kLinesAtOnce, dims_.y), scratch_[static_cast<size_t>(worker)]);

@@ -7,7 +7,7 @@
 
 #include <glm/vec3.hpp>
 
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/solid/brick_index.h"
 #include "server/voxel/solid/lower_envelope.h"
 
@@ -23,7 +23,7 @@ class NearestCells {
   static constexpr int kWidth = limits::kBrickSide;
 
   // The index and what it points to must outlive this object.
-  NearestCells(const BrickIndex& set, const glm::ivec3& dims, WorkerPool& pool);
+  NearestCells(const BrickIndex& set, const glm::ivec3& dims, ThreadTeam& team);
 
   // Computes the slab of cells whose x / kWidth is `slab`. Returns false if no cell of the grid is
   // set.
@@ -76,7 +76,7 @@ class NearestCells {
   void run_lines(int y_begin, int y_end, Scratch& scratch);
 
   glm::ivec3 dims_;
-  WorkerPool& pool_;
+  ThreadTeam& team_;
   int brick_rows_;                        // number of brick rows along y
   std::vector<std::vector<Brick>> rows_;  // set bricks along x, ascending
   std::vector<Scratch> scratch_;          // per thread

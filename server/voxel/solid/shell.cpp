@@ -180,15 +180,15 @@ int64_t squared_limit(double thickness) {
   return above ? limit - 1 : limit;
 }
 
-Status keep_shell(std::span<const SparseTile> surface, double thickness, WorkerPool& pool,
+Status keep_shell(std::span<const SparseTile> surface, double thickness, ThreadTeam& team,
                   const ColumnProgress& progress, std::vector<SparseTile>& inside) {
   const BrickIndex index(surface, dims_of(surface, inside));
-  std::vector<ShellBlock> blocks(static_cast<size_t>(pool.threads()), ShellBlock(index, thickness));
+  std::vector<ShellBlock> blocks(static_cast<size_t>(team.threads()), ShellBlock(index, thickness));
   const size_t step = blocks.size();
   for (size_t first = 0; first < inside.size(); first += step) {
     std::atomic<size_t> next = first;
     const size_t last = std::min(first + step, inside.size());
-    pool.run(pool.threads(), [&](int worker) {
+    team.run(team.threads(), [&](int worker) {
       for (size_t i = next++; i < last; i = next++) {
         inside[i] = shell_of_tile(inside[i], blocks[static_cast<size_t>(worker)]);
       }

@@ -11,7 +11,7 @@ namespace voxeld {
 // Removes from `inside` the cells that are not within `thickness` voxels (1..256) of a cell of
 // `surface`. Distances are exact squared ones between centres. progress: called from time to time,
 // with 0 columns done.
-Status keep_shell(std::span<const SparseTile> surface, double thickness, WorkerPool& pool,
+Status keep_shell(std::span<const SparseTile> surface, double thickness, ThreadTeam& team,
                   const ColumnProgress& progress, std::vector<SparseTile>& inside);
 
 // The largest integer that is not above thickness^2.

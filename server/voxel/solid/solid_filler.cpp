@@ -84,7 +84,7 @@ Result<std::vector<SparseTile>> SolidFiller::inside(const VoxelizePlan& plan, co
   if (device_ != nullptr) {
     VOXELD_TRY(device_->find_inside(job, progress, tiles, votes, stats));
   } else {
-    VOXELD_TRY(find_inside(job, pool_, progress, tiles, votes));
+    VOXELD_TRY(find_inside(job, team_, progress, tiles, votes));
   }
   return tiles;
 }
@@ -110,7 +110,7 @@ Result<std::vector<SparseTile>> SolidFiller::find_signed(
   // A device's passes are reported under their own names; "inside" is the rest.
   add_stage(stats.passes, "inside", std::max(0.0, watch.lap() - (total(stats.passes) - before)));
   if (!plan.channels.volume) return found;
-  VOXELD_ASSIGN(coverage_, CoverageCounts::of(mesh, plan.spec.dims, choice.sign, pool_, progress));
+  VOXELD_ASSIGN(coverage_, CoverageCounts::of(mesh, plan.spec.dims, choice.sign, team_, progress));
   coverage_->spell_out(found);
   add_stage(stats.passes, "coverage", watch.lap());
   return found;
@@ -131,10 +131,10 @@ Status SolidFiller::unite(const VoxelizePlan& plan, const ColumnProgress& progre
     }
     for (SparseTile& tile : found) spell_out_full(tile);
   }
-  merge_tiles(std::move(found), channels, pool_, tiles);
+  merge_tiles(std::move(found), channels, team_, tiles);
   add_stage(stats.passes, "merge", watch.lap());
   if (!copies) return {};
-  VOXELD_TRY(copy_nearest(surface, plan.spec, pool_, progress, tiles));
+  VOXELD_TRY(copy_nearest(surface, plan.spec, team_, progress, tiles));
   add_stage(stats.passes, "interior", watch.lap());
   return {};
 }
@@ -152,7 +152,7 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
   Stopwatch watch;
   std::optional<DistanceMaker> distances;
   if (measures || kind == Fill::kBand) {
-    distances.emplace(mesh, plan.spec.dims, measures ? found : std::vector<SparseTile>(), pool_);
+    distances.emplace(mesh, plan.spec.dims, measures ? found : std::vector<SparseTile>(), team_);
     add_stage(stats.passes, "tree", watch.lap());
   }
   if (kind == Fill::kBand) {
@@ -166,7 +166,7 @@ Status SolidFiller::fill(const VoxelizePlan& plan, const TouchTiles& touch,
     if (plan.options.rule == Rule::kNone) {
       VOXELD_ASSIGN(surface, cells.get(touch));
     }
-    VOXELD_TRY(keep_shell(*surface, plan.options.thickness, pool_, progress, found));
+    VOXELD_TRY(keep_shell(*surface, plan.options.thickness, team_, progress, found));
     add_stage(stats.passes, "shell", watch.lap());
   }
   // Makes room for distances. They are measured last, when all voxels exist.

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/voxel/cpu/worker_pool.h"
+#include "server/voxel/parallel.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/device_inside.h"
 #include "server/voxel/solid/inside.h"
@@ -17,11 +17,11 @@ namespace voxeld {
 // Fills grids. Not thread-safe.
 class SolidFiller {
  public:
-  // device: finds the inside; null leaves that to the pool's threads. The CPU always chooses the
+  // device: finds the inside; null leaves that to the team's threads. The CPU always chooses the
   // sign of `auto`, measures distances and unites tiles. host_bytes_max: limit for memory whose
   // size is known only once the inside is.
-  SolidFiller(WorkerPool& pool, int64_t host_bytes_max, DeviceInside* device = nullptr)
-      : pool_(pool), host_bytes_max_(host_bytes_max), device_(device) {}
+  SolidFiller(ThreadTeam& team, int64_t host_bytes_max, DeviceInside* device = nullptr)
+      : team_(team), host_bytes_max_(host_bytes_max), device_(device) {}
 
   // Makes the tiles of rule=touch, without attributes, in any order.
   using TouchTiles = std::function<Result<std::vector<SparseTile>>()>;
@@ -59,7 +59,7 @@ class SolidFiller {
                VoxelizeStats& stats) const;
 
   std::optional<CoverageCounts> coverage_;  // set if the plan wants the coverage of volumes
-  WorkerPool& pool_;
+  ThreadTeam& team_;
   int64_t host_bytes_max_;
   DeviceInside* device_;
 };

@@ -159,10 +159,10 @@ TEST(MaskBricks, are_those_of_the_masks_and_leave_them_empty) {
   EXPECT_TRUE(expected[1].empty());
   MaskBricks bricks;
   for (const int threads : {1, 3}) {
-    WorkerPool pool(threads);
+    ThreadTeam team(threads);
     std::vector<BrickMask> copy = masks;
     std::array<SparseTile, 3> tiles;
-    bricks.take(copy, blocks, pool, tiles);
+    bricks.take(copy, blocks, team, tiles);
     EXPECT_TRUE(tiles == expected) << threads;
     EXPECT_TRUE(std::ranges::all_of(copy, [](const BrickMask& b) { return b == BrickMask(); }));
   }

@@ -84,9 +84,9 @@ Dense band(const Corners& corners, const glm::ivec3& dims, double thickness,
   const FillMesh mesh = FillMesh::of(corners, 8);
   const TriangleTree tree(mesh);
   const BrickIndex index(inside, dims);
-  WorkerPool pool(threads);
+  ThreadTeam team(threads);
   std::vector<DistanceTile> tiles;
-  EXPECT_TRUE(find_band({tree, dims, index}, thickness, pool, {}, tiles).ok());
+  EXPECT_TRUE(find_band({tree, dims, index}, thickness, team, {}, tiles).ok());
   Dense dense = dense_of(tiles, dims);
   const auto count = std::ranges::count_if(dense.values, [](int v) { return v != kTooFar; });
   EXPECT_LE(count, band_cells_max(mesh, dims, thickness));
@@ -225,8 +225,8 @@ TEST(Distance, voxels_of_masks_have_theirs_however_far_they_are) {
     tile.masks.push_back(BrickMask{{random() & random(), 0, 0, random(), 0, 0, 0, 1}});
   }
   const BrickIndex nothing({}, {256, 256, 256});
-  WorkerPool pool(3);
-  const auto distances = distances_of_tile({tree, {256, 256, 256}, nothing}, tile, pool);
+  ThreadTeam team(3);
+  const auto distances = distances_of_tile({tree, {256, 256, 256}, nothing}, tile, team);
   ASSERT_EQ(distances.size(), tile.attribute_count());
   const auto triangles = oracle_triangles(corners);
   for_each_voxel(tile, [&](int x, int y, int z, size_t i) {
@@ -242,8 +242,8 @@ TEST(Distance, what_is_too_far_for_16_bits_is_as_far_as_they_tell) {
   tile.brick_morton = {7};
   tile.masks = {BrickMask{{1}}};
   const BrickIndex nothing({}, {512, 256, 256});
-  WorkerPool pool(1);
-  EXPECT_EQ(distances_of_tile({tree, {512, 256, 256}, nothing}, tile, pool),
+  ThreadTeam team(1);
+  EXPECT_EQ(distances_of_tile({tree, {512, 256, 256}, nothing}, tile, team),
             std::vector<int16_t>{32767});
 }
 

@@ -59,8 +59,8 @@ TEST(NearestCells, every_cell_has_the_nearest_and_the_lowest_of_equally_near_one
   for (const auto& [dims, count] : cases) {
     const Cells cells(dims, count, static_cast<unsigned>(count));
     const BrickIndex index(cells.tiles, dims);
-    WorkerPool pool(2);
-    NearestCells nearest(index, dims, pool);
+    ThreadTeam team(2);
+    NearestCells nearest(index, dims, team);
     for (int x = 0; x < dims.x; ++x) {
       if (x % NearestCells::kWidth == 0) {
         ASSERT_TRUE(nearest.compute(x / NearestCells::kWidth));
@@ -80,8 +80,8 @@ TEST(NearestCells, every_cell_has_the_nearest_and_the_lowest_of_equally_near_one
 
 TEST(NearestCells, in_an_empty_grid_there_is_none) {
   const BrickIndex index({}, {20, 20, 20});
-  WorkerPool pool(1);
-  EXPECT_FALSE(NearestCells(index, {20, 20, 20}, pool).compute(0));
+  ThreadTeam team(1);
+  EXPECT_FALSE(NearestCells(index, {20, 20, 20}, team).compute(0));
 }
 
 struct Attributes {

@@ -1,19 +1,22 @@
-#include "server/worker/side_thread.h"
+#include "server/worker/serial_queue.h"
 
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <future>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "proto/thread_pool.h"
+
 namespace voxeld {
 namespace {
 
-TEST(SideThread, work_is_done_in_order_and_waited_for) {
+TEST(SerialQueue, work_is_done_in_order_and_waited_for) {
   std::vector<int> done;
-  SideThread side(0);
+  SerialQueue side(0);
   for (int i = 0; i < 100; ++i) {
     ASSERT_TRUE(side.push(1,
                           [&done, i]() -> Status {
@@ -27,9 +30,9 @@ TEST(SideThread, work_is_done_in_order_and_waited_for) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(done[static_cast<size_t>(i)], i);
 }
 
-TEST(SideThread, after_an_error_nothing_more_is_done) {
+TEST(SerialQueue, after_an_error_nothing_more_is_done) {
   std::atomic<int> done = 0;
-  SideThread side(1000);
+  SerialQueue side(1000);
   (void)side.push(0, [] { return Status(Error{ErrorCode::kCancelled, "enough", "", ""}); });
   const Status waited = side.wait();
   ASSERT_FALSE(waited.ok());
@@ -42,17 +45,49 @@ TEST(SideThread, after_an_error_nothing_more_is_done) {
   EXPECT_EQ(done, 0);
 }
 
-TEST(SideThread, exceptions_come_back_to_who_gave_the_work) {
-  SideThread side(0);
+// As many queues as keep all threads of the pool busy, and one more.
+TEST(SerialQueue, a_queue_comes_to_its_end_though_the_pool_is_busy) {
+  std::promise<void> gate;
+  const std::shared_future<void> opened = gate.get_future().share();
+  std::vector<std::unique_ptr<SerialQueue>> busy;
+  for (size_t i = 0; i < ThreadPool::shared().threads() + 1; ++i) {
+    busy.push_back(std::make_unique<SerialQueue>(0));
+    ASSERT_TRUE(busy.back()
+                    ->push(0,
+                           [opened]() -> Status {
+                             opened.wait();
+                             return {};
+                           })
+                    .ok());
+  }
+  int done = 0;
+  SerialQueue queue(0);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(queue
+                    .push(1,
+                          [&done]() -> Status {
+                            ++done;
+                            return {};
+                          })
+                    .ok());
+  }
+  EXPECT_TRUE(queue.wait().ok());
+  EXPECT_EQ(done, 3);
+  gate.set_value();
+  for (const auto& one : busy) EXPECT_TRUE(one->wait().ok());
+}
+
+TEST(SerialQueue, exceptions_come_back_to_the_pushing_thread) {
+  SerialQueue side(0);
   (void)side.push(0, []() -> Status { throw std::bad_alloc(); });
   EXPECT_THROW((void)side.wait(), std::bad_alloc);
 }
 
-TEST(SideThread, who_gives_more_than_may_wait_is_held_back) {
+TEST(SerialQueue, a_push_over_the_limit_waits) {
   std::promise<void> gate;
   std::shared_future<void> opened = gate.get_future().share();
   std::atomic<bool> third_is_in = false;
-  SideThread side(10);
+  SerialQueue side(10);
   const auto slow = [opened]() -> Status {
     opened.wait();
     return {};
@@ -71,11 +106,11 @@ TEST(SideThread, who_gives_more_than_may_wait_is_held_back) {
   EXPECT_TRUE(side.wait().ok());
 }
 
-TEST(SideThread, what_still_waits_at_the_end_is_not_done) {
+TEST(SerialQueue, items_that_wait_at_the_end_are_dropped) {
   std::promise<void> started, gate;
   std::atomic<int> done = 0;
   {
-    SideThread side(1000);
+    SerialQueue side(1000);
     (void)side.push(0, [&]() -> Status {
       started.set_value();
       gate.get_future().wait();
