@@ -9,7 +9,7 @@
 #include "proto/version.h"
 #include "server/gpu/device.h"
 #include "server/gpu/workarounds.h"
-#include "server/worker/calibrate_device.h"
+#include "server/worker/device/calibrate_device.h"
 #include "server/worker/worker_sandbox.h"
 
 namespace voxeld {

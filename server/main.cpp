@@ -13,7 +13,7 @@
 #include "server/gpu/device.h"
 #include "server/keys.h"
 #include "server/serve.h"
-#include "server/worker/calibrate_device.h"
+#include "server/worker/device/calibrate_device.h"
 #include "server/worker/worker.h"
 
 namespace voxeld {

@@ -3,20 +3,23 @@
 #include <new>
 #include <utility>
 
+#include "proto/messages/task_bounds.h"
 #include "server/base/cancel_point.h"
 #include "server/base/check.h"
 #include "server/base/machine.h"
 #include "server/base/sha256.h"
 #include "server/formats/formats.h"
 #include "server/grid/region.h"
-#include "server/worker/asset_input.h"
-#include "server/worker/container_frames.h"
-#include "server/worker/grid_input.h"
-#include "server/worker/host_estimate.h"
-#include "server/worker/inspect.h"
-#include "server/worker/make_frames.h"
-#include "server/worker/picture_task.h"
-#include "server/worker/task_run.h"
+#include "server/worker/frames/container_frames.h"
+#include "server/worker/frames/make_frames.h"
+#include "server/worker/grids/grid_input.h"
+#include "server/worker/grids/grid_meta.h"
+#include "server/worker/grids/host_estimate.h"
+#include "server/worker/grids/make_grid.h"
+#include "server/worker/images/image_task.h"
+#include "server/worker/mesh/inspect.h"
+#include "server/worker/task/asset_input.h"
+#include "server/worker/task/task_run.h"
 
 namespace voxeld {
 namespace {
@@ -126,7 +129,7 @@ Status inspect(TaskRun& run) {
   const StageTimer stage(run, "inspect");
   add_meta(run, describe_scene(*animated));
   add_meta(run, {{"warnings", describe_warnings(run.completion.warnings)}});
-  const std::string& text = run.completion.meta_json;
+  const std::string text = meta_text(run);
   return add_output(run, "result", {reinterpret_cast<const uint8_t*>(text.data()), text.size()},
                     kJsonMediaType, ".json");
 }
@@ -145,37 +148,58 @@ Status run_kind(TaskRun& run) {
   VOXELD_CHECK(false, "job kinds are checked when the task is parsed");
 }
 
+// Runs the task with its cancel flag installed and every exception caught.
+Status run_guarded(TaskRun& run) {
+  const PeakMemory peak;
+  const CancelScope scope(run.monitor.cancel_flag());
+  try {
+    add_meta(run, {{"source_hash", run.task.input_hash}});
+    VOXELD_TRY(run_kind(run));
+    add_meta(run, {{"host_bytes_peak", peak.bytes()}});
+    return {};
+  } catch (const Cancelled&) {
+    return Error{ErrorCode::kCancelled, "the job was cancelled", "", ""};
+  } catch (const std::bad_alloc&) {
+    run.engine.cache = {};  // frees as much as it can
+    return Error{ErrorCode::kGridTooLarge, "the server ran out of memory for this request", "", ""};
+  } catch (const std::exception& failure) {
+    run.engine.cache = {};
+    return Error{ErrorCode::kInternal, std::string("unexpected failure: ") + failure.what(), "",
+                 ""};
+  }
+}
+
+// Texts of an error are cut to what the task API carries.
+TaskFailure failure_of(const Task& task, Error error) {
+  for (std::string* text : {&error.detail, &error.expected, &error.got}) {
+    if (text->size() > limits::kTaskTextBytesMax) text->resize(limits::kTaskTextBytesMax);
+  }
+  return {task.id, task.fence, std::move(error)};
+}
+
 }  // namespace
 
-Result<TaskCompletion> run_task(Engine& engine, const Task& task,
-                                const std::filesystem::path& scratch, TaskMonitor& monitor,
-                                SliceClient* slices) {
+TaskOutcome run_task(Engine& engine, const Task& task, const std::filesystem::path& scratch,
+                     TaskMonitor& monitor, SliceClient* slices) {
   TaskRun run{engine, task, scratch, monitor, {}, DeviceSlice(slices, task)};
   run.completion.task = task.id;
   run.completion.fence = task.fence;
   // Return memory that a large earlier task freed, so it does not count as this task's.
   if (resident_bytes() > kTrimBytesMin) release_free_memory();
-  const PeakMemory peak;
-  const CancelScope scope(monitor.cancel_flag());
-  try {
-    add_meta(run, {{"source_hash", task.input_hash}});
-    if (const Status done = run_kind(run); !done) {
-      if (!monitor.is_preempted()) return done.error();
-      run.completion.outputs.clear();
-      return std::move(run.completion);
-    }
-    add_meta(run, {{"host_bytes_peak", peak.bytes()}});
-    return std::move(run.completion);
-  } catch (const Cancelled&) {
-    return monitor.check().error();
-  } catch (const std::bad_alloc&) {
-    engine.cache = {};  // frees as much as it can
-    return Error{ErrorCode::kGridTooLarge, "the server ran out of memory for this request", "", ""};
-  } catch (const std::exception& failure) {
-    engine.cache = {};
-    return Error{ErrorCode::kInternal, std::string("unexpected failure: ") + failure.what(), "",
-                 ""};
+  Status done = run_guarded(run);
+  if (!done && run.preempted) {
+    run.preempted->timings = std::move(run.completion.timings);
+    return *std::move(run.preempted);
   }
+  if (!done) return failure_of(task, std::move(done).error());
+  run.completion.meta_json = meta_text(run);
+  // The gateway would take a completion out of bounds for one of a hijacked worker.
+  if (const Status bounded = check_bounds(run.completion); !bounded) {
+    return failure_of(
+        task, {ErrorCode::kInternal,
+               "the result is not one that can be reported: " + bounded.error().message(), "", ""});
+  }
+  return std::move(run.completion);
 }
 
 }  // namespace voxeld

@@ -11,16 +11,15 @@
 #include <optional>
 #include <utility>
 
-#include "proto/messages/task_bounds.h"
 #include "server/base/clock.h"
 #include "server/base/log.h"
 #include "server/base/machine.h"
-#include "server/worker/calibration_key.h"
-#include "server/worker/device_slice.h"
-#include "server/worker/engine.h"
+#include "server/worker/device/calibration_key.h"
+#include "server/worker/gateway/device_slice.h"
+#include "server/worker/gateway/task_client.h"
+#include "server/worker/gateway/task_monitor.h"
 #include "server/worker/run_task.h"
-#include "server/worker/task_client.h"
-#include "server/worker/task_monitor.h"
+#include "server/worker/task/engine.h"
 
 namespace voxeld {
 namespace {
@@ -81,70 +80,52 @@ WorkerHello make_hello(const gpu::DeviceId& device) {
 // Tells the gateway why there will be no worker; /readyz reports the reason.
 int report_unavailable(TaskClient& client, const gpu::DeviceId& device, const Error& error) {
   log::error("cannot open the device", {{"error", error.message()}});
-  if (client.hello(make_hello(device))) (void)client.fail({"", 0, error}).ok();
+  if (client.hello(make_hello(device))) (void)client.report(TaskFailure{"", 0, error}).ok();
   return kExitDeviceUnavailable;
 }
 
-// Fails the job if its completion exceeds the bounds. The gateway would take such a message for one
-// of a hijacked worker.
-Result<TaskCompletion> within_bounds(Result<TaskCompletion> completion) {
-  if (!completion) {
-    for (std::string* text :
-         {&completion.error().detail, &completion.error().expected, &completion.error().got}) {
-      if (text->size() > limits::kTaskTextBytesMax) text->resize(limits::kTaskTextBytesMax);
-    }
-    return completion;
+void log_outcome(const Task& task, const TaskOutcome& outcome, double ms) {
+  const auto* failure = std::get_if<TaskFailure>(&outcome);
+  const std::string_view what = failure != nullptr                                ? "task failed"
+                                : std::holds_alternative<TaskPreemption>(outcome) ? "task preempted"
+                                                                                  : "task done";
+  log::info(what, {{"job", task.id},
+                   {"kind", job_kind_name(task.kind)},
+                   {"request", task.request_id},
+                   {"trace", task.trace_id},
+                   {"ms", ms},
+                   {"error", failure == nullptr ? "" : failure->error.message()}});
+}
+
+// If the driver has lost the context, the job may succeed in a fresh process. The failure is not
+// reported, so the gateway queues the job again when this process ends. Returns the exit status.
+std::optional<int> check_context(Engine& engine, const Task& task, const TaskOutcome& outcome) {
+  const auto* failure = std::get_if<TaskFailure>(&outcome);
+  if (failure == nullptr || (failure->error.code != ErrorCode::kInternal &&
+                             failure->error.code != ErrorCode::kDeviceUnavailable)) {
+    return std::nullopt;
   }
-  const Status bounded = check_bounds(*completion);
-  if (bounded) return completion;
-  return Error{ErrorCode::kInternal,
-               "the answer is not one that can be told: " + bounded.error().message(), "", ""};
+  const Status context = engine.device.check("after a failed task");
+  if (context) return std::nullopt;
+  log::error("the context is lost", {{"job", task.id}, {"error", context.error().message()}});
+  return kExitContextLost;
 }
 
 // Runs one task and reports on it. Returns an exit status if the process should end.
 std::optional<int> handle_task(Engine& engine, TaskClient& client, SliceClient* slices,
                                const Task& task, const std::filesystem::path& scratch) {
   const Stopwatch watch;
-  Result<TaskCompletion> completion = Error{};
-  bool dropped = false;
-  std::optional<TaskPreemption> preempted;
   engine.begin_task_of(task.tenant);
+  TaskOutcome outcome;
   {
     TaskMonitor monitor(client, task, engine.device.memory);
-    completion = within_bounds(run_task(engine, task, scratch, monitor, slices));
-    dropped = monitor.dropped();
-    if (completion && monitor.is_preempted()) {
-      const TaskProgress reached = monitor.progress();
-      const bool has_frames = reached.frames_total > 0;
-      preempted = TaskPreemption{task.id, task.fence, has_frames ? 0 : reached.tiles_done,
-                                 has_frames ? 0 : reached.tiles_total, completion->timings};
-    }
+    outcome = run_task(engine, task, scratch, monitor, slices);
+    log_outcome(task, outcome, watch.ms());
+    if (const auto lost = check_context(engine, task, outcome)) return lost;
+    if (monitor.dropped()) outcome = TaskDropped{};
   }
-  log::info(preempted    ? "task preempted"
-            : completion ? "task done"
-                         : "task failed",
-            {{"job", task.id},
-             {"kind", job_kind_name(task.kind)},
-             {"request", task.request_id},
-             {"trace", task.trace_id},
-             {"ms", watch.ms()},
-             {"error", completion ? "" : completion.error().message()}});
-  if (!completion && (completion.error().code == ErrorCode::kInternal ||
-                      completion.error().code == ErrorCode::kDeviceUnavailable)) {
-    // If the driver has lost the context, the job may succeed in a fresh process. It is not
-    // reported, so the gateway queues it again when this process ends.
-    const Status context = engine.device.check("after a failed task");
-    if (!context) {
-      log::error("the context is lost", {{"job", task.id}, {"error", context.error().message()}});
-      return kExitContextLost;
-    }
-  }
-  if (!dropped) {
-    const auto counted = preempted    ? client.preempt(*preempted)
-                         : completion ? client.complete(*completion)
-                                      : client.fail({task.id, task.fence, completion.error()});
-    if (!counted) return kExitClean;  // the gateway is gone
-  }
+  if (std::holds_alternative<TaskDropped>(outcome)) return std::nullopt;
+  if (!client.report(outcome)) return kExitClean;  // the gateway is gone
   return std::nullopt;
 }
 

@@ -5,9 +5,9 @@
 #include <string>
 
 #include "server/gpu/device.h"
-#include "server/worker/device_slice.h"
-#include "server/worker/engine.h"
-#include "server/worker/task_client.h"
+#include "server/worker/gateway/device_slice.h"
+#include "server/worker/gateway/task_client.h"
+#include "server/worker/task/engine.h"
 #include "server/worker/worker_sandbox.h"
 
 namespace voxeld {

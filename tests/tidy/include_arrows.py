@@ -22,6 +22,14 @@ def scene(*folders):
                                                               "proto"}
 
 
+def worker(*folders, gl=False):
+    """Folders of server/worker, with what all of them may include."""
+    return ({"server/worker/" + folder for folder in folders}
+            | {"server/scene", "server/scene/core", "server/voxel", "server/render",
+               "server/formats", "server/grid", "server/gpu", "server/base", "proto"}
+            | ({"server/voxel/gl"} if gl else set()))
+
+
 # module -> modules whose headers it may include.
 ARROWS = {
     # Folders of the contract, from the lowest up. Others may include all of them.
@@ -52,8 +60,16 @@ ARROWS = {
                         "server/gpu", "server/base", "proto", "shaders"},
     "server/render": {"server/render", "server/grid", "server/gpu", "server/base", "proto",
                       "shaders"},
-    "server/worker": {"server/worker", "server/scene", "server/scene/core", "server/voxel", "server/voxel/gl",
-                      "server/render", "server/formats", "server/grid", "server/gpu", "server/base", "proto"},
+    # Folders of a worker process, from the lowest up.
+    "server/worker/device": worker("device", gl=True),
+    "server/worker/gateway": {"server/worker/gateway", "server/base", "proto"},
+    "server/worker/mesh": worker("mesh"),
+    "server/worker/task": worker("task", "device", "gateway", "mesh"),
+    "server/worker/grids": worker("grids", "mesh", "task"),
+    "server/worker/frames": worker("frames", "grids", "task"),
+    "server/worker/images": worker("images", "frames", "grids", "task"),
+    "server/worker": worker("device", "frames", "gateway", "grids", "images", "mesh", "task")
+                     | {"server/worker"},
     # Folders of jobs, from the lowest up.
     "server/jobs/model": jobs("model"),
     "server/jobs/database": jobs("database", store=True),
@@ -68,8 +84,9 @@ ARROWS = {
     "server/http": {"server/http", "server/jobs/model", "server/store", "server/base", "proto"},
     "server/api": {"server/api", "server/http", "server/store"}
                   | jobs("auth", "model", "service"),
-    "server": {"server", "server/api", "server/http", "server/worker", "server/gpu",
-               "server/store"} | jobs("auth", "database", "model", "retention", "service"),
+    "server": {"server", "server/api", "server/http", "server/worker", "server/worker/device",
+               "server/gpu", "server/store"}
+              | jobs("auth", "database", "model", "retention", "service"),
     "shaders": {"shaders"},
 }
 # Headers that one module alone may include.

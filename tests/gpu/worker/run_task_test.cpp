@@ -13,6 +13,7 @@
 
 #include "server/base/sha256.h"
 #include "tests/unit/worker/fake_gateway.h"
+#include "tests/unit/worker/task_completion.h"
 
 namespace voxeld {
 namespace {
@@ -67,7 +68,7 @@ class RunTaskTest : public ::testing::Test {
   }
   Result<TaskCompletion> run(const Task& task) {
     TaskMonitor monitor(*client_, task);
-    return run_task(engine(), task, dir_.path(), monitor);
+    return testing::completion_of(run_task(engine(), task, dir_.path(), monitor));
   }
   static TaskOutput output(const TaskCompletion& completion, const std::string& role) {
     for (const TaskOutput& output : completion.outputs) {
@@ -307,7 +308,7 @@ TEST_F(RunTaskTest, a_cancel_ends_the_task_within_a_tile) {
   const Task long_task = task(JobKind::kVoxelize, kCube, R"({"size":1024,"format":"native"})");
   TaskMonitor monitor(*client_, long_task);
   while (monitor.check()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  const auto done = run_task(engine(), long_task, dir_.path(), monitor);
+  const auto done = testing::completion_of(run_task(engine(), long_task, dir_.path(), monitor));
   ASSERT_FALSE(done);
   EXPECT_EQ(done.error().code, ErrorCode::kCancelled);
 }

@@ -1,4 +1,4 @@
-#include "server/worker/engine.h"
+#include "server/worker/task/engine.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/worker/frame_times.h"
+#include "server/worker/frames/frame_times.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Containers that are written while tiles come.
-#include "server/worker/grid_file.h"
+#include "server/worker/grids/grid_file.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/worker/inspect.h"
+#include "server/worker/mesh/inspect.h"
 
 #include <gtest/gtest.h>
 

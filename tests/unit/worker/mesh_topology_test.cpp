@@ -1,4 +1,4 @@
-#include "server/worker/mesh_topology.h"
+#include "server/worker/mesh/mesh_topology.h"
 
 #include <gtest/gtest.h>
 

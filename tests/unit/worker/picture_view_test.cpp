@@ -1,5 +1,5 @@
 // The part of a grid that a camera sees, against points that are projected one by one.
-#include "server/worker/picture_view.h"
+#include "server/worker/images/image_view.h"
 
 #include <gtest/gtest.h>
 

@@ -14,6 +14,7 @@
 #include "server/worker/run_task.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/worker/fake_gateway.h"
+#include "tests/unit/worker/task_completion.h"
 
 namespace voxeld {
 namespace {
@@ -61,14 +62,13 @@ class ResumeTest : public ::testing::Test {
     return json{{"cancel", cancel}, {"fenced", false}}.dump();
   }
 
-  Result<TaskCompletion> run(const Task& task) {
+  TaskOutcome run_once(const Task& task) {
     testing::FakeGateway gateway([this](const json& message) { return take(message); });
     auto client = TaskClient::connect(gateway.address()).value();
     TaskMonitor monitor(*client, task);
-    auto completion = run_task(engine_, task, dir_.path(), monitor);
-    is_preempted_ = monitor.is_preempted();
-    return completion;
+    return run_task(engine_, task, dir_.path(), monitor);
   }
+  Result<TaskCompletion> run(const Task& task) { return testing::completion_of(run_once(task)); }
 
   std::vector<std::string> outputs(const Result<TaskCompletion>& completion) {
     EXPECT_TRUE(completion.ok()) << completion.error().message();
@@ -84,7 +84,7 @@ class ResumeTest : public ::testing::Test {
   Engine engine_;
   std::vector<std::string> parts_;
   int tasks_ = 0, cancel_after_ = 0;
-  bool refuses_ = false, preempts_ = false, is_preempted_ = false;
+  bool refuses_ = false, preempts_ = false;
 };
 
 TEST_F(ResumeTest, the_bytes_are_those_of_an_uninterrupted_run) {
@@ -151,16 +151,17 @@ TEST_F(ResumeTest, a_task_that_is_preempted_again_and_again_ends_with_the_same_b
     Task again = task(options);
     again.part_paths = parts_;
     const size_t parts_before = parts_.size();
-    const auto completion = run(again);
-    ASSERT_TRUE(completion.ok()) << completion.error().message();
-    ended = !is_preempted_;
+    const TaskOutcome outcome = run_once(again);
+    const auto* preempted = std::get_if<TaskPreemption>(&outcome);
+    ended = preempted == nullptr;
     if (ended) {
-      EXPECT_EQ(outputs(completion), whole);
+      EXPECT_EQ(outputs(testing::completion_of(outcome)), whole);
       continue;
     }
     ++times;
-    EXPECT_TRUE(completion->outputs.empty());
-    EXPECT_EQ(completion->timings.back().first, "encode");
+    EXPECT_EQ(preempted->task, again.id);
+    EXPECT_GT(preempted->tiles_done, 0);
+    EXPECT_EQ(preempted->timings.back().first, "encode");
     EXPECT_EQ(parts_.size(), parts_before + 1) << "each attempt got further";
   }
   EXPECT_GT(times, 0);
@@ -170,15 +171,14 @@ TEST_F(ResumeTest, where_a_part_cannot_be_kept_the_task_is_not_preempted) {
   const json options = {{"size", 2000}, {"channels", "color,normal"}};
   engine_.part_interval = std::chrono::hours(1);
   preempts_ = refuses_ = true;
-  EXPECT_TRUE(run(task(options)).ok());
-  EXPECT_FALSE(is_preempted_);
+  EXPECT_TRUE(std::holds_alternative<TaskCompletion>(run_once(task(options))));
 }
 
 TEST_F(ResumeTest, solids_are_not_preempted) {
   engine_.part_interval = std::chrono::hours(1);
   preempts_ = true;
-  EXPECT_TRUE(run(task({{"size", 700}, {"fill", "solid"}, {"channels", "color,normal"}})).ok());
-  EXPECT_FALSE(is_preempted_);
+  const Task solid = task({{"size", 700}, {"fill", "solid"}, {"channels", "color,normal"}});
+  EXPECT_TRUE(std::holds_alternative<TaskCompletion>(run_once(solid)));
 }
 
 TEST_F(ResumeTest, a_part_is_a_container_of_its_own_tiles) {

@@ -22,6 +22,7 @@
 #include "tests/fixtures/samples.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/worker/fake_gateway.h"
+#include "tests/unit/worker/task_completion.h"
 
 namespace voxeld {
 namespace {
@@ -104,8 +105,7 @@ class FramesTest : public ::testing::Test {
     testing::FakeGateway gateway([this](const json& message) { return take(message); });
     auto client = TaskClient::connect(gateway.address()).value();
     TaskMonitor monitor(*client, task);
-    auto completion = run_task(engine_, task, dir_.path(), monitor);
-    return completion;
+    return testing::completion_of(run_task(engine_, task, dir_.path(), monitor));
   }
 
   TaskCompletion done(const Task& task) {

@@ -1,4 +1,4 @@
-#include "server/worker/serial_queue.h"
+#include "server/worker/task/serial_queue.h"
 
 #include <gtest/gtest.h>
 

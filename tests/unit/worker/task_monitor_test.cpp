@@ -1,5 +1,5 @@
 // The worker's half of the task API against a gateway that the test plays.
-#include "server/worker/task_monitor.h"
+#include "server/worker/gateway/task_monitor.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,126 @@
+#include "server/worker/grids/grid_input.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "proto/options/values.h"
+#include "proto/options/words.h"
+#include "server/base/mapped_pages.h"
+#include "server/formats/formats.h"
+#include "server/grid/content_hash.h"
+#include "server/grid/level.h"
+#include "server/grid/region.h"
+#include "server/worker/grids/grid_file.h"
+#include "server/worker/grids/grid_meta.h"
+#include "server/worker/grids/host_estimate.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+// After this many tiles the pages of the file are released.
+constexpr int64_t kTilesResident = 64;
+
+// The meta of a selection's container.
+std::string selection_meta(const TileSource& source, const OutputOptions& output,
+                           const json& grid_facts) {
+  if (!selects(output)) return source.grid().meta_json;
+  json meta = json::parse(source.grid().meta_json, nullptr, false);
+  if (!meta.is_object()) meta = json::object();
+  meta.update(selection_facts(source.grid(), output));
+  meta.update(grid_facts);
+  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+Status write_native(TaskRun& run, const TileSource& source, const TileSource& tiles,
+                    const OutputOptions& output) {
+  const std::filesystem::path path = next_output(run);
+  GridFile file(path, output.codec);
+  GridOutput sink({&file}, false, 0);
+  VOXELD_TRY(sink.begin(tiles.grid()));
+  VOXELD_TRY(for_each_batch(
+      tiles, [&](std::vector<SparseTile> batch) { return sink.add(std::move(batch)); }));
+  const json facts = grid_facts(tiles.grid(), sink.voxel_count(), sink.finish_hash());
+  const std::string meta = selection_meta(source, output, facts);
+  VOXELD_TRY(file.finish(meta));
+  add_meta(run, json::parse(meta, nullptr, false));
+  add_meta(run, facts);
+  const bool is_grid = selects(output) && output.codec == OutputOptions{}.codec;
+  list_output(run, path, is_grid ? "grid result" : "result", format_media_type(Format::kNative),
+              format_extension(Format::kNative));
+  return run.monitor.check();
+}
+
+Status write_other(TaskRun& run, const TileSource& source, const TileSource& tiles,
+                   const OutputOptions& output) {
+  Grid grid = tiles.grid();
+  VOXELD_TRY(for_each_batch(tiles, [&](std::vector<SparseTile> batch) -> Status {
+    for (SparseTile& tile : batch) grid.tiles.push_back(std::move(tile));
+    return {};
+  }));
+  const json facts = grid_facts(grid, grid.voxel_count(), content_hash(grid));
+  grid.meta_json = selection_meta(source, output, facts);
+  add_meta(run, json::parse(grid.meta_json, nullptr, false));
+  add_meta(run, facts);
+  VOXELD_ASSIGN(const std::vector<uint8_t> bytes, encode(grid, output));
+  add_warnings(run, encode_warnings(grid.spec, output));
+  return add_output(run, "result", bytes, format_media_type(output.format),
+                    format_extension(output.format));
+}
+
+}  // namespace
+
+json selection_facts(const Grid& whole, const OutputOptions& output) {
+  const json meta = json::parse(whole.meta_json, nullptr, false);
+  json facts = {{"level", output.level}};
+  if (output.level > 0) {
+    facts["level_rule"] =
+        option_values::word_of<LevelRule>(output.level_rule, option_words::kLevelRule);
+  }
+  if (output.region) facts["region"] = *output.region;
+  const glm::ivec3 dims = whole.spec.dims;
+  facts["of"] = {{"dims", {dims.x, dims.y, dims.z}}};
+  if (meta.is_object() && meta.contains("content_hash")) {
+    facts["of"]["content_hash"] = meta["content_hash"];
+  }
+  return facts;
+}
+
+Result<std::unique_ptr<GridInput>> GridInput::open(TaskRun& run,
+                                                   const std::filesystem::path& path) {
+  VOXELD_ASSIGN(MappedFile file, MappedFile::open(path));
+  std::unique_ptr<GridInput> input(new GridInput(run, std::move(file)));
+  VOXELD_ASSIGN(GridReader reader, GridReader::open(input->file_.bytes()));
+  input->tiles_.emplace(std::move(reader), [self = input.get()] { return self->before_tile(); });
+  return input;
+}
+
+Status GridInput::before_tile() {
+  const int64_t read = ++read_;
+  const auto total = static_cast<int64_t>(tiles_->coords().size());
+  if (read % kTilesResident == 0) drop_mapped_pages(file_.bytes());
+  // Clamped, because a tile may be read more than once.
+  (void)run_.monitor.set_progress(std::min(read, total), total);
+  return run_.monitor.check();
+}
+
+Result<GridSpec> selected_spec(const GridSpec& spec, const OutputOptions& output) {
+  VOXELD_ASSIGN(const CellBox box, region_at_level(spec, output, output.level));
+  GridSpec selected = level_spec(spec, output.level);
+  selected.origin_world = selected.world_from_grid(glm::dvec3(box.min));
+  selected.dims = box.max - box.min;
+  return selected;
+}
+
+Status write_selection(TaskRun& run, const TileSource& source, const OutputOptions& output) {
+  const StageTimer stage(run, "encode");
+  VOXELD_ASSIGN(const Selection selection, Selection::open(source, output));
+  const TileSource& tiles = selection.tiles();
+  VOXELD_TRY(check_encodable(tiles.grid().spec, output));
+  expect_bytes(run, selection_bytes(source, tiles, output));
+  return output.format == Format::kNative ? write_native(run, source, tiles, output)
+                                          : write_other(run, source, tiles, output);
+}
+
+}  // namespace voxeld

@@ -1,0 +1,156 @@
+#include "server/worker/grids/grid_meta.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "proto/options/table.h"
+#include "server/base/algorithm_version.h"
+#include "server/voxel/part_ids.h"
+#include "server/worker/mesh/inspect.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+json device_facts(const Engine& engine) {
+  const gpu::DeviceInfo& info = engine.device.info;
+  return {{"device", gpu::device_name(info.device)},
+          {"renderer", info.renderer},
+          {"driver", info.version}};
+}
+
+// Replaces the upload's name by "the mesh" where warnings have it: at the beginning, and after
+// "named by".
+std::string without_name(const std::string& text, std::string_view name) {
+  constexpr std::string_view kNamedBy = ", named by ", kMesh = "the mesh";
+  if (name.empty()) return text;
+  std::string out;
+  size_t done = 0;
+  const auto replace_at = [&](size_t at) {
+    const size_t end = at + name.size();
+    if (text.compare(at, name.size(), name) != 0 || end >= text.size() ||
+        std::string_view(":, ").find(text[end]) == std::string_view::npos) {
+      return;
+    }
+    out.append(text, done, at - done).append(kMesh);
+    done = end;
+  };
+  replace_at(0);
+  for (size_t at = text.find(kNamedBy, done); at != std::string::npos;
+       at = text.find(kNamedBy, std::max(done, at + kNamedBy.size()))) {
+    replace_at(at + kNamedBy.size());
+  }
+  return out.append(text, done);
+}
+
+// Removes the upload's name from warnings. A container's id is the hash of its bytes, so it must
+// not depend on the name.
+json nameless_warnings(const std::vector<Warning>& warnings, const std::string& filename) {
+  std::vector<Warning> nameless = warnings;
+  for (Warning& warning : nameless) warning.detail = without_name(warning.detail, filename);
+  return describe_warnings(nameless);
+}
+
+// The part of a container's meta that a response carries. Long lists of ids are cut, with their
+// length; the container has them all. Tasks and their completions are JSON of at most 1 MiB.
+json answer_meta(json meta) {
+  meta.erase("warnings");  // a response has them beside its meta
+  constexpr size_t kListBytesMax = size_t{100} << 10;
+  for (const char* name : {"materials", "labels"}) {
+    const auto list = meta.find(name);
+    if (list == meta.end() || !list->is_array()) continue;
+    size_t count = 0;
+    for (size_t bytes = 0; count < list->size(); ++count) {
+      bytes += (*list)[count].dump(-1, ' ', false, json::error_handler_t::replace).size();
+      if (bytes > kListBytesMax) break;
+    }
+    if (count == list->size()) continue;
+    const size_t total = list->size();
+    list->erase(list->begin() + static_cast<std::ptrdiff_t>(count), list->end());
+    meta[std::string(name) + "_total"] = total;
+  }
+  return meta;
+}
+
+}  // namespace
+
+json grid_options(const RequestOptions& options) {
+  json named = json::parse(canonical_json(options, OptionScope::kVoxelize), nullptr, false);
+  for (const Option& option : option_table()) {
+    const bool decides_grid = option.group == OptionGroup::kPlacement ||
+                              option.group == OptionGroup::kVoxelization ||
+                              option.group == OptionGroup::kAnimation;
+    if (!decides_grid || option.name == "pipeline") named.erase(std::string(option.name));
+  }
+  return named;
+}
+
+json frame_grid_options(const RequestOptions& options) {
+  json kept = grid_options(options);
+  for (const Option& option : option_table()) {
+    if (option.group == OptionGroup::kAnimation) kept.erase(std::string(option.name));
+  }
+  return kept;
+}
+
+std::string container_meta(const Task& task, const Scene& scene, const json& options,
+                           const json& facts, const std::optional<FillStats>& fill,
+                           const std::optional<MeshTopology>& topology, LabelKind labels) {
+  json meta = {{"source_hash", task.input_hash},
+               {"source_format", scene.format},
+               {"source_triangles", scene.triangle_count()},
+               {"units", options.value("units", "")},
+               {"options", options},
+               {"warnings", nameless_warnings(scene.warnings, task.filename)},
+               {"algorithm_version", kAlgorithmVersion}};
+  meta.update(facts);
+  const json& channels = facts.at("channels");
+  const auto has = [&](const char* channel) {
+    return std::find(channels.begin(), channels.end(), json(channel)) != channels.end();
+  };
+  if (has("material")) meta["materials"] = describe_ids(id_names(scene, LabelKind::kMaterial));
+  if (has("label")) meta["labels"] = describe_ids(id_names(scene, labels));
+  meta["mesh"] = describe_mesh(topology, fill);
+  if (fill) meta["solid"] = describe_fill(*fill, topology);
+  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats) {
+  add_meta(run, answer_meta(json::parse(container_meta)));
+  add_meta(run, device_facts(run.engine));
+  add_meta(run, {{"triangles", stats.triangles},
+                 {"tiles", stats.tiles},
+                 {"pipeline", pipeline_name(stats.pipeline)},
+                 {"pipeline_reason", stats.pipeline_reason},
+                 {"device_bytes_peak", stats.device_bytes_peak}});
+  json passes = json::object();
+  for (const auto& [name, ms] : stats.passes) passes[name] = ms;
+  add_meta(run, {{"passes_ms", passes}});
+}
+
+void add_input_meta(TaskRun& run, const std::string& container_meta) {
+  const json meta = json::parse(container_meta, nullptr, false);
+  if (meta.is_object()) add_meta(run, answer_meta(meta));
+  add_meta(run, device_facts(run.engine));
+}
+
+json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash) {
+  json channels = json::array({"occupancy"});
+  for (const ChannelInfo& info : kChannels) {
+    if (grid.channels.has(info.channel)) channels.push_back(info.name);
+  }
+  const GridSpec& spec = grid.spec;
+  return {{"dims", {spec.dims.x, spec.dims.y, spec.dims.z}},
+          {"origin", {spec.origin_world.x, spec.origin_world.y, spec.origin_world.z}},
+          {"voxel_size", {spec.voxel_size.x, spec.voxel_size.y, spec.voxel_size.z}},
+          {"voxel_count", voxel_count},
+          {"channels", channels},
+          {"content_hash", content_hash}};
+}
+
+json grid_facts(const LoadedGrid& loaded) {
+  return grid_facts(loaded.grid, loaded.grid.voxel_count(), loaded.content_hash);
+}
+
+}  // namespace voxeld

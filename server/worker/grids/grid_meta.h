@@ -1,0 +1,40 @@
+// The meta of grids: what a container and the result of a task tell about it.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "proto/messages/task_api.h"
+#include "proto/options/options.h"
+#include "server/grid/grid.h"
+#include "server/scene/core/scene.h"
+#include "server/voxel/voxelize.h"
+#include "server/worker/mesh/mesh_topology.h"
+#include "server/worker/task/task_run.h"
+
+namespace voxeld {
+
+// The options that decide the voxels of a grid. Output format and pipeline are excluded, so equal
+// grids have equal containers.
+nlohmann::json grid_options(const RequestOptions& options);
+// The same for a frame of an animation, without its number: other frames may equal it.
+nlohmann::json frame_grid_options(const RequestOptions& options);
+
+// The meta that every grid has: dims, origin, voxel_size, voxel_count, channels, content_hash. The
+// tiles in `grid` are ignored.
+nlohmann::json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash);
+nlohmann::json grid_facts(const LoadedGrid& grid);
+
+// The meta object of every container. It does not mention pipeline, device or time. facts: of
+// grid_facts() and others.
+std::string container_meta(const Task& task, const Scene& scene, const nlohmann::json& options,
+                           const nlohmann::json& facts, const std::optional<FillStats>& fill,
+                           const std::optional<MeshTopology>& topology, LabelKind labels);
+// Adds facts about the making of a grid or sequence, and its container's meta, to the task's meta.
+void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats);
+// Adds the container's meta, and this device, to the task's meta.
+void add_input_meta(TaskRun& run, const std::string& container_meta);
+
+}  // namespace voxeld

@@ -1,0 +1,240 @@
+#include "server/worker/images/image_grid.h"
+
+#include <algorithm>
+#include <glm/common.hpp>
+#include <glm/vector_relational.hpp>
+#include <optional>
+#include <utility>
+
+#include "proto/limits.h"
+#include "server/base/sha256.h"
+#include "server/grid/content_hash.h"
+#include "server/grid/level.h"
+#include "server/grid/region.h"
+#include "server/render/camera.h"
+#include "server/render/drawing_cost.h"
+#include "server/worker/grids/grid_meta.h"
+#include "server/worker/images/image_view.h"
+
+namespace voxeld {
+namespace {
+
+using nlohmann::json;
+
+// A brick on a surface has about this many voxels, and a tile about that many bricks. They only
+// choose the first level to try; whether it fits is counted.
+constexpr double kVoxelsPerBrick = 40.0;
+constexpr double kBricksPerTileMax = 4096.0;
+
+CellBox cells_of(const TileCoord& coord, const GridSpec& spec) {
+  const glm::ivec3 low = glm::ivec3(coord[0], coord[1], coord[2]) * limits::kTileSide;
+  return {low, glm::min(low + limits::kTileSide, spec.dims)};
+}
+
+bool overlap(const CellBox& a, const CellBox& b) {
+  return glm::all(glm::lessThan(a.min, b.max)) && glm::all(glm::lessThan(b.min, a.max));
+}
+
+Result<PictureLimits> limits_of(Engine& engine, RendererChoice asked) {
+  VOXELD_ASSIGN(const Engine::ChosenRenderer by, engine.choose_renderer(asked));
+  PictureLimits limits = engine.picture_limits;
+  limits.table_bytes_max = std::min(limits.table_bytes_max, by.renderer->table_bytes_max());
+  return limits;
+}
+
+// Loads all tiles of the source while they fit; nullopt otherwise.
+Result<std::optional<Grid>> load_within(const TileSource& source, const PictureLimits& limits) {
+  Grid grid = source.grid();
+  DrawingCost cost;
+  const size_t count = source.coords().size(), step = source.batch();
+  for (size_t at = 0; at < count; at += step) {
+    VOXELD_ASSIGN(std::vector<SparseTile> tiles,
+                  read_tiles(source, at, std::min(count, at + step)));
+    for (SparseTile& tile : tiles) {
+      if (tile.empty()) continue;
+      cost.add(tile);
+      grid.tiles.push_back(std::move(tile));
+    }
+    if (!cost.fits(limits)) return std::optional<Grid>();
+  }
+  return std::optional(std::move(grid));
+}
+
+bool fits(const Grid& grid, const PictureLimits& limits) {
+  DrawingCost cost;
+  for (const SparseTile& tile : grid.tiles) cost.add(tile);
+  return cost.fits(limits);
+}
+
+// Whether a level of the source is likely to fit; see kVoxelsPerBrick.
+bool likely_fits(const TileSource& source, int level, const PictureLimits& limits) {
+  double bricks = 0;
+  for (size_t i = 0; i < source.coords().size(); ++i) {
+    const auto voxels = static_cast<double>(source.voxels(i));
+    bricks += std::min(voxels / kVoxelsPerBrick, kBricksPerTileMax);
+  }
+  bricks /= static_cast<double>(int64_t{1} << (2 * level));
+  const Grid& grid = source.grid();
+  const double values =
+      (grid.channels.color || coloring_ids(grid) ? 4 : 0) + (grid.channels.normal ? 4 : 0);
+  const double table = bricks * kDrawnBrickBytes;
+  const double tile = bricks * sizeof(BrickMask);
+  return table <= static_cast<double>(limits.table_bytes_max) &&
+         table + tile + 2 * bricks * kVoxelsPerBrick * values <=
+             static_cast<double>(limits.bytes_max);
+}
+
+std::string known_hash(const Grid& grid) {
+  const json meta = json::parse(grid.meta_json, nullptr, false);
+  const auto hash = meta.is_object() ? meta.find("content_hash") : meta.end();
+  return hash != meta.end() && hash->is_string() ? hash->get<std::string>() : content_hash(grid);
+}
+
+// Finds the grid for one image.
+class Finder {
+ public:
+  Finder(TaskRun& run, const TileSource& source, const std::string& source_key,
+         const RequestOptions& options, const PictureLimits& limits)
+      : run_(run), source_(source), source_key_(source_key), options_(options), limits_(limits) {}
+
+  Result<PictureGrid> find(const std::shared_ptr<const LoadedGrid>& whole) {
+    if (!selects(options_.output)) {
+      VOXELD_ASSIGN(const auto all, whole_grid(whole));
+      if (all != nullptr) return all_of(all);
+    }
+    return find_part();
+  }
+
+ private:
+  // Returns null if the whole grid does not fit.
+  Result<std::shared_ptr<const LoadedGrid>> whole_grid(
+      const std::shared_ptr<const LoadedGrid>& whole) {
+    std::shared_ptr<const LoadedGrid> none;
+    if (whole != nullptr) return fits(whole->grid, limits_) ? whole : none;
+    if (!likely_fits(source_, 0, limits_)) return none;
+    const StageTimer stage(run_, "parse");
+    InputCache& cache = run_.engine.cache;
+    cache.grid.reset();
+    cache.picture.reset();
+    VOXELD_ASSIGN(std::optional<Grid> grid, load_within(source_, limits_));
+    if (!grid) return none;
+    std::string hash = known_hash(*grid);
+    cache.grid = std::make_shared<const LoadedGrid>(LoadedGrid{*std::move(grid), std::move(hash)});
+    cache.grid_key = source_key_;
+    return cache.grid;
+  }
+
+  PictureGrid all_of(const std::shared_ptr<const LoadedGrid>& grid) {
+    add_meta(run_, grid_facts(*grid));
+    tell(0, grid->grid.tiles.size(), grid->grid.voxel_count());
+    return {grid, source_key_, options_.render};
+  }
+
+  // The tiles in view, at the finest useful level that fits.
+  Result<PictureGrid> find_part() {
+    const StageTimer stage(run_, "parse");
+    const GridSpec& spec = source_.grid().spec;
+    VOXELD_ASSIGN(const CellBox region, region_at_level(spec, options_.output, 0));
+    const SomeTiles touched(
+        source_, [&](const TileCoord& coord) { return overlap(cells_of(coord, spec), region); });
+    PictureGrid picture{nullptr, "", options_.render};
+    VOXELD_ASSIGN(picture.options.matrix, camera(touched, region));
+    const PictureView view(picture.options, spec);
+    double pixels = 0;
+    const SomeTiles seen(touched, [&](const TileCoord& coord) {
+      const CellBox cells = cells_of(coord, spec);
+      if (!view.sees(cells)) return false;
+      pixels = std::max(pixels, view.cell_pixels(cells));
+      return true;
+    });
+    int level = options_.output.level;
+    if (!likely_fits(seen, level, limits_)) level = std::max(level, level_of_pixels(pixels));
+    while (level < kLevelMax && !likely_fits(seen, level, limits_)) ++level;
+    VOXELD_ASSIGN(picture.grid, load_part(seen, level, picture.key));
+    return picture;
+  }
+
+  // The camera for the whole grid, or for its region, whichever part is drawn.
+  Result<std::array<double, 16>> camera(const TileSource& touched, const CellBox& region) {
+    if (options_.render.matrix) return *options_.render.matrix;
+    VOXELD_ASSIGN(CellBox box, occupied_box(touched));
+    box = {glm::max(box.min, region.min), glm::min(box.max, region.max)};
+    if (glm::any(glm::greaterThanEqual(box.min, box.max))) box = region;
+    const GridSpec& spec = source_.grid().spec;
+    const Camera camera = make_camera(options_.render, spec.world_from_grid(glm::dvec3(box.min)),
+                                      spec.world_from_grid(glm::dvec3(box.max)));
+    return row_major(camera.clip_from_world);
+  }
+
+  // Loads the first level from this one on that fits.
+  Result<std::shared_ptr<const LoadedGrid>> load_part(const TileSource& seen, int level,
+                                                      std::string& key) {
+    InputCache& cache = run_.engine.cache;
+    key = part_key(seen, level);
+    if (cache.picture != nullptr && cache.picture_key == key) {
+      tell_part(cache.picture->grid, seen);
+      return cache.picture;
+    }
+    cache.picture.reset();
+    for (;; ++level) {
+      OutputOptions output = options_.output;
+      output.level = level;
+      VOXELD_ASSIGN(const Selection selection, Selection::open(seen, output));
+      VOXELD_ASSIGN(std::optional<Grid> grid, load_within(selection.tiles(), limits_));
+      if (!grid && level < kLevelMax) continue;
+      if (!grid) {
+        return Error{ErrorCode::kGridTooLarge, "the grid cannot be drawn in the memory there is",
+                     std::to_string(limits_.bytes_max) + " bytes", "more at every level"};
+      }
+      grid->meta_json = json{{"level", level}}.dump();
+      cache.picture =
+          std::make_shared<const LoadedGrid>(LoadedGrid{*std::move(grid), std::string()});
+      cache.picture_key = key;
+      tell_part(cache.picture->grid, seen);
+      return cache.picture;
+    }
+  }
+
+  // The cache key of these tiles at a level. `level` is the one tried first.
+  std::string part_key(const TileSource& seen, int level) const {
+    Sha256 hash;
+    for (const TileCoord& coord : seen.coords()) {
+      hash.update(std::to_string(coord_order(coord)) + " ");
+    }
+    json name = {{"grid", source_key_}, {"tiles", hash.finish_id()}, {"level", level}};
+    name["rule"] = static_cast<int>(options_.output.level_rule);
+    if (options_.output.region) name["region"] = *options_.output.region;
+    return name.dump();
+  }
+
+  void tell_part(const Grid& grid, const TileSource& seen) {
+    const json meta = json::parse(grid.meta_json, nullptr, false);
+    tell(meta["level"].get<int>(), seen.coords().size(), grid.voxel_count());
+  }
+
+  void tell(int level, size_t tiles, uint64_t voxels) {
+    json drawn = {{"level", level},
+                  {"tiles", tiles},
+                  {"tiles_in_grid", source_.coords().size()},
+                  {"voxels", voxels}};
+    add_meta(run_, {{"drawn", drawn}});
+  }
+
+  TaskRun& run_;
+  const TileSource& source_;
+  const std::string& source_key_;
+  const RequestOptions& options_;
+  const PictureLimits limits_;
+};
+
+}  // namespace
+
+Result<PictureGrid> picture_grid(TaskRun& run, const TileSource& source,
+                                 const std::string& source_key,
+                                 const std::shared_ptr<const LoadedGrid>& whole,
+                                 const RequestOptions& options) {
+  VOXELD_ASSIGN(const PictureLimits limits, limits_of(run.engine, options.render.renderer));
+  return Finder(run, source, source_key, options, limits).find(whole);
+}
+
+}  // namespace voxeld

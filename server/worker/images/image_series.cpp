@@ -1,0 +1,153 @@
+#include "server/worker/images/image_series.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "server/grid/region.h"
+#include "server/render/animated_picture.h"
+#include "server/render/camera.h"
+#include "server/worker/frames/container_frames.h"
+#include "server/worker/frames/frame_times.h"
+#include "server/worker/grids/host_estimate.h"
+#include "server/worker/images/image_grid.h"
+#include "server/worker/task/serial_queue.h"
+
+namespace voxeld {
+namespace {
+
+constexpr std::string_view kPngMediaType = "image/png";
+// Bytes of images that wait to be encoded.
+constexpr size_t kWaitingBytesMax = size_t{64} << 20;
+
+std::vector<double> shown_durations(std::vector<double> durations_s,
+                                    const std::optional<double>& rate) {
+  if (rate) std::ranges::fill(durations_s, 1.0 / *rate);
+  return durations_s;
+}
+
+// Draws the grid. Stage: render.
+Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
+                               const RenderOptions& options) {
+  const StageTimer stage(run, "render");
+  VOXELD_ASSIGN(const Engine::ChosenRenderer by, run.engine.choose_renderer(options.renderer));
+  VOXELD_TRY(run.slice.begin());
+  const DeviceSlice::Scope slice(run.slice);
+  if (*by.resident_key != grid_key) {
+    by.resident_key->clear();
+    VOXELD_TRY(by.renderer->set_grid(grid.grid));
+    *by.resident_key = grid_key;
+  }
+  add_meta(run, {{"drawn_by", by.name}});
+  return by.renderer->render(options, progress_of(run));
+}
+
+Status write_sheet(TaskRun& run, const Shots& shots, const RenderOptions& options) {
+  const size_t count = shots.durations_s.size();
+  VOXELD_ASSIGN(const SheetLayout layout,
+                sheet_layout(count, options.columns, options.width, options.height));
+  Picture sheet = begin_sheet(layout, options.background);
+  for (size_t i = 0; i < count; ++i) {
+    VOXELD_ASSIGN(const Picture picture, shots.take(i));
+    place_in_sheet(layout, i, picture, sheet);
+  }
+  add_meta(run, {{"pictures", count}, {"columns", layout.columns}});
+  return write_picture(run, sheet);
+}
+
+Status write_animation(TaskRun& run, const Shots& shots, const RenderOptions& options) {
+  const bool is_gif = options.picture == PictureKind::kGif;
+  const std::filesystem::path path = next_output(run);
+  VOXELD_ASSIGN(const std::unique_ptr<AnimationWriter> writer,
+                is_gif ? write_gif(path, shots.durations_s) : write_apng(path, shots.durations_s));
+  SerialQueue side(kWaitingBytesMax);
+  for (size_t i = 0; i < shots.durations_s.size(); ++i) {
+    VOXELD_ASSIGN(Picture picture, shots.take(i));
+    const auto shared = std::make_shared<const Picture>(std::move(picture));
+    VOXELD_TRY(side.push(shared->rgba.size(), [&writer, shared] { return writer->add(*shared); }));
+  }
+  const StageTimer stage(run, "encode");
+  VOXELD_TRY(side.wait());
+  VOXELD_TRY(writer->finish());
+  add_meta(run, {{"width", options.width},
+                 {"height", options.height},
+                 {"pictures", shots.durations_s.size()}});
+  list_output(run, path, "result", is_gif ? "image/gif" : "image/apng", is_gif ? ".gif" : ".apng");
+  return run.monitor.check();
+}
+
+}  // namespace
+
+Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& container,
+                              const std::string& key) {
+  const InputCache& cache = run.engine.cache;
+  DrawnInput input;
+  if (cache.grid_key == key) input.whole = cache.grid;
+  if (input.whole != nullptr) {
+    input.resident = std::make_unique<GridTiles>(input.whole->grid);
+  } else {
+    VOXELD_ASSIGN(input.container, GridInput::open(run, container));
+  }
+  return input;
+}
+
+Result<Picture> take_picture(TaskRun& run, const DrawnInput& input, const std::string& key,
+                             const RequestOptions& options) {
+  expect_bytes(run, picture_bytes(run.engine, input.tiles(), options.render));
+  VOXELD_ASSIGN(const PictureGrid drawn,
+                picture_grid(run, input.tiles(), key, input.whole, options));
+  return render_picture(run, *drawn.grid, drawn.key, drawn.options);
+}
+
+Shots turntable_shots(TaskRun& run, const std::filesystem::path& container, const std::string& key,
+                      const RequestOptions& options) {
+  const auto count = static_cast<size_t>(options.render.turntable);
+  const std::vector<double> even(count, 1.0 / kDefaultFps);
+  return {shown_durations(even, options.render.rate),
+          [&run, container, key, options, count](size_t index) -> Result<Picture> {
+            RequestOptions turned = options;
+            turned.render.azimuth_deg +=
+                360.0 * static_cast<double>(index) / static_cast<double>(count);
+            VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, container, key));
+            return take_picture(run, input, key, turned);
+          }};
+}
+
+RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options) {
+  RenderOptions render = options.render;
+  if (render.matrix) return render;
+  const auto region = region_at_level(spec, options.output, 0);
+  const CellBox box = region ? *region : CellBox{glm::ivec3(0), spec.dims};
+  const Camera camera = make_camera(render, spec.world_from_grid(glm::dvec3(box.min)),
+                                    spec.world_from_grid(glm::dvec3(box.max)));
+  render.matrix = row_major(camera.clip_from_world);
+  return render;
+}
+
+Shots frame_shots(TaskRun& run, const MadeSequence& sequence, const RequestOptions& options) {
+  std::vector<double> times_s;
+  for (const SequenceFrame& frame : sequence.manifest.frames) times_s.push_back(frame.time_s);
+  RequestOptions seen = options;
+  seen.render = frame_camera(sequence_spec(sequence.manifest), options);
+  return {shown_durations(frame_durations(times_s, sequence.manifest.fps), options.render.rate),
+          [&run, &sequence, seen](size_t index) -> Result<Picture> {
+            VOXELD_TRY(run.monitor.check());
+            const std::string& key = sequence.manifest.frames[index].grid;
+            VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, sequence.paths[index], key));
+            return take_picture(run, input, key, seen);
+          }};
+}
+
+Status write_picture(TaskRun& run, const Picture& picture) {
+  const StageTimer stage(run, "encode");
+  VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
+  add_meta(run, {{"width", picture.width}, {"height", picture.height}});
+  return add_output(run, "result", png, kPngMediaType, ".png");
+}
+
+Status write_shots(TaskRun& run, const Shots& shots, const RenderOptions& options) {
+  if (options.picture == PictureKind::kSheet) return write_sheet(run, shots, options);
+  return write_animation(run, shots, options);
+}
+
+}  // namespace voxeld
