@@ -119,7 +119,7 @@ dvec3 grid_from_world(dvec3 p) {
                divided(from_origin.z, voxel.z, per_voxel.z));
 }
 
-// snap_coordinate() of server/voxel/snap.h; p in [-1, dim + 1].
+// snap_coordinate() of server/voxel/triangles/snap.h; p in [-1, dim + 1].
 int snapped(double p, int dim) {
   precise double at = p * SUB_VOXELS;
   int q = int(at);

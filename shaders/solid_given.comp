@@ -2,7 +2,7 @@
 #include "shared/solid.h"
 
 layout(local_size_x = SOLID_GROUP_SIZE) in;
-// u, v, 8 bits each; first cell, 15 bits; faces down, 1 bit: server/voxel/solid/crossings.h.
+// u, v, 8 bits each; first cell, 15 bits; faces down, 1 bit: server/voxel/solid/inside/crossings.h.
 layout(std430, binding = SOLID_ITEMS) readonly buffer Crossings { uint crossings[]; };
 layout(std140, binding = SOLID_PARAMS) uniform Params { SolidParams params; };
 #include "lib/solid_mark.glsl"

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "server/base/clock.h"
-#include "server/voxel/snap.h"
+#include "server/voxel/triangles/snap.h"
 
 namespace voxeld {
 namespace {

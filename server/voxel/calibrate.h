@@ -5,7 +5,7 @@
 
 #include "proto/result.h"
 #include "server/scene/core/scene.h"
-#include "server/voxel/calibration.h"
+#include "server/voxel/estimates/calibration.h"
 #include "server/voxel/voxelize.h"
 
 namespace voxeld {

@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "server/base/clock.h"
+#include "server/voxel/attributes/part_ids.h"
 #include "server/voxel/cpu/cpu_pipeline.h"
-#include "server/voxel/estimate.h"
-#include "server/voxel/frame_vertices.h"
-#include "server/voxel/part_ids.h"
+#include "server/voxel/estimates/estimate.h"
+#include "server/voxel/frames/frame_vertices.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/solid_filler.h"
 

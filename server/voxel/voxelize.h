@@ -12,10 +12,10 @@
 #include "proto/result.h"
 #include "server/grid/grid.h"
 #include "server/scene/core/scene.h"
-#include "server/voxel/choose.h"
-#include "server/voxel/shared_frames.h"
-#include "server/voxel/tile_pipeline.h"
-#include "server/voxel/tile_sink.h"
+#include "server/voxel/frames/shared_frames.h"
+#include "server/voxel/pipelines/choose.h"
+#include "server/voxel/pipelines/tile_pipeline.h"
+#include "server/voxel/tiles/tile_sink.h"
 
 namespace voxeld {
 

@@ -8,7 +8,7 @@
 
 #include "server/base/log.h"
 #include "server/base/sandbox.h"
-#include "server/voxel/calibration.h"
+#include "server/voxel/estimates/calibration.h"
 
 namespace voxeld {
 namespace {

@@ -17,7 +17,7 @@
 #include "server/gpu/context.h"
 #include "server/gpu/shader_library.h"
 #include "server/voxel/gl/gl_pipeline.h"
-#include "server/voxel/tile_mask.h"
+#include "server/voxel/tiles/tile_mask.h"
 #include "server/voxel/voxelize.h"
 #include "tests/bench/bench_scene.h"
 

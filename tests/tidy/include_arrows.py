@@ -22,12 +22,23 @@ def scene(*folders):
                                                               "proto"}
 
 
+def voxel(*folders, gpu=False):
+    """Folders of server/voxel, with what all of them may include."""
+    return ({"server/voxel/" + folder for folder in folders}
+            | {"server/scene/core", "server/grid", "server/base", "proto", "shaders"}
+            | ({"server/gpu"} if gpu else set()))
+
+
+VOXEL_INTERFACES = {"server/voxel" + folder for folder in (
+    "", "/triangles", "/attributes", "/tiles", "/estimates", "/pipelines", "/frames")}
+
+
 def worker(*folders, gl=False):
     """Folders of server/worker, with what all of them may include."""
     return ({"server/worker/" + folder for folder in folders}
-            | {"server/scene", "server/scene/core", "server/voxel", "server/render",
-               "server/formats", "server/grid", "server/gpu", "server/base", "proto"}
-            | ({"server/voxel/gl"} if gl else set()))
+            | {"server/scene", "server/scene/core", "server/render", "server/formats",
+               "server/grid", "server/gpu", "server/base", "proto"}
+            | VOXEL_INTERFACES | ({"server/voxel/gl"} if gl else set()))
 
 
 # module -> modules whose headers it may include.
@@ -54,10 +65,27 @@ ARROWS = {
     "server/store": {"server/store", "server/base", "proto"},
     "server/gpu": {"server/gpu", "server/base", "proto", "shaders"},
     "server/formats": {"server/formats", "server/grid", "server/base", "proto"},
-    "server/voxel": {"server/voxel", "server/scene/core", "server/grid", "server/base", "proto",
-                     "shaders"},
-    "server/voxel/gl": {"server/voxel/gl", "server/voxel", "server/scene/core", "server/grid",
-                        "server/gpu", "server/base", "proto", "shaders"},
+    # Folders of voxelization, from the lowest up.
+    "server/voxel/triangles": voxel("triangles"),
+    "server/voxel/attributes": voxel("attributes", "triangles"),
+    "server/voxel/tiles": voxel("tiles"),
+    "server/voxel/estimates": voxel("estimates", "attributes", "triangles"),
+    "server/voxel/pipelines": voxel("pipelines", "estimates", "attributes", "triangles"),
+    "server/voxel/frames": voxel("frames", "pipelines", "estimates", "attributes"),
+    "server/voxel/cpu/kernels": {"server/voxel/cpu/kernels", "server/base", "proto"},
+    "server/voxel/cpu": voxel("cpu", "cpu/kernels", "pipelines", "tiles", "attributes", "triangles"),
+    "server/voxel/solid/inside": voxel("solid/inside", "triangles"),
+    "server/voxel/solid/distance": voxel("solid/distance", "solid/inside"),
+    "server/voxel/solid": voxel("solid", "solid/distance", "solid/inside", "pipelines"),
+    "server/voxel/gl/occupancy": voxel("gl/occupancy", "pipelines", "estimates", "tiles",
+                                       "triangles", gpu=True),
+    "server/voxel/gl/skin": voxel("gl/skin", "pipelines", "triangles", gpu=True),
+    "server/voxel/gl/solid": voxel("gl/solid", "solid", "solid/distance", "solid/inside",
+                                   "estimates", "tiles", "triangles", gpu=True),
+    "server/voxel/gl": voxel("gl", "gl/occupancy", "gl/skin", "gl/solid", "pipelines", "estimates",
+                             "tiles", "attributes", "triangles", gpu=True),
+    "server/voxel": voxel("cpu", "frames", "solid", "pipelines", "estimates", "tiles", "attributes",
+                          "triangles") | {"server/voxel"},
     "server/render": {"server/render", "server/grid", "server/gpu", "server/base", "proto",
                       "shaders"},
     # Folders of a worker process, from the lowest up.
@@ -107,7 +135,7 @@ INCLUDE = re.compile(r'^\s*#include\s+(["<])([^">]+)[">]')
 
 def module_of(path):
     parts = path.split("/")
-    for depth in (3, 2):
+    for depth in (4, 3, 2):
         if len(parts) > depth and "/".join(parts[:depth]) in ARROWS:
             return "/".join(parts[:depth])
     if parts[0] == "server" and len(parts) > 2:

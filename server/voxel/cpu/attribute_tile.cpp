@@ -8,10 +8,10 @@
 #include <glm/common.hpp>
 
 #include "server/grid/color_tables.h"
+#include "server/voxel/attributes/resolve.h"
+#include "server/voxel/attributes/sum_fold.h"
 #include "server/voxel/cpu/attribute_visitor.h"
-#include "server/voxel/resolve.h"
-#include "server/voxel/sum_fold.h"
-#include "server/voxel/tile_window.h"
+#include "server/voxel/triangles/tile_window.h"
 #include "shaders/shared/attributes.h"
 
 namespace voxeld {

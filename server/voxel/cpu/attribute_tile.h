@@ -11,12 +11,12 @@
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
-#include "server/voxel/bin.h"
+#include "server/base/parallel.h"
+#include "server/voxel/attributes/id_fold.h"
+#include "server/voxel/attributes/mip_chain.h"
 #include "server/voxel/cpu/attribute_visitor.h"
-#include "server/voxel/id_fold.h"
-#include "server/voxel/mip_chain.h"
-#include "server/voxel/parallel.h"
-#include "server/voxel/tile_pipeline.h"
+#include "server/voxel/pipelines/tile_pipeline.h"
+#include "server/voxel/triangles/bin.h"
 
 namespace voxeld {
 

@@ -5,7 +5,7 @@
 
 #include "proto/codec/sparse_tile.h"
 #include "server/grid/color_tables.h"
-#include "server/voxel/nearest_point.h"
+#include "server/voxel/attributes/nearest_point.h"
 #include "shaders/glsl.h"
 
 namespace voxeld {

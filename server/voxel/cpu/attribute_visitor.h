@@ -8,8 +8,8 @@
 
 #include <glm/vec3.hpp>
 
-#include "server/voxel/attribute_records.h"
-#include "server/voxel/mip_chain.h"
+#include "server/voxel/attributes/attribute_records.h"
+#include "server/voxel/attributes/mip_chain.h"
 
 namespace voxeld {
 

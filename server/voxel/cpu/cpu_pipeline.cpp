@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "server/base/clock.h"
-#include "server/voxel/compact.h"
-#include "server/voxel/tile_mask.h"
+#include "server/voxel/tiles/compact.h"
+#include "server/voxel/tiles/tile_mask.h"
 
 namespace voxeld {
 

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "server/voxel/cpu/attribute_tile.h"
-#include "server/voxel/cpu/cpu_isa.h"
+#include "server/voxel/cpu/kernels/cpu_isa.h"
 #include "server/voxel/cpu/touch_tile.h"
-#include "server/voxel/tile_pipeline.h"
+#include "server/voxel/pipelines/tile_pipeline.h"
 
 namespace voxeld {
 

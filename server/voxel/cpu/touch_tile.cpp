@@ -8,7 +8,7 @@
 #include <cstring>
 
 #include "server/base/check.h"
-#include "server/voxel/tile_window.h"
+#include "server/voxel/triangles/tile_window.h"
 
 namespace voxeld {
 namespace {

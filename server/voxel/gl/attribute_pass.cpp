@@ -4,8 +4,8 @@
 #include <array>
 
 #include "server/grid/color_tables.h"
-#include "server/voxel/gl/touch_pass.h"
-#include "server/voxel/mip_chain.h"
+#include "server/voxel/attributes/mip_chain.h"
+#include "server/voxel/gl/occupancy/touch_pass.h"
 #include "shaders/shared/attributes.h"
 
 namespace voxeld {

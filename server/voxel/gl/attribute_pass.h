@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "server/gpu/shader_library.h"
-#include "server/voxel/attribute_records.h"
-#include "server/voxel/gl/tile_device.h"
-#include "server/voxel/pipeline.h"
+#include "server/voxel/attributes/attribute_records.h"
+#include "server/voxel/estimates/pipeline.h"
+#include "server/voxel/gl/occupancy/tile_device.h"
 
 namespace voxeld {
 

@@ -5,9 +5,9 @@
 #include <iterator>
 
 #include "server/base/clock.h"
-#include "server/voxel/compact.h"
-#include "server/voxel/sum_fold.h"
-#include "server/voxel/tile_mask.h"
+#include "server/voxel/attributes/sum_fold.h"
+#include "server/voxel/tiles/compact.h"
+#include "server/voxel/tiles/tile_mask.h"
 #include "shaders/shared/attributes.h"
 
 namespace voxeld {

@@ -9,7 +9,7 @@
 
 #include "proto/result.h"
 #include "server/grid/grid_spec.h"
-#include "server/voxel/solid/inside.h"
+#include "server/voxel/solid/inside/inside.h"
 
 namespace voxeld {
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "server/voxel/solid/inside.h"
-#include "server/voxel/tile_pipeline.h"
+#include "server/voxel/pipelines/tile_pipeline.h"
+#include "server/voxel/solid/inside/inside.h"
 
 namespace voxeld {
 

@@ -4,8 +4,8 @@
 #include <array>
 #include <memory>
 
-#include "server/voxel/solid/brick_planes.h"
-#include "server/voxel/solid/tile_bits.h"
+#include "server/voxel/solid/distance/brick_planes.h"
+#include "server/voxel/solid/inside/tile_bits.h"
 
 namespace voxeld {
 namespace {

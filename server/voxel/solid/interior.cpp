@@ -4,8 +4,8 @@
 #include <atomic>
 #include <bit>
 
-#include "server/voxel/solid/brick_index.h"
-#include "server/voxel/solid/nearest_cells.h"
+#include "server/voxel/solid/distance/brick_index.h"
+#include "server/voxel/solid/distance/nearest_cells.h"
 
 namespace voxeld {
 namespace {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
-#include "server/voxel/parallel.h"
+#include "server/base/parallel.h"
 
 namespace voxeld {
 

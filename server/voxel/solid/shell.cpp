@@ -6,9 +6,9 @@
 #include <cmath>
 #include <memory>
 
-#include "server/voxel/solid/brick_index.h"
-#include "server/voxel/solid/brick_planes.h"
-#include "server/voxel/solid/distance.h"
+#include "server/voxel/solid/distance/brick_index.h"
+#include "server/voxel/solid/distance/brick_planes.h"
+#include "server/voxel/solid/distance/distance.h"
 
 namespace voxeld {
 namespace {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "server/voxel/solid/inside.h"
+#include "server/voxel/solid/inside/inside.h"
 
 namespace voxeld {
 

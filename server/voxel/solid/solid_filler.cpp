@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "server/base/clock.h"
-#include "server/voxel/solid/boundary.h"
-#include "server/voxel/solid/distance_field.h"
-#include "server/voxel/solid/distance_maker.h"
+#include "server/voxel/solid/distance/distance_field.h"
+#include "server/voxel/solid/distance/distance_maker.h"
 #include "server/voxel/solid/flood.h"
+#include "server/voxel/solid/inside/boundary.h"
 #include "server/voxel/solid/interior.h"
 #include "server/voxel/solid/merge.h"
 #include "server/voxel/solid/shell.h"

@@ -6,11 +6,11 @@
 #include <optional>
 #include <vector>
 
-#include "server/voxel/parallel.h"
+#include "server/base/parallel.h"
+#include "server/voxel/pipelines/tile_pipeline.h"
 #include "server/voxel/solid/coverage.h"
 #include "server/voxel/solid/device_inside.h"
-#include "server/voxel/solid/inside.h"
-#include "server/voxel/tile_pipeline.h"
+#include "server/voxel/solid/inside/inside.h"
 
 namespace voxeld {
 

@@ -4,7 +4,7 @@
 #include "server/base/algorithm_version.h"
 #include "server/base/machine.h"
 #include "server/gpu/device.h"
-#include "server/voxel/calibration.h"
+#include "server/voxel/estimates/calibration.h"
 
 namespace voxeld {
 

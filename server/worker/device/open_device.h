@@ -9,7 +9,7 @@
 #include "proto/result.h"
 #include "server/gpu/device.h"
 #include "server/render/render.h"
-#include "server/voxel/tile_pipeline.h"
+#include "server/voxel/pipelines/tile_pipeline.h"
 
 namespace voxeld {
 

@@ -8,7 +8,7 @@
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
 #include "server/grid/grid_spec.h"
-#include "server/voxel/shared_frames.h"
+#include "server/voxel/frames/shared_frames.h"
 #include "server/worker/grids/grid_file.h"
 #include "server/worker/grids/grid_meta.h"
 #include "server/worker/grids/host_estimate.h"

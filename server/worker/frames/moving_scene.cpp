@@ -1,6 +1,6 @@
 #include "server/worker/frames/moving_scene.h"
 
-#include "server/voxel/snap.h"
+#include "server/voxel/triangles/snap.h"
 
 namespace voxeld {
 

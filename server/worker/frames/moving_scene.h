@@ -1,8 +1,9 @@
 // An asset's scene whose vertices follow the frames of an animation.
 //
 // A device moves the vertices if it voxelizes them by pipeline compute in batches and its 64-bit
-// floats equal the CPU's (voxel/device_skin.h). Otherwise the CPU moves them, in doubles. Both give
-// the same bits, so every pipeline snaps the same numbers and frames are equal on all of them.
+// floats equal the CPU's (voxel/pipelines/device_skin.h). Otherwise the CPU moves them, in doubles.
+// Both give the same bits, so every pipeline snaps the same numbers and frames are equal on all of
+// them.
 //
 // The CPU works while the frame before is voxelized: 70 microseconds of one core for Bob with lamp
 // (875 vertices, 33 joints).
@@ -18,7 +19,7 @@
 #include "proto/options/options.h"
 #include "proto/result.h"
 #include "server/scene/core/animated_scene.h"
-#include "server/voxel/shared_frames.h"
+#include "server/voxel/frames/shared_frames.h"
 
 namespace voxeld {
 

@@ -13,7 +13,7 @@
 #include "proto/result.h"
 #include "server/base/file.h"
 #include "server/grid/content_hash.h"
-#include "server/voxel/tile_sink.h"
+#include "server/voxel/tiles/tile_sink.h"
 
 namespace voxeld {
 

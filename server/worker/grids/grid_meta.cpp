@@ -5,7 +5,7 @@
 
 #include "proto/options/table.h"
 #include "server/base/algorithm_version.h"
-#include "server/voxel/part_ids.h"
+#include "server/voxel/attributes/part_ids.h"
 #include "server/worker/mesh/inspect.h"
 
 namespace voxeld {

@@ -19,8 +19,8 @@ constexpr int64_t kThreadBytes = 24 * kMebi;
 constexpr int64_t kSoftwareDeviceBytes = 512 * kMebi;
 // Grids with a smaller dense size are not examined more closely.
 constexpr int64_t kDenseBytesMin = 64 * kMebi;
-// Records of the corners of one triangle (server/voxel/attribute_records.h), including the buffers
-// that sort them.
+// Records of the corners of one triangle (server/voxel/attributes/attribute_records.h), including
+// the buffers that sort them.
 constexpr int64_t kRecordBytes = 256;
 
 int64_t threads() {

@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "server/grid/tile_source.h"
-#include "server/voxel/estimate.h"
+#include "server/voxel/estimates/estimate.h"
 #include "server/worker/task/task_run.h"
 
 namespace voxeld {

@@ -9,7 +9,7 @@
 #include "server/formats/formats.h"
 #include "server/grid/content_hash.h"
 #include "server/grid/region.h"
-#include "server/voxel/estimate.h"
+#include "server/voxel/estimates/estimate.h"
 #include "server/worker/grids/grid_file.h"
 #include "server/worker/grids/grid_input.h"
 #include "server/worker/grids/grid_meta.h"

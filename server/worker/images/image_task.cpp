@@ -6,7 +6,7 @@
 #include "proto/range_text.h"
 #include "server/formats/formats.h"
 #include "server/render/animated_picture.h"
-#include "server/voxel/shared_frames.h"
+#include "server/voxel/frames/shared_frames.h"
 #include "server/worker/frames/container_frames.h"
 #include "server/worker/frames/frame_times.h"
 #include "server/worker/frames/make_frames.h"

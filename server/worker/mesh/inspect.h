@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "server/scene/core/animated_scene.h"
-#include "server/voxel/fill_stats.h"
+#include "server/voxel/pipelines/fill_stats.h"
 #include "server/worker/mesh/mesh_topology.h"
 
 namespace voxeld {

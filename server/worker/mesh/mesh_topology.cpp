@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "server/base/cancel_point.h"
-#include "server/voxel/parallel.h"
-#include "server/voxel/raw_vector.h"
+#include "server/base/parallel.h"
+#include "server/base/raw_vector.h"
 #include "server/worker/mesh/mesh_components.h"
 #include "server/worker/mesh/position_numbers.h"
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "proto/codec/octree_codec.h"
-#include "server/voxel/gl/batch_octree.h"
-#include "server/voxel/tile_mask.h"
+#include "server/voxel/gl/occupancy/batch_octree.h"
+#include "server/voxel/tiles/tile_mask.h"
 #include "shaders/shared/voxelize_batch.h"
 #include "tests/gpu/voxel/pipelines.h"
 

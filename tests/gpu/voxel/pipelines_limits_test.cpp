@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "server/voxel/gl/attribute_pass.h"
-#include "server/voxel/gl/tile_device.h"
+#include "server/voxel/gl/occupancy/tile_device.h"
 #include "tests/gpu/voxel/pipelines.h"
 
 namespace voxeld::pipelines {

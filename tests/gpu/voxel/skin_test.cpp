@@ -12,8 +12,8 @@
 
 #include "server/gpu/shader_source.h"
 #include "server/scene/core/animated_scene.h"
-#include "server/voxel/gl/skin_check.h"
-#include "server/voxel/gl/skin_pass.h"
+#include "server/voxel/gl/skin/skin_check.h"
+#include "server/voxel/gl/skin/skin_pass.h"
 #include "tests/gpu/voxel/pipelines.h"
 #include "tests/gpu/voxel/worm.h"
 

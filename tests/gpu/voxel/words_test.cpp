@@ -8,8 +8,8 @@
 #include <random>
 
 #include "server/grid/content_hash.h"
-#include "server/voxel/compact.h"
-#include "server/voxel/gl/mask_bricks.h"
+#include "server/voxel/gl/occupancy/mask_bricks.h"
+#include "server/voxel/tiles/compact.h"
 #include "tests/gpu/voxel/pipelines.h"
 
 namespace voxeld::pipelines {

@@ -37,7 +37,7 @@ struct Triangle {
   }
 };
 
-// As server/voxel/attribute_records.cpp makes them, with the form by area.
+// As server/voxel/attributes/attribute_records.cpp makes them, with the form by area.
 AttributeTriangle set_up(const Triangle& t) {
   auto n = t.n();
   const int64_t sign = n[2] < 0 ? -1 : 1;

@@ -1,4 +1,4 @@
-#include "server/voxel/bin.h"
+#include "server/voxel/triangles/bin.h"
 
 #include <gtest/gtest.h>
 

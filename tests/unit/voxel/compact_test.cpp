@@ -1,10 +1,10 @@
-#include "server/voxel/compact.h"
+#include "server/voxel/tiles/compact.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-#include "server/voxel/tile_mask.h"
+#include "server/voxel/tiles/tile_mask.h"
 
 namespace voxeld {
 namespace {

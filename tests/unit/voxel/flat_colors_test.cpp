@@ -1,11 +1,11 @@
-#include "server/voxel/flat_colors.h"
+#include "server/voxel/attributes/flat_colors.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "server/voxel/attribute_records.h"
+#include "server/voxel/attributes/attribute_records.h"
 
 namespace voxeld {
 namespace {

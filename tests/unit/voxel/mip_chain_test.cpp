@@ -1,4 +1,4 @@
-#include "server/voxel/mip_chain.h"
+#include "server/voxel/attributes/mip_chain.h"
 
 #include <gtest/gtest.h>
 

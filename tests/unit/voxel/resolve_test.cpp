@@ -1,4 +1,4 @@
-#include "server/voxel/resolve.h"
+#include "server/voxel/attributes/resolve.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Snapping and clipping.
-#include "server/voxel/snap.h"
+#include "server/voxel/triangles/snap.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <random>
 #include <tuple>
 
-#include "server/voxel/clip.h"
-#include "server/voxel/split.h"
+#include "server/voxel/triangles/clip.h"
+#include "server/voxel/triangles/split.h"
 #include "tests/reference/touch_oracle.h"
 
 namespace voxeld {

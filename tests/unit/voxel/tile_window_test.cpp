@@ -1,5 +1,5 @@
 // Work items: they cover what triangles touch, and stay below the loop limit.
-#include "server/voxel/tile_window.h"
+#include "server/voxel/triangles/tile_window.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The file of measurements: round trip, keys that no longer fit, and everything that can be broken.
-#include "server/voxel/calibration.h"
+#include "server/voxel/estimates/calibration.h"
 
 #include <gtest/gtest.h>
 

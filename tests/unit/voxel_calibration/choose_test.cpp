@@ -1,5 +1,5 @@
 // The pipeline that `auto` chooses, and the reason that it gives.
-#include "server/voxel/choose.h"
+#include "server/voxel/pipelines/choose.h"
 
 #include <gtest/gtest.h>
 

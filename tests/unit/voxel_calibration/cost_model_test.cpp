@@ -1,5 +1,5 @@
 // Fitting and predicting against costs that are known.
-#include "server/voxel/cost_model.h"
+#include "server/voxel/estimates/cost_model.h"
 
 #include <gtest/gtest.h>
 

@@ -11,7 +11,7 @@
 
 #include "server/grid/grid.h"
 #include "server/scene/core/scene.h"
-#include "server/voxel/id_fold.h"
+#include "server/voxel/attributes/id_fold.h"
 #include "tests/reference/id_oracle.h"
 
 namespace voxeld::test {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <set>
 
-#include "server/voxel/part_ids.h"
+#include "server/voxel/attributes/part_ids.h"
 #include "server/voxel/voxelize.h"
 #include "tests/unit/voxel_cpu/id_checks.h"
 

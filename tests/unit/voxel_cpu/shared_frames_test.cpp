@@ -1,5 +1,5 @@
 // Frames of one scene: what they share must not show in any byte.
-#include "server/voxel/shared_frames.h"
+#include "server/voxel/frames/shared_frames.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 #define VOXELD_LANE_BYTES 64
 #include "tests/unit/voxel_cpu/touch_kernel_wide.h"
 
-#include "server/voxel/cpu/touch_kernel_body.h"
+#include "server/voxel/cpu/kernels/touch_kernel_body.h"
 
 namespace voxeld {
 

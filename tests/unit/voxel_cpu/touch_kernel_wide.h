@@ -1,6 +1,6 @@
 #pragma once
 
-#include "server/voxel/cpu/touch_kernel.h"
+#include "server/voxel/cpu/kernels/touch_kernel.h"
 
 namespace voxeld {
 

@@ -7,7 +7,7 @@
 #include <map>
 #include <random>
 
-#include "server/voxel/solid/distance_field.h"
+#include "server/voxel/solid/distance/distance_field.h"
 #include "tests/bench/waves.h"
 #include "tests/reference/distance_oracle.h"
 #include "tests/unit/voxel_solid/solid_scenes.h"

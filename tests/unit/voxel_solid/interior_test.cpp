@@ -4,7 +4,7 @@
 #include <map>
 #include <random>
 
-#include "server/voxel/solid/nearest_cells.h"
+#include "server/voxel/solid/distance/nearest_cells.h"
 #include "tests/bench/waves.h"
 #include "tests/reference/distance_oracle.h"
 #include "tests/unit/voxel_solid/solid_scenes.h"

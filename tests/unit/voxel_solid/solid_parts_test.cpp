@@ -4,12 +4,12 @@
 #include <cmath>
 #include <random>
 
-#include "server/voxel/solid/boundary.h"
-#include "server/voxel/solid/brick_planes.h"
-#include "server/voxel/solid/distance.h"
+#include "server/voxel/solid/distance/brick_planes.h"
+#include "server/voxel/solid/distance/distance.h"
+#include "server/voxel/solid/inside/boundary.h"
+#include "server/voxel/solid/inside/tile_bits.h"
 #include "server/voxel/solid/merge.h"
 #include "server/voxel/solid/shell.h"
-#include "server/voxel/solid/tile_bits.h"
 
 namespace voxeld {
 namespace {

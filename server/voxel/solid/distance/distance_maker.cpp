@@ -1,0 +1,43 @@
+#include "server/voxel/solid/distance/distance_maker.h"
+
+#include <utility>
+
+namespace voxeld {
+
+DistanceMaker::DistanceMaker(const FillMesh& mesh, const glm::ivec3& dims,
+                             std::vector<SparseTile> inside, ThreadTeam& team)
+    : triangles_(mesh),
+      inside_(std::move(inside)),
+      index_(inside_, dims),
+      dims_(dims),
+      team_(team) {}
+
+Result<std::vector<SparseTile>> DistanceMaker::band(double thickness,
+                                                    const ColumnProgress& progress) {
+  std::vector<DistanceTile> found;
+  VOXELD_TRY(find_band({triangles_, dims_, index_}, thickness, team_, progress, found));
+  std::vector<SparseTile> cells;
+  for (DistanceTile& tile : found) {
+    cells.push_back(tile.tile);
+    const auto coord = tile.tile.coord;
+    band_.emplace(coord, std::move(tile));
+  }
+  return cells;
+}
+
+Status DistanceMaker::measure(const ColumnProgress& progress,
+                              std::vector<SparseTile>& tiles) const {
+  for (SparseTile& tile : tiles) {
+    const auto known = band_.find(tile.coord);
+    if (known != band_.end() && known->second.tile.masks == tile.masks &&
+        known->second.tile.brick_morton == tile.brick_morton) {
+      tile.distance = known->second.distance;
+    } else {
+      tile.distance = distances_of_tile({triangles_, dims_, index_}, tile, team_);
+    }
+    if (progress) VOXELD_TRY(progress(0));
+  }
+  return {};
+}
+
+}  // namespace voxeld

@@ -1,0 +1,60 @@
+// The cells of a grid that are inside a mesh; see ../README.md, "What is inside".
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "proto/codec/sparse_tile.h"
+#include "proto/options/options.h"
+#include "proto/result.h"
+#include "server/base/parallel.h"
+#include "server/voxel/solid/inside/fill_mesh.h"
+
+namespace voxeld {
+
+// The surface's cells, for statistics that count only cells beside the surface.
+struct SurfaceTiles {
+  std::span<const SparseTile> tiles;  // the grid's, in any order
+
+  // nullptr if the tile has no surface.
+  const SparseTile* find(const glm::ivec3& coord) const;
+};
+
+// The number of a brick's cells that are not in `surface`, the surface of its tile (or null).
+int64_t count_beside(const BrickMask& cells, const SparseTile* surface, uint32_t morton);
+
+// Counts of cells by what the three axes say of them.
+struct AxisVotes {
+  int64_t inside = 0;    // by one axis or more; surface cells included
+  int64_t disagree = 0;  // not surface, and not inside by all axes
+};
+
+struct InsideJob {
+  const FillMesh& mesh;
+  glm::ivec3 dims;
+  // kParity, kNonzero, kMajority, kWinding or kAuto. kAuto is majority, and winding where the axes
+  // disagree.
+  Sign sign = Sign::kParity;
+  SurfaceTiles surface;
+};
+
+// Called as tile columns are finished; an error ends the work.
+using ColumnProgress = std::function<Status(size_t done)>;
+
+// Number of tile columns. Each is one unit of work and of progress.
+size_t tile_column_count(const glm::ivec3& dims);
+
+// Appends the tiles with inside cells, canonical and without attributes, in any order. votes: set
+// by kMajority and kAuto only.
+Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
+                   std::vector<SparseTile>& tiles, AxisVotes& votes);
+
+// The same, but tiles go to `take` in portions as columns are finished. It runs on the calling
+// thread.
+using TakeInside = std::function<void(std::vector<SparseTile>)>;
+Status find_inside(const InsideJob& job, ThreadTeam& team, const ColumnProgress& progress,
+                   const TakeInside& take, AxisVotes& votes);
+
+}  // namespace voxeld
