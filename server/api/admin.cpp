@@ -38,20 +38,23 @@ Response ready_response(JobService& jobs, const KeyRing& keys) {
 
 }  // namespace
 
-std::vector<Route> admin_routes(JobService& jobs, const KeyRing& keys,
-                                std::shared_ptr<prometheus::Registry> metrics,
-                                std::function<void()> refresh) {
-  const auto livez = [](Request&) { return Response::text(200, "ok\n"); };
-  const auto readyz = [&jobs, &keys](Request&) { return ready_response(jobs, keys); };
-  const auto serve_metrics = [metrics = std::move(metrics),
-                              refresh = std::move(refresh)](Request&) {
+std::vector<std::string> admin_paths() {
+  return {"/livez", "/readyz", "/metrics"};
+}
+
+HealthHandler admin_handler(JobService& jobs, const KeyRing& keys,
+                            std::shared_ptr<prometheus::Registry> metrics,
+                            std::function<void()> refresh) {
+  return [&jobs, &keys, metrics = std::move(metrics),
+          refresh = std::move(refresh)](const Head& head) {
+    if (head.path == "/livez") return Response::text(200, "ok\n");
+    if (head.path == "/readyz") return ready_response(jobs, keys);
     refresh();
     Response response = Response::text(
         200, metrics ? prometheus::TextSerializer().Serialize(metrics->Collect()) : std::string());
     response.headers["Content-Type"] = "text/plain; version=0.0.4; charset=utf-8";
     return response;
   };
-  return {{"GET", "/livez", livez}, {"GET", "/readyz", readyz}, {"GET", "/metrics", serve_metrics}};
 }
 
 }  // namespace voxeld::api

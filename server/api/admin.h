@@ -1,12 +1,12 @@
-// /livez, /readyz and /metrics: on a port and threads of their own, so that they respond while all
-// request threads are busy.
+// What the admin port tells: /livez, /readyz and /metrics.
 #pragma once
 
 #include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
-#include "server/api/router.h"
+#include "server/api/health_server.h"
 #include "server/jobs/auth/key_ring.h"
 #include "server/jobs/service/job_service.h"
 
@@ -16,9 +16,10 @@ class Registry;
 
 namespace voxeld::api {
 
+std::vector<std::string> admin_paths();
 // `refresh` is called before metrics are written.
-std::vector<Route> admin_routes(JobService& jobs, const KeyRing& keys,
-                                std::shared_ptr<prometheus::Registry> metrics,
-                                std::function<void()> refresh);
+HealthHandler admin_handler(JobService& jobs, const KeyRing& keys,
+                            std::shared_ptr<prometheus::Registry> metrics,
+                            std::function<void()> refresh);
 
 }  // namespace voxeld::api

@@ -1,7 +1,6 @@
 #include "server/api/api_server.h"
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "server/api/access.h"
@@ -16,8 +15,6 @@
 
 namespace voxeld::api {
 namespace {
-
-constexpr int kAdminThreads = 2;
 
 // New work is refused while memory is short; reads and cancels go on.
 Status check_memory(bool is_new_work) {
@@ -38,7 +35,7 @@ class HttpApiServer final : public ApiServer {
         metrics_(registry),
         process_metrics_(registry),
         router_(public_routes(api_, config.upload_bytes_max)),
-        admin_router_(admin_routes(jobs, keys, registry, [this] { refresh_metrics(); })) {}
+        tell_health_(admin_handler(jobs, keys, registry, [this] { refresh_metrics(); })) {}
   ~HttpApiServer() override { (void)stop(0); }
 
   Status start() {
@@ -62,25 +59,21 @@ class HttpApiServer final : public ApiServer {
                                [this](const http::ExchangeRecord& exchange) {
                                  metrics_.record(exchange, exchange.route);
                                }));
-    http::HttpServerConfig admin;
-    admin.listen = config_.admin_listen;
-    admin.threads = kAdminThreads;
-    admin.connections_max = config_.admin_connections_max;
-    VOXELD_ASSIGN(admin_server_,
-                  http::start_http_server(
-                      admin, [this](Request& request) { return handle_admin(request); },
-                      [](const http::ExchangeRecord&) {}));
+    VOXELD_ASSIGN(
+        health_server_,
+        start_health_server({config_.admin_listen, config_.admin_connections_max, admin_paths()},
+                            [this](const Head& head) { return handle_admin(head); }));
     return {};
   }
 
   int port() const override { return server_->port(); }
-  int admin_port() const override { return admin_server_->port(); }
+  int admin_port() const override { return health_server_->port(); }
 
   std::vector<http::RunningRequest> stop(double seconds) override {
     api_.stopping = true;
     std::vector<http::RunningRequest> left;
     if (server_) left = server_->stop(seconds);
-    if (admin_server_) std::ranges::move(admin_server_->stop(0.1), std::back_inserter(left));
+    if (health_server_) health_server_->stop();
     return left;
   }
 
@@ -114,12 +107,10 @@ class HttpApiServer final : public ApiServer {
     guard_.add_headers(request.head, response);
   }
 
-  // Admin routes need no key.
-  Reply handle_admin(Request& request) {
-    if (Status checked = admin_guard_.check(request.head, /*is_open=*/true); !checked) {
-      return problem(request, checked.error());
-    }
-    return admin_router_.dispatch(request);
+  // The admin port needs no key.
+  Response handle_admin(const Head& head) const {
+    const Status checked = admin_guard_.check(head, /*is_open=*/true);
+    return checked ? tell_health_(head) : Response::problem(checked.error(), head.path);
   }
 
   const ApiServerConfig config_;
@@ -129,8 +120,10 @@ class HttpApiServer final : public ApiServer {
   Api api_;
   RequestMetrics metrics_;
   ProcessMetrics process_metrics_;
-  const Router router_, admin_router_;
-  std::unique_ptr<http::HttpServer> server_, admin_server_;
+  const Router router_;
+  const HealthHandler tell_health_;
+  std::unique_ptr<http::HttpServer> server_;
+  std::unique_ptr<HealthServer> health_server_;
 };
 
 }  // namespace

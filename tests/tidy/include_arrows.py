@@ -121,6 +121,7 @@ ARROWS = {
 ONLY_IN = {
     "sqlite3.h": {"server/jobs/database"},
     "curl/curl.h": {"client"},
+    "httplib.h": {"server/api"},
     "zip.h": {"server/scene/core", "client"},
     "zstd.h": {"proto/codec", "server/http"},
     "OpenImageIO/imageio.h": {"server/scene/images", "server/render"},

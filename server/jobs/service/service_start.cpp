@@ -160,16 +160,26 @@ Service::~Service() {
   stop();
 }
 
+// Each step is done whatever failed before it: the destructor calls this, too.
 void Service::stop() {
+  const auto step = [](const auto& work) { guarded("the end of the job service", work); };
   draining_ = true;
-  if (deadlines_ != nullptr) deadlines_->stop();
-  sweep_.stop();
-  mark_->note_clock(clock_.now_ms(), clock_.wall_ms());
-  if (supervisor_ != nullptr) supervisor_->start_no_more();
+  step([&] {
+    if (deadlines_ != nullptr) deadlines_->stop();
+  });
+  step([&] { sweep_.stop(); });
+  step([&] { mark_->note_clock(clock_.now_ms(), clock_.wall_ms()); });
+  step([&] {
+    if (supervisor_ != nullptr) supervisor_->start_no_more();
+  });
   // First the connections: their tasks go back to the queue, and workers end when theirs closes.
-  if (tasks_ != nullptr) tasks_->stop();
-  supervising_ = nullptr;
-  if (supervisor_ != nullptr) supervisor_->stop(kWorkerGraceSeconds);
+  step([&] {
+    if (tasks_ != nullptr) tasks_->stop();
+  });
+  step([&] { supervising_ = nullptr; });
+  step([&] {
+    if (supervisor_ != nullptr) supervisor_->stop(kWorkerGraceSeconds);
+  });
 }
 
 // At start: the jobs that an earlier process left.
