@@ -35,9 +35,6 @@ constexpr std::string_view kHeadEnd = "\r\n\r\n";
 constexpr std::chrono::seconds kLingerTime{1};
 // After a failure that left everything as it was, mostly for want of memory.
 constexpr milliseconds kPauseAfterFailure{20};
-// The other headers decide nothing here; a Range would.
-constexpr std::array<std::string_view, 4> kHeadersRead = {"host", "origin", "sec-fetch-site",
-                                                          "accept-encoding"};
 
 // A request in memory, and its response.
 class MemoryStream final : public httplib::Stream {
@@ -64,26 +61,28 @@ class MemoryStream final : public httplib::Stream {
   std::string response_;
 };
 
-// The request line and the headers that are read.
-std::string relevant_head(std::string_view head) {
-  std::string kept;
-  for (size_t begin = 0; begin < head.size();) {
-    const size_t end = std::min(head.find("\r\n", begin), head.size());
-    const std::string_view line = head.substr(begin, end - begin);
-    std::string name(line.substr(0, line.find(':')));
-    std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
-    if (begin == 0 || std::ranges::count(kHeadersRead, name) != 0) kept.append(line).append("\r\n");
-    begin = end + 2;
-  }
-  return kept.append("\r\n");
+std::string_view without_blanks(std::string_view text) {
+  constexpr std::string_view kBlanks = " \t";
+  const size_t first = std::min(text.find_first_not_of(kBlanks), text.size());
+  return text.substr(first, text.find_last_not_of(kBlanks) + 1 - first);
 }
 
-Head head_of(const httplib::Request& request) {
-  Head head;
-  head.method = request.method;
-  head.path = request.path;
-  for (const auto& [name, value] : request.headers) head.headers[name] = value;
-  return head;
+// The header lines of a head. One that stands twice is joined by ", ".
+http::Headers headers_of(std::string_view head) {
+  http::Headers headers;
+  for (size_t begin = head.find("\r\n"); begin < head.size();) {
+    begin += 2;
+    const size_t end = std::min(head.find("\r\n", begin), head.size());
+    const std::string_view line = head.substr(begin, end - begin);
+    const size_t colon = line.find(':');
+    if (colon != std::string_view::npos) {
+      const auto [at, is_first] = headers.emplace(line.substr(0, colon), "");
+      if (!is_first) at->second += ", ";
+      at->second += without_blanks(line.substr(colon + 1));
+    }
+    begin = end;
+  }
+  return headers;
 }
 
 // Parses requests and writes responses; it opens no socket.
@@ -92,7 +91,11 @@ class Responder final : public httplib::Server {
   Responder(const HealthServerConfig& config, const HealthHandler& handler)
       : config_(config), handler_(handler) {
     set_pre_routing_handler([this](const httplib::Request& request, httplib::Response& response) {
-      fill(respond(head_of(request)), response);
+      Head head;
+      head.method = request.method;
+      head.path = request.path;
+      head.headers = headers_;
+      fill(respond(std::move(head)), response);
       return HandlerResponse::Handled;
     });
     // What cannot be parsed never came to the handler above.
@@ -105,8 +108,16 @@ class Responder final : public httplib::Server {
     });
   }
 
+  // One thread at a time calls it. `head`: without the empty line that ends it.
   std::string respond_to(std::string_view head) {
-    MemoryStream stream(head);
+    headers_ = headers_of(head);
+    // cpp-httplib gets the codings that a client takes and no other header: it would leave out
+    // those without a value, decode the others, and honour a Range.
+    std::string request(head.substr(0, head.find("\r\n")));
+    const auto codings = headers_.find("Accept-Encoding");
+    if (codings != headers_.end()) request += "\r\nAccept-Encoding: " + codings->second;
+    request += kHeadEnd;
+    MemoryStream stream(request);
     bool is_closed = true;
     serve(*this, stream, is_closed);
     return stream.take_response();
@@ -175,6 +186,7 @@ class Responder final : public httplib::Server {
 
   const HealthServerConfig& config_;
   const HealthHandler& handler_;
+  http::Headers headers_;  // of the request that is answered
 };
 
 // One client: sends a head, gets a response, and is waited for until it closes.
@@ -281,10 +293,11 @@ class PollingHealthServer final : public HealthServer {
     connection.head.append(bytes.data(), static_cast<size_t>(count));
     const size_t end = connection.head.find(kHeadEnd);
     if (end == std::string::npos && connection.head.size() <= kHealthHeadBytesMax) return;
-    connection.response = end != std::string::npos && end <= kHealthHeadBytesMax
-                              ? responder.respond_to(relevant_head(connection.head.substr(0, end)))
-                              : "HTTP/1.1 431 Request Header Fields Too Large\r\n"
-                                "Content-Length: 0\r\nConnection: close\r\n\r\n";
+    connection.response =
+        end != std::string::npos && end <= kHealthHeadBytesMax
+            ? responder.respond_to(std::string_view(connection.head).substr(0, end))
+            : "HTTP/1.1 431 Request Header Fields Too Large\r\n"
+              "Content-Length: 0\r\nConnection: close\r\n\r\n";
     connection.is_answered = true;
     connection.until = Clock::now() + kHealthSendTime;
     send(connection);

@@ -19,8 +19,8 @@
 
 namespace voxeld::api {
 
-// Requests of other paths and methods never come here. The head has method, path, authority and the
-// headers Origin and Sec-Fetch-Site. The response's body is text.
+// Requests of other paths and methods never come here. The head has method, path, authority and
+// headers. The response's body is text.
 using HealthHandler = std::function<Response(const Head& head)>;
 
 struct HealthServerConfig {

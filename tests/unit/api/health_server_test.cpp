@@ -29,7 +29,11 @@ class HealthServerTest : public ::testing::Test {
   }
   Response respond(const Head& head) {
     ++calls_;
-    if (head.path == "/readyz") return slow_();
+    const auto origin = head.headers.find("Origin");
+    if (head.path == "/readyz") {
+      origin_ = origin == head.headers.end() ? "none" : origin->second;
+      return slow_();
+    }
     return Response::text(200, "ok\n");
   }
   HttpAnswer ask(const std::string& request) {
@@ -42,6 +46,7 @@ class HealthServerTest : public ::testing::Test {
   }
 
   std::function<Response()> slow_ = [] { return Response::text(200, "ready\n"); };
+  std::string origin_;  // of the last request of /readyz
   std::atomic<int> calls_{0};
   std::unique_ptr<HealthServer> server_;
 };
@@ -65,6 +70,17 @@ TEST_F(HealthServerTest, other_paths_and_methods_never_come_to_the_handler) {
   EXPECT_EQ(ask("BROKEN\r\n\r\n").status, 400);
   EXPECT_EQ(ask("GET /livez HTTP/1.1\r\nHost: a b\r\n\r\n").status, 400);
   EXPECT_EQ(calls_, 0);
+}
+
+TEST_F(HealthServerTest, the_handler_sees_headers_as_they_were_sent) {
+  slow_ = [this] { return Response::text(200, origin_); };
+  const auto origin = [&](const std::string& lines) {
+    return ask("GET /readyz HTTP/1.1\r\nHost: localhost\r\n" + lines + "\r\n").body;
+  };
+  EXPECT_EQ(origin(""), "none");
+  EXPECT_EQ(origin("Origin:\r\n"), "");
+  EXPECT_EQ(origin("origin: \thttp://a%20b \r\n"), "http://a%20b");
+  EXPECT_EQ(origin("Origin: a\r\nORIGIN: b\r\n"), "a, b");
 }
 
 TEST_F(HealthServerTest, a_body_is_not_read_and_the_response_arrives) {
