@@ -3,9 +3,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/answers.h"
 #include "client/client_impl.h"
 #include "client/content_check.h"
+#include "client/responses.h"
 #include "proto/percent_encoding.h"
 
 namespace voxeld::client {
@@ -128,12 +128,12 @@ std::string Client::bundle(std::span<const BundleFile> files) {
   request.headers = {"Content-Type: application/vnd.voxeld.bundle+json"};
   const std::string body = nlohmann::json{{"files", list}}.dump(
       -1, ' ', false, nlohmann::json::error_handler_t::replace);
-  const nlohmann::json answer = parse_object(impl_->call(std::move(request), body).body);
-  if (!answer.contains("id") || !answer["id"].is_string()) {
-    throw Error("bad-answer", 0,
-                "the answer to the bundle names no asset: is there a voxeld at this URL?");
+  const nlohmann::json response = parse_object(impl_->call(std::move(request), body).body);
+  if (!response.contains("id") || !response["id"].is_string()) {
+    throw Error("bad-response", 0,
+                "the response to the bundle names no asset: is there a voxeld at this URL?");
   }
-  return answer["id"].get<std::string>();
+  return response["id"].get<std::string>();
 }
 
 std::string Client::asset_json(std::string_view asset) {
@@ -173,10 +173,10 @@ JobFrames Client::frames(std::string_view job) {
 Grid Client::frame(std::string_view job, std::int64_t index) {
   HttpRequest request;
   request.url = impl_->url("/v1/jobs/" + percent_encode(job) + "/frames/" + std::to_string(index));
-  const HttpAnswer answer = impl_->call(std::move(request));
-  const auto bytes = std::as_bytes(std::span(answer.body));
-  const auto etag = answer.headers.find("etag");
-  ContentCheck check(etag == answer.headers.end() ? std::string_view() : etag->second);
+  const HttpResponse response = impl_->call(std::move(request));
+  const auto bytes = std::as_bytes(std::span(response.body));
+  const auto etag = response.headers.find("etag");
+  ContentCheck check(etag == response.headers.end() ? std::string_view() : etag->second);
   check.add(bytes);
   check.finish("frame " + std::to_string(index) + " of the job " + std::string(job));
   return Grid::decode(bytes);
@@ -194,7 +194,8 @@ std::vector<JobInfo> Client::jobs(int limit) {
   const nlohmann::json body = parse_object(impl_->call(std::move(request)).body);
   const auto list = body.find("jobs");
   if (list == body.end() || !list->is_array()) {
-    throw Error("bad-answer", 0, "the answer is no list of jobs: is there a voxeld at this URL?");
+    throw Error("bad-response", 0,
+                "the response is no list of jobs: is there a voxeld at this URL?");
   }
   std::vector<JobInfo> jobs;
   for (const auto& status : *list) jobs.push_back(job_info(status));
@@ -214,8 +215,8 @@ Link Client::share(std::string_view job, std::chrono::seconds lifetime, const Op
     query += "&" + percent_encode(name) + "=" + percent_encode(value);
   }
   request.url = impl_->url("/v1/jobs/" + percent_encode(job) + "/share" + query);
-  const nlohmann::json answer = parse_object(impl_->call(std::move(request)).body);
-  return {impl_->url(text_of(answer, "url")), number_of(answer, "expires_ms")};
+  const nlohmann::json response = parse_object(impl_->call(std::move(request)).body);
+  return {impl_->url(text_of(response, "url")), number_of(response, "expires_ms")};
 }
 
 std::string Client::remove(std::string_view id) {

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "client/answers.h"
 #include "client/content_check.h"
+#include "client/responses.h"
 #include "proto/messages/job.h"
 #include "proto/percent_encoding.h"
 
@@ -61,20 +61,20 @@ SourceReader text_reader(const std::string& text) {
   return memory_reader(std::as_bytes(std::span(text)));
 }
 
-bool is_good(const HttpAnswer& answer) {
-  return answer.failure == HttpAnswer::Failure::kNone && answer.status / 100 == 2;
+bool is_good(const HttpResponse& response) {
+  return response.failure == HttpResponse::Failure::kNone && response.status / 100 == 2;
 }
 
 // Whether nothing was done and a later try may succeed.
-bool is_busy(const HttpAnswer& answer) {
-  return answer.failure == HttpAnswer::Failure::kUnreachable ||
-         (answer.failure == HttpAnswer::Failure::kNone &&
-          (answer.status == 429 || answer.status == 503));
+bool is_busy(const HttpResponse& response) {
+  return response.failure == HttpResponse::Failure::kUnreachable ||
+         (response.failure == HttpResponse::Failure::kNone &&
+          (response.status == 429 || response.status == 503));
 }
 
-std::string header_of(const HttpAnswer& answer, const std::string& name) {
-  const auto it = answer.headers.find(name);
-  return it == answer.headers.end() ? std::string() : it->second;
+std::string header_of(const HttpResponse& response, const std::string& name) {
+  const auto it = response.headers.find(name);
+  return it == response.headers.end() ? std::string() : it->second;
 }
 
 // Refuses a key with a line feed or the like, which would add a header of its own.
@@ -103,11 +103,11 @@ Error job_error(const JobInfo& info, const Json& status) {
 }
 
 // Checks a resumed download: the next bytes must continue after `done`, in the same result.
-void check_resumed(const HttpAnswer& head, long long done, const std::string& etag) {
+void check_resumed(const HttpResponse& head, long long done, const std::string& etag) {
   const std::string start = "bytes " + std::to_string(done) + "-";
   const std::string range = header_of(head, "content-range"), now = header_of(head, "etag");
   if (head.status == 206 && range.starts_with(start) && (now.empty() || now == etag)) return;
-  throw Error("bad-answer", head.status,
+  throw Error("bad-response", head.status,
               "the result changed while it was downloaded, what came so far is of no use",
               "status 206 with " + start + " of " + etag,
               "status " + std::to_string(head.status) + (range.empty() ? "" : " with " + range) +
@@ -122,32 +122,33 @@ ClientImpl::ClientImpl(Settings settings)
   while (settings_.url.ends_with('/')) settings_.url.pop_back();
 }
 
-void ClientImpl::fail(const HttpAnswer& answer) const {
-  switch (answer.failure) {
-    case HttpAnswer::Failure::kUnreachable:
-      throw Error("unreachable", 0, settings_.url + ": " + answer.failure_text);
-    case HttpAnswer::Failure::kTimeout:
-      throw Error("timeout", answer.status, settings_.url + ": " + answer.failure_text);
-    case HttpAnswer::Failure::kInterrupted:
+void ClientImpl::fail(const HttpResponse& response) const {
+  switch (response.failure) {
+    case HttpResponse::Failure::kUnreachable:
+      throw Error("unreachable", 0, settings_.url + ": " + response.failure_text);
+    case HttpResponse::Failure::kTimeout:
+      throw Error("timeout", response.status, settings_.url + ": " + response.failure_text);
+    case HttpResponse::Failure::kInterrupted:
       throw interrupted();
-    case HttpAnswer::Failure::kBroken:
-      throw Error("unreachable", answer.status, settings_.url + ": " + answer.failure_text);
-    case HttpAnswer::Failure::kNone:
+    case HttpResponse::Failure::kBroken:
+      throw Error("unreachable", response.status, settings_.url + ": " + response.failure_text);
+    case HttpResponse::Failure::kNone:
       break;
   }
-  const Json problem = Json::parse(answer.body, nullptr, false);
+  const Json problem = Json::parse(response.body, nullptr, false);
   if (!problem.is_object() || text_of(problem, "code").empty()) {
-    throw Error("bad-answer", answer.status,
-                settings_.url + ": status " + std::to_string(answer.status));
+    throw Error("bad-response", response.status,
+                settings_.url + ": status " + std::to_string(response.status));
   }
-  throw Error(text_of(problem, "code"), answer.status, text_of(problem, "detail"),
+  throw Error(text_of(problem, "code"), response.status, text_of(problem, "detail"),
               text_of(problem, "expected"), text_of(problem, "got"),
-              header_of(answer, "x-request-id"));
+              header_of(response, "x-request-id"));
 }
 
-void ClientImpl::pause(int attempt, const HttpAnswer& answer, const std::stop_token& stop) const {
+void ClientImpl::pause(int attempt, const HttpResponse& response,
+                       const std::stop_token& stop) const {
   auto wait = attempt < kPauseDoublings ? kPauseFirst * (1 << attempt) : kPauseMax;
-  const std::string after = header_of(answer, "retry-after");
+  const std::string after = header_of(response, "retry-after");
   if (!after.empty() && after.find_first_not_of("0123456789") == std::string::npos) {
     const long seconds = std::strtol(after.c_str(), nullptr, 10);
     wait = std::chrono::seconds(std::min<long>(seconds, kPauseMax / 1s));
@@ -159,8 +160,8 @@ void ClientImpl::pause(int attempt, const HttpAnswer& answer, const std::stop_to
   }
 }
 
-HttpAnswer ClientImpl::call(HttpRequest request, const std::string& body,
-                            const std::stop_token& stop) {
+HttpResponse ClientImpl::call(HttpRequest request, const std::string& body,
+                              const std::stop_token& stop) {
   if (!request.keep_going) request.keep_going = [&] { return !stop.stop_requested(); };
   for (int attempt = 0;; ++attempt) {
     auto reader = text_reader(body);
@@ -168,13 +169,13 @@ HttpAnswer ClientImpl::call(HttpRequest request, const std::string& body,
       request.body = reader.read;
       request.body_bytes = reader.bytes;
     }
-    HttpAnswer answer = transport_.exchange(request);
-    if (is_busy(answer) && attempt < settings_.retries) {
-      pause(attempt, answer, stop);
+    HttpResponse response = transport_.exchange(request);
+    if (is_busy(response) && attempt < settings_.retries) {
+      pause(attempt, response, stop);
       continue;
     }
-    if (!is_good(answer)) fail(answer);
-    return answer;
+    if (!is_good(response)) fail(response);
+    return response;
   }
 }
 
@@ -205,17 +206,17 @@ std::string ClientImpl::upload(const Source& source, const ProgressCallback& pro
                 (progress && !progress({"upload", sent, reader.bytes.value_or(0), "bytes"}));
       return !stopped;
     };
-    const HttpAnswer answer = transport_.exchange(request);
+    const HttpResponse response = transport_.exchange(request);
     if (stopped) throw interrupted();
-    if (is_busy(answer) && repeatable && attempt < settings_.retries) {
-      pause(attempt, answer, stop);
+    if (is_busy(response) && repeatable && attempt < settings_.retries) {
+      pause(attempt, response, stop);
       continue;
     }
-    if (!is_good(answer)) fail(answer);
-    std::string id = text_of(parse_object(answer.body), "id");
+    if (!is_good(response)) fail(response);
+    std::string id = text_of(parse_object(response.body), "id");
     if (id.empty()) {
-      throw Error("bad-answer", answer.status,
-                  "the answer to the upload names no asset: is there a voxeld at this URL?");
+      throw Error("bad-response", response.status,
+                  "the response to the upload names no asset: is there a voxeld at this URL?");
     }
     return id;
   }
@@ -246,8 +247,8 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   return job_info(parse_object(call(std::move(request), text).body));
 }
 
-HttpAnswer ClientImpl::look(std::string_view job, const std::string& etag,
-                            const std::stop_token& stop) {
+HttpResponse ClientImpl::look(std::string_view job, const std::string& etag,
+                              const std::stop_token& stop) {
   HttpRequest request;
   request.url = url("/v1/jobs/" + std::string(job));
   // With an ETag the daemon responds at the next change; the short wait allows progress in between.
@@ -256,17 +257,17 @@ HttpAnswer ClientImpl::look(std::string_view job, const std::string& etag,
   if (!etag.empty()) request.headers.push_back("If-None-Match: " + etag);
   request.keep_going = [&] { return !stop.stop_requested(); };
   for (int attempt = 0;; ++attempt) {
-    HttpAnswer answer = transport_.exchange(request);
+    HttpResponse response = transport_.exchange(request);
     if (stop.stop_requested()) throw interrupted();
-    const bool is_away = is_busy(answer) || answer.failure == HttpAnswer::Failure::kBroken;
+    const bool is_away = is_busy(response) || response.failure == HttpResponse::Failure::kBroken;
     if (is_away && attempt < settings_.retries) {
-      pause(attempt, answer, stop);
+      pause(attempt, response, stop);
       continue;
     }
     const bool is_unchanged =
-        answer.failure == HttpAnswer::Failure::kNone && answer.status == 304 && !etag.empty();
-    if (!is_good(answer) && !is_unchanged) fail(answer);
-    return answer;
+        response.failure == HttpResponse::Failure::kNone && response.status == 304 && !etag.empty();
+    if (!is_good(response) && !is_unchanged) fail(response);
+    return response;
   }
 }
 
@@ -276,10 +277,10 @@ JobInfo ClientImpl::wait(std::string_view id, const ProgressCallback& progress,
   Json status;
   JobInfo info;
   do {
-    const HttpAnswer answer = look(id, etag, stop);
-    if (answer.status != 304) {
-      etag = header_of(answer, "etag");
-      status = parse_object(answer.body);
+    const HttpResponse response = look(id, etag, stop);
+    if (response.status != 304) {
+      etag = header_of(response, "etag");
+      status = parse_object(response.body);
       info = job_info(status);
     }
     // Called also without a change, so that the callback can stop a stalled job.
@@ -306,7 +307,7 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
       sink(piece);
       done += static_cast<long long>(piece.size());
     };
-    request.on_head = [&](const HttpAnswer& head) {
+    request.on_head = [&](const HttpResponse& head) {
       if (head.status / 100 != 2) return;
       if (done > 0) return check_resumed(head, done, etag);
       etag = header_of(head, "etag");
@@ -318,15 +319,15 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
                 (progress && !progress({"download", done, total, "bytes"}));
       return !stopped;
     };
-    const HttpAnswer answer = transport_.exchange(request);
+    const HttpResponse response = transport_.exchange(request);
     if (stopped) throw interrupted();
-    if (is_good(answer)) {
+    if (is_good(response)) {
       if (check) check->finish("the result of the job " + std::string(job));
       return;
     }
-    const bool resumable = answer.failure == HttpAnswer::Failure::kBroken || is_busy(answer);
-    if (!resumable || attempt >= settings_.retries || (done > 0 && etag.empty())) fail(answer);
-    pause(attempt, answer, stop);
+    const bool resumable = response.failure == HttpResponse::Failure::kBroken || is_busy(response);
+    if (!resumable || attempt >= settings_.retries || (done > 0 && etag.empty())) fail(response);
+    pause(attempt, response, stop);
   }
 }
 

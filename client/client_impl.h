@@ -16,8 +16,8 @@ class ClientImpl {
 
   // Exchanges until the response is not 429, 503 or a refused connection, or no tries are left.
   // `body` is sent anew each time. Throws Error for any status but 2xx.
-  HttpAnswer call(HttpRequest request, const std::string& body = "",
-                  const std::stop_token& stop = {});
+  HttpResponse call(HttpRequest request, const std::string& body = "",
+                    const std::stop_token& stop = {});
   std::string url(std::string_view path) const { return settings_.url + std::string(path); }
 
   std::string upload(const Source& source, const ProgressCallback& progress,
@@ -30,11 +30,11 @@ class ClientImpl {
               const ProgressCallback& progress, const std::stop_token& stop);
 
  private:
-  [[noreturn]] void fail(const HttpAnswer& answer) const;
+  [[noreturn]] void fail(const HttpResponse& response) const;
   // One long poll of a job. Repeated while the daemon is away, because a restarted daemon still has
   // its jobs. Status 304: nothing changed since `etag`.
-  HttpAnswer look(std::string_view job, const std::string& etag, const std::stop_token& stop);
-  void pause(int attempt, const HttpAnswer& answer, const std::stop_token& stop) const;
+  HttpResponse look(std::string_view job, const std::string& etag, const std::stop_token& stop);
+  void pause(int attempt, const HttpResponse& response, const std::stop_token& stop) const;
 
   Settings settings_;
   Transport transport_;

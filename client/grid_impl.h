@@ -33,11 +33,12 @@ struct Grid::Impl {
                                      uint32_t bit) const;
 };
 
-// Throws Error "bad-answer".
+// Throws Error "bad-response".
 template <typename T>
 T checked(Result<T> result) {
   if (result.ok()) return std::move(result).value();
-  throw Error("bad-answer", 0, result.error().detail, result.error().expected, result.error().got);
+  throw Error("bad-response", 0, result.error().detail, result.error().expected,
+              result.error().got);
 }
 
 }  // namespace voxeld::client

@@ -13,7 +13,7 @@ namespace {
 // pass through libcurl: they are stored and rethrown afterwards.
 struct Exchange {
   const HttpRequest& request;
-  HttpAnswer& answer;
+  HttpResponse& response;
   CURL* curl;
   std::exception_ptr thrown;
 };
@@ -43,9 +43,9 @@ size_t on_write(char* data, size_t size, size_t count, void* user) {
   return guarded(exchange, 0, [&] {
     if (exchange.request.sink && status / 100 == 2) {
       exchange.request.sink(std::as_bytes(std::span(data, bytes)));
-      exchange.answer.sunk_bytes += static_cast<long long>(bytes);
+      exchange.response.sunk_bytes += static_cast<long long>(bytes);
     } else {
-      exchange.answer.body.append(data, bytes);
+      exchange.response.body.append(data, bytes);
     }
     return bytes;
   });
@@ -56,9 +56,9 @@ size_t on_head_end(Exchange& exchange, size_t bytes) {
   long status = 0;
   curl_easy_getinfo(exchange.curl, CURLINFO_RESPONSE_CODE, &status);
   if (!exchange.request.on_head || status < 200) return bytes;
-  exchange.answer.status = static_cast<int>(status);
+  exchange.response.status = static_cast<int>(status);
   return guarded(exchange, 0, [&] {
-    exchange.request.on_head(exchange.answer);
+    exchange.request.on_head(exchange.response);
     return bytes;
   });
 }
@@ -67,7 +67,7 @@ size_t on_header(char* data, size_t size, size_t count, void* user) {
   auto& exchange = *static_cast<Exchange*>(user);
   const std::string_view line(data, size * count);
   if (line == "\r\n" || line == "\n") return on_head_end(exchange, line.size());
-  if (line.starts_with("HTTP/")) exchange.answer.headers.clear();
+  if (line.starts_with("HTTP/")) exchange.response.headers.clear();
   const size_t colon = line.find(':');
   if (colon != std::string_view::npos) {
     std::string name(line.substr(0, colon));
@@ -77,7 +77,7 @@ size_t on_header(char* data, size_t size, size_t count, void* user) {
     std::string_view value = line.substr(colon + 1);
     while (!value.empty() && value.front() == ' ') value.remove_prefix(1);
     while (!value.empty() && (value.back() == '\r' || value.back() == '\n')) value.remove_suffix(1);
-    exchange.answer.headers[name] = value;
+    exchange.response.headers[name] = value;
   }
   return line.size();
 }
@@ -90,21 +90,21 @@ int on_progress(void* user, curl_off_t, curl_off_t, curl_off_t, curl_off_t) {
              : 1;
 }
 
-HttpAnswer::Failure failure_of(CURLcode code) {
+HttpResponse::Failure failure_of(CURLcode code) {
   switch (code) {
     case CURLE_OK:
-      return HttpAnswer::Failure::kNone;
+      return HttpResponse::Failure::kNone;
     case CURLE_COULDNT_CONNECT:
     case CURLE_COULDNT_RESOLVE_HOST:
     case CURLE_UNSUPPORTED_PROTOCOL:
     case CURLE_URL_MALFORMAT:
-      return HttpAnswer::Failure::kUnreachable;
+      return HttpResponse::Failure::kUnreachable;
     case CURLE_OPERATION_TIMEDOUT:
-      return HttpAnswer::Failure::kTimeout;
+      return HttpResponse::Failure::kTimeout;
     case CURLE_ABORTED_BY_CALLBACK:
-      return HttpAnswer::Failure::kInterrupted;
+      return HttpResponse::Failure::kInterrupted;
     default:
-      return HttpAnswer::Failure::kBroken;
+      return HttpResponse::Failure::kBroken;
   }
 }
 
@@ -136,11 +136,11 @@ Transport::~Transport() {
   curl_easy_cleanup(impl_->curl);
 }
 
-HttpAnswer Transport::exchange(const HttpRequest& request) {
+HttpResponse Transport::exchange(const HttpRequest& request) {
   CURL* curl = impl_->curl;
   curl_easy_reset(curl);
-  HttpAnswer answer;
-  Exchange exchange{request, answer, curl, nullptr};
+  HttpResponse response;
+  Exchange exchange{request, response, curl, nullptr};
   char error_text[CURL_ERROR_SIZE] = "";
   set(curl, CURLOPT_URL, request.url.c_str());
   set(curl, CURLOPT_PROTOCOLS_STR, "http,https");
@@ -188,16 +188,17 @@ HttpAnswer Transport::exchange(const HttpRequest& request) {
 
   long status = 0;
   curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
-  answer.failure = failure_of(code);
-  answer.status = static_cast<int>(status);
+  response.failure = failure_of(code);
+  response.status = static_cast<int>(status);
   // A response that arrives before the whole body was sent (413, say) is still valid.
-  if (answer.failure == HttpAnswer::Failure::kBroken && status >= 400 && !answer.body.empty()) {
-    answer.failure = HttpAnswer::Failure::kNone;
+  if (response.failure == HttpResponse::Failure::kBroken && status >= 400 &&
+      !response.body.empty()) {
+    response.failure = HttpResponse::Failure::kNone;
   }
-  if (answer.failure != HttpAnswer::Failure::kNone) {
-    answer.failure_text = error_text[0] != '\0' ? error_text : curl_easy_strerror(code);
+  if (response.failure != HttpResponse::Failure::kNone) {
+    response.failure_text = error_text[0] != '\0' ? error_text : curl_easy_strerror(code);
   }
-  return answer;
+  return response;
 }
 
 }  // namespace voxeld::client

@@ -13,7 +13,7 @@
 
 namespace voxeld::client {
 
-struct HttpAnswer;
+struct HttpResponse;
 
 struct HttpRequest {
   std::string method = "GET";
@@ -26,15 +26,15 @@ struct HttpRequest {
   // Seconds that the daemon may hold its response back; they do not count against the timeout.
   std::chrono::seconds held{0};
   // Receives status and headers before the body; an exception ends the exchange.
-  std::function<void(const HttpAnswer&)> on_head;
+  std::function<void(const HttpResponse&)> on_head;
   // Receives pieces of a 2xx response's body. Other bodies, and all if it is unset, go to
-  // HttpAnswer::body.
+  // HttpResponse::body.
   std::function<void(std::span<const std::byte>)> sink;
   // Called often; returning false ends the exchange.
   std::function<bool()> keep_going;
 };
 
-struct HttpAnswer {
+struct HttpResponse {
   int status = 0;                              // 0: no response, see failure
   std::map<std::string, std::string> headers;  // lower-case names
   std::string body;
@@ -56,7 +56,7 @@ class Transport {
   // followed, so no other server receives the key.
   Transport(std::chrono::seconds connect_timeout, std::chrono::seconds timeout, std::string key);
   ~Transport();
-  HttpAnswer exchange(const HttpRequest& request);
+  HttpResponse exchange(const HttpRequest& request);
 
  private:
   struct Impl;

@@ -372,7 +372,7 @@ std::vector<std::string> with_default_subcommand(int argc, const char* const* ar
 }  // namespace
 
 Command parse_command_line(int argc, const char* const* argv) {
-  CLI::App app("voxeld turns meshes into voxels and pictures, over HTTP.", "voxeld");
+  CLI::App app("voxeld turns meshes into voxels and images, over HTTP.", "voxeld");
   app.require_subcommand(0, 1);
   bool print_version = false;
   app.add_flag("--version", print_version, "Print the version");

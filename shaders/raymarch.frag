@@ -25,7 +25,7 @@ uint brick_word(uint index) { return bricks[index]; }
 uint color_word(uint index) { return colors[index]; }
 uint normal_word(uint index) { return normals[index]; }
 
-bool has(uint flag) { return (uint(params.picture.z) & flag) != 0u; }
+bool has(uint flag) { return (uint(params.image.z) & flag) != 0u; }
 
 MarchGrid march_grid() {
   return MarchGrid(params.box_low.xyz, params.box_high.xyz, params.tile_dims.xyz);
@@ -41,8 +41,8 @@ dvec4 both(vec4 high, vec4 low) { return dvec4(high) + dvec4(low); }
 
 // The ray through a position of the image in pixels. It uses homogeneous points, so a far plane at
 // infinity works.
-EyeRay picture_ray(vec2 pixel) {
-  vec2 at = pixel / vec2(params.picture.xy) * 2.0 - 1.0;
+EyeRay image_ray(vec2 pixel) {
+  vec2 at = pixel / vec2(params.image.xy) * 2.0 - 1.0;
   dvec4 near = both(params.near_0, params.near_0_low) +
                double(at.x) * both(params.near_x, params.near_x_low) +
                double(at.y) * both(params.near_y, params.near_y_low);
@@ -95,7 +95,7 @@ vec4 levels_by_footprint(RayStart start) {
 }
 
 Sight look(vec2 pixel) {
-  EyeRay eye = picture_ray(pixel);
+  EyeRay eye = image_ray(pixel);
   if (has(RAYMARCH_HAS_SECTION)) eye = clipped_to_section(eye);
   Sight sight;
   sight.start = dda_start(eye.origin, eye.direction, eye.t_first, eye.t_last, params.box_low.xyz,

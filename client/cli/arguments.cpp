@@ -112,7 +112,7 @@ void check_extension(const std::string& output, Format format, bool is_sequence)
 }
 
 // The kind of image of the output's extension; "" for one that a .png can hold.
-std::string picture_by_extension(const std::string& output) {
+std::string image_by_extension(const std::string& output) {
   const std::string extension = extension_of(output);
   return extension == ".gif" || extension == ".apng" ? extension.substr(1) : "";
 }
@@ -142,8 +142,8 @@ void check_render(Arguments& arguments, Given& given) {
   if (inputs != 1) {
     throw CLI::RequiredError("one of a mesh file (- for stdin), --grid and --sequence");
   }
-  const std::string picture = picture_by_extension(arguments.output);
-  if (!given.contains("picture") && !picture.empty()) given["picture"] = picture;
+  const std::string image = image_by_extension(arguments.output);
+  if (!given.contains("image") && !image.empty()) given["image"] = image;
   take_options(given, arguments.input.empty() ? OptionScope::kRenderGrid : OptionScope::kRenderMesh,
                arguments);
 }
@@ -167,7 +167,7 @@ std::string default_url() {
 std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   Arguments arguments;
   Given voxelize_given, render_given;
-  CLI::App app("voxel: voxel grids and pictures of meshes, from a voxeld daemon");
+  CLI::App app("voxel: voxel grids and images of meshes, from a voxeld daemon");
   app.footer(kFooter);
   app.set_version_flag("--version", "voxel " + std::string(version()));
   std::vector<std::string> inputs;
@@ -180,7 +180,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   add_option_flags(app, OptionScope::kVoxelize, voxelize_given);
   add_urgency_flags(app, arguments);
 
-  CLI::App* render = app.add_subcommand("render", "a picture of a mesh's voxels");
+  CLI::App* render = app.add_subcommand("render", "an image of a mesh's voxels");
   render->add_option("input", inputs, "mesh file, - for stdin; then files that are sent with it")
       ->type_name("FILE");
   render->add_option("--grid", arguments.grid, "a stored grid instead of a mesh")->type_name("ID");

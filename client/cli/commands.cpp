@@ -206,7 +206,7 @@ void run_list(const Arguments& arguments) {
   const Json page = parsed(daemon.list_json(arguments.kept, arguments.limit));
   const auto list = page.find(arguments.kept);
   if (list == page.end() || !list->is_array()) {
-    throw Error("bad-answer", 0, "the answer is no list: is there a voxeld at this URL?");
+    throw Error("bad-response", 0, "the response is no list: is there a voxeld at this URL?");
   }
   if (arguments.json) {
     print_json(page);
@@ -249,7 +249,7 @@ void run_whoami(const Arguments& arguments) {
   Client daemon(settings_of(arguments));
   const Json me = parsed(daemon.whoami_json());
   if (!me.is_object() || !me.contains("tenant")) {
-    throw Error("bad-answer", 0, "the answer names no tenant: is there a voxeld at this URL?");
+    throw Error("bad-response", 0, "the response names no tenant: is there a voxeld at this URL?");
   }
   if (arguments.json) {
     print_json(me);
@@ -406,7 +406,7 @@ void run_formats(const Arguments& arguments) {
   }
   const Json object = {{"read", {"obj", "ply", "stl", "off", "gltf", "glb", "md5mesh", "zip"}},
                        {"write", written},
-                       {"picture", {".png", ".gif", ".apng"}}};
+                       {"image", {".png", ".gif", ".apng"}}};
   if (arguments.json) {
     print_json(object);
     return;
@@ -420,7 +420,7 @@ void run_formats(const Arguments& arguments) {
       "        .xyz  points as text; of an animation a .zip of one file each\n"
       "        .voxg voxeld's sparse container\n"
       "        .voxs the same of an animation's frames\n"
-      "        .png  picture (voxel render); .gif, .apng of an animation or a turntable\n");
+      "        .png  image (voxel render); .gif, .apng of an animation or a turntable\n");
 }
 
 }  // namespace

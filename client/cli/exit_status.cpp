@@ -30,7 +30,7 @@ constexpr Row kRows[] = {
     {"storage-full", kTooLarge},
     {"unreachable", kUnreachable},
     {"timeout", kUnreachable},
-    {"bad-answer", kUnreachable},
+    {"bad-response", kUnreachable},
     {"content-mismatch", kUnreachable},
     {"too-many-requests", kUnreachable},
     {"device-unavailable", kUnreachable},

@@ -191,8 +191,8 @@ Status check_frame_options(const JobRequest& request) {
   if (request.grid.empty()) return {};
   if (request.options.animation.frames) return invalid("frames", "a sequence as input", "a grid");
   if (render.frame > 0) return invalid("frame", "a sequence as input", "a grid");
-  if (render.picture != PictureKind::kPng && render.turntable == 0) {
-    return invalid("picture", "png, or turntable with a grid as input", "a grid without turntable");
+  if (render.image != ImageKind::kPng && render.turntable == 0) {
+    return invalid("image", "png, or turntable with a grid as input", "a grid without turntable");
   }
   return {};
 }

@@ -37,7 +37,7 @@ enum class Light { kFlat, kPhong };
 enum class RendererChoice { kAuto, kGl, kCpu };
 // The kind of image that a render returns: one image; all frames or views as an animated GIF or
 // PNG; or all of them side by side on a sheet.
-enum class PictureKind { kPng, kGif, kApng, kSheet };
+enum class ImageKind { kPng, kGif, kApng, kSheet };
 // Whether a walking model leaves the place where it began.
 enum class RootMotionChoice { kKeep, kStrip };
 
@@ -126,7 +126,7 @@ struct RenderOptions {
   RendererChoice renderer = RendererChoice::kAuto;
   // Plane a,b,c,d in world units: cells with a*x+b*y+c*z+d > 0 are cut away.
   std::optional<std::array<double, 4>> section;
-  PictureKind picture = PictureKind::kPng;
+  ImageKind image = ImageKind::kPng;
   // The frame of a sequence that a single image shows: its number among the request's frames.
   int frame = 0;
   // The number of views around one grid, from `azimuth` on, instead of frames; 0: none.

@@ -29,9 +29,7 @@ struct Parsed {
     return found == names.end() ? std::string_view() : *found;
   }
   std::string_view fill() const { return word_of<Fill>(options.voxelize.fill, words::kFill); }
-  std::string_view picture() const {
-    return word_of<PictureKind>(options.render.picture, words::kPicture);
-  }
+  std::string_view image() const { return word_of<ImageKind>(options.render.image, words::kImage); }
 };
 
 // Requests for frames of a mesh that name no animation take the first one: a frame of an image, and
@@ -40,7 +38,7 @@ void complete_animation(RequestOptions& options, OptionScope scope, const GivenO
   const RenderOptions& render = options.render;
   const bool shows_frames =
       scope == OptionScope::kRenderMesh &&
-      (given.contains("frame") || (render.picture != PictureKind::kPng && render.turntable == 0));
+      (given.contains("frame") || (render.image != ImageKind::kPng && render.turntable == 0));
   const bool is_of_mesh = scope == OptionScope::kRenderMesh || scope == OptionScope::kVoxelize;
   AnimationOptions& animation = options.animation;
   if (!is_of_mesh || animation.animation || !(animation.moves() || shows_frames)) return;
@@ -51,7 +49,7 @@ void complete(RequestOptions& options, OptionScope scope, const GivenOptions& gi
   if (options.voxelize.fill == Fill::kBand && !given.contains("thickness")) {
     options.voxelize.thickness = kDefaultBandThickness;
   }
-  if (options.render.picture == PictureKind::kSheet) {
+  if (options.render.image == ImageKind::kSheet) {
     if (!given.contains("width")) options.render.width = kDefaultSheetSide;
     if (!given.contains("height")) options.render.height = kDefaultSheetSide;
   }
@@ -118,14 +116,14 @@ Status root_motion_needs_animation(const Parsed& request) {
 }
 
 Status rate_needs_gif_or_apng(const Parsed& request) {
-  const PictureKind kind = request.options.render.picture;
-  if (!request.gives("rate") || kind == PictureKind::kGif || kind == PictureKind::kApng) return {};
-  return invalid("rate", "picture gif or apng with it", request.picture());
+  const ImageKind kind = request.options.render.image;
+  if (!request.gives("rate") || kind == ImageKind::kGif || kind == ImageKind::kApng) return {};
+  return invalid("rate", "image gif or apng with it", request.image());
 }
 
 Status columns_need_sheet(const Parsed& request) {
-  if (!request.gives("columns") || request.options.render.picture == PictureKind::kSheet) return {};
-  return invalid("columns", "picture sheet with it", request.picture());
+  if (!request.gives("columns") || request.options.render.image == ImageKind::kSheet) return {};
+  return invalid("columns", "image sheet with it", request.image());
 }
 
 // The number of frames that the request names; 0: as many as the input has.
@@ -138,8 +136,8 @@ Status frame_is_one_of_sequence(const Parsed& request) {
   if (!request.gives("frame")) return {};
   const RequestOptions& options = request.options;
   const std::string got = std::to_string(options.render.frame);
-  if (options.render.picture != PictureKind::kPng) {
-    return invalid("frame", "picture png with it", request.picture());
+  if (options.render.image != ImageKind::kPng) {
+    return invalid("frame", "image png with it", request.image());
   }
   if (request.scope == OptionScope::kRenderMesh && !options.animation.is_sequence()) {
     return invalid("frame", "frames of an animation, and not its time", got);
@@ -154,8 +152,8 @@ Status frame_is_one_of_sequence(const Parsed& request) {
 Status turntable_shows_one_grid(const Parsed& request) {
   if (!request.gives("turntable")) return {};
   const RequestOptions& options = request.options;
-  if (options.render.picture == PictureKind::kPng) {
-    return invalid("turntable", "picture gif, apng or sheet with it", request.picture());
+  if (options.render.image == ImageKind::kPng) {
+    return invalid("turntable", "image gif, apng or sheet with it", request.image());
   }
   if (options.render.matrix) return invalid("turntable", "a camera without matrix", "matrix");
   if (!options.animation.is_sequence()) return {};
@@ -165,9 +163,9 @@ Status turntable_shows_one_grid(const Parsed& request) {
 Status several_images_need_frames_or_views(const Parsed& request) {
   const RenderOptions& render = request.options.render;
   const bool is_several = request.options.animation.is_sequence() || render.turntable > 0;
-  if (request.scope != OptionScope::kRenderMesh || render.picture == PictureKind::kPng) return {};
+  if (request.scope != OptionScope::kRenderMesh || render.image == ImageKind::kPng) return {};
   if (is_several) return {};
-  return invalid("picture", "frames of an animation, or turntable with it", request.picture());
+  return invalid("image", "frames of an animation, or turntable with it", request.image());
 }
 
 Status surface_needs_rule(const Parsed& request) {

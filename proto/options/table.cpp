@@ -51,7 +51,7 @@ bool is_coarse(const RequestOptions& options) {
   return options.output.level > 0;
 }
 bool is_several_images(const RequestOptions& options) {
-  return options.render.picture != PictureKind::kPng;
+  return options.render.image != ImageKind::kPng;
 }
 bool is_later_frame(const RequestOptions& options) {
   return options.render.frame > 0;
@@ -290,26 +290,26 @@ std::vector<Option> image_options() {
 std::vector<Option> several_images_options() {
   using R = RenderOptions;
   return {
-      {.name = "picture",
-       .codec = word(&R::picture, words::kPicture),
+      {.name = "image",
+       .codec = word(&R::image, words::kImage),
        .help = "one image, or all frames or views as an animation or side by side",
        .is_written = is_several_images},
       {.name = "frame",
        .form = "K",
        .codec = integer(&R::frame, 0, limits::kFramesMax - 1),
-       .help = "picture png: number of the frame among the requested ones, from 0",
+       .help = "image png: number of the frame among the requested ones, from 0",
        .is_written = is_later_frame},
       {.name = "turntable",
        .codec = integer(&R::turntable, limits::kTurntableViewsMin, limits::kTurntableViewsMax),
-       .help = "picture gif, apng and sheet: number of views around one grid"},
+       .help = "image gif, apng and sheet: number of views around one grid"},
       {.name = "rate",
        .form = "F",
        .codec = number(&R::rate, limits::kImageRateMin, limits::kImageRateMax),
-       .help = "picture gif and apng: images per second",
+       .help = "image gif and apng: images per second",
        .default_words = "the sequence's own times; of a turntable 24"},
       {.name = "columns",
        .codec = integer(&R::columns, 1, limits::kFramesMax),
-       .help = "picture sheet: images in a row",
+       .help = "image sheet: images in a row",
        .default_words = "as many as rows"},
   };
 }

@@ -61,10 +61,10 @@ inline constexpr std::array<Word<RendererChoice>, 3> kRenderer = {
     {{"auto", RendererChoice::kAuto}, {"gl", RendererChoice::kGl}, {"cpu", RendererChoice::kCpu}}};
 inline constexpr std::array<Word<LevelRule>, 2> kLevelRule = {
     {{"any", LevelRule::kAny}, {"majority", LevelRule::kMajority}}};
-inline constexpr std::array<Word<PictureKind>, 4> kPicture = {{{"png", PictureKind::kPng},
-                                                               {"gif", PictureKind::kGif},
-                                                               {"apng", PictureKind::kApng},
-                                                               {"sheet", PictureKind::kSheet}}};
+inline constexpr std::array<Word<ImageKind>, 4> kImage = {{{"png", ImageKind::kPng},
+                                                           {"gif", ImageKind::kGif},
+                                                           {"apng", ImageKind::kApng},
+                                                           {"sheet", ImageKind::kSheet}}};
 inline constexpr std::array<Word<RootMotionChoice>, 2> kRootMotion = {
     {{"keep", RootMotionChoice::kKeep}, {"strip", RootMotionChoice::kStrip}}};
 inline constexpr std::array<Word<bool>, 2> kYesNo = {{{"yes", true}, {"no", false}}};

@@ -17,7 +17,7 @@
 
 #include "server/base/check.h"
 #include "server/base/file.h"
-#include "server/render/animated_picture.h"
+#include "server/render/animated_image.h"
 
 namespace voxeld {
 namespace {
@@ -78,9 +78,9 @@ class ApngWriter final : public AnimationWriter {
   ApngWriter(UniqueFd fd, std::vector<uint32_t> durations)
       : fd_(std::move(fd)), durations_(std::move(durations)) {}
 
-  Status add(const Picture& picture) override {
-    VOXELD_CHECK(added_ < durations_.size(), "no more pictures than were told");
-    VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
+  Status add(const RenderImage& image) override {
+    VOXELD_CHECK(added_ < durations_.size(), "no more images than were told");
+    VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(image));
     const PngParts parts = parts_of(png);
     std::vector<uint8_t> out;
     if (added_ == 0) {
@@ -90,25 +90,25 @@ class ApngWriter final : public AnimationWriter {
       put_u32(control, 0);
       put_chunk(out, "acTL", control);
     }
-    put_frame_control(out, picture);
+    put_frame_control(out, image);
     for (const std::span<const uint8_t> stream : parts.streams) put_stream(out, stream);
     ++added_;
     return write_all(fd_.get(), out);
   }
 
   Status finish() override {
-    VOXELD_CHECK(added_ == durations_.size(), "as many pictures as were told");
+    VOXELD_CHECK(added_ == durations_.size(), "as many images as were told");
     std::vector<uint8_t> out;
     put_chunk(out, "IEND", {});
     return write_all(fd_.get(), out);
   }
 
  private:
-  void put_frame_control(std::vector<uint8_t>& out, const Picture& picture) {
+  void put_frame_control(std::vector<uint8_t>& out, const RenderImage& image) {
     std::vector<uint8_t> control;
     put_u32(control, number_++);
-    put_u32(control, static_cast<uint32_t>(picture.width));
-    put_u32(control, static_cast<uint32_t>(picture.height));
+    put_u32(control, static_cast<uint32_t>(image.width));
+    put_u32(control, static_cast<uint32_t>(image.height));
     put_u32(control, 0);
     put_u32(control, 0);
     put_u16(control, durations_[added_]);

@@ -86,8 +86,8 @@ Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_
   return Camera{clip_from_view * view_from_world(azimuth, elevation, center + distance * back)};
 }
 
-Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
-                                 const glm::dvec3& subject_world) {
+Result<ImageRays> image_rays(const Camera& camera, const GridSpec& spec,
+                             const glm::dvec3& subject_world) {
   const glm::dmat4 world_from_grid =
       glm::scale(glm::translate(glm::dmat4(1.0), spec.origin_world), spec.voxel_size);
   const glm::dmat4 clip_from_grid = camera.clip_from_world * world_from_grid;
@@ -106,12 +106,12 @@ Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
   const auto at = [&](double x, double y, double z, double w) {
     return grid_from_clip * glm::dvec4(x, y, z, w);
   };
-  PictureRays rays{{at(0, 0, -1, 1), at(1, 0, 0, 0), at(0, 1, 0, 0)},
-                   {at(0, 0, 1, 1), at(1, 0, 0, 0), at(0, 1, 0, 0)},
-                   {},
-                   {},
-                   {},
-                   1.0};
+  ImageRays rays{{at(0, 0, -1, 1), at(1, 0, 0, 0), at(0, 1, 0, 0)},
+                 {at(0, 0, 1, 1), at(1, 0, 0, 0), at(0, 1, 0, 0)},
+                 {},
+                 {},
+                 {},
+                 1.0};
   const auto world_at = [&](double x, double y, double z) {
     const glm::dvec4 p = world_from_grid * at(x, y, z, 1);
     return glm::dvec3(p) / p.w;
@@ -127,7 +127,7 @@ Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
   return rays;
 }
 
-Footprint pixel_footprint(const PictureRays& rays, int width, int height,
+Footprint pixel_footprint(const ImageRays& rays, int width, int height,
                           const glm::dvec3& voxel_size) {
   const double longest = std::max(voxel_size.x, std::max(voxel_size.y, voxel_size.z));
   // A point of the image in the near plane, or halfway to the far plane. Halfway in clip depth,

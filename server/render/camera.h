@@ -30,7 +30,7 @@ Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_
                    const glm::dvec3& occupied_max_world);
 
 // A camera in grid space, as the ray march needs it; see shaders/shared/raymarch.h.
-struct PictureRays {
+struct ImageRays {
   // Homogeneous points of the near and far plane: at[0] + x * at[1] + y * at[2], clip x and y.
   glm::dvec4 near_plane[3], far_plane[3];
   // World-space unit vectors at the middle of the image.
@@ -41,8 +41,8 @@ struct PictureRays {
 };
 // subject_world: the point at whose depth sizes are measured. Errors: invalid-option if the matrix
 // cannot be inverted.
-Result<PictureRays> picture_rays(const Camera& camera, const GridSpec& spec,
-                                 const glm::dvec3& subject_world);
+Result<ImageRays> image_rays(const Camera& camera, const GridSpec& spec,
+                             const glm::dvec3& subject_world);
 
 // The part of the grid that a pixel in the middle of the image spans, in sides of a voxel. The
 // longest of a voxel's three sides is meant; distances use the same unit.
@@ -52,7 +52,7 @@ struct Footprint {
 };
 // The smaller of the spans across and down. If the far side spans less than the near one, its span
 // is used everywhere.
-Footprint pixel_footprint(const PictureRays& rays, int width, int height,
+Footprint pixel_footprint(const ImageRays& rays, int width, int height,
                           const glm::dvec3& voxel_size);
 
 }  // namespace voxeld

@@ -25,7 +25,7 @@ size_t DrawingCost::node_bytes() const {
   return sizeof(uint32_t) * (tiles_ * RAYMARCH_TILE_ENTRIES + blocks * RAYMARCH_BLOCK_WORDS);
 }
 
-bool DrawingCost::fits(const PictureLimits& limits) const {
+bool DrawingCost::fits(const ImageLimits& limits) const {
   const size_t largest =
       std::max({bricks_ * kDrawnBrickBytes, node_bytes(), values_ * sizeof(uint32_t)});
   return largest <= limits.table_bytes_max && bytes() <= limits.bytes_max;

@@ -9,7 +9,7 @@
 namespace voxeld {
 
 // Memory limits of one render.
-struct PictureLimits {
+struct ImageLimits {
   size_t bytes_max = size_t{768} << 20;  // for tiles and the renderer's tables
   size_t table_bytes_max = SIZE_MAX;     // for each single table; see Renderer::table_bytes_max()
 };
@@ -21,7 +21,7 @@ inline constexpr size_t kDrawnBrickBytes = 80;
 class DrawingCost {
  public:
   void add(const SparseTile& tile);
-  bool fits(const PictureLimits& limits) const;
+  bool fits(const ImageLimits& limits) const;
   size_t bytes() const;
 
  private:

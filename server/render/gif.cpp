@@ -10,7 +10,7 @@
 
 #include "server/base/check.h"
 #include "server/base/file.h"
-#include "server/render/animated_picture.h"
+#include "server/render/animated_image.h"
 
 namespace voxeld {
 namespace {
@@ -23,8 +23,8 @@ Error gif_error(std::string what) {
 }
 
 // The image over white, opaque.
-std::vector<uint8_t> opaque(const Picture& picture) {
-  std::vector<uint8_t> rgba = picture.rgba;
+std::vector<uint8_t> opaque(const RenderImage& image) {
+  std::vector<uint8_t> rgba = image.rgba;
   for (size_t i = 0; i < rgba.size(); i += 4) {
     const unsigned alpha = rgba[i + 3];
     for (size_t c = i; c < i + 3; ++c) {
@@ -72,11 +72,11 @@ class GifWriter final : public AnimationWriter {
             std::vector<uint32_t> durations)
       : output_(std::move(output)), path_(std::move(path)), durations_(std::move(durations)) {}
 
-  Status add(const Picture& picture) override {
-    VOXELD_CHECK(added_ < durations_.size(), "no more pictures than were told");
+  Status add(const RenderImage& image) override {
+    VOXELD_CHECK(added_ < durations_.size(), "no more images than were told");
     try {
-      if (!open(picture)) return gif_error(output_->geterror());
-      const std::vector<uint8_t> rgba = opaque(picture);
+      if (!open(image)) return gif_error(output_->geterror());
+      const std::vector<uint8_t> rgba = opaque(image);
       if (!output_->write_image(OIIO::TypeDesc::UINT8, rgba.data())) {
         return gif_error(output_->geterror());
       }
@@ -88,20 +88,20 @@ class GifWriter final : public AnimationWriter {
   }
 
   Status finish() override {
-    VOXELD_CHECK(added_ == durations_.size(), "as many pictures as were told");
+    VOXELD_CHECK(added_ == durations_.size(), "as many images as were told");
     if (!output_->close()) return gif_error(output_->geterror());
     VOXELD_ASSIGN(std::vector<uint8_t> gif, read_file(path_));
     const size_t found = set_delays(gif, durations_);
     if (found != durations_.size()) {
       return gif_error("the file has " + std::to_string(found) + " of " +
-                       std::to_string(durations_.size()) + " pictures");
+                       std::to_string(durations_.size()) + " images");
     }
     return write_file(path_, gif);
   }
 
  private:
-  bool open(const Picture& picture) {
-    OIIO::ImageSpec spec(picture.width, picture.height, 4, OIIO::TypeDesc::UINT8);
+  bool open(const RenderImage& image) {
+    OIIO::ImageSpec spec(image.width, image.height, 4, OIIO::TypeDesc::UINT8);
     spec.attribute("oiio:ColorSpace", "sRGB");
     spec.attribute("gif:Interlacing", 0);
     if (added_ > 0) {
@@ -122,7 +122,7 @@ class GifWriter final : public AnimationWriter {
 Result<std::unique_ptr<AnimationWriter>> write_gif(const std::filesystem::path& path,
                                                    const std::vector<double>& durations_s) {
   try {
-    auto output = OIIO::ImageOutput::create("pictures.gif");
+    auto output = OIIO::ImageOutput::create("images.gif");
     if (output == nullptr) return gif_error(OIIO::geterror());
     return std::unique_ptr<AnimationWriter>(std::make_unique<GifWriter>(
         std::move(output), path, whole_durations(durations_s, kPartsPerSecond, kLeastParts)));

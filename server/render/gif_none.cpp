@@ -1,5 +1,5 @@
 // write_gif() in a build without OpenImageIO.
-#include "server/render/animated_picture.h"
+#include "server/render/animated_image.h"
 
 namespace voxeld {
 

@@ -5,8 +5,8 @@
 
 #include "server/base/check.h"
 #include "server/gpu/objects.h"
+#include "server/render/image_blocks.h"
 #include "server/render/packed_grid.h"
-#include "server/render/picture_blocks.h"
 #include "server/render/raymarch_params.h"
 
 namespace voxeld {
@@ -175,20 +175,21 @@ Status GlRenderer::Impl::draw(const RenderOptions& options, int samples,
       [&](int x, int y, int width, int height) { return draw_block(x, y, width, height); });
 }
 
-Result<Picture> GlRenderer::render(const RenderOptions& options, const BlockProgress& progress) {
+Result<RenderImage> GlRenderer::render(const RenderOptions& options,
+                                       const BlockProgress& progress) {
   Impl& impl = *impl_;
   if (impl.nodes.id() == 0) VOXELD_TRY(set_grid(Grid{}));
   VOXELD_ASSIGN(const int samples, impl.samples_per_side(options));
   VOXELD_ASSIGN(
       const gpu::Framebuffer target,
-      gpu::Framebuffer::create_rgba8(impl.context, options.width, options.height, "picture"));
+      gpu::Framebuffer::create_rgba8(impl.context, options.width, options.height, "image"));
   VOXELD_TRY(impl.draw(options, samples, impl.variant(options), target, progress));
-  Picture picture{options.width, options.height,
-                  std::vector<uint8_t>(size_t{4} * options.width * options.height)};
-  target.read_rgba8(picture.rgba);
-  VOXELD_TRY(impl.context.check("reading the picture"));
-  flip_rows(picture.rgba, options.height);
-  return picture;
+  RenderImage image{options.width, options.height,
+                    std::vector<uint8_t>(size_t{4} * options.width * options.height)};
+  target.read_rgba8(image.rgba);
+  VOXELD_TRY(impl.context.check("reading the image"));
+  flip_rows(image.rgba, options.height);
+  return image;
 }
 
 Result<std::vector<Hit>> GlRenderer::render_hits(const RenderOptions& options) {

@@ -3,7 +3,7 @@
 
 namespace voxeld {
 
-Result<std::vector<uint8_t>> encode_png(const Picture&) {
+Result<std::vector<uint8_t>> encode_png(const RenderImage&) {
   return Error{ErrorCode::kUnsupportedFeature, "this voxeld was built without OpenImageIO",
                "a build that writes PNG", "VOXELD_WITH_IMAGES=OFF"};
 }

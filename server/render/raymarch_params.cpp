@@ -73,8 +73,8 @@ Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const Ren
                                                int samples) {
   const glm::dvec3 low = grid.spec.world_from_grid(glm::dvec3(grid.occupied_min));
   const glm::dvec3 high = grid.spec.world_from_grid(glm::dvec3(grid.occupied_max));
-  VOXELD_ASSIGN(const PictureRays rays,
-                picture_rays(make_camera(options, low, high), grid.spec, 0.5 * (low + high)));
+  VOXELD_ASSIGN(const ImageRays rays,
+                image_rays(make_camera(options, low, high), grid.spec, 0.5 * (low + high)));
   shared::RaymarchParams block;
   split(rays.near_plane[0], block.near_0, block.near_0_low);
   split(rays.near_plane[1], block.near_x, block.near_x_low);
@@ -113,7 +113,7 @@ Result<shared::RaymarchParams> raymarch_params(const PackedGrid& grid, const Ren
       (options.section ? RAYMARCH_HAS_SECTION : 0u) |
       (options.light == Light::kPhong ? RAYMARCH_PHONG : 0u) |
       (options.occlusion ? RAYMARCH_OCCLUSION : 0u) | (options.shadow ? RAYMARCH_SHADOW : 0u);
-  block.picture = {options.width, options.height, static_cast<int32_t>(flags), 0};
+  block.image = {options.width, options.height, static_cast<int32_t>(flags), 0};
   return block;
 }
 

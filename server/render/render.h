@@ -18,7 +18,7 @@
 
 namespace voxeld {
 
-struct Picture {
+struct RenderImage {
   int width = 0, height = 0;
   std::vector<uint8_t> rgba;  // top row first, sRGB, straight alpha
 };
@@ -55,7 +55,8 @@ class Renderer {
   // drawn opaque, whatever their alpha. Errors: cancelled if `progress` returns false,
   // invalid-option if the matrix cannot be inverted, internal and device-unavailable with the
   // driver's words.
-  virtual Result<Picture> render(const RenderOptions& options, const BlockProgress& progress) = 0;
+  virtual Result<RenderImage> render(const RenderOptions& options,
+                                     const BlockProgress& progress) = 0;
   virtual void set_quality(const RenderQuality& quality) = 0;
   // Returns width*height hits, top row first, with one ray through the middle of each pixel. A ray
   // that starts inside a voxel (camera in the grid, section plane) hits it through the face of the
@@ -64,6 +65,6 @@ class Renderer {
 };
 
 // Encodes a PNG by OpenImageIO: 8 bits RGBA, marked sRGB. Errors: internal.
-Result<std::vector<uint8_t>> encode_png(const Picture& picture);
+Result<std::vector<uint8_t>> encode_png(const RenderImage& image);
 
 }  // namespace voxeld

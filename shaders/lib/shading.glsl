@@ -40,7 +40,7 @@ float flat_light(vec3 normal, Exposure exposure) {
   return light * exposure.open * mix(0.6f, 1.0f, exposure.lit);
 }
 
-// Phong shading ("Illumination for Computer Generated Pictures", 1975) with a key light, a weaker
+// Phong shading ("Illumination for Computer Generated Images", 1975) with a key light, a weaker
 // light from the opposite side of the camera, and ambient light that is brighter from above. All
 // vectors are unit vectors; `normal` faces the eye. Occluded corners also get less key light,
 // because part of it stands for light that bounces off the surface.

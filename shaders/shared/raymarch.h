@@ -87,7 +87,7 @@ struct RaymarchParams {
   ivec4 box_low;    // cells [box_low, box_high) hold all voxels, xyz; w: the most steps of a ray
   ivec4 box_high;   // w: samples along each side of a pixel, 1 or more
   ivec4 tile_dims;  // tiles of the grid, xyz; w unused
-  ivec4 picture;    // x, y: pixels; z: RAYMARCH_HAS_COLOR and so on; w unused
+  ivec4 image;      // x, y: pixels; z: RAYMARCH_HAS_COLOR and so on; w unused
 };
 
 VOXELD_SHARED_END

@@ -1,8 +1,8 @@
-// Times pictures of one mesh: render_bench MESH [--device D] [--picture N] [--repeat N] [--out DIR]
+// Times images of one mesh: render_bench MESH [--device D] [--image N] [--repeat N] [--out DIR]
 // [--color] [--samples N] [--shader-dir DIR] [--set NAME=VALUE]... SIZE... prints one line per
-// size: packing and uploading the grid, one picture, its PNG; medians of the runs in milliseconds,
+// size: packing and uploading the grid, one image, its PNG; medians of the runs in milliseconds,
 // after one that compiles the shaders. --set gives options of a render request; --out keeps the
-// pictures; device cpu needs no context.
+// images; device cpu needs no context.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -28,7 +28,7 @@ struct Arguments {
   std::string mesh, device = "llvmpipe", out, shader_dir;
   OptionPairs options;
   bool color = false;
-  int repeat = 5, picture = 512;
+  int repeat = 5, image = 512;
   RenderQuality quality;
   std::vector<int> sizes;
 };
@@ -40,8 +40,8 @@ Arguments parse(int argc, char** argv) {
     const auto value = [&] { return std::string(i + 1 < argc ? argv[++i] : ""); };
     if (text == "--device") {
       arguments.device = value();
-    } else if (text == "--picture") {
-      arguments.picture = std::max(1, std::atoi(value().c_str()));
+    } else if (text == "--image") {
+      arguments.image = std::max(1, std::atoi(value().c_str()));
     } else if (text == "--samples") {
       arguments.quality.samples_per_side = std::clamp(std::atoi(value().c_str()), 1, 4);
     } else if (text == "--shader-dir") {
@@ -73,7 +73,7 @@ double median(std::vector<double> values) {
 
 Status run(const Arguments& arguments, const RenderOptions& options, const Grid& grid,
            Renderer& renderer, int size) {
-  std::vector<double> set_ms, picture_ms, cpu_ms, png_ms;
+  std::vector<double> set_ms, image_ms, cpu_ms, png_ms;
   std::vector<uint8_t> png;
   for (int i = 0; i <= arguments.repeat; ++i) {
     Stopwatch set;
@@ -81,22 +81,22 @@ Status run(const Arguments& arguments, const RenderOptions& options, const Grid&
     set_ms.push_back(set.ms());
     Stopwatch draw;
     const std::clock_t cpu_start = std::clock();
-    VOXELD_ASSIGN(const Picture picture, renderer.render(options, {}));
-    picture_ms.push_back(draw.ms());
+    VOXELD_ASSIGN(const RenderImage image, renderer.render(options, {}));
+    image_ms.push_back(draw.ms());
     cpu_ms.push_back(1e3 * static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC);
     Stopwatch encode;
-    VOXELD_ASSIGN(png, encode_png(picture));
+    VOXELD_ASSIGN(png, encode_png(image));
     png_ms.push_back(encode.ms());
     if (i > 0) continue;
     set_ms.clear();
-    picture_ms.clear();
+    image_ms.clear();
     cpu_ms.clear();
     png_ms.clear();
   }
   std::printf(
-      "%5d  %9llu voxels  set_grid %8.2f ms  picture %dx%d %8.2f ms (cpu %8.2f)  png %6.2f ms\n",
+      "%5d  %9llu voxels  set_grid %8.2f ms  image %dx%d %8.2f ms (cpu %8.2f)  png %6.2f ms\n",
       size, static_cast<unsigned long long>(grid.voxel_count()), median(set_ms), options.width,
-      options.height, median(picture_ms), median(cpu_ms), median(png_ms));
+      options.height, median(image_ms), median(cpu_ms), median(png_ms));
   std::fflush(stdout);
   if (arguments.out.empty()) return {};
   const std::filesystem::path path =
@@ -128,7 +128,7 @@ Status open_device(const Arguments& arguments, Device& device) {
 
 Status run_all(const Arguments& arguments) {
   VOXELD_ASSIGN(RequestOptions request, parse_options(arguments.options, OptionScope::kRenderGrid));
-  request.render.width = request.render.height = arguments.picture;
+  request.render.width = request.render.height = arguments.image;
   VOXELD_ASSIGN(const MappedFile file, MappedFile::open(arguments.mesh));
   VOXELD_ASSIGN(const Scene scene, load_scene(arguments.mesh, file.bytes()));
   Device device;

@@ -83,7 +83,7 @@ void check_error(const std::string& step, const Error& error) {
           step + ": a full disk is storage-full, not: " + error.message());
 }
 
-// Runs the call as the HTTP front does: what it throws is one failed request.
+// Runs the call as the HTTP server does: what it throws is one failed request.
 template <typename Call>
 auto attempt(const std::string& step, Call&& call) {
   for (int tries = 1;; ++tries) {

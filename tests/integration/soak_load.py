@@ -112,7 +112,7 @@ class Soak(TenantsDaemon):
         return answer.json()["id"]
 
     def convert(self, tenant, chance):
-        """Upload, job, wait, result whole and in part, another format, a picture."""
+        """Upload, job, wait, result whole and in part, another format, an image."""
         asset = self.upload(tenant, chance)
         options = {"size": chance.randint(8, 96), "format": chance.choice(FORMATS)}
         job = self.ask(tenant, "POST", "/v1/jobs", {200, 202},

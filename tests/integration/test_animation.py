@@ -1,4 +1,4 @@
-"""Animations through the whole service: frames while they are made, in every pipeline, as files and pictures."""
+"""Animations through the whole service: frames while they are made, in every pipeline, as files and images."""
 import json
 import pathlib
 import shutil
@@ -21,20 +21,20 @@ WALK = {"animation": "walk", "size": 32}  # 6 frames at 12 per second, of which 
 
 
 def gif_size(data):
-    """(width, height, pictures) of a GIF, by its blocks."""
+    """(width, height, images) of a GIF, by its blocks."""
     assert data[:6] == b"GIF89a", data[:6]
     width, height, flags = struct.unpack("<HHB", data[6:11])
-    at, pictures = 13 + (3 << ((flags & 7) + 1) if flags & 128 else 0), 0
+    at, images = 13 + (3 << ((flags & 7) + 1) if flags & 128 else 0), 0
     while data[at] != 0x3b:
         if data[at] == 0x2c:
-            pictures += 1
+            images += 1
             at += 10 + (3 << ((data[at + 9] & 7) + 1) if data[at + 9] & 128 else 0) + 1
         else:
             at += 2
         while data[at]:
             at += data[at] + 1
         at += 1
-    return width, height, pictures
+    return width, height, images
 
 
 def png_size(data):
@@ -169,31 +169,31 @@ class Animation(DaemonTest):
         self.assertEqual(response.status, 200)
         self.assertEqual(response.body[:7], b"VOXGRID")
 
-    def test_frames_as_gif_sheet_apng_and_one_picture(self):
+    def test_frames_as_gif_sheet_apng_and_one_image(self):
         views = dict(WALK, width=48, height=40)
-        for picture, columns in (("gif", None), ("apng", None), ("sheet", 4)):
-            options = dict(views, picture=picture, **({"columns": columns} if columns else {}))
+        for image, columns in (("gif", None), ("apng", None), ("sheet", 4)):
+            options = dict(views, image=image, **({"columns": columns} if columns else {}))
             job = self.daemon.submit(kind="render", asset=self.worm, options=options)
             self.finish(job)
             body = self.daemon.get(f"/v1/jobs/{job}/result").body
-            if picture == "gif":
+            if image == "gif":
                 self.assertEqual(gif_size(body), (48, 40, 6))
-            elif picture == "apng":
+            elif image == "apng":
                 self.assertEqual(png_size(body), (48, 40))
                 at = body.index(b"acTL") + 4
                 self.assertEqual(struct.unpack(">II", body[at:at + 8]), (6, 0))
             else:
                 self.assertEqual(png_size(body), (4 * 48, 2 * 40))
-        pictures = set()
+        images = set()
         for frame in (0, 2):
             job = self.daemon.submit(kind="render", asset=self.worm, options=dict(views, frame=frame))
             self.finish(job)
-            pictures.add(self.daemon.get(f"/v1/jobs/{job}/result").body)
-        self.assertEqual(len(pictures), 2)
+            images.add(self.daemon.get(f"/v1/jobs/{job}/result").body)
+        self.assertEqual(len(images), 2)
 
     def test_a_turntable_of_one_grid(self):
         job = self.daemon.submit(kind="render", asset=self.spin, options={
-            "size": 24, "picture": "gif", "turntable": 6, "width": 32, "height": 32})
+            "size": 24, "image": "gif", "turntable": 6, "width": 32, "height": 32})
         self.finish(job)
         self.assertEqual(gif_size(self.daemon.get(f"/v1/jobs/{job}/result").body), (32, 32, 6))
 

@@ -57,13 +57,13 @@ class Cli(DaemonTest):
         text = self.voxel("info", self.dir / "a.voxs").stdout.decode()
         self.assertIn("frames      3, ", text)
 
-    def test_pictures_of_frames_and_of_a_turntable(self):
+    def test_images_of_frames_and_of_a_turntable(self):
         worm, small = self.fixtures / "worm.md5.zip", ("--size", 24, "--width", 48, "--height", 48)
         for name, magic, *options in (
                 ("one.png", b"\x89PNG", "--animation", 0, "--frame", 2),
                 ("all.gif", b"GIF89a", "--animation", 0),
                 ("all.apng", b"\x89PNG", "--animation", 0, "--frames", "0..2"),
-                ("sheet.png", b"\x89PNG", "--animation", 0, "--picture", "sheet", "--columns", 3),
+                ("sheet.png", b"\x89PNG", "--animation", 0, "--image", "sheet", "--columns", 3),
                 ("around.gif", b"GIF89a", "--turntable", 4)):
             done = self.voxel("render", worm, "-o", self.dir / name, *small, *options)
             self.assertEqual(done.returncode, 0, done.stderr)
@@ -130,7 +130,7 @@ class Cli(DaemonTest):
         text = self.voxel("--help").stdout.decode() + self.voxel("render", "--help").stdout.decode()
         for flag in ("--size", "--dims", "--voxel-size", "--padding", "--bounds", "--color",
                      "--channels", "--pipeline", "--format", "--azimuth", "--section",
-                     "--animation", "--frames", "--fps", "--picture", "--turntable", "--sequence"):
+                     "--animation", "--frames", "--fps", "--image", "--turntable", "--sequence"):
             self.assertIn(flag, text)
 
 

@@ -121,7 +121,7 @@ class Drain(unittest.TestCase):
         raw = kept.getresponse()
         self.assertEqual((raw.status, raw.headers["Connection"]), (503, "close"))
         raw.read()
-        # A picture would be work; what is there already is not.
+        # An image would be work; what is there already is not.
         status = daemon.get(f"/v1/jobs/{job}")
         self.assertEqual((status.status, status.headers["Connection"]), (200, "close"))
         grid = status.json()["result"]["grid"]

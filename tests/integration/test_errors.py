@@ -72,14 +72,14 @@ class Errors(DaemonTest):
 
     def test_render_options(self):
         for query in ("width=0", "height=4097", "projection=fish", "background=red!", "zoom=0",
-                      "light=disco", "section=0,0,0,1", "matrix=1,2", "picture=jpg",
-                      "picture=gif&time=1", "frame=1&time=1", "turntable=1&picture=gif", "turntable=8",
-                      "turntable=8&picture=gif&animation=0", "rate=5", "rate=0.01&picture=gif",
-                      "columns=0&picture=sheet", "columns=2", "frame=3&frames=0..2"):
+                      "light=disco", "section=0,0,0,1", "matrix=1,2", "image=jpg",
+                      "image=gif&time=1", "frame=1&time=1", "turntable=1&image=gif", "turntable=8",
+                      "turntable=8&image=gif&animation=0", "rate=5", "rate=0.01&image=gif",
+                      "columns=0&image=sheet", "columns=2", "frame=3&frames=0..2"):
             with self.subTest(query):
                 self.provoke(self.daemon.post(f"/v1/render?{query}", self.fixture("sample.ply")),
                              400, "invalid-option", query.split("=")[0])
-        for query in ("picture=gif", "frame=1"):  # of an animation that is not there
+        for query in ("image=gif", "frame=1"):  # of an animation that is not there
             with self.subTest(query):
                 self.provoke(self.daemon.post(f"/v1/render?{query}", self.fixture("sample.ply")),
                              400, "invalid-option", "an asset with animations", "ply")
@@ -215,8 +215,8 @@ class Errors(DaemonTest):
         grid = f"/v1/grids/{status['result']['grid']}"
         self.provoke(self.daemon.get(f"{grid}?frames=0..3"), 400, "invalid-option", "frames", "sequence")
         self.provoke(self.daemon.get(f"{grid}/render.png?frame=1"), 400, "invalid-option", "frame")
-        self.provoke(self.daemon.get(f"{grid}/render?picture=gif"), 400, "invalid-option", "turntable")
-        self.provoke(self.daemon.get(f"{grid}/render.png?picture=gif&turntable=4"), 400,
+        self.provoke(self.daemon.get(f"{grid}/render?image=gif"), 400, "invalid-option", "turntable")
+        self.provoke(self.daemon.get(f"{grid}/render.png?image=gif&turntable=4"), 400,
                      "invalid-option", "/render")
 
     def test_bundles(self):

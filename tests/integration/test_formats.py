@@ -179,15 +179,15 @@ class Formats(DaemonTest):
         self.assertLess(trees[:, 0].min(), house[:, 0].min())
         self.assertGreater(trees[:, 0].max(), house[:, 0].max())
 
-    def test_pictures_show_ids_where_there_is_no_colour(self):
-        pictures = set()
+    def test_images_show_ids_where_there_is_no_colour(self):
+        images = set()
         queries = ("occupancy", "label&labels=mesh", "label&labels=material", "material")
         for query in queries:
             response = self.daemon.post("/v1/render?size=40&width=64&height=64&filename=sample.obj.zip"
                                         "&channels=" + query, self.fixture("sample.obj.zip"))
             self.assertEqual(response.status, 200, response.body)
-            pictures.add(response.body)
-        self.assertEqual(len(pictures), len(queries) - 1)  # the last two are one
+            images.add(response.body)
+        self.assertEqual(len(images), len(queries) - 1)  # the last two are one
 
     def test_nearest_colours_are_the_same_by_each_pipeline_and_not_averages(self):
         query = "size=40&format=native&color="

@@ -84,7 +84,7 @@ class ShutIn(unittest.TestCase):
             sequence = status["result"]["sequence"]
             for request in ({"kind": "export", "sequence": sequence, "options": {"format": "npy"}},
                             {"kind": "render", "sequence": sequence,
-                             "options": {"width": 32, "height": 32, "picture": "gif"}}):
+                             "options": {"width": 32, "height": 32, "image": "gif"}}):
                 self.assertEqual(daemon.wait(daemon.submit(**request))["state"], "done", request)
         finally:
             daemon.stop()

@@ -83,7 +83,7 @@ class Levels(DaemonTest):
         np.testing.assert_array_equal(part["occupancy"], level["occupancy"][3:12, 2:13, 1:19])
         np.testing.assert_array_equal(part["color"], level["color"][3:12, 2:13, 1:19])
 
-    def test_a_level_has_an_id_tiles_and_pictures_of_its_own(self):
+    def test_a_level_has_an_id_tiles_and_images_of_its_own(self):
         first = self.daemon.get(f"/v1/grids/{self.grid}?level=1")
         self.assertEqual(first.status, 200)
         level = first.headers["X-Voxeld-Grid"]
@@ -98,21 +98,21 @@ class Levels(DaemonTest):
         again = self.daemon.get(f"/v1/grids/{self.grid}?level=1")
         self.assertIn("hit", again.headers["Cache-Status"])
 
-    def test_pictures_take_level_and_region(self):
-        def picture(query):
+    def test_images_take_level_and_region(self):
+        def image(query):
             response = self.daemon.get(f"/v1/grids/{self.grid}/render.png?width=96&height=96"
                                        f"&background=transparent&{query}")
             self.assertEqual(response.status, 200, response.body)
             return (decode_png(response.body)[..., 3] > 0,
                     json.loads(response.headers["X-Voxeld-Meta"])["drawn"])
 
-        whole, drawn = picture("azimuth=10")
+        whole, drawn = image("azimuth=10")
         self.assertEqual(drawn["level"], 0)
-        coarse, drawn = picture("azimuth=10&level=3")
+        coarse, drawn = image("azimuth=10&level=3")
         self.assertEqual(drawn["level"], 3)
         self.assertTrue((coarse | whole).sum() > coarse.sum() * 0.95)
         self.assertGreater((coarse & whole).sum(), 0.95 * whole.sum())
-        _, drawn = picture("region=0,0,0,100,100,100")
+        _, drawn = image("region=0,0,0,100,100,100")
         self.assertEqual(drawn["level"], 0)
         self.assertLess(drawn["voxels"], int(self.whole["occupancy"].sum()))
 

@@ -1,4 +1,4 @@
-"""The main job: a mesh in, a grid and a picture out, the same bytes on every driver and pipeline."""
+"""The main job: a mesh in, a grid and an image out, the same bytes on every driver and pipeline."""
 import hashlib
 import io
 import os
@@ -81,7 +81,7 @@ class OneShot(DaemonTest):
                 self.assertEqual(int(grid.sum()), occupied)
                 self.assertEqual("sha256-" + hashlib.sha256(grid.tobytes()).hexdigest(), digest)
 
-    def test_a_picture_is_a_png_of_the_size_asked_for(self):
+    def test_an_image_is_a_png_of_the_size_asked_for(self):
         response = self.daemon.post("/v1/render?size=64&width=320&height=200&filename=sample.glb",
                                     self.fixture("sample.glb"))
         self.assertEqual(response.status, 200, response.body)

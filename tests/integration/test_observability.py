@@ -171,18 +171,18 @@ class Observability(DaemonTest):
             self.assertGreaterEqual(response.status, 400)
             self.assertEqual(response.json()["trace_id"], TRACE, path)
 
-    def test_timings_stand_on_results_states_and_pictures(self):
+    def test_timings_stand_on_results_states_and_images(self):
         one_shot = self.daemon.post("/v1/voxelize?size=26&filename=sample.ply",
                                     self.fixture("sample.ply"))
         asset = self.daemon.upload(self.fixtures / "sample.ply")
         job = self.daemon.submit(kind="voxelize", asset=asset, options={"size": 22})
         status = self.daemon.wait(job)
         state = self.daemon.get(f"/v1/jobs/{job}")
-        picture = self.daemon.get(
+        image = self.daemon.get(
             f"/v1/grids/{status['result']['grid']}/render.png?width=32&height=32")
         for response, stages in ((one_shot, ("queue", "upload", "parse", "voxelize", "encode")),
                                  (state, ("queue", "parse", "voxelize", "encode")),
-                                 (picture, ("queue", "render", "encode"))):
+                                 (image, ("queue", "render", "encode"))):
             self.assertEqual(response.status, 200, response.body[:200])
             timing = response.headers["Server-Timing"]
             for stage in stages:

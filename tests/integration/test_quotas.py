@@ -86,11 +86,11 @@ class Quotas(unittest.TestCase):
         asset = lab.upload(self.fixtures / "sample.ply")
         moving = lab.upload(self.fixtures / "worm.md5.zip")
         still = lab.wait(lab.submit(kind="voxelize", asset=asset, options={"size": 16}))
-        picture = lab.wait(lab.submit(kind="render", grid=still["result"]["grid"],
+        image = lab.wait(lab.submit(kind="render", grid=still["result"]["grid"],
                                       options={"width": 16, "height": 16}))
         frames = lab.wait(lab.submit(kind="voxelize", asset=moving,
                                      options={"size": 16, "animation": "walk", "frames": "0..2"}))
-        self.assertEqual([job["state"] for job in (still, picture, frames)], ["done"] * 3)
+        self.assertEqual([job["state"] for job in (still, image, frames)], ["done"] * 3)
         keys(self.data_dir, "set", key_id(key), "--bytes", "1")
         self.problem(lab.post("/v1/assets?filename=b.ply", mesh + b"\n"), 413, "payload-too-large")
         # The same bytes cost nothing, though nothing is left.
@@ -112,15 +112,15 @@ class Quotas(unittest.TestCase):
         self.assertEqual([len(listed[kind]) for kind in ("results", "grids", "sequences", "assets")],
                          [3, 1, 1, 2])
         self.assertEqual({item["job"] for item in listed["results"]},
-                         {job["id"] for job in (still, picture, frames)})
+                         {job["id"] for job in (still, image, frames)})
         used = lab.get("/v1/me").json()["usage"]["bytes"]
-        for kind, thing in (("result", picture["id"]), ("grid", still["result"]["grid"]),
+        for kind, thing in (("result", image["id"]), ("grid", still["result"]["grid"]),
                             ("sequence", frames["result"]["sequence"])):
             self.assertEqual(voxel("rm", thing), f"{kind} {thing}\n")
             left = lab.get("/v1/me").json()["usage"]["bytes"]
             self.assertLess(left, used)
             used = left
-        self.assertIn("was deleted", voxel("rm", picture["id"], status=2))
+        self.assertIn("was deleted", voxel("rm", image["id"], status=2))
         self.assertEqual(json.loads(voxel("rm", asset, moving, "--json"))["deleted"],
                          [{"id": asset, "kind": "asset"}, {"id": moving, "kind": "asset"}])
         self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], 0)
@@ -129,7 +129,7 @@ class Quotas(unittest.TestCase):
                      f"/v1/jobs/{frames['id']}/frames/0"):
             self.problem(lab.get(path), 410, "gone", "was deleted")
         deadline = time.monotonic() + 30  # files go with the next sweep
-        gone = [still["result"]["grid"], picture["result"]["blob"], frames["result"]["sequence"], asset]
+        gone = [still["result"]["grid"], image["result"]["blob"], frames["result"]["sequence"], asset]
         while any(list(pathlib.Path(self.data_dir).rglob(one)) for one in gone):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.1)

@@ -1,4 +1,4 @@
-"""Pictures through the whole service; pixels are compared with Debian's own PNG readers in mind."""
+"""Images through the whole service; pixels are compared with Debian's own PNG readers in mind."""
 import struct
 import unittest
 import zlib
@@ -50,69 +50,69 @@ def decode_png(data):
 
 
 class Render(DaemonTest):
-    def picture(self, query, name="sample.glb"):
+    def image(self, query, name="sample.glb"):
         response = self.daemon.post(f"/v1/render?size=48&width=96&height=96&filename={name}&{query}",
                                     self.fixture(name))
         self.assertEqual(response.status, 200, response.body)
         return decode_png(response.body)
 
     def test_transparent_background_has_alpha_zero_in_the_corners(self):
-        picture = self.picture("background=transparent")
-        self.assertEqual(picture[0, 0, 3], 0)
-        self.assertGreater((picture[..., 3] == 255).mean(), 0.1)
+        image = self.image("background=transparent")
+        self.assertEqual(image[0, 0, 3], 0)
+        self.assertGreater((image[..., 3] == 255).mean(), 0.1)
 
     def test_background_colour_is_exact(self):
-        picture = self.picture("background=%23204060")
-        self.assertEqual(list(picture[0, 0, :3]), [0x20, 0x40, 0x60])
+        image = self.image("background=%23204060")
+        self.assertEqual(list(image[0, 0, :3]), [0x20, 0x40, 0x60])
 
     def test_the_model_is_framed(self):
         for query in ("projection=perspective", "projection=orthographic", "azimuth=200&elevation=-40"):
-            solid = self.picture(query + "&background=transparent")[..., 3] > 0
+            solid = self.image(query + "&background=transparent")[..., 3] > 0
             rows, columns = np.nonzero(solid)
             self.assertGreater(rows.min(), 0, query)
             self.assertLess(rows.max(), 95, query)
             self.assertGreater(max(np.ptp(rows), np.ptp(columns)), 48, query)
 
     def test_views_differ_and_zoom_enlarges(self):
-        near = self.picture("zoom=2&background=transparent")
-        far = self.picture("zoom=0.5&background=transparent")
+        near = self.image("zoom=2&background=transparent")
+        far = self.image("zoom=0.5&background=transparent")
         self.assertGreater((near[..., 3] > 0).sum(), 2 * (far[..., 3] > 0).sum())
-        self.assertTrue((self.picture("azimuth=0") != self.picture("azimuth=90")).any())
-        self.assertTrue((self.picture("light=flat") != self.picture("light=phong")).any())
+        self.assertTrue((self.image("azimuth=0") != self.image("azimuth=90")).any())
+        self.assertTrue((self.image("light=flat") != self.image("light=phong")).any())
 
     def test_occlusion_and_shadow_darken_and_move_nothing(self):
-        plain = self.picture("background=transparent").astype(int)
+        plain = self.image("background=transparent").astype(int)
         for option in ("occlusion=yes", "shadow=yes"):
-            other = self.picture("background=transparent&" + option).astype(int)
+            other = self.image("background=transparent&" + option).astype(int)
             self.assertTrue((other[..., 3] == plain[..., 3]).all(), option)
             self.assertTrue((other[..., :3] <= plain[..., :3] + 1).all(), option)
             self.assertTrue((other[..., :3] < plain[..., :3] - 10).any(), option)
 
     def test_more_rays_smooth_edges_and_move_nothing(self):
-        jagged = self.picture("background=transparent&samples=1").astype(int)
-        smooth = self.picture("background=transparent&samples=4").astype(int)
+        jagged = self.image("background=transparent&samples=1").astype(int)
+        smooth = self.image("background=transparent&samples=4").astype(int)
         self.assertEqual(set(np.unique(jagged[..., 3])), {0, 255})
         self.assertGreater(len(np.unique(smooth[..., 3])), 8)
-        self.assertTrue((self.picture("background=transparent") == self.picture("background=transparent&samples=2")).all())
+        self.assertTrue((self.image("background=transparent") == self.image("background=transparent&samples=2")).all())
         self.assertLess(abs(jagged[..., 3].mean() - smooth[..., 3].mean()), 2)
 
     def test_both_renderers_draw_the_same(self):
-        by_cpu = self.picture("renderer=cpu").astype(int)
-        self.assertTrue((by_cpu == self.picture("")).all())  # auto, on software drivers
+        by_cpu = self.image("renderer=cpu").astype(int)
+        self.assertTrue((by_cpu == self.image("")).all())  # auto, on software drivers
         if self.daemon.device == "cpu":
             refused = self.daemon.post("/v1/render?renderer=gl&filename=sample.glb", self.fixture("sample.glb"))
             self.assertEqual(refused.status, 422, refused.body)
             self.assertIn("renderer gl needs a GL context", refused.body.decode())
         else:
-            by_gl = self.picture("renderer=gl").astype(int)
+            by_gl = self.image("renderer=gl").astype(int)
             self.assertLessEqual((abs(by_gl - by_cpu) > 2).any(axis=2).mean(), 0.001)
 
     def test_a_section_plane_cuts_away(self):
-        whole = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0")
-        cut = self.picture("background=transparent&projection=orthographic&azimuth=0&elevation=0"
+        whole = self.image("background=transparent&projection=orthographic&azimuth=0&elevation=0")
+        cut = self.image("background=transparent&projection=orthographic&azimuth=0&elevation=0"
                            "&section=0,1,0,-1e9")
         self.assertTrue((whole == cut).all())
-        gone = self.picture("background=transparent&section=0,1,0,1e9")
+        gone = self.image("background=transparent&section=0,1,0,1e9")
         self.assertEqual((gone[..., 3] > 0).sum(), 0)
 
     def test_from_asset_and_grid_as_from_the_request(self):
@@ -125,7 +125,7 @@ class Render(DaemonTest):
         from_grid = self.daemon.post(f"/v1/render?width=64&height=64&grid={grid}")
         self.assertEqual(direct.body, from_grid.body)
 
-    def test_the_largest_picture(self):
+    def test_the_largest_image(self):
         response = self.daemon.post(
             "/v1/render?size=16&width=4096&height=4096&filename=sample.glb", self.fixture("sample.glb"))
         self.assertEqual(response.status, 200)
@@ -133,7 +133,7 @@ class Render(DaemonTest):
 
 
 class RenderWithoutGl(Render):
-    """The same pictures from the ray march on the CPU."""
+    """The same images from the ray march on the CPU."""
     device = "cpu"
 
 

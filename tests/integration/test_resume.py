@@ -103,7 +103,7 @@ class Estimates(DaemonTest):
         super().setUpClass()
         cls.asset = cls.daemon.upload(cls.fixtures / "sample.glb")
 
-    def price(self, daemon=None, **options):
+    def estimate(self, daemon=None, **options):
         response = (daemon or self.daemon).post("/v1/jobs?dry_run=1", {
             "kind": "voxelize", "asset": self.asset, "options": options})
         self.assertEqual(response.status, 200, response.body)
@@ -113,12 +113,12 @@ class Estimates(DaemonTest):
         daemon = Daemon(device="cpu")
         try:
             daemon.upload(self.fixtures / "sample.glb")
-            fresh = self.price(daemon, size=640)
+            fresh = self.estimate(daemon, size=640)
             self.assertEqual(fresh["estimate"]["learned_from"], 0)
             for size in range(200, 1100, 75):
                 daemon.wait(daemon.submit(kind="voxelize", asset=self.asset,
                                           options={"size": size, "cache": "no"}))
-            learned = self.price(daemon, size=640)["estimate"]
+            learned = self.estimate(daemon, size=640)["estimate"]
             self.assertEqual(learned["learned_from"], 12)
             fresh = fresh["estimate"]
             self.assertLess(learned["seconds_high"] / learned["seconds_low"],
@@ -129,11 +129,11 @@ class Estimates(DaemonTest):
             self.assertLess(measured / 4, learned["seconds"])
             self.assertGreater(measured * 4, learned["seconds"])
             self.assertLess(abs(learned["result_bytes"] / job["result"]["bytes"] - 1), 0.5)
-            self.assertTrue(self.price(daemon, size=640)["cached"])
+            self.assertTrue(self.estimate(daemon, size=640)["cached"])
             daemon.process.terminate()
             daemon.process.wait(30)
             daemon.start()
-            self.assertEqual(self.price(daemon, size=333)["estimate"]["learned_from"], 13)
+            self.assertEqual(self.estimate(daemon, size=333)["estimate"]["learned_from"], 13)
         finally:
             daemon.stop()
 
@@ -146,9 +146,9 @@ class Estimates(DaemonTest):
         for earlier, later in zip(ends, ends[1:]):
             self.assertLess(earlier["expected_end_ms"], later["expected_end_ms"])
             self.assertLessEqual(earlier["expected_start_ms"], later["expected_start_ms"])
-        priced = self.price(size=64)
-        self.assertGreaterEqual(priced["expected_end_ms"], ends[-1]["created_ms"])
-        self.assertGreaterEqual(priced["queue_position"], 4)
+        estimated = self.estimate(size=64)
+        self.assertGreaterEqual(estimated["expected_end_ms"], ends[-1]["created_ms"])
+        self.assertGreaterEqual(estimated["queue_position"], 4)
         for job in [first, *jobs]:
             self.daemon.request("DELETE", f"/v1/jobs/{job}")
             ended = self.daemon.wait(job)

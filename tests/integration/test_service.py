@@ -47,9 +47,9 @@ class Service(unittest.TestCase):
                                            options={"size": 40}))
         self.assertEqual(status["state"], "done", status)
         self.assertEqual(status["result"]["meta"]["voxel_count"], oracle(mesh, 40)[1])
-        picture = daemon.post("/v1/render?size=40&width=100&height=80&filename=sample.ply",
+        image = daemon.post("/v1/render?size=40&width=100&height=80&filename=sample.ply",
                               mesh.read_bytes())
-        self.assertEqual(picture.body[:8], b"\x89PNG\r\n\x1a\n", picture.body[:200])
+        self.assertEqual(image.body[:8], b"\x89PNG\r\n\x1a\n", image.body[:200])
         frames = daemon.post("/v1/voxelize?size=16&fps=4&animation=walk&filename=worm.md5.zip",
                              (self.folder / "fixtures/worm.md5.zip").read_bytes())
         self.assertEqual(frames.status, 200, frames.body[:300])

@@ -225,14 +225,14 @@ class Tenants(unittest.TestCase):
         etag = whole.headers["ETag"]
         self.assertEqual(anyone.get(made["url"], headers={"If-None-Match": etag}).status, 304)
         self.assertEqual(anyone.request("HEAD", made["url"]).status, 200)
-        picture = self.lab.post(f"/v1/grids/{grid}/share?view=render.png&width=16&height=16").json()
-        self.assertEqual(anyone.get(picture["url"]).headers["Content-Type"], "image/png")
+        image = self.lab.post(f"/v1/grids/{grid}/share?view=render.png&width=16&height=16").json()
+        self.assertEqual(anyone.get(image["url"]).headers["Content-Type"], "image/png")
         # The signature is of this path and this query.
         for url in (made["url"].replace("/result", ""), made["url"] + "&format=vox",
                     made["url"].replace(job, self.things["frames"]),
                     made["url"].replace(job, NO_JOB), made["url"].replace("key=", "key=a"),
-                    picture["url"].replace("width=16", "width=17"),
-                    picture["url"].replace("/render.png", "/tiles")):
+                    image["url"].replace("width=16", "width=17"),
+                    image["url"].replace("/render.png", "/tiles")):
             answer = anyone.get(url)
             self.assertEqual((answer.status, answer.json()["detail"]), (404, "no such link"), url)
         self.assertEqual(anyone.post(made["url"].replace("/result", "/share")).status, 401)
@@ -311,8 +311,8 @@ class Tenants(unittest.TestCase):
         self.assertEqual(self.boss.get(f"/v1/jobs/{job}").status, 200)
         self.assertIn(self.boss.request("DELETE", f"/v1/jobs/{job}").status, (200, 202))
         self.assertIn(self.studio.wait(job)["state"], ("cancelled", "done"))
-        picture = self.boss.get(f"/v1/grids/{self.things['grid']}/render.png?width=16&height=16")
-        self.assertEqual(picture.status, 200, picture.body)
+        image = self.boss.get(f"/v1/grids/{self.things['grid']}/render.png?width=16&height=16")
+        self.assertEqual(image.status, 200, image.body)
         again = self.boss.post(f"/v1/voxelize?size=16&asset={self.things['asset']}")
         self.assertEqual(again.status, 200, again.body)
 

@@ -33,7 +33,7 @@ namespace voxeld::client {
 
 // A failure. code() is the stable name of the API ("invalid-option", "grid-too-large", …), or one
 // of the client's own: "unreachable" (no connection), "timeout", "interrupted" (stopped by the
-// caller), "bad-answer" (not a voxeld daemon), "content-mismatch" (the bytes of a download do not
+// caller), "bad-response" (not a voxeld daemon), "content-mismatch" (the bytes of a download do not
 // match its content id), "file" (a local file).
 class VOXELD_CLIENT_API Error : public std::runtime_error {
  public:
@@ -114,7 +114,7 @@ struct Voxel {
 // A sparse grid, decoded. Cell (x,y,z) covers origin + voxel_size * [x,x+1) x [y,y+1) x [z,z+1).
 class VOXELD_CLIENT_API Grid {
  public:
-  // Decodes a native container (.voxg). Throws Error "bad-answer".
+  // Decodes a native container (.voxg). Throws Error "bad-response".
   static Grid decode(std::span<const std::byte> container);
   Grid(Grid&&) noexcept;
   Grid& operator=(Grid&&) noexcept;
@@ -156,7 +156,7 @@ class VOXELD_CLIENT_API Grid {
 // in order is fastest, because frames are stored as differences. One thread at a time.
 class VOXELD_CLIENT_API Sequence {
  public:
-  // Takes ownership of a native container (.voxs). Throws Error "bad-answer".
+  // Takes ownership of a native container (.voxs). Throws Error "bad-response".
   static Sequence decode(std::vector<std::byte> container);
   Sequence(Sequence&&) noexcept;
   Sequence& operator=(Sequence&&) noexcept;
@@ -170,7 +170,7 @@ class VOXELD_CLIENT_API Sequence {
   double fps() const;  // 0 if the frames have times of their own
   std::size_t frame_count() const;
   // Facts and voxels of frame `index`. Throw Error "not-found" if there is no such frame; frame()
-  // also throws "bad-answer".
+  // also throws "bad-response".
   double time_s(std::size_t index) const;
   std::uint64_t voxel_count(std::size_t index) const;
   Grid frame(std::size_t index);
@@ -283,7 +283,7 @@ class VOXELD_CLIENT_API Client {
   // Voxelizes to any format, which options name with "format".
   JobInfo voxelize_to(const Source& source, const Options& options, const Sink& sink,
                       const ProgressCallback& progress = {}, const std::stop_token& stop = {});
-  // Renders an image, of the kind that options name with "picture", else a PNG.
+  // Renders an image, of the kind that options name with "image", else a PNG.
   JobInfo render_to(const Source& source, const Options& options, const Sink& sink,
                     const ProgressCallback& progress = {}, const std::stop_token& stop = {});
 
@@ -309,7 +309,7 @@ class VOXELD_CLIENT_API Client {
   std::vector<JobInfo> jobs(int limit = 100);
   // The queue with at most `limit` waiting jobs; an admin's key shows those of all tenants.
   Queue queue(int limit = 100);
-  // Resumes if the connection breaks. Throws "bad-answer" if the result has changed meanwhile; the
+  // Resumes if the connection breaks. Throws "bad-response" if the result has changed meanwhile; the
   // sink then has the beginning of the old one. Throws "content-mismatch" at the end if the bytes
   // do not match the daemon's hash; the sink then has all of them.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},

@@ -193,11 +193,11 @@ Reply grid_response(Request& request, Api& api, const std::string& grid) {
 }
 
 Reply grid_image(Request& request, Api& api, const std::string& grid) {
-  const std::string picture = request.query("picture").value_or("png");
-  if (picture != "png") {
-    return problem(request, {ErrorCode::kInvalidOption, "picture",
-                             "png here; others from /v1/grids/{id}/render",
-                             "\"" + picture.substr(0, 40) + "\""});
+  const std::string image = request.query("image").value_or("png");
+  if (image != "png") {
+    return problem(
+        request, {ErrorCode::kInvalidOption, "image", "png here; others from /v1/grids/{id}/render",
+                  "\"" + image.substr(0, 40) + "\""});
   }
   return run_on_grid(request, api, grid, JobKind::kRender);
 }

@@ -174,8 +174,8 @@ Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf med
     types += (types.empty() ? "; types " : ", ") + std::string(type);
   }
   known += types;
-  for (const std::string_view picture : {"image/png", "image/gif", "image/apng", "image/*"}) {
-    if (accept.find(picture) != std::string_view::npos) return std::optional<Format>();
+  for (const std::string_view image : {"image/png", "image/gif", "image/apng", "image/*"}) {
+    if (accept.find(image) != std::string_view::npos) return std::optional<Format>();
   }
   return Error{ErrorCode::kNotAcceptable, "Accept names no format of this result", known,
                "\"" + header_safe(accept.substr(0, 120)) + "\""};

@@ -33,19 +33,19 @@ Result<JobRequest> parse_body(const std::string& text) {
 
 // The job as understood, with its estimate, without queueing it.
 Response dry_run(Request& request, const JobRequest& job, Api& api) {
-  const auto price = api.jobs.price(request.caller, job);
-  if (!price) return problem(request, price.error());
+  const auto estimated = api.jobs.estimate(request.caller, job);
+  if (!estimated) return problem(request, estimated.error());
   const Json options = Json::parse(canonical_json(job.options, option_scope(job)));
   return Response::json(200, Json{{"kind", job_kind_name(job.kind)},
                                   {"asset", job.asset},
                                   {"grid", job.grid},
                                   {"sequence", job.sequence},
                                   {"options", options},
-                                  {"cached", price->cached},
-                                  {"queue_position", price->queue_position},
-                                  {"estimate", job_estimate_json(*price->estimate)},
-                                  {"expected_start_ms", price->expected_start_ms},
-                                  {"expected_end_ms", price->expected_end_ms}}
+                                  {"cached", estimated->cached},
+                                  {"queue_position", estimated->queue_position},
+                                  {"estimate", job_estimate_json(*estimated->estimate)},
+                                  {"expected_start_ms", estimated->expected_start_ms},
+                                  {"expected_end_ms", estimated->expected_end_ms}}
                                  .dump());
 }
 

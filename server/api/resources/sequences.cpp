@@ -202,7 +202,7 @@ Reply get_sequence(Request& request, Api& api) {
 }
 
 Reply render_sequence(Request& request, Api& api) {
-  if (!request.query("picture")) request.head.query.emplace_back("picture", "gif");
+  if (!request.query("image")) request.head.query.emplace_back("image", "gif");
   return run_on_sequence(request, api, JobKind::kRender);
 }
 

@@ -139,8 +139,8 @@ void QueueForecast::fill(JobStatus& status) {
   status.expected_end_ms = expected.end_ms;
 }
 
-JobStatus QueueForecast::price(const std::string& tenant, const JobRequest& request,
-                               int64_t input_bytes) {
+JobStatus QueueForecast::estimate(const std::string& tenant, const JobRequest& request,
+                                  int64_t input_bytes) {
   const JobEstimate estimate = costs_.estimate(work_of(request.kind, request.options, input_bytes));
   const MutexLock lock(mutex_);
   std::vector<ForecastJob> jobs;
@@ -148,13 +148,13 @@ JobStatus QueueForecast::price(const std::string& tenant, const JobRequest& requ
   jobs.push_back({tenant, weight_(tenant), estimate.seconds, false});
   const ForecastTimes times = forecast(jobs, devices_).back();
   const int64_t now_ms = unix_time_ms();
-  JobStatus priced;
-  priced.kind = request.kind;
-  priced.estimate = estimate;
-  priced.queue_position = static_cast<int64_t>(jobs.size());
-  priced.expected_start_ms = now_ms + std::llround(times.start * 1000);
-  priced.expected_end_ms = now_ms + std::llround(times.end * 1000);
-  return priced;
+  JobStatus estimated;
+  estimated.kind = request.kind;
+  estimated.estimate = estimate;
+  estimated.queue_position = static_cast<int64_t>(jobs.size());
+  estimated.expected_start_ms = now_ms + std::llround(times.start * 1000);
+  estimated.expected_end_ms = now_ms + std::llround(times.end * 1000);
+  return estimated;
 }
 
 }  // namespace voxeld

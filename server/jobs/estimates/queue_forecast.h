@@ -37,7 +37,7 @@ class QueueForecast {
   // That a job is expected to take from now on; 0 of one that is not known.
   double expected_seconds(std::string_view id) EXCLUDES(mutex_);
   // The cost of a job, and when it would start and end if submitted now: a status without id.
-  JobStatus price(const std::string& tenant, const JobRequest& request, int64_t input_bytes)
+  JobStatus estimate(const std::string& tenant, const JobRequest& request, int64_t input_bytes)
       EXCLUDES(mutex_);
 
  private:

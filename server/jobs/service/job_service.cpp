@@ -86,17 +86,17 @@ int64_t Service::input_bytes(const std::string& tenant, const std::string& asset
   return bytes;
 }
 
-Result<JobStatus> Service::price(const Caller& caller, const JobRequest& request) {
+Result<JobStatus> Service::estimate(const Caller& caller, const JobRequest& request) {
   JobRequest filled = request;
   VOXELD_ASSIGN(const bool cached, jobs_.has_result(caller, filled));
-  JobStatus priced = forecast_.price(caller.tenant(), filled,
-                                     input_bytes(caller.tenant(), filled.asset, filled.grid));
-  if (!cached) return priced;
-  priced.cached = true;
-  priced.queue_position = 0;
-  priced.estimate = JobEstimate{};
-  priced.expected_start_ms = priced.expected_end_ms = unix_time_ms();
-  return priced;
+  JobStatus estimated = forecast_.estimate(caller.tenant(), filled,
+                                           input_bytes(caller.tenant(), filled.asset, filled.grid));
+  if (!cached) return estimated;
+  estimated.cached = true;
+  estimated.queue_position = 0;
+  estimated.estimate = JobEstimate{};
+  estimated.expected_start_ms = estimated.expected_end_ms = unix_time_ms();
+  return estimated;
 }
 
 Result<int64_t> Service::upload_room(const Caller& caller, int64_t asked) {

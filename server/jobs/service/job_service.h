@@ -79,7 +79,7 @@ class JobService {
                                    const SubmitOptions& options) = 0;
   // The status that submit() would return now, without a job: estimate, place in the queue and
   // expected times; `cached` if a result is there already. Errors: those of the input.
-  virtual Result<JobStatus> price(const Caller& caller, const JobRequest& request) = 0;
+  virtual Result<JobStatus> estimate(const Caller& caller, const JobRequest& request) = 0;
   // In brief: is_brief().
   virtual Result<JobStatus> get(const Caller& caller, std::string_view id) = 0;
   // With all its texts, which may be megabytes: a few callers at a time, others wait.

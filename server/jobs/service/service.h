@@ -93,7 +93,7 @@ class Service final : public JobService {
 
   Result<JobStatus> submit(const Caller& caller, const JobRequest& request,
                            const SubmitOptions& options) override;
-  Result<JobStatus> price(const Caller& caller, const JobRequest& request) override;
+  Result<JobStatus> estimate(const Caller& caller, const JobRequest& request) override;
   Result<JobStatus> get(const Caller& caller, std::string_view id) override;
   Result<JobStatus> get_whole(const Caller& caller, std::string_view id) override;
   Status list(const Caller& caller, const JobQuery& query,

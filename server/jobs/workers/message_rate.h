@@ -10,7 +10,7 @@
 namespace voxeld {
 
 // A worker reports five times a second, asks for the device up to 20 times a second, and hands over
-// the frames and pictures of an animation as fast as it makes them. One that says more than this
+// the frames and images of an animation as fast as it makes them. One that says more than this
 // keeps the gateway busy: its connection ends. Not thread-safe.
 class MessageRate {
  public:

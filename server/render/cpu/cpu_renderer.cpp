@@ -6,7 +6,7 @@
 #include "proto/thread_pool.h"
 #include "server/base/check.h"
 #include "server/render/cpu/raymarch_pixel.h"
-#include "server/render/picture_blocks.h"
+#include "server/render/image_blocks.h"
 #include "server/render/raymarch_params.h"
 
 namespace voxeld {
@@ -35,12 +35,13 @@ void CpuRenderer::for_each_row(int first, int count, const DrawRow& draw_row) co
       static_cast<size_t>(threads_));
 }
 
-Result<Picture> CpuRenderer::render(const RenderOptions& options, const BlockProgress& progress) {
+Result<RenderImage> CpuRenderer::render(const RenderOptions& options,
+                                        const BlockProgress& progress) {
   VOXELD_ASSIGN(const shared::RaymarchParams params,
                 raymarch_params(grid_, options, wanted_samples(options, quality_)));
   const RaymarchBindings bindings{params, grid_, raymarch_variant(grid_, options)};
-  Picture picture{options.width, options.height,
-                  std::vector<uint8_t>(size_t{4} * options.width * options.height)};
+  RenderImage image{options.width, options.height,
+                    std::vector<uint8_t>(size_t{4} * options.width * options.height)};
   VOXELD_TRY(for_each_block(
       options.width, options.height, progress,
       [&](int left, int bottom, int width, int height) -> Status {
@@ -48,12 +49,12 @@ Result<Picture> CpuRenderer::render(const RenderOptions& options, const BlockPro
           const size_t row = static_cast<size_t>(options.height - 1 - y) * options.width + left;
           for (int x = 0; x < width; ++x) {
             const auto rgba = raymarch_color(bindings, left + x, y);
-            std::copy(rgba.begin(), rgba.end(), &picture.rgba[4 * (row + x)]);
+            std::copy(rgba.begin(), rgba.end(), &image.rgba[4 * (row + x)]);
           }
         });
         return {};
       }));
-  return picture;
+  return image;
 }
 
 Result<std::vector<Hit>> CpuRenderer::render_hits(const RenderOptions& options) {

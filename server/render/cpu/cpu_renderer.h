@@ -15,7 +15,7 @@ class CpuRenderer final : public Renderer {
   explicit CpuRenderer(int threads = 0);
 
   Status set_grid(const Grid& grid) override;
-  Result<Picture> render(const RenderOptions& options, const BlockProgress& progress) override;
+  Result<RenderImage> render(const RenderOptions& options, const BlockProgress& progress) override;
   void set_quality(const RenderQuality& quality) override;
   Result<std::vector<Hit>> render_hits(const RenderOptions& options) override;
 

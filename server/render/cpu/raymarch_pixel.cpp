@@ -38,7 +38,7 @@ namespace {
 template <typename Params>
 const Params& params_as(const shared::RaymarchParams& params) {
   static_assert(sizeof(Params) == sizeof(shared::RaymarchParams));
-  static_assert(offsetof(Params, picture) == offsetof(shared::RaymarchParams, picture));
+  static_assert(offsetof(Params, image) == offsetof(shared::RaymarchParams, image));
   return reinterpret_cast<const Params&>(params);
 }
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr size_t kVoxelGrain = 1 << 13;
 
-// Phong 1975, "Illumination for computer generated pictures". The light is white and directional,
+// Phong 1975, "Illumination for computer generated images". The light is white and directional,
 // from above and in front; the viewer is at the front (+z). The thesis bakes this into its grids.
 constexpr std::array<double, 3> kToLight = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0};
 constexpr double kAmbient = 0.2, kDiffuse = 0.8, kSpecular = 0.25;  // exponent 16

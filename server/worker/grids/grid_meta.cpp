@@ -54,7 +54,7 @@ json nameless_warnings(const std::vector<Warning>& warnings, const std::string& 
 
 // The part of a container's meta that a response carries. Long lists of ids are cut, with their
 // length; the container has them all. Tasks and their completions are JSON of at most 1 MiB.
-json answer_meta(json meta) {
+json response_meta(json meta) {
   meta.erase("warnings");  // a response has them beside its meta
   constexpr size_t kListBytesMax = size_t{100} << 10;
   for (const char* name : {"materials", "labels"}) {
@@ -117,7 +117,7 @@ std::string container_meta(const Task& task, const Scene& scene, const json& opt
 }
 
 void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats) {
-  add_meta(run, answer_meta(json::parse(container_meta)));
+  add_meta(run, response_meta(json::parse(container_meta)));
   add_meta(run, device_facts(run.engine));
   add_meta(run, {{"triangles", stats.triangles},
                  {"tiles", stats.tiles},
@@ -131,7 +131,7 @@ void add_making_meta(TaskRun& run, const std::string& container_meta, const Voxe
 
 void add_input_meta(TaskRun& run, const std::string& container_meta) {
   const json meta = json::parse(container_meta, nullptr, false);
-  if (meta.is_object()) add_meta(run, answer_meta(meta));
+  if (meta.is_object()) add_meta(run, response_meta(meta));
   add_meta(run, device_facts(run.engine));
 }
 

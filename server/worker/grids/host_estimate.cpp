@@ -123,9 +123,9 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
          dense_bytes(grid.spec.cell_count(), grid.channels, output);
 }
 
-int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOptions& render) {
+int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOptions& render) {
   const int64_t batch = std::max<int64_t>(8, 2 * threads());
-  const auto limit = static_cast<int64_t>(engine.picture_limits.bytes_max);
+  const auto limit = static_cast<int64_t>(engine.image_limits.bytes_max);
   int64_t all = 0;
   for (size_t i = 0; i < source.coords().size() && all < limit; ++i) {
     all += 4 * tile_bytes_max(source, i);  // its tables are less than three times as large
@@ -133,7 +133,7 @@ int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOpti
   const auto by = engine.choose_renderer(render.renderer);
   // A software driver copies a table while it is uploaded; its shaders come on top.
   const auto table = static_cast<int64_t>(
-      std::min(by ? by->renderer->table_bytes_max() : 0, engine.picture_limits.bytes_max / 2));
+      std::min(by ? by->renderer->table_bytes_max() : 0, engine.image_limits.bytes_max / 2));
   all = std::min(all, limit);
   return all + std::min(all, table) + 3 * batch * largest_tile_bytes(source) +
          int64_t{16} * render.width * render.height + kSoftwareDeviceBytes / 2;

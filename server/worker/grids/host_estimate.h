@@ -27,8 +27,8 @@ int64_t sequence_bytes(int64_t frame_bytes);
 int64_t selection_bytes(const TileSource& source, const TileSource& selected,
                         const OutputOptions& output);
 
-// The estimate of an image: its tiles and tables, at most picture_limits, and its pixels.
-int64_t picture_bytes(Engine& engine, const TileSource& source, const RenderOptions& render);
+// The estimate of an image: its tiles and tables, at most image_limits, and its pixels.
+int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOptions& render);
 
 // Writes host_bytes_estimate into meta: the resident bytes now plus `more`, but no less than the
 // peak so far. The task's time slice requests resident bytes plus `more`, and `device_bytes`.

@@ -35,15 +35,15 @@ bool overlap(const CellBox& a, const CellBox& b) {
   return glm::all(glm::lessThan(a.min, b.max)) && glm::all(glm::lessThan(b.min, a.max));
 }
 
-Result<PictureLimits> limits_of(Engine& engine, RendererChoice asked) {
+Result<ImageLimits> limits_of(Engine& engine, RendererChoice asked) {
   VOXELD_ASSIGN(const Engine::ChosenRenderer by, engine.choose_renderer(asked));
-  PictureLimits limits = engine.picture_limits;
+  ImageLimits limits = engine.image_limits;
   limits.table_bytes_max = std::min(limits.table_bytes_max, by.renderer->table_bytes_max());
   return limits;
 }
 
 // Loads all tiles of the source while they fit; nullopt otherwise.
-Result<std::optional<Grid>> load_within(const TileSource& source, const PictureLimits& limits) {
+Result<std::optional<Grid>> load_within(const TileSource& source, const ImageLimits& limits) {
   Grid grid = source.grid();
   DrawingCost cost;
   const size_t count = source.coords().size(), step = source.batch();
@@ -60,14 +60,14 @@ Result<std::optional<Grid>> load_within(const TileSource& source, const PictureL
   return std::optional(std::move(grid));
 }
 
-bool fits(const Grid& grid, const PictureLimits& limits) {
+bool fits(const Grid& grid, const ImageLimits& limits) {
   DrawingCost cost;
   for (const SparseTile& tile : grid.tiles) cost.add(tile);
   return cost.fits(limits);
 }
 
 // Whether a level of the source is likely to fit; see kVoxelsPerBrick.
-bool likely_fits(const TileSource& source, int level, const PictureLimits& limits) {
+bool likely_fits(const TileSource& source, int level, const ImageLimits& limits) {
   double bricks = 0;
   for (size_t i = 0; i < source.coords().size(); ++i) {
     const auto voxels = static_cast<double>(source.voxels(i));
@@ -94,10 +94,10 @@ std::string known_hash(const Grid& grid) {
 class Finder {
  public:
   Finder(TaskRun& run, const TileSource& source, const std::string& source_key,
-         const RequestOptions& options, const PictureLimits& limits)
+         const RequestOptions& options, const ImageLimits& limits)
       : run_(run), source_(source), source_key_(source_key), options_(options), limits_(limits) {}
 
-  Result<PictureGrid> find(const std::shared_ptr<const LoadedGrid>& whole) {
+  Result<ImageGrid> find(const std::shared_ptr<const LoadedGrid>& whole) {
     if (!selects(options_.output)) {
       VOXELD_ASSIGN(const auto all, whole_grid(whole));
       if (all != nullptr) return all_of(all);
@@ -115,7 +115,7 @@ class Finder {
     const StageTimer stage(run_, "parse");
     InputCache& cache = run_.engine.cache;
     cache.grid.reset();
-    cache.picture.reset();
+    cache.image.reset();
     VOXELD_ASSIGN(std::optional<Grid> grid, load_within(source_, limits_));
     if (!grid) return none;
     std::string hash = known_hash(*grid);
@@ -124,22 +124,22 @@ class Finder {
     return cache.grid;
   }
 
-  PictureGrid all_of(const std::shared_ptr<const LoadedGrid>& grid) {
+  ImageGrid all_of(const std::shared_ptr<const LoadedGrid>& grid) {
     add_meta(run_, grid_facts(*grid));
     tell(0, grid->grid.tiles.size(), grid->grid.voxel_count());
     return {grid, source_key_, options_.render};
   }
 
   // The tiles in view, at the finest useful level that fits.
-  Result<PictureGrid> find_part() {
+  Result<ImageGrid> find_part() {
     const StageTimer stage(run_, "parse");
     const GridSpec& spec = source_.grid().spec;
     VOXELD_ASSIGN(const CellBox region, region_at_level(spec, options_.output, 0));
     const SomeTiles touched(
         source_, [&](const TileCoord& coord) { return overlap(cells_of(coord, spec), region); });
-    PictureGrid picture{nullptr, "", options_.render};
-    VOXELD_ASSIGN(picture.options.matrix, camera(touched, region));
-    const PictureView view(picture.options, spec);
+    ImageGrid image{nullptr, "", options_.render};
+    VOXELD_ASSIGN(image.options.matrix, camera(touched, region));
+    const ImageView view(image.options, spec);
     double pixels = 0;
     const SomeTiles seen(touched, [&](const TileCoord& coord) {
       const CellBox cells = cells_of(coord, spec);
@@ -150,8 +150,8 @@ class Finder {
     int level = options_.output.level;
     if (!likely_fits(seen, level, limits_)) level = std::max(level, level_of_pixels(pixels));
     while (level < kLevelMax && !likely_fits(seen, level, limits_)) ++level;
-    VOXELD_ASSIGN(picture.grid, load_part(seen, level, picture.key));
-    return picture;
+    VOXELD_ASSIGN(image.grid, load_part(seen, level, image.key));
+    return image;
   }
 
   // The camera for the whole grid, or for its region, whichever part is drawn.
@@ -171,11 +171,11 @@ class Finder {
                                                       std::string& key) {
     InputCache& cache = run_.engine.cache;
     key = part_key(seen, level);
-    if (cache.picture != nullptr && cache.picture_key == key) {
-      tell_part(cache.picture->grid, seen);
-      return cache.picture;
+    if (cache.image != nullptr && cache.image_key == key) {
+      tell_part(cache.image->grid, seen);
+      return cache.image;
     }
-    cache.picture.reset();
+    cache.image.reset();
     for (;; ++level) {
       OutputOptions output = options_.output;
       output.level = level;
@@ -187,11 +187,10 @@ class Finder {
                      std::to_string(limits_.bytes_max) + " bytes", "more at every level"};
       }
       grid->meta_json = json{{"level", level}}.dump();
-      cache.picture =
-          std::make_shared<const LoadedGrid>(LoadedGrid{*std::move(grid), std::string()});
-      cache.picture_key = key;
-      tell_part(cache.picture->grid, seen);
-      return cache.picture;
+      cache.image = std::make_shared<const LoadedGrid>(LoadedGrid{*std::move(grid), std::string()});
+      cache.image_key = key;
+      tell_part(cache.image->grid, seen);
+      return cache.image;
     }
   }
 
@@ -224,16 +223,15 @@ class Finder {
   const TileSource& source_;
   const std::string& source_key_;
   const RequestOptions& options_;
-  const PictureLimits limits_;
+  const ImageLimits limits_;
 };
 
 }  // namespace
 
-Result<PictureGrid> picture_grid(TaskRun& run, const TileSource& source,
-                                 const std::string& source_key,
-                                 const std::shared_ptr<const LoadedGrid>& whole,
-                                 const RequestOptions& options) {
-  VOXELD_ASSIGN(const PictureLimits limits, limits_of(run.engine, options.render.renderer));
+Result<ImageGrid> image_grid(TaskRun& run, const TileSource& source, const std::string& source_key,
+                             const std::shared_ptr<const LoadedGrid>& whole,
+                             const RequestOptions& options) {
+  VOXELD_ASSIGN(const ImageLimits limits, limits_of(run.engine, options.render.renderer));
   return Finder(run, source, source_key, options, limits).find(whole);
 }
 

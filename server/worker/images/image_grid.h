@@ -11,7 +11,7 @@
 
 namespace voxeld {
 
-struct PictureGrid {
+struct ImageGrid {
   std::shared_ptr<const LoadedGrid> grid;
   std::string key;        // of the grid that the renderer holds
   RenderOptions options;  // the request's, with the camera of the whole grid
@@ -21,9 +21,8 @@ struct PictureGrid {
 // stays in the cache for the next image of the same tiles at the same level. Meta: drawn {level,
 // tiles, tiles_in_grid, voxels}. Stage: parse. Errors: the source's; invalid-option for a region
 // outside the grid.
-Result<PictureGrid> picture_grid(TaskRun& run, const TileSource& source,
-                                 const std::string& source_key,
-                                 const std::shared_ptr<const LoadedGrid>& whole,
-                                 const RequestOptions& options);
+Result<ImageGrid> image_grid(TaskRun& run, const TileSource& source, const std::string& source_key,
+                             const std::shared_ptr<const LoadedGrid>& whole,
+                             const RequestOptions& options);
 
 }  // namespace voxeld

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "server/grid/region.h"
-#include "server/render/animated_picture.h"
+#include "server/render/animated_image.h"
 #include "server/render/camera.h"
 #include "server/worker/frames/container_frames.h"
 #include "server/worker/frames/frame_times.h"
@@ -27,8 +27,8 @@ std::vector<double> shown_durations(std::vector<double> durations_s,
 }
 
 // Draws the grid. Stage: render.
-Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
-                               const RenderOptions& options) {
+Result<RenderImage> render_image(TaskRun& run, const LoadedGrid& grid, const std::string& grid_key,
+                                 const RenderOptions& options) {
   const StageTimer stage(run, "render");
   VOXELD_ASSIGN(const Engine::ChosenRenderer by, run.engine.choose_renderer(options.renderer));
   VOXELD_TRY(run.slice.begin());
@@ -42,28 +42,29 @@ Result<Picture> render_picture(TaskRun& run, const LoadedGrid& grid, const std::
   return by.renderer->render(options, progress_of(run));
 }
 
-Status write_sheet(TaskRun& run, const Shots& shots, const RenderOptions& options) {
-  const size_t count = shots.durations_s.size();
+Status write_sheet(TaskRun& run, const ImageSeries& series, const RenderOptions& options) {
+  const size_t count = series.durations_s.size();
   VOXELD_ASSIGN(const SheetLayout layout,
                 sheet_layout(count, options.columns, options.width, options.height));
-  Picture sheet = begin_sheet(layout, options.background);
+  RenderImage sheet = begin_sheet(layout, options.background);
   for (size_t i = 0; i < count; ++i) {
-    VOXELD_ASSIGN(const Picture picture, shots.take(i));
-    place_in_sheet(layout, i, picture, sheet);
+    VOXELD_ASSIGN(const RenderImage image, series.take(i));
+    place_in_sheet(layout, i, image, sheet);
   }
-  add_meta(run, {{"pictures", count}, {"columns", layout.columns}});
-  return write_picture(run, sheet);
+  add_meta(run, {{"images", count}, {"columns", layout.columns}});
+  return write_image(run, sheet);
 }
 
-Status write_animation(TaskRun& run, const Shots& shots, const RenderOptions& options) {
-  const bool is_gif = options.picture == PictureKind::kGif;
+Status write_animation(TaskRun& run, const ImageSeries& series, const RenderOptions& options) {
+  const bool is_gif = options.image == ImageKind::kGif;
   const std::filesystem::path path = next_output(run);
-  VOXELD_ASSIGN(const std::unique_ptr<AnimationWriter> writer,
-                is_gif ? write_gif(path, shots.durations_s) : write_apng(path, shots.durations_s));
+  VOXELD_ASSIGN(
+      const std::unique_ptr<AnimationWriter> writer,
+      is_gif ? write_gif(path, series.durations_s) : write_apng(path, series.durations_s));
   SerialQueue side(kWaitingBytesMax);
-  for (size_t i = 0; i < shots.durations_s.size(); ++i) {
-    VOXELD_ASSIGN(Picture picture, shots.take(i));
-    const auto shared = std::make_shared<const Picture>(std::move(picture));
+  for (size_t i = 0; i < series.durations_s.size(); ++i) {
+    VOXELD_ASSIGN(RenderImage image, series.take(i));
+    const auto shared = std::make_shared<const RenderImage>(std::move(image));
     VOXELD_TRY(side.push(shared->rgba.size(), [&writer, shared] { return writer->add(*shared); }));
   }
   const StageTimer stage(run, "encode");
@@ -71,7 +72,7 @@ Status write_animation(TaskRun& run, const Shots& shots, const RenderOptions& op
   VOXELD_TRY(writer->finish());
   add_meta(run, {{"width", options.width},
                  {"height", options.height},
-                 {"pictures", shots.durations_s.size()}});
+                 {"images", series.durations_s.size()}});
   list_output(run, path, "result", is_gif ? "image/gif" : "image/apng", is_gif ? ".gif" : ".apng");
   return run.monitor.check();
 }
@@ -91,25 +92,24 @@ Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& contain
   return input;
 }
 
-Result<Picture> take_picture(TaskRun& run, const DrawnInput& input, const std::string& key,
-                             const RequestOptions& options) {
-  expect_bytes(run, picture_bytes(run.engine, input.tiles(), options.render));
-  VOXELD_ASSIGN(const PictureGrid drawn,
-                picture_grid(run, input.tiles(), key, input.whole, options));
-  return render_picture(run, *drawn.grid, drawn.key, drawn.options);
+Result<RenderImage> take_image(TaskRun& run, const DrawnInput& input, const std::string& key,
+                               const RequestOptions& options) {
+  expect_bytes(run, image_bytes(run.engine, input.tiles(), options.render));
+  VOXELD_ASSIGN(const ImageGrid drawn, image_grid(run, input.tiles(), key, input.whole, options));
+  return render_image(run, *drawn.grid, drawn.key, drawn.options);
 }
 
-Shots turntable_shots(TaskRun& run, const std::filesystem::path& container, const std::string& key,
-                      const RequestOptions& options) {
+ImageSeries turntable_series(TaskRun& run, const std::filesystem::path& container,
+                             const std::string& key, const RequestOptions& options) {
   const auto count = static_cast<size_t>(options.render.turntable);
   const std::vector<double> even(count, 1.0 / kDefaultFps);
   return {shown_durations(even, options.render.rate),
-          [&run, container, key, options, count](size_t index) -> Result<Picture> {
+          [&run, container, key, options, count](size_t index) -> Result<RenderImage> {
             RequestOptions turned = options;
             turned.render.azimuth_deg +=
                 360.0 * static_cast<double>(index) / static_cast<double>(count);
             VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, container, key));
-            return take_picture(run, input, key, turned);
+            return take_image(run, input, key, turned);
           }};
 }
 
@@ -124,30 +124,31 @@ RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options) 
   return render;
 }
 
-Shots frame_shots(TaskRun& run, const MadeSequence& sequence, const RequestOptions& options) {
+ImageSeries frame_series(TaskRun& run, const MadeSequence& sequence,
+                         const RequestOptions& options) {
   std::vector<double> times_s;
   for (const SequenceFrame& frame : sequence.manifest.frames) times_s.push_back(frame.time_s);
   RequestOptions seen = options;
   seen.render = frame_camera(sequence_spec(sequence.manifest), options);
   return {shown_durations(frame_durations(times_s, sequence.manifest.fps), options.render.rate),
-          [&run, &sequence, seen](size_t index) -> Result<Picture> {
+          [&run, &sequence, seen](size_t index) -> Result<RenderImage> {
             VOXELD_TRY(run.monitor.check());
             const std::string& key = sequence.manifest.frames[index].grid;
             VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, sequence.paths[index], key));
-            return take_picture(run, input, key, seen);
+            return take_image(run, input, key, seen);
           }};
 }
 
-Status write_picture(TaskRun& run, const Picture& picture) {
+Status write_image(TaskRun& run, const RenderImage& image) {
   const StageTimer stage(run, "encode");
-  VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(picture));
-  add_meta(run, {{"width", picture.width}, {"height", picture.height}});
+  VOXELD_ASSIGN(const std::vector<uint8_t> png, encode_png(image));
+  add_meta(run, {{"width", image.width}, {"height", image.height}});
   return add_output(run, "result", png, kPngMediaType, ".png");
 }
 
-Status write_shots(TaskRun& run, const Shots& shots, const RenderOptions& options) {
-  if (options.picture == PictureKind::kSheet) return write_sheet(run, shots, options);
-  return write_animation(run, shots, options);
+Status write_series(TaskRun& run, const ImageSeries& series, const RenderOptions& options) {
+  if (options.image == ImageKind::kSheet) return write_sheet(run, series, options);
+  return write_animation(run, series, options);
 }
 
 }  // namespace voxeld

@@ -27,28 +27,28 @@ Result<DrawnInput> open_drawn(TaskRun& run, const std::filesystem::path& contain
                               const std::string& key);
 
 // Images to be taken, all of one size.
-struct Shots {
+struct ImageSeries {
   std::vector<double> durations_s;  // one per image
-  std::function<Result<Picture>(size_t)> take;
+  std::function<Result<RenderImage>(size_t)> take;
 };
 
 // Draws one image of the grid, or of as much of it as is needed. Stages: parse, render.
-Result<Picture> take_picture(TaskRun& run, const DrawnInput& input, const std::string& key,
-                             const RequestOptions& options);
+Result<RenderImage> take_image(TaskRun& run, const DrawnInput& input, const std::string& key,
+                               const RequestOptions& options);
 
 // Views from options.render.turntable sides of the grid.
-Shots turntable_shots(TaskRun& run, const std::filesystem::path& container, const std::string& key,
-                      const RequestOptions& options);
+ImageSeries turntable_series(TaskRun& run, const std::filesystem::path& container,
+                             const std::string& key, const RequestOptions& options);
 // Views of each frame by one camera, which frames the box of all grids. `sequence` must outlive
 // them.
-Shots frame_shots(TaskRun& run, const MadeSequence& sequence, const RequestOptions& options);
-// The camera of frame_shots() as RenderOptions::matrix; a matrix of the request stays.
+ImageSeries frame_series(TaskRun& run, const MadeSequence& sequence, const RequestOptions& options);
+// The camera of frame_series() as RenderOptions::matrix; a matrix of the request stays.
 RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options);
 
 // Lists one image as the result.
-Status write_picture(TaskRun& run, const Picture& picture);
+Status write_image(TaskRun& run, const RenderImage& image);
 // Takes all images and lists them as the result, in the request's kind. Each is encoded while the
 // next one is drawn. Errors: those of the images; invalid-option for a sheet that is too large.
-Status write_shots(TaskRun& run, const Shots& shots, const RenderOptions& options);
+Status write_series(TaskRun& run, const ImageSeries& series, const RenderOptions& options);
 
 }  // namespace voxeld

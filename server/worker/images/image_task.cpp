@@ -5,7 +5,7 @@
 
 #include "proto/range_text.h"
 #include "server/formats/formats.h"
-#include "server/render/animated_picture.h"
+#include "server/render/animated_image.h"
 #include "server/voxel/frames/shared_frames.h"
 #include "server/worker/frames/container_frames.h"
 #include "server/worker/frames/frame_times.h"
@@ -19,12 +19,12 @@ namespace voxeld {
 namespace {
 
 bool is_animated(const RenderOptions& options) {
-  return options.picture != PictureKind::kPng;
+  return options.image != ImageKind::kPng;
 }
 
 Error not_animated() {
-  return {ErrorCode::kInvalidOption, "picture: there is one grid to show",
-          "picture=png, or frames of an animation, or turntable=N", "gif, apng or sheet"};
+  return {ErrorCode::kInvalidOption, "image: there is one grid to show",
+          "image=png, or frames of an animation, or turntable=N", "gif, apng or sheet"};
 }
 
 Error slices_sequence(int views) {
@@ -45,11 +45,11 @@ Result<size_t> shown_frame(const RenderOptions& options, size_t count) {
 Status draw_grid(TaskRun& run, const std::filesystem::path& container, const std::string& key,
                  const RequestOptions& options) {
   if (options.render.turntable > 0) {
-    return write_shots(run, turntable_shots(run, container, key, options), options.render);
+    return write_series(run, turntable_series(run, container, key, options), options.render);
   }
   VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, container, key));
-  VOXELD_ASSIGN(const Picture picture, take_picture(run, input, key, options));
-  return write_picture(run, picture);
+  VOXELD_ASSIGN(const RenderImage image, take_image(run, input, key, options));
+  return write_image(run, image);
 }
 
 // Writes the native container in the codec of stored grids.
@@ -116,13 +116,13 @@ Status render_moment(TaskRun& run, const RequestOptions& options) {
 // asset -> sequence -> images of its frames
 Status render_frames(TaskRun& run, const RequestOptions& options) {
   VOXELD_ASSIGN(Clip clip, open_clip(run, options));
-  if (options.render.picture == PictureKind::kSheet) {
+  if (options.render.image == ImageKind::kSheet) {
     VOXELD_TRY(sheet_layout(clip.times.times_s.size(), options.render.columns, options.render.width,
                             options.render.height));
   }
   run.engine.cache.grid.reset();
   VOXELD_ASSIGN(const MadeSequence made, make_frames(run, clip, options));
-  return write_shots(run, frame_shots(run, made, options), options.render);
+  return write_series(run, frame_series(run, made, options), options.render);
 }
 
 Status render_mesh(TaskRun& run) {
@@ -141,12 +141,12 @@ Status render_mesh(TaskRun& run) {
 Status render_sequence(TaskRun& run, const RequestOptions& options) {
   if (options.render.turntable > 0) return slices_sequence(options.render.turntable);
   VOXELD_ASSIGN(const MadeSequence sequence, open_sequence(run, options.animation));
-  const Shots shots = frame_shots(run, sequence, options);
-  if (is_animated(options.render)) return write_shots(run, shots, options.render);
+  const ImageSeries series = frame_series(run, sequence, options);
+  if (is_animated(options.render)) return write_series(run, series, options.render);
   VOXELD_ASSIGN(const size_t shown, shown_frame(options.render, sequence.paths.size()));
   add_meta(run, {{"time_s", sequence.manifest.frames[shown].time_s}});
-  VOXELD_ASSIGN(const Picture picture, shots.take(shown));
-  return write_picture(run, picture);
+  VOXELD_ASSIGN(const RenderImage image, series.take(shown));
+  return write_image(run, image);
 }
 
 Status render_grid(TaskRun& run, const RequestOptions& options) {

@@ -29,7 +29,7 @@ glm::dmat4 from_row_major(const std::array<double, 16>& rows) {
 
 }  // namespace
 
-PictureView::PictureView(const RenderOptions& options, const GridSpec& spec)
+ImageView::ImageView(const RenderOptions& options, const GridSpec& spec)
     : half_width_(0.5 * options.width), half_height_(0.5 * options.height) {
   VOXELD_CHECK(options.matrix.has_value(), "a view has its camera");
   clip_from_grid_ = from_row_major(*options.matrix) *
@@ -41,7 +41,7 @@ PictureView::PictureView(const RenderOptions& options, const GridSpec& spec)
   }
 }
 
-bool PictureView::sees(const CellBox& cells) const {
+bool ImageView::sees(const CellBox& cells) const {
   // For each plane, whether some corner is on its inner side. That suffices because a box is
   // convex. A half space in clip coordinates is one in the world, whatever the sign of w.
   std::array<bool, 7> inside{};
@@ -58,7 +58,7 @@ bool PictureView::sees(const CellBox& cells) const {
   return std::ranges::all_of(inside, [](bool one) { return one; });
 }
 
-double PictureView::cell_pixels(const CellBox& cells) const {
+double ImageView::cell_pixels(const CellBox& cells) const {
   double most = 0;
   for (int i = 0; i < kCorners; ++i) {
     const glm::dvec4 clip = clip_from_grid_ * corner(cells, i);

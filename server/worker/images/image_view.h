@@ -12,10 +12,10 @@
 
 namespace voxeld {
 
-class PictureView {
+class ImageView {
  public:
   // options.matrix is the camera.
-  PictureView(const RenderOptions& options, const GridSpec& spec);
+  ImageView(const RenderOptions& options, const GridSpec& spec);
 
   // Whether some of the cells [low, high) may be in the image. False if all of them are outside one
   // plane of the frustum, or cut away by the section.

@@ -42,8 +42,8 @@ struct InputCache {
   std::string grid_key;  // hash of the container, or of input and options for renders of a mesh
   std::shared_ptr<const LoadedGrid> grid;
   // The grid drawn last, if it was not the one above but a part or a level of some grid.
-  std::string picture_key;
-  std::shared_ptr<const LoadedGrid> picture;
+  std::string image_key;
+  std::shared_ptr<const LoadedGrid> image;
   // The grids that the renderers hold, by the same keys.
   std::string gl_resident_key, cpu_resident_key;
 };
@@ -69,7 +69,7 @@ struct Engine {
   Voxelizer voxelizer;
   InputCache cache;
   std::string cache_tenant;  // the owner of the cached inputs
-  PictureLimits picture_limits;
+  ImageLimits image_limits;
   // How often finished tiles of a long job are handed to the gateway (TileParts).
   std::chrono::milliseconds part_interval = kPartInterval;
 };

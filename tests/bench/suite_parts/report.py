@@ -51,7 +51,7 @@ layout("voxelize", "Voxelize only", ("scene", "who"), "size", time_cell,
        "cpu, for rivals times the one measured beside them.")
 layout("memory", "Voxelize only: peak memory", ("scene", "who"), "size",
        lambda row: f"{row['peak_mb']:.0f}", "Megabytes of the process at its peak, with the mesh and, except where rivals were "
-       "measured, the libraries of pictures and drivers that the program loads.")
+       "measured, the libraries of images and drivers that the program loads.")
 layout("solid", "Solid", ("scene", "who"), "size", time_cell,
        "As above, inside included: fill=solid, sign=parity; OpenVDB's signed distances and their "
        "interior mask; VTK's image stencil. Recast fills nothing.")

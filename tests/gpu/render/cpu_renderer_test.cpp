@@ -90,7 +90,7 @@ TEST(CpuRenderer, hits_the_cells_that_gl_hits) {
   }
 }
 
-TEST(CpuRenderer, draws_the_picture_that_gl_draws) {
+TEST(CpuRenderer, draws_the_image_that_gl_draws) {
   if (test_device_is_cpu()) GTEST_SKIP() << "compared on the GL devices";
   GlRenderer gl(gpu::test_context(), test_shaders());
   CpuRenderer cpu;

@@ -1,4 +1,4 @@
-// Small pictures against stored ones. VOXELD_UPDATE_GOLDEN=1 renews them (look at each before it is
+// Small images against stored ones. VOXELD_UPDATE_GOLDEN=1 renews them (look at each before it is
 // committed); on failure the actual and the difference are kept in the build folder.
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
@@ -23,43 +23,43 @@ constexpr double kMeanMax = 0.3;
 const std::filesystem::path kGoldenDir = VOXELD_GOLDEN_DIR;
 const std::filesystem::path kOutDir = VOXELD_GOLDEN_OUT;
 
-std::optional<Picture> read_picture(const std::filesystem::path& path) {
+std::optional<RenderImage> read_image(const std::filesystem::path& path) {
   const auto input = OIIO::ImageInput::open(path.string());
   if (input == nullptr) return std::nullopt;
-  Picture picture;
-  picture.width = input->spec().width;
-  picture.height = input->spec().height;
-  picture.rgba.resize(size_t{4} * picture.width * picture.height);
+  RenderImage image;
+  image.width = input->spec().width;
+  image.height = input->spec().height;
+  image.rgba.resize(size_t{4} * image.width * image.height);
   // Straight alpha must come back as it was stored.
   OIIO::ImageSpec config;
   config.attribute("oiio:UnassociatedAlpha", 1);
   const auto straight = OIIO::ImageInput::open(path.string(), &config);
-  if (!straight->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, picture.rgba.data())) {
+  if (!straight->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, image.rgba.data())) {
     return std::nullopt;
   }
-  return picture;
+  return image;
 }
 
-void write_picture(const std::filesystem::path& path, const Picture& picture) {
+void write_image(const std::filesystem::path& path, const RenderImage& image) {
   std::filesystem::create_directories(path.parent_path());
-  const auto png = encode_png(picture);
+  const auto png = encode_png(image);
   ASSERT_TRUE(png.ok()) << png.error().message();
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(png->data()), static_cast<std::streamsize>(png->size()));
 }
 
-void expect_golden(const std::string& name, const Picture& actual) {
+void expect_golden(const std::string& name, const RenderImage& actual) {
   const std::filesystem::path golden_path = kGoldenDir / (name + ".png");
   const char* update = std::getenv("VOXELD_UPDATE_GOLDEN");
   if (update != nullptr && std::string_view(update) == "1") {
-    write_picture(golden_path, actual);
+    write_image(golden_path, actual);
     return;
   }
-  const auto golden = read_picture(golden_path);
+  const auto golden = read_image(golden_path);
   ASSERT_TRUE(golden.has_value()) << golden_path;
   ASSERT_EQ(golden->width, actual.width);
   ASSERT_EQ(golden->height, actual.height);
-  Picture difference = actual;
+  RenderImage difference = actual;
   int level_max = 0;
   double sum = 0;
   for (size_t i = 0; i < actual.rgba.size(); ++i) {
@@ -72,8 +72,8 @@ void expect_golden(const std::string& name, const Picture& actual) {
   if (level_max <= kLevelMax && mean <= kMeanMax) return;
   const std::string device = gpu::device_name(gpu::test_context().info().device);
   const auto kept = kOutDir / (name + "." + device + ".actual.png");
-  write_picture(kept, actual);
-  write_picture(kOutDir / (name + "." + device + ".difference.png"), difference);
+  write_image(kept, actual);
+  write_image(kOutDir / (name + "." + device + ".difference.png"), difference);
   ADD_FAILURE() << name << ": max " << level_max << " (limit " << kLevelMax << "), mean " << mean
                 << " (limit " << kMeanMax << "), see " << kept;
 }
@@ -147,18 +147,18 @@ const GoldenCase kCases[] = {
 
 class Golden : public ::testing::TestWithParam<GoldenCase> {};
 
-TEST_P(Golden, picture_is_as_it_was) {
+TEST_P(Golden, image_is_as_it_was) {
   const auto renderer = make_test_renderer();
   ASSERT_TRUE(renderer->set_grid(GetParam().grid()).ok());
   RenderOptions options;
   options.width = options.height = 64;
   GetParam().adjust(options);
-  const auto picture = renderer->render(options, {});
-  ASSERT_TRUE(picture.ok()) << picture.error().message();
-  expect_golden(GetParam().name, *picture);
+  const auto image = renderer->render(options, {});
+  ASSERT_TRUE(image.ok()) << image.error().message();
+  expect_golden(GetParam().name, *image);
 }
 
-INSTANTIATE_TEST_SUITE_P(Pictures, Golden, ::testing::ValuesIn(kCases),
+INSTANTIATE_TEST_SUITE_P(Images, Golden, ::testing::ValuesIn(kCases),
                          [](const auto& one) { return std::string(one.param.name); });
 
 }  // namespace

@@ -110,13 +110,13 @@ TEST(RayMarch, the_longest_rays_are_marched_to_their_end) {
   ASSERT_TRUE(hits.ok()) << hits.error().message();
   for (const Hit& hit : *hits) ASSERT_EQ(hit.cell.x, 2047) << text(hit);
   hits_renderer().set_quality({4, 1 << 20});
-  const auto picture = hits_renderer().render(options, {});
+  const auto image = hits_renderer().render(options, {});
   hits_renderer().set_quality({});
-  ASSERT_TRUE(picture.ok()) << picture.error().message();
-  for (size_t i = 0; i < picture->rgba.size(); i += 4) {
-    ASSERT_EQ(picture->rgba[i + 0], 0);
-    ASSERT_GT(picture->rgba[i + 1], 200);
-    ASSERT_EQ(picture->rgba[i + 3], 255);
+  ASSERT_TRUE(image.ok()) << image.error().message();
+  for (size_t i = 0; i < image->rgba.size(); i += 4) {
+    ASSERT_EQ(image->rgba[i + 0], 0);
+    ASSERT_GT(image->rgba[i + 1], 200);
+    ASSERT_EQ(image->rgba[i + 3], 255);
   }
 }
 

@@ -1,4 +1,4 @@
-// Ambient occlusion, shadows, levels of detail and solids, by what must be so in any picture.
+// Ambient occlusion, shadows, levels of detail and solids, by what must be so in any image.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -12,17 +12,17 @@ namespace {
 
 using ::testing::ElementsAre;
 
-constexpr int kSide = 32;  // of plates, in cells, and of their pictures, in pixels
+constexpr int kSide = 32;  // of plates, in cells, and of their images, in pixels
 
-std::array<uint8_t, 4> pixel(const Picture& picture, int x, int y) {
-  const size_t i = size_t{4} * static_cast<size_t>(y * picture.width + x);
-  return {picture.rgba[i], picture.rgba[i + 1], picture.rgba[i + 2], picture.rgba[i + 3]};
+std::array<uint8_t, 4> pixel(const RenderImage& image, int x, int y) {
+  const size_t i = size_t{4} * static_cast<size_t>(y * image.width + x);
+  return {image.rgba[i], image.rgba[i + 1], image.rgba[i + 2], image.rgba[i + 3]};
 }
 
-Picture picture_of(const RenderOptions& options) {
-  auto picture = hits_renderer().render(options, {});
-  EXPECT_TRUE(picture.ok()) << picture.error().message();
-  return picture.ok() ? std::move(picture).value() : Picture{};
+RenderImage image_of(const RenderOptions& options) {
+  auto image = hits_renderer().render(options, {});
+  EXPECT_TRUE(image.ok()) << image.error().message();
+  return image.ok() ? std::move(image).value() : RenderImage{};
 }
 
 // From above, x to the right, z down; `cells` from side to side, 200 deep.
@@ -50,9 +50,9 @@ TEST(Occlusion, a_floor_alone_is_open_and_lit_everywhere) {
     for (const int cells : {kSide, 2}) {
       RenderOptions options = from_above(cells, kSide);
       options.light = light;
-      const Picture plain = picture_of(options);
+      const RenderImage plain = image_of(options);
       options.occlusion = options.shadow = true;
-      EXPECT_EQ(picture_of(options).rgba, plain.rgba) << cells;
+      EXPECT_EQ(image_of(options).rgba, plain.rgba) << cells;
     }
   }
 }
@@ -62,10 +62,10 @@ TEST(Occlusion, darkens_a_floor_the_more_the_nearer_it_is_to_a_wall) {
       hits_renderer().set_grid(floor_and([](const glm::ivec3& c) { return c.x == 0; })).ok());
   RenderOptions options = from_above(kSide, 8 * kSide);
   options.occlusion = true;
-  const Picture picture = picture_of(options);
+  const RenderImage image = image_of(options);
   // In the middle of cells at z = 8, 9, ...
   for (int y = 8 * 8 + 4; y < 8 * 24; y += 8) {
-    const auto level = [&](int x) { return pixel(picture, 8 * x + 4, y)[0]; };
+    const auto level = [&](int x) { return pixel(image, 8 * x + 4, y)[0]; };
     EXPECT_LT(level(1), 235) << y;
     EXPECT_GT(level(1), 120) << y;
     EXPECT_LT(level(1), level(2)) << y;
@@ -81,9 +81,9 @@ TEST(Occlusion, ends_at_the_section_plane) {
   RenderOptions options = from_above(kSide, 8 * kSide);
   options.occlusion = true;
   options.section = {-1, 0, 0, 1};
-  const Picture picture = picture_of(options);
-  EXPECT_EQ(pixel(picture, 4, 128)[0], 255);  // the cell that was a wall is background
-  for (int x = 8; x < 8 * kSide; ++x) EXPECT_EQ(pixel(picture, x, 128)[0], 255) << x;
+  const RenderImage image = image_of(options);
+  EXPECT_EQ(pixel(image, 4, 128)[0], 255);  // the cell that was a wall is background
+  for (int x = 8; x < 8 * kSide; ++x) EXPECT_EQ(pixel(image, x, 128)[0], 255) << x;
 }
 
 TEST(Shadow, falls_away_from_the_light_and_has_a_soft_edge) {
@@ -95,17 +95,17 @@ TEST(Shadow, falls_away_from_the_light_and_has_a_soft_edge) {
                   }))
                   .ok());
   RenderOptions options = from_above(kSide, 4 * kSide);
-  const Picture plain = picture_of(options);
+  const RenderImage plain = image_of(options);
   options.shadow = true;
-  const Picture picture = picture_of(options);
+  const RenderImage image = image_of(options);
   // Its shadow is shifted by 10 cells times 0.45 to the left and 0.65 down, so it shows below the
   // block; flat light keeps 0.6 of 1, sRGB 203.
   EXPECT_EQ(pixel(plain, 4 * 13, 4 * 22)[0], 255);
-  EXPECT_NEAR(pixel(picture, 4 * 13, 4 * 22)[0], 203, 2);
-  EXPECT_EQ(pixel(picture, 4 * 24, 4 * 8)[0], 255);
+  EXPECT_NEAR(pixel(image, 4 * 13, 4 * 22)[0], 203, 2);
+  EXPECT_EQ(pixel(image, 4 * 24, 4 * 8)[0], 255);
   int between = 0;
   for (int y = 0; y < 4 * kSide; ++y) {
-    const uint8_t level = pixel(picture, 4 * 13, y)[0];
+    const uint8_t level = pixel(image, 4 * 13, y)[0];
     between += level > 205 && level < 253;
   }
   EXPECT_GT(between, 1);
@@ -122,17 +122,17 @@ TEST(LevelsOfDetail, voxels_far_smaller_than_a_pixel_give_their_mean) {
   ASSERT_TRUE(hits_renderer().set_grid(make_test_grid(spec, true, false, checkers)).ok());
   // 64, 16, 8 and 4 voxels to a pixel: cubes of 32, 8, 4 and 2.
   for (const int pixels : {8, 32, 64, 128}) {
-    const Picture picture = picture_of(from_above(512, pixels));
+    const RenderImage image = image_of(from_above(512, pixels));
     for (int y = 0; y < pixels; ++y) {
       for (int x = 0; x < pixels; ++x) {
-        ASSERT_NEAR(pixel(picture, x, y)[0], 188, 1) << x << "," << y << " of " << pixels;
+        ASSERT_NEAR(pixel(image, x, y)[0], 188, 1) << x << "," << y << " of " << pixels;
       }
     }
   }
   // Voxels of a pixel and more are drawn one by one.
-  const Picture picture = picture_of(from_above(512, 512));
+  const RenderImage image = image_of(from_above(512, 512));
   for (int x = 0; x < 512; ++x) {
-    ASSERT_EQ(pixel(picture, x, 100)[0], x % 2 == 0 ? 255 : 0) << x;
+    ASSERT_EQ(pixel(image, x, 100)[0], x % 2 == 0 ? 255 : 0) << x;
   }
 }
 
@@ -146,9 +146,9 @@ TEST(FullNodes, are_light_grey_and_cut_open_by_sections) {
   ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
   RenderOptions options = from_above(256, kSide);
   options.matrix = {2.0 / 256, 0, 0, -1, 0, 0, -2.0 / 256, 1, 0, -0.002, 0, 0.5, 0, 0, 0, 1};
-  EXPECT_THAT(pixel(picture_of(options), 16, 16), ElementsAre(214, 205, 192, 255));
+  EXPECT_THAT(pixel(image_of(options), 16, 16), ElementsAre(214, 205, 192, 255));
   options.section = {0, 1, 0, -100.5};
-  EXPECT_THAT(pixel(picture_of(options), 16, 16), ElementsAre(214, 205, 192, 255));
+  EXPECT_THAT(pixel(image_of(options), 16, 16), ElementsAre(214, 205, 192, 255));
   const auto hits = hits_renderer().render_hits(options);
   ASSERT_TRUE(hits.ok());
   EXPECT_EQ((*hits)[16 * kSide + 16].cell.y, 100);
@@ -169,7 +169,7 @@ TEST(FullNodes, have_the_mean_colour_of_the_voxels_around_them) {
   RenderOptions options = from_above(256, kSide);
   options.matrix = {2.0 / 256, 0, 0, -1, 0, 0, -2.0 / 256, 1, 0, -0.002, 0, 0.5, 0, 0, 0, 1};
   options.section = {0, 1, 0, -100.5};
-  const Picture cut = picture_of(options);
+  const RenderImage cut = image_of(options);
   const auto got = pixel(cut, 16, 16);
   EXPECT_NEAR(got[0], 30, 1);
   EXPECT_NEAR(got[1], 200, 1);

@@ -23,9 +23,9 @@ RenderOptions small_options() {
   return options;
 }
 
-std::array<uint8_t, 4> pixel(const Picture& picture, int x, int y) {
-  const size_t i = size_t{4} * static_cast<size_t>(y * picture.width + x);
-  return {picture.rgba[i], picture.rgba[i + 1], picture.rgba[i + 2], picture.rgba[i + 3]};
+std::array<uint8_t, 4> pixel(const RenderImage& image, int x, int y) {
+  const size_t i = size_t{4} * static_cast<size_t>(y * image.width + x);
+  return {image.rgba[i], image.rgba[i + 1], image.rgba[i + 2], image.rgba[i + 3]};
 }
 
 TEST(Renderer, an_empty_grid_gives_the_background_alone) {
@@ -40,9 +40,9 @@ TEST(Renderer, an_empty_grid_gives_the_background_alone) {
   grid.spec.dims = {100, 3, 50};
   ASSERT_TRUE(renderer.set_grid(grid).ok());
   options.background = {0, 0, 0, 0};
-  const auto picture = renderer.render(options, {});
-  ASSERT_TRUE(picture.ok()) << picture.error().message();
-  EXPECT_THAT(picture->rgba, Each(0));
+  const auto image = renderer.render(options, {});
+  ASSERT_TRUE(image.ok()) << image.error().message();
+  EXPECT_THAT(image->rgba, Each(0));
 }
 
 TEST(Renderer, half_transparent_backgrounds_keep_their_colour_and_alpha) {
@@ -51,10 +51,10 @@ TEST(Renderer, half_transparent_backgrounds_keep_their_colour_and_alpha) {
   ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
   RenderOptions options = small_options();
   options.background = {200, 100, 50, 128};
-  const auto picture = renderer.render(options, {});
-  ASSERT_TRUE(picture.ok());
-  EXPECT_THAT(pixel(*picture, 0, 0), ElementsAre(200, 100, 50, 128));
-  EXPECT_EQ(pixel(*picture, 16, 16)[3], 255);
+  const auto image = renderer.render(options, {});
+  ASSERT_TRUE(image.ok());
+  EXPECT_THAT(pixel(*image, 0, 0), ElementsAre(200, 100, 50, 128));
+  EXPECT_EQ(pixel(*image, 16, 16)[3], 255);
 }
 
 TEST(Renderer, colours_come_out_as_they_are_stored_where_the_light_is_full) {
@@ -74,11 +74,11 @@ TEST(Renderer, colours_come_out_as_they_are_stored_where_the_light_is_full) {
   options.light = Light::kFlat;  // tops are drawn at full brightness
   // From above, x to the right, z down.
   options.matrix = {0.5, 0, 0, -1, 0, 0, -0.5, 1, 0, -0.1, 0, 0, 0, 0, 0, 1};
-  const auto picture = renderer.render(options, {});
-  ASSERT_TRUE(picture.ok());
+  const auto image = renderer.render(options, {});
+  ASSERT_TRUE(image.ok());
   for (int z = 0; z < 4; ++z) {
     for (int x = 0; x < 4; ++x) {
-      const auto got = pixel(*picture, 8 * x + 4, 8 * z + 4);
+      const auto got = pixel(*image, 8 * x + 4, 8 * z + 4);
       // One level: linear light in between rounds.
       EXPECT_NEAR(got[0], 60 * x, 1);
       EXPECT_NEAR(got[1], 128, 1);
@@ -105,15 +105,15 @@ TEST(Renderer, the_cut_face_shows_the_voxel_that_the_plane_passes) {
   const Hit middle = (*hits)[16 * 32 + 16];
   EXPECT_EQ(middle.cell.z, 3);
   EXPECT_EQ(middle.face, 5);
-  const auto picture = renderer.render(options, {});
-  ASSERT_TRUE(picture.ok());
+  const auto image = renderer.render(options, {});
+  ASSERT_TRUE(image.ok());
   // +z faces are drawn at 0.64 of full brightness: sRGB 90 becomes 72, 255 becomes 210.
-  const auto got = pixel(*picture, 16, 16);
+  const auto got = pixel(*image, 16, 16);
   EXPECT_NEAR(got[1], 72, 2);
   EXPECT_NEAR(got[2], 210, 2);
 }
 
-TEST(Renderer, pictures_are_drawn_in_blocks_and_can_be_cancelled_between_them) {
+TEST(Renderer, images_are_drawn_in_blocks_and_can_be_cancelled_between_them) {
   const auto made = make_test_renderer();
   Renderer& renderer = *made;
   ASSERT_TRUE(renderer.set_grid(sphere_grid(16, false, false)).ok());
@@ -143,10 +143,10 @@ TEST(Renderer, a_singular_matrix_is_an_invalid_option) {
   Renderer& renderer = *made;
   RenderOptions options = small_options();
   options.matrix.emplace();
-  const auto picture = renderer.render(options, {});
-  ASSERT_FALSE(picture.ok());
-  EXPECT_EQ(picture.error().code, ErrorCode::kInvalidOption);
-  EXPECT_EQ(picture.error().message(),
+  const auto image = renderer.render(options, {});
+  ASSERT_FALSE(image.ok());
+  EXPECT_EQ(image.error().code, ErrorCode::kInvalidOption);
+  EXPECT_EQ(image.error().message(),
             "matrix cannot be inverted: expected an invertible clip_from_world of moderate "
             "numbers, got a singular matrix");
 }
@@ -208,7 +208,7 @@ TEST(RaymarchParams, lie_where_the_driver_puts_them) {
       {"params.box_low", offsetof(RaymarchParams, box_low)},
       {"params.box_high", offsetof(RaymarchParams, box_high)},
       {"params.tile_dims", offsetof(RaymarchParams, tile_dims)},
-      {"params.picture", offsetof(RaymarchParams, picture)},
+      {"params.image", offsetof(RaymarchParams, image)},
   };
   const auto program = test_shaders().get(
       {{"raymarch.vert"}, {"raymarch.frag"}},

@@ -129,9 +129,9 @@ TEST(SparseRayMarch, rays_that_begin_inside_full_nodes_or_at_their_cut_face_hit_
   const auto hits = hits_renderer().render_hits(options);
   ASSERT_TRUE(hits.ok());
   EXPECT_EQ((*hits)[24 * 48 + 24].cell, glm::ivec3(100, 100, 90));
-  const auto picture = hits_renderer().render(options, {});
-  ASSERT_TRUE(picture.ok());
-  EXPECT_EQ(picture->rgba[3], 255);
+  const auto image = hits_renderer().render(options, {});
+  ASSERT_TRUE(image.ok());
+  EXPECT_EQ(image->rgba[3], 255);
 }
 
 TEST(SparseRayMarch, hits_the_same_in_a_grid_of_16384_cells_a_side) {

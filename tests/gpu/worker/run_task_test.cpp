@@ -113,18 +113,18 @@ TEST_F(RunTaskTest, a_mesh_becomes_a_container_and_the_format_asked_for) {
   EXPECT_EQ(read_file(output(*done, "result").path).value()[1], 'N');
 }
 
-TEST_F(RunTaskTest, a_picture_says_what_drew_it) {
-  const auto picture = [&](const std::string& renderer) {
+TEST_F(RunTaskTest, an_image_says_what_drew_it) {
+  const auto image = [&](const std::string& renderer) {
     return run(task(JobKind::kRender, kCube,
                     R"({"size":8,"width":16,"height":16,"renderer":")" + renderer + "\"}"));
   };
   for (const std::string renderer : {"auto", "cpu", "auto"}) {
-    const auto done = picture(renderer);
+    const auto done = image(renderer);
     ASSERT_TRUE(done) << done.error().message();
     const bool by_gl = renderer == "auto" && !engine().device.info.is_software;
     EXPECT_EQ(json::parse(done->meta_json)["drawn_by"], by_gl ? "gl" : "cpu");
   }
-  const auto by_gl = picture("gl");
+  const auto by_gl = image("gl");
   ASSERT_EQ(by_gl.ok(), has_gl());
   if (has_gl()) {
     EXPECT_EQ(json::parse(by_gl->meta_json)["drawn_by"], "gl");
@@ -235,7 +235,7 @@ TEST_F(RunTaskTest, the_estimate_of_memory_bounds_the_peak) {
     expect_bounded(made, text);
     expect_bounded(run(grid_task(JobKind::kExport, *made, R"({"level":1})")), text + " level");
     expect_bounded(run(grid_task(JobKind::kRender, *made, R"({"width":64,"height":64})")),
-                   text + " picture");
+                   text + " image");
     if (size > 300) continue;
     expect_bounded(run(task(JobKind::kVoxelize, kCube, text + R"(,"fill":"solid"})")),
                    text + " solid");
@@ -250,10 +250,10 @@ TEST_F(RunTaskTest, what_does_not_fit_is_drawn_in_part_or_coarser_and_looks_the_
   ASSERT_TRUE(made) << made.error().message();
   const auto draw = [&](const std::string& more, size_t bytes_max) {
     engine().cache = {};
-    engine().picture_limits.bytes_max = bytes_max;
+    engine().image_limits.bytes_max = bytes_max;
     auto drawn = run(grid_task(JobKind::kRender, *made,
                                R"({"width":128,"height":128,"light":"flat")" + more + "}"));
-    engine().picture_limits = {};
+    engine().image_limits = {};
     EXPECT_TRUE(drawn) << drawn.error().message();
     return drawn;
   };
@@ -264,7 +264,7 @@ TEST_F(RunTaskTest, what_does_not_fit_is_drawn_in_part_or_coarser_and_looks_the_
   EXPECT_GE(drawn["drawn"]["level"].get<int>(), 1);
   EXPECT_EQ(drawn["drawn"]["tiles"], drawn["drawn"]["tiles_in_grid"]);
   EXPECT_EQ(drawn["dims"], json({1000, 1000, 1000}));
-  // A close-up takes single voxels of the few tiles in view, and is the same picture.
+  // A close-up takes single voxels of the few tiles in view, and is the same image.
   const auto near_whole = draw(R"(,"zoom":30)", kLarge), near = draw(R"(,"zoom":30)", kSmall);
   const json part = json::parse(near->meta_json)["drawn"];
   EXPECT_EQ(part["level"], 0);
@@ -273,21 +273,21 @@ TEST_F(RunTaskTest, what_does_not_fit_is_drawn_in_part_or_coarser_and_looks_the_
             read_file(output(*near_whole, "result").path).value());
 }
 
-TEST_F(RunTaskTest, a_picture_of_the_same_part_reads_nothing_again) {
+TEST_F(RunTaskTest, an_image_of_the_same_part_reads_nothing_again) {
   const auto made = run(task(JobKind::kVoxelize, kCube, R"({"size":1000,"format":"native"})"));
   ASSERT_TRUE(made);
   engine().cache = {};
-  engine().picture_limits.bytes_max = size_t{4} << 20;
+  engine().image_limits.bytes_max = size_t{4} << 20;
   const auto first =
       run(grid_task(JobKind::kRender, *made, R"({"width":64,"height":64,"light":"flat"})"));
   ASSERT_TRUE(first) << first.error().message();
-  const auto* resident = engine().cache.picture.get();
+  const auto* resident = engine().cache.image.get();
   ASSERT_NE(resident, nullptr);
   const auto second = run(grid_task(JobKind::kRender, *made,
                                     R"({"width":64,"height":64,"light":"flat","azimuth":31})"));
-  engine().picture_limits = {};
+  engine().image_limits = {};
   ASSERT_TRUE(second);
-  EXPECT_EQ(engine().cache.picture.get(), resident);
+  EXPECT_EQ(engine().cache.image.get(), resident);
   EXPECT_NE(read_file(output(*first, "result").path).value(),
             read_file(output(*second, "result").path).value());
 }

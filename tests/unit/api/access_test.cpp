@@ -27,7 +27,7 @@ class AccessTest : public ServerTest {
     }));
   }
   // Everything that a client sees but what differs from request to request.
-  static std::string seen(const HttpAnswer& answer) {
+  static std::string seen(const HttpResponse& answer) {
     std::string text = std::to_string(answer.status) + "\n";
     for (const auto& [name, value] : answer.headers) {
       const bool is_new = name == "x-request-id" || name == "X-Request-Id" ||
@@ -65,7 +65,7 @@ TEST_F(AccessTest, whatever_is_wrong_with_a_key_the_answer_is_the_same) {
   revoke(revoked);
   std::string wrong = good;
   wrong.back() = wrong.back() == 'a' ? 'q' : 'a';
-  const HttpAnswer without = get("/v1/jobs");
+  const HttpResponse without = get("/v1/jobs");
   EXPECT_EQ(without.status, 401);
   EXPECT_EQ(json(without).value("code", ""), "unauthorized");
   EXPECT_NE(seen(without).find("Bearer realm=\"voxeld\""), std::string::npos);
@@ -116,7 +116,7 @@ TEST_F(AccessTest, a_revoked_key_ends_whatever_waits_in_its_name) {
   revoke(key);
   for (HttpClient& client : waiting) {
     ASSERT_TRUE(client.readable(kPatienceSeconds / 2)) << "less than it would wait";
-    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).code(), "unauthorized");
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).code(), "unauthorized");
   }
   EXPECT_EQ(get("/v1/jobs/" + job, bearer(other)).status, 200) << "the tenant's job stays";
 }
@@ -136,9 +136,9 @@ TEST_F(AccessTest, keys_that_cannot_be_read_any_more_make_the_daemon_not_ready) 
 TEST_F(AccessTest, an_upload_of_what_another_has_answers_as_a_first_one) {
   const std::string lab = bearer(add("lab")), studio = bearer(add("studio"));
   const std::string target = "/v1/assets?filename=bunny.ply";
-  const HttpAnswer first = request("POST", target, lab, "mesh");
-  const HttpAnswer again = request("POST", target, lab, "mesh");
-  const HttpAnswer other = request("POST", target, studio, "mesh");
+  const HttpResponse first = request("POST", target, lab, "mesh");
+  const HttpResponse again = request("POST", target, lab, "mesh");
+  const HttpResponse other = request("POST", target, studio, "mesh");
   EXPECT_EQ(first.status, 201);
   EXPECT_EQ(again.status, 200);
   EXPECT_EQ(other.status, 201);

@@ -20,8 +20,8 @@ namespace voxeld::api {
 
 using testing::comes_true;
 using testing::FakeWorker;
-using testing::HttpAnswer;
 using testing::HttpClient;
+using testing::HttpResponse;
 using testing::kPatienceSeconds;
 
 class ServerTest : public ::testing::Test {
@@ -80,35 +80,35 @@ class ServerTest : public ::testing::Test {
   FakeWorker connect_worker() { return {dir_.path() / "data/run/tasks.sock", "llvmpipe"}; }
 
   // One request on a connection of its own.
-  HttpAnswer request(const std::string& method, const std::string& target,
-                     const std::string& lines = "", const std::string& body = "") {
+  HttpResponse request(const std::string& method, const std::string& target,
+                       const std::string& lines = "", const std::string& body = "") {
     return request_at(server_->port(), method, target, lines, body);
   }
-  HttpAnswer get(const std::string& target, const std::string& lines = "") {
+  HttpResponse get(const std::string& target, const std::string& lines = "") {
     return request("GET", target, lines);
   }
-  HttpAnswer admin(const std::string& target) {
+  HttpResponse admin(const std::string& target) {
     return request_at(server_->admin_port(), "GET", target, "", "");
   }
   // A body that looks like JSON says so, unless `lines` has a Content-Type.
-  static HttpAnswer request_at(int port, const std::string& method, const std::string& target,
-                               const std::string& lines, const std::string& body) {
+  static HttpResponse request_at(int port, const std::string& method, const std::string& target,
+                                 const std::string& lines, const std::string& body) {
     HttpClient client(port);
     std::string head = method + " " + target + " HTTP/1.1\r\nHost: h\r\n" + lines;
     if (method == "POST") head += "Content-Length: " + std::to_string(body.size()) + "\r\n";
     const bool is_json = body.starts_with('{') && lines.find("Content-Type") == lines.npos;
     if (is_json) head += "Content-Type: application/json\r\n";
     EXPECT_TRUE(client.send(head + "\r\n" + body));
-    return client.receive(method != "HEAD").value_or(HttpAnswer{});
+    return client.receive(method != "HEAD").value_or(HttpResponse{});
   }
-  static nlohmann::json json(const HttpAnswer& answer) {
+  static nlohmann::json json(const HttpResponse& answer) {
     return nlohmann::json::parse(answer.body, nullptr, false);
   }
   std::string post_asset(const std::string& text = "mesh") {
     return json(request("POST", "/v1/assets?filename=bunny.ply", "", text)).value("id", "");
   }
   // The answer to a voxelize job for a new asset.
-  HttpAnswer post_job(const std::string& lines = "") {
+  HttpResponse post_job(const std::string& lines = "") {
     return request("POST", "/v1/jobs", lines,
                    R"({"kind":"voxelize","asset":")" + post_asset() + R"("})");
   }

@@ -21,7 +21,7 @@ const std::string& long_text() {
   return text;
 }
 
-size_t bytes_of(const HttpAnswer& answer) {
+size_t bytes_of(const HttpResponse& answer) {
   size_t bytes = answer.body.size();
   for (const auto& [name, value] : answer.headers) bytes += name.size() + value.size();
   return bytes;
@@ -29,7 +29,7 @@ size_t bytes_of(const HttpAnswer& answer) {
 
 class ClientTexts : public ServerTest {
  protected:
-  HttpAnswer post_json(const nlohmann::json& job, const std::string& lines = "") {
+  HttpResponse post_json(const nlohmann::json& job, const std::string& lines = "") {
     return request("POST", "/v1/jobs", lines, job.dump());
   }
   nlohmann::json job() { return {{"kind", "voxelize"}, {"asset", post_asset()}}; }
@@ -67,7 +67,7 @@ class ClientTexts : public ServerTest {
         status.value("/options/times"_json_pointer, nlohmann::json("")).get<std::string>();
     return std::ranges::count(text, ',') + 1;
   }
-  void expect_refused(const HttpAnswer& answer, int status, std::string_view code,
+  void expect_refused(const HttpResponse& answer, int status, std::string_view code,
                       std::string_view limit, const std::string& what) {
     EXPECT_EQ(answer.status, status) << what << ": " << answer.body.substr(0, 300);
     EXPECT_EQ(answer.code(), code) << what;
@@ -146,7 +146,7 @@ TEST_F(ClientTexts, headers_are_bounded) {
   for (const char* header :
        {"X-Request-Id", "traceparent", "Prefer", "Last-Event-ID", "If-None-Match", "Accept",
         "X-Forwarded-For", "User-Agent", "Authorization"}) {
-    const HttpAnswer answer = post_json(job(), std::string(header) + ": " + name + "\r\n");
+    const HttpResponse answer = post_json(job(), std::string(header) + ": " + name + "\r\n");
     EXPECT_EQ(answer.status, 202) << header;
     EXPECT_EQ((answer.body + answer.header("x-request-id")).find(std::string(300, 'A')),
               std::string::npos)
@@ -162,14 +162,14 @@ TEST_F(ClientTexts, what_a_request_names_is_not_echoed_whole) {
            "/v1/" + name, "/v1/jobs/" + name, "/v1/grids/" + name, "/v1/sequences/" + name,
            "/v1/assets/" + name, "/v1/jobs?state=" + name, "/v1/jobs?" + name + "=1",
            path + "/frames/" + name, path + "/result?format=" + name}) {
-    const HttpAnswer answer = get(target);
+    const HttpResponse answer = get(target);
     EXPECT_GE(answer.status, 400) << target.substr(0, 30);
     EXPECT_LE(bytes_of(answer), kAnswerBytesMax) << target.substr(0, 30);
   }
-  const HttpAnswer range =
+  const HttpResponse range =
       get(path + "/result", "Range: bytes=" + std::string(30'000, '9') + "-\r\n");
   EXPECT_LE(bytes_of(range), kAnswerBytesMax);
-  const HttpAnswer beyond =
+  const HttpResponse beyond =
       get(path + "/result", "Range: bytes=" + std::string(30'000, '0') + "99-\r\n");
   EXPECT_EQ(beyond.status, 416);
   EXPECT_LE(bytes_of(beyond), kAnswerBytesMax);
@@ -178,7 +178,7 @@ TEST_F(ClientTexts, what_a_request_names_is_not_echoed_whole) {
 TEST_F(ClientTexts, a_link_that_no_request_can_hold_is_not_made) {
   const std::string path = finished_job("0123456789");
   // A blank is one byte of the request and three of the link.
-  const HttpAnswer answer = request("POST", path + "/share?format=" + std::string(4000, '+'));
+  const HttpResponse answer = request("POST", path + "/share?format=" + std::string(4000, '+'));
   expect_refused(answer, 400, "invalid-option", "at most 8192 bytes", "a link");
   EXPECT_EQ(request("POST", path + "/share?format=npy").status, 201);
 }
@@ -189,7 +189,7 @@ TEST_F(ClientTexts, the_longest_that_are_taken_are_stored_once) {
   nlohmann::json body = job();
   body["filename"] = std::string(251, 'b') + ".ply";
   body["options"] = {{"animation", std::string(255, 'w')}, {"times", times}};
-  const HttpAnswer answer = post_json(body, "Idempotency-Key: " + std::string(255, 'k') + "\r\n");
+  const HttpResponse answer = post_json(body, "Idempotency-Key: " + std::string(255, 'k') + "\r\n");
   ASSERT_EQ(answer.status, 202) << answer.body.substr(0, 500);
   const std::string id = json(answer).value("id", "");
   EXPECT_EQ(times_in(json(answer)), 4096);

@@ -19,8 +19,8 @@ class CodedBodies : public ServerTest {
 TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
   const std::string plain = json(request("POST", "/v1/assets", "", "a mesh")).value("id", "");
   for (const std::string& name : {std::string("gzip"), std::string("zstd")}) {
-    const HttpAnswer answer = request("POST", "/v1/assets", "Content-Encoding: " + name + "\r\n",
-                                      name == "gzip" ? gzip("a mesh") : zstd("a mesh"));
+    const HttpResponse answer = request("POST", "/v1/assets", "Content-Encoding: " + name + "\r\n",
+                                        name == "gzip" ? gzip("a mesh") : zstd("a mesh"));
     EXPECT_EQ(answer.status, 200) << name << answer.body;
     EXPECT_EQ(json(answer).value("id", ""), plain);
   }
@@ -29,7 +29,7 @@ TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
 }
 
 TEST_F(CodedBodies, what_is_wrong_with_one_is_told) {
-  const HttpAnswer other = request("POST", "/v1/assets", "Content-Encoding: br\r\n", "x");
+  const HttpResponse other = request("POST", "/v1/assets", "Content-Encoding: br\r\n", "x");
   EXPECT_EQ(other.status, 415);
   EXPECT_EQ(other.header("accept-encoding"), "gzip, zstd");
   EXPECT_EQ(request("POST", "/v1/assets", "Content-Encoding: gzip, zstd\r\n", "x").status, 415);

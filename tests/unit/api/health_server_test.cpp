@@ -13,8 +13,8 @@ namespace voxeld::api {
 namespace {
 
 using std::chrono::seconds;
-using testing::HttpAnswer;
 using testing::HttpClient;
+using testing::HttpResponse;
 
 class HealthServerTest : public ::testing::Test {
  protected:
@@ -36,12 +36,12 @@ class HealthServerTest : public ::testing::Test {
     }
     return Response::text(200, "ok\n");
   }
-  HttpAnswer ask(const std::string& request) {
+  HttpResponse ask(const std::string& request) {
     HttpClient client(server_->port());
     EXPECT_TRUE(client.send(request));
-    return client.receive().value_or(HttpAnswer{});
+    return client.receive().value_or(HttpResponse{});
   }
-  HttpAnswer livez(const std::string& method = "GET", const std::string& lines = "") {
+  HttpResponse livez(const std::string& method = "GET", const std::string& lines = "") {
     return ask(method + " /livez HTTP/1.1\r\nHost: localhost\r\n" + lines + "\r\n");
   }
 
@@ -52,7 +52,7 @@ class HealthServerTest : public ::testing::Test {
 };
 
 TEST_F(HealthServerTest, gets_are_answered_by_the_handler_and_the_connection_is_closed) {
-  const HttpAnswer answer = livez();
+  const HttpResponse answer = livez();
   EXPECT_EQ(answer.status, 200);
   EXPECT_EQ(answer.body, "ok\n");
   EXPECT_EQ(answer.header("connection"), "close");
@@ -62,7 +62,7 @@ TEST_F(HealthServerTest, gets_are_answered_by_the_handler_and_the_connection_is_
 
 TEST_F(HealthServerTest, other_paths_and_methods_never_come_to_the_handler) {
   EXPECT_EQ(ask("GET /v1/jobs HTTP/1.1\r\nHost: localhost\r\n\r\n").status, 404);
-  const HttpAnswer posted = livez("POST", "Content-Length: 5\r\n");
+  const HttpResponse posted = livez("POST", "Content-Length: 5\r\n");
   EXPECT_EQ(posted.status, 405);
   EXPECT_EQ(posted.header("allow"), "GET, HEAD, OPTIONS");
   EXPECT_EQ(posted.header("content-type"), "application/problem+json");
@@ -92,7 +92,7 @@ TEST_F(HealthServerTest, a_body_is_not_read_and_the_response_arrives) {
 TEST_F(HealthServerTest, ranges_are_not_honoured) {
   std::string ranges = "Range: bytes=0-";
   for (int i = 0; i < 1000; ++i) ranges += ",0-";
-  const HttpAnswer answer = livez("GET", ranges + "\r\n");
+  const HttpResponse answer = livez("GET", ranges + "\r\n");
   EXPECT_EQ(answer.status, 200);
   EXPECT_EQ(answer.body, "ok\n");
 }
@@ -132,12 +132,12 @@ TEST_F(HealthServerTest, one_handler_that_hangs_does_not_keep_livez_from_being_t
   begun.get_future().wait();
   for (int i = 0; i < 20; ++i) EXPECT_EQ(livez().status, 200) << i;
   gate.set_value();
-  EXPECT_EQ(late.receive().value_or(HttpAnswer{}).body, "late\n");
+  EXPECT_EQ(late.receive().value_or(HttpResponse{}).body, "late\n");
 }
 
 TEST_F(HealthServerTest, an_exception_of_the_handler_is_told_without_its_text) {
   slow_ = []() -> Response { throw std::runtime_error("secret"); };
-  const HttpAnswer answer = ask("GET /readyz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  const HttpResponse answer = ask("GET /readyz HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_EQ(answer.status, 500);
   EXPECT_EQ(answer.body, "it failed\n");
   EXPECT_EQ(answer.body.find("secret"), std::string::npos);

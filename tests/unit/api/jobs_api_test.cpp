@@ -26,14 +26,14 @@ TEST_F(JobsApi, a_draining_daemon_refuses_new_work_as_shutting_down_and_is_not_r
   FakeWorker worker = connect_worker();
   ASSERT_TRUE(comes_true([&] { return admin("/readyz").status == 200; }));
   jobs_->drain();
-  const HttpAnswer refused = post_job();
+  const HttpResponse refused = post_job();
   EXPECT_EQ(refused.status, 503);
   EXPECT_EQ(refused.code(), "shutting-down");
   EXPECT_EQ(refused.detail(), "the daemon is shutting down; try again");
   EXPECT_EQ(refused.header("retry-after"), "2");
   EXPECT_EQ(request("POST", "/v1/voxelize", "", "mesh").code(), "shutting-down");
   EXPECT_EQ(get(job).status, 200) << "what exists can still be looked at";
-  const HttpAnswer ready = admin("/readyz");
+  const HttpResponse ready = admin("/readyz");
   EXPECT_EQ(ready.status, 503);
   EXPECT_EQ(json(ready).value("ready", true), false);
   EXPECT_EQ(json(ready).value("reason", ""), "the daemon is shutting down");
@@ -43,7 +43,7 @@ TEST_F(JobsApi, a_draining_daemon_refuses_new_work_as_shutting_down_and_is_not_r
 TEST_F(JobsApi, while_memory_is_short_new_work_is_refused_and_the_rest_goes_on) {
   const std::string id = submit();
   hold_memory_reserve(size_t{1} << 62);  // which nobody has
-  const HttpAnswer refused = post_job();
+  const HttpResponse refused = post_job();
   EXPECT_EQ(refused.status, 503);
   EXPECT_EQ(refused.code(), "queue-full");
   EXPECT_EQ(refused.header("retry-after"), "2");
@@ -55,11 +55,11 @@ TEST_F(JobsApi, while_memory_is_short_new_work_is_refused_and_the_rest_goes_on) 
 }
 
 TEST_F(JobsApi, a_job_is_sent_with_its_place_and_polled_with_its_version) {
-  const HttpAnswer sent = post_job();
+  const HttpResponse sent = post_job();
   EXPECT_EQ(sent.status, 202);
   EXPECT_EQ(sent.header("location"), "/v1/jobs/" + json(sent).value("id", ""));
   EXPECT_EQ(sent.header("retry-after"), "1");
-  const HttpAnswer status = get(sent.header("location"));
+  const HttpResponse status = get(sent.header("location"));
   EXPECT_EQ(status.status, 200);
   EXPECT_EQ(status.header("etag"), sent.header("etag"));
   EXPECT_EQ(json(status).value("state", ""), "queued");
@@ -80,7 +80,7 @@ TEST_F(JobsApi, a_poll_that_waits_ends_with_the_job) {
 }
 
 TEST_F(JobsApi, a_poll_for_the_next_change_ends_with_it) {
-  const HttpAnswer sent = post_job();
+  const HttpResponse sent = post_job();
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send_get(sent.header("location"),
                               "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
@@ -95,7 +95,7 @@ TEST_F(JobsApi, a_poll_for_the_next_change_ends_with_it) {
 }
 
 TEST_F(JobsApi, a_poll_that_missed_a_change_does_not_wait_for_the_next_one) {
-  const HttpAnswer sent = post_job();
+  const HttpResponse sent = post_job();
   FakeWorker worker = connect_worker();
   ASSERT_TRUE(worker.claim());  // it runs now, which the client does not know
   HttpClient client(server_->port());
@@ -106,7 +106,7 @@ TEST_F(JobsApi, a_poll_that_missed_a_change_does_not_wait_for_the_next_one) {
 }
 
 TEST_F(JobsApi, stopping_does_not_wait_for_a_poll_to_end) {
-  const HttpAnswer sent = post_job();
+  const HttpResponse sent = post_job();
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send_get(sent.header("location"),
                               "Prefer: wait=60\r\nIf-None-Match: " + sent.header("etag") + "\r\n"));
@@ -117,7 +117,7 @@ TEST_F(JobsApi, stopping_does_not_wait_for_a_poll_to_end) {
 }
 
 TEST_F(JobsApi, a_poll_is_answered_when_the_daemon_stops) {
-  const HttpAnswer sent = post_job();
+  const HttpResponse sent = post_job();
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send_get(sent.header("location"), "Prefer: wait=60\r\n"));
   ASSERT_TRUE(requests_waiting(1));
@@ -179,7 +179,7 @@ TEST_F(JobsApi, uploads_over_the_limit_are_payload_too_large_with_and_without_a_
   ASSERT_TRUE(
       client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n\r\n"
                   "6\r\n012345\r\n6\r\n012345\r\n"));
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).code(), "payload-too-large");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).code(), "payload-too-large");
 }
 
 TEST_F(JobsApi, uploads_of_another_kind_or_of_nothing_are_refused) {
@@ -208,7 +208,7 @@ TEST_F(Events, a_stream_has_each_change_and_ends_with_the_job) {
   FakeWorker worker = connect_worker();
   const auto task = worker.claim();
   ASSERT_TRUE(task && worker.complete(*task, "bytes"));
-  const HttpAnswer stream = client.receive().value_or(HttpAnswer{});
+  const HttpResponse stream = client.receive().value_or(HttpResponse{});
   EXPECT_EQ(stream.header("content-type"), "text/event-stream");
   EXPECT_EQ(stream.header("connection"), "close");
   const std::string& text = stream.body;
@@ -235,7 +235,7 @@ TEST_F(Events, a_stream_goes_on_after_the_last_event_that_the_client_saw) {
   const size_t at = seen.find("id: ") + 4;
   const std::string last = seen.substr(at, seen.find('\n', at) - at);
   ASSERT_EQ(request("DELETE", "/v1/jobs/" + job).status, 200);
-  const HttpAnswer second = get("/v1/jobs/" + job + "/events", "Last-Event-ID: " + last + "\r\n");
+  const HttpResponse second = get("/v1/jobs/" + job + "/events", "Last-Event-ID: " + last + "\r\n");
   EXPECT_EQ(second.body.find("id: " + last + "\n"), std::string::npos) << second.body;
   EXPECT_NE(second.body.find(R"("state":"cancelled")"), std::string::npos) << second.body;
 }
@@ -270,7 +270,7 @@ TEST_F(JobsApi, a_list_is_read_page_by_page) {
   } while (!after.empty());
   EXPECT_EQ(seen, ids);
   EXPECT_EQ(pages, 3);
-  const HttpAnswer refused = get("/v1/jobs?after=j-0");
+  const HttpResponse refused = get("/v1/jobs?after=j-0");
   EXPECT_EQ(refused.status, 400);
   EXPECT_EQ(refused.code(), "invalid-option");
   EXPECT_EQ(json(refused)["expected"], "the id of a job that is there");
@@ -297,15 +297,15 @@ TEST_F(JobsApi, assets_are_read_page_by_page_and_of_one_time_by_id) {
 TEST_F(JobsApi, long_texts_of_a_job_are_left_to_its_own_page) {
   std::string times = "0";
   for (int i = 1; i < 4096; ++i) times += "," + std::to_string(i) + ".5";
-  const HttpAnswer sent = request("POST", "/v1/jobs", "",
-                                  R"({"kind":"voxelize","asset":")" + post_asset() +
-                                      R"(","options":{"animation":0,"times":[)" + times + "]}}");
+  const HttpResponse sent = request("POST", "/v1/jobs", "",
+                                    R"({"kind":"voxelize","asset":")" + post_asset() +
+                                        R"(","options":{"animation":0,"times":[)" + times + "]}}");
   ASSERT_EQ(sent.status, 202) << sent.body;
   const auto row = json(get("/v1/jobs"))["jobs"][0];
   EXPECT_EQ(row["left_out"], std::vector<std::string>{"options"});
   EXPECT_FALSE(row.contains("options"));
   EXPECT_LT(row.dump().size(), 2000u);
-  const HttpAnswer whole = get(sent.header("location"));
+  const HttpResponse whole = get(sent.header("location"));
   EXPECT_EQ(json(whole)["options"]["times"], times);
   EXPECT_EQ(whole.header("etag"), sent.header("etag"));
   EXPECT_EQ(json(sent)["options"]["times"], times);

@@ -25,18 +25,18 @@ TEST_F(LimitsTest, who_asks_too_often_is_told_when_to_come_back) {
   TenantLimits limits;
   limits.requests_per_minute = 60;
   const std::string lab = add("lab", limits), studio = add("studio", {});
-  const HttpAnswer first = get("/v1/jobs", lab);
+  const HttpResponse first = get("/v1/jobs", lab);
   EXPECT_EQ(first.status, 200);
   EXPECT_EQ(first.header("ratelimit-policy"), "\"requests\";q=2;w=2");
   EXPECT_EQ(first.header("ratelimit"), "\"requests\";r=1;t=1");
   EXPECT_EQ(first.header("retry-after"), "");
-  HttpAnswer refused = get("/v1/jobs", lab);
+  HttpResponse refused = get("/v1/jobs", lab);
   for (int i = 0; i < 3 && refused.status == 200; ++i) refused = get("/v1/jobs", lab);
   EXPECT_EQ(refused.status, 429);
   EXPECT_EQ(refused.code(), "too-many-requests");
   EXPECT_EQ(refused.header("retry-after"), "1");
   EXPECT_NE(refused.body.find("at most 1/s"), std::string::npos);
-  const HttpAnswer other = get("/v1/jobs", studio);
+  const HttpResponse other = get("/v1/jobs", studio);
   EXPECT_EQ(other.status, 200);
   EXPECT_EQ(other.header("ratelimit"), "");
   for (int i = 0; i < 5; ++i) EXPECT_EQ(admin("/livez").status, 200);
@@ -78,7 +78,7 @@ TEST_F(LimitsTest, a_tenant_is_told_its_limits_and_what_it_uses) {
   const std::string asset = json(request("POST", "/v1/assets", lab, "1234567")).value("id", "");
   const std::string job = R"({"kind":"voxelize","asset":")" + asset + R"("})";
   EXPECT_EQ(request("POST", "/v1/jobs", lab, job).status, 202);
-  const HttpAnswer full =
+  const HttpResponse full =
       request("POST", "/v1/jobs", lab,
               R"({"kind":"voxelize","asset":")" + asset + R"(","options":{"size":9}})");
   EXPECT_EQ(full.status, 429);

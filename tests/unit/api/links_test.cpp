@@ -12,7 +12,7 @@ namespace {
 class LinksTest : public ServerTest {
  protected:
   std::string share(const std::string& target, int status = 201) {
-    const HttpAnswer answer = request("POST", target);
+    const HttpResponse answer = request("POST", target);
     EXPECT_EQ(answer.status, status) << answer.body;
     return json(answer).value("url", "");
   }
@@ -26,12 +26,12 @@ TEST_F(LinksTest, a_link_gives_the_result_with_ranges_and_conditions) {
   const std::string job = finished_job("0123456789");
   const std::string url = share(job + "/share?seconds=60");
   ASSERT_TRUE(url.starts_with(job + "/result?expires=")) << url;
-  const HttpAnswer whole = get(url);
+  const HttpResponse whole = get(url);
   EXPECT_EQ(whole.status, 200);
   EXPECT_EQ(whole.body, "0123456789");
   EXPECT_EQ(get(url, "Range: bytes=2-4\r\n").body, "234");
   EXPECT_EQ(get(url, "If-None-Match: " + whole.header("etag") + "\r\n").status, 304);
-  const HttpAnswer head = request("HEAD", url);
+  const HttpResponse head = request("HEAD", url);
   EXPECT_EQ(head.status, 200);
   EXPECT_EQ(head.header("content-length"), "10");
 }
@@ -54,7 +54,7 @@ TEST_F(LinksTest, whatever_is_changed_in_a_link_makes_it_one_that_never_was) {
         replaced("?", "?format=vox&"), replaced(grid, grid + "/tiles"), url + "&expires=1",
         replaced("/v1/grids/" + grid, job + "/result"),
         std::string("/v1/grids/x?expires=9999999999&key=&signature=")}) {
-    const HttpAnswer answer = get(changed);
+    const HttpResponse answer = get(changed);
     EXPECT_EQ(answer.status, 404) << changed;
     EXPECT_EQ(answer.detail(), "no such link") << changed;
   }
@@ -64,7 +64,7 @@ TEST_F(LinksTest, whatever_is_changed_in_a_link_makes_it_one_that_never_was) {
 TEST_F(LinksTest, a_link_that_expired_says_so) {
   const std::string job = finished_job("0123456789");
   EXPECT_EQ(get(made(job + "/result", now_s() + 60)).status, 200);
-  const HttpAnswer answer = get(made(job + "/result", now_s()));
+  const HttpResponse answer = get(made(job + "/result", now_s()));
   EXPECT_EQ(answer.status, 410);
   EXPECT_EQ(answer.code(), "gone");
 }

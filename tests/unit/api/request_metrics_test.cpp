@@ -199,7 +199,7 @@ class MetricsEndpoint : public ServerTest {};
 
 TEST_F(MetricsEndpoint, is_a_document_of_the_text_format_and_on_the_admin_port_alone) {
   submit();
-  HttpAnswer answer;
+  HttpResponse answer;
   ASSERT_TRUE(comes_true([&] {  // an exchange is counted after its answer has been sent
     answer = admin("/metrics");
     return answer.body.find(requests("/v1/jobs", 202)) != std::string::npos;
@@ -221,7 +221,7 @@ TEST_F(MetricsEndpoint, what_no_route_matched_is_counted_as_other) {
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send_get("/") && client.receive());
   ASSERT_TRUE(client.send("BROKEN\r\n\r\n"));
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).status, 400);
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).status, 400);
   EXPECT_EQ(get("/v1/nothing").status, 404);
   Samples samples;
   ASSERT_TRUE(comes_true([&] {

@@ -22,7 +22,7 @@ class ResultsTest : public ServerTest {
 };
 
 TEST_F(ResultsTest, a_result_comes_with_what_made_it) {
-  const HttpAnswer answer = get(result_);
+  const HttpResponse answer = get(result_);
   EXPECT_EQ(answer.status, 200);
   EXPECT_EQ(answer.body, kResult);
   EXPECT_EQ(answer.header("content-type"), "application/x-npy");
@@ -38,13 +38,13 @@ TEST_F(ResultsTest, a_result_comes_with_what_made_it) {
 }
 
 TEST_F(ResultsTest, head_tells_the_length_of_a_result) {
-  const HttpAnswer answer = request("HEAD", result_);
+  const HttpResponse answer = request("HEAD", result_);
   EXPECT_EQ(answer.status, 200);
   EXPECT_EQ(answer.header("content-length"), std::to_string(kResult.size()));
 }
 
 TEST_F(ResultsTest, ranges_are_parts_of_the_result) {
-  const HttpAnswer part = get(result_, "Range: bytes=10-12\r\n");
+  const HttpResponse part = get(result_, "Range: bytes=10-12\r\n");
   EXPECT_EQ(part.status, 206);
   EXPECT_EQ(part.body, "abc");
   EXPECT_EQ(part.header("content-range"), "bytes 10-12/20");
@@ -55,7 +55,7 @@ TEST_F(ResultsTest, ranges_are_parts_of_the_result) {
 }
 
 TEST_F(ResultsTest, a_range_outside_is_not_satisfiable) {
-  const HttpAnswer answer = get(result_, "Range: bytes=20-\r\n");
+  const HttpResponse answer = get(result_, "Range: bytes=20-\r\n");
   EXPECT_EQ(answer.status, 416);
   EXPECT_EQ(answer.code(), "range-not-satisfiable");
   EXPECT_EQ(answer.header("content-range"), "bytes */20");
@@ -82,20 +82,20 @@ TEST_F(ResultsTest, a_client_that_has_the_result_gets_304_and_no_bytes) {
 }
 
 TEST_F(ResultsTest, a_format_that_is_not_known_is_an_invalid_option) {
-  const HttpAnswer answer = get(result_ + "?format=stl");
+  const HttpResponse answer = get(result_ + "?format=stl");
   EXPECT_EQ(answer.status, 400);
   EXPECT_EQ(answer.code(), "invalid-option");
 }
 
 TEST_F(ResultsTest, a_type_that_no_format_has_is_not_acceptable) {
-  const HttpAnswer answer = get(result_, "Accept: text/html\r\n");
+  const HttpResponse answer = get(result_, "Accept: text/html\r\n");
   EXPECT_EQ(answer.status, 406);
   EXPECT_EQ(answer.code(), "not-acceptable");
   EXPECT_EQ(answer.detail(), "Accept names no format of this result");
 }
 
 TEST_F(ResultsTest, equal_work_is_answered_from_the_cache) {
-  const HttpAnswer again = post_job();
+  const HttpResponse again = post_job();
   EXPECT_EQ(again.status, 200);
   EXPECT_EQ(json(again).value("cached", false), true);
 }
@@ -108,7 +108,7 @@ TEST_F(ResultsTest, a_result_that_vanished_from_the_store_is_gone) {
 
 TEST_F(ResultsTest, a_grid_that_is_no_container_is_told_so_and_its_bytes_still_come) {
   const std::string grid = "/v1/grids/" + get(result_).header("x-voxeld-grid");
-  const HttpAnswer answer = get(grid, "Range: bytes=0-3\r\n");
+  const HttpResponse answer = get(grid, "Range: bytes=0-3\r\n");
   EXPECT_EQ(answer.status, 206);
   EXPECT_EQ(answer.body, "0123");
   EXPECT_EQ(get(grid + "/tiles").status / 100, 4);
@@ -119,7 +119,7 @@ TEST_F(ResultsTest, a_grid_that_is_no_container_is_told_so_and_its_bytes_still_c
 class UnfinishedTest : public ServerTest {};
 
 TEST_F(UnfinishedTest, the_result_of_a_job_that_waits_is_a_conflict) {
-  const HttpAnswer answer = get("/v1/jobs/" + submit() + "/result");
+  const HttpResponse answer = get("/v1/jobs/" + submit() + "/result");
   EXPECT_EQ(answer.status, 409);
   EXPECT_EQ(answer.code(), "conflict");
 }
@@ -127,7 +127,7 @@ TEST_F(UnfinishedTest, the_result_of_a_job_that_waits_is_a_conflict) {
 TEST_F(UnfinishedTest, the_result_of_a_cancelled_job_is_its_problem) {
   const std::string path = "/v1/jobs/" + submit();
   EXPECT_EQ(request("DELETE", path).status, 200);
-  const HttpAnswer answer = get(path + "/result");
+  const HttpResponse answer = get(path + "/result");
   EXPECT_EQ(answer.status, 409);
   EXPECT_EQ(answer.code(), "cancelled");
 }
@@ -138,7 +138,7 @@ TEST_F(UnfinishedTest, the_result_of_a_failed_job_is_its_problem) {
   const auto task = worker.claim();
   ASSERT_TRUE(task);
   ASSERT_TRUE(worker.fail(*task, {ErrorCode::kMalformedMesh, "bunny.ply line 3", "a", "b"}));
-  const HttpAnswer answer = get(path + "/result");
+  const HttpResponse answer = get(path + "/result");
   EXPECT_EQ(answer.status, 422);
   EXPECT_EQ(answer.code(), "malformed-mesh");
   EXPECT_EQ(answer.detail(), "bunny.ply line 3");

@@ -16,9 +16,9 @@ class SequencesApi : public ServerTest {
  protected:
   // A job of an asset with animation 0, and its task at `worker`.
   Task claim(FakeWorker& worker) {
-    const HttpAnswer sent = request("POST", "/v1/jobs", "",
-                                    R"({"kind":"voxelize","asset":")" + post_asset() +
-                                        R"(","options":{"animation":0,"cache":"no"}})");
+    const HttpResponse sent = request("POST", "/v1/jobs", "",
+                                      R"({"kind":"voxelize","asset":")" + post_asset() +
+                                          R"(","options":{"animation":0,"cache":"no"}})");
     EXPECT_EQ(sent.status, 202) << sent.body;
     job_ = sent.header("location");
     const auto task = worker.claim();
@@ -35,18 +35,18 @@ class SequencesApi : public ServerTest {
     return json(get(job_))["result"].value("sequence", "");
   }
   // Sends a request that needs a job, plays its worker, and returns the answer; the task is kept.
-  HttpAnswer answered(const std::string& method, const std::string& target,
-                      const std::string& lines = "") {
+  HttpResponse answered(const std::string& method, const std::string& target,
+                        const std::string& lines = "") {
     HttpClient client(server_->port());
     const std::string length = method == "POST" ? "Content-Length: 0\r\n" : "";
     EXPECT_TRUE(
         client.send(method + " " + target + " HTTP/1.1\r\nHost: h\r\n" + length + lines + "\r\n"));
-    if (client.readable(0.3)) return client.receive().value_or(HttpAnswer{});  // refused at once
+    if (client.readable(0.3)) return client.receive().value_or(HttpResponse{});  // refused at once
     FakeWorker worker = connect_worker();
     const auto task = worker.claim();
     EXPECT_TRUE(task && worker.complete(*task, "made"));
     task_ = task.value_or(Task{});
-    return client.receive().value_or(HttpAnswer{});
+    return client.receive().value_or(HttpResponse{});
   }
   std::string option(const std::string& name) const {
     const auto options = nlohmann::json::parse(task_.options_json);
@@ -72,7 +72,7 @@ TEST_F(SequencesApi, frames_are_listed_and_fetched_while_their_job_runs) {
   EXPECT_EQ(list["frames"][0]["grid"], sha256_id("first grid"));
   EXPECT_EQ(list["frames"][0]["voxel_count"], 10);
   EXPECT_EQ(list["frames"][0]["content_hash"], sha256_id("content of first grid"));
-  const HttpAnswer grid = get(job_ + "/frames/0");
+  const HttpResponse grid = get(job_ + "/frames/0");
   EXPECT_EQ(grid.status, 200);
   EXPECT_EQ(grid.body, "first grid");
   EXPECT_EQ(grid.header("content-type"), "application/vnd.voxeld.grid");
@@ -91,7 +91,7 @@ TEST_F(SequencesApi, a_frame_that_is_not_there_yet_says_how_many_are) {
   EXPECT_EQ(get(job_ + "/frames/1").detail(), "1 frames are done");
   worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 1, 140, {}}));
   for (const char* index : {"1", "140", "-1", "x", "0x0", "99999999999999999999"}) {
-    const HttpAnswer answer = get(job_ + "/frames/" + index);
+    const HttpResponse answer = get(job_ + "/frames/" + index);
     EXPECT_EQ(answer.status, 404) << index;
     EXPECT_EQ(answer.code(), "not-found");
     EXPECT_EQ(answer.detail(), "1 of 140 frames are done");
@@ -125,9 +125,9 @@ TEST_F(SequencesApi, a_frame_is_exported_and_drawn_as_any_grid) {
   EXPECT_EQ(task_.kind, JobKind::kRender);
   EXPECT_TRUE(task_.input_is_grid);
   EXPECT_EQ(option("width"), "64");
-  const HttpAnswer moving = get(job_ + "/frames/0/render.png?picture=gif&turntable=9");
+  const HttpResponse moving = get(job_ + "/frames/0/render.png?image=gif&turntable=9");
   EXPECT_EQ(moving.status, 400);
-  EXPECT_EQ(moving.detail(), "picture");
+  EXPECT_EQ(moving.detail(), "image");
 }
 
 TEST_F(SequencesApi, a_sequence_lists_its_frames_and_place) {
@@ -144,7 +144,7 @@ TEST_F(SequencesApi, a_sequence_lists_its_frames_and_place) {
   EXPECT_EQ(list["dims"], (std::vector{4, 5, 6}));
   EXPECT_EQ(list["channels"], std::vector{"color"});
   EXPECT_EQ(get(path + "/frames/1").body, "b");
-  const HttpAnswer beyond = get(path + "/frames/3");
+  const HttpResponse beyond = get(path + "/frames/3");
   EXPECT_EQ(beyond.code(), "not-found");
   EXPECT_EQ(json(beyond)["expected"], "0 to 2");
   EXPECT_EQ(json(get(job_ + "/frames"))["sequence"], list["sequence"]);
@@ -176,14 +176,14 @@ TEST_F(SequencesApi, a_sequence_is_drawn_as_a_gif_where_nothing_else_is_said) {
   const std::string path = "/v1/sequences/" + finished();
   EXPECT_EQ(answered("GET", path + "/render?width=100").body, "made");
   EXPECT_EQ(task_.kind, JobKind::kRender);
-  EXPECT_EQ(option("picture"), "\"gif\"");
+  EXPECT_EQ(option("image"), "\"gif\"");
   EXPECT_EQ(option("width"), "100");
-  answered("GET", path + "/render?picture=sheet&columns=2");
-  EXPECT_EQ(option("picture"), "\"sheet\"");
+  answered("GET", path + "/render?image=sheet&columns=2");
+  EXPECT_EQ(option("image"), "\"sheet\"");
   EXPECT_EQ(option("width"), "160");
-  answered("GET", path + "/render?picture=png&frame=2");
+  answered("GET", path + "/render?image=png&frame=2");
   EXPECT_EQ(option("frame"), "2");
-  const HttpAnswer turned = get(path + "/render?turntable=9");
+  const HttpResponse turned = get(path + "/render?turntable=9");
   EXPECT_EQ(turned.code(), "invalid-option");
   EXPECT_EQ(json(turned)["expected"], "a grid as input");
   answered("GET", path + "/frames/1/render.png");
@@ -193,17 +193,17 @@ TEST_F(SequencesApi, a_sequence_is_drawn_as_a_gif_where_nothing_else_is_said) {
 TEST_F(SequencesApi, a_grid_turns_and_has_no_frames) {
   finished();
   const std::string path = "/v1/grids/" + sha256_id("a");
-  EXPECT_EQ(answered("GET", path + "/render?picture=apng&turntable=36&rate=12").body, "made");
+  EXPECT_EQ(answered("GET", path + "/render?image=apng&turntable=36&rate=12").body, "made");
   EXPECT_EQ(option("turntable"), "36");
   EXPECT_EQ(option("rate"), "\"12\"");
-  EXPECT_EQ(get(path + "/render?picture=gif").code(), "invalid-option");
+  EXPECT_EQ(get(path + "/render?image=gif").code(), "invalid-option");
   EXPECT_EQ(get(path + "?frames=0..1").detail(), "frames");
   EXPECT_EQ(get(path + "/render.png?frame=1").detail(), "frame");
 }
 
 TEST_F(SequencesApi, the_result_of_a_sequence_comes_in_other_formats) {
   const std::string sequence = finished();
-  const HttpAnswer whole = get(job_ + "/result");
+  const HttpResponse whole = get(job_ + "/result");
   EXPECT_EQ(whole.body, "whole");
   EXPECT_EQ(whole.header("content-type"), "application/vnd.voxeld.sequence");
   EXPECT_EQ(whole.header("x-voxeld-sequence"), sequence);
@@ -213,16 +213,16 @@ TEST_F(SequencesApi, the_result_of_a_sequence_comes_in_other_formats) {
   EXPECT_TRUE(task_.input_is_sequence);
 }
 
-TEST_F(SequencesApi, one_shot_pictures_take_a_sequence_and_only_one_input) {
+TEST_F(SequencesApi, one_shot_images_take_a_sequence_and_only_one_input) {
   const std::string sequence = finished();
-  EXPECT_EQ(answered("POST", "/v1/render?picture=gif&sequence=" + sequence).body, "made");
+  EXPECT_EQ(answered("POST", "/v1/render?image=gif&sequence=" + sequence).body, "made");
   EXPECT_EQ(task_.input_hash, sequence);
-  const HttpAnswer two = request("POST", "/v1/render?grid=x&sequence=" + sequence);
+  const HttpResponse two = request("POST", "/v1/render?grid=x&sequence=" + sequence);
   EXPECT_EQ(two.code(), "invalid-option");
   EXPECT_EQ(json(two)["expected"], "one of asset, grid and sequence");
   EXPECT_EQ(request("POST", "/v1/voxelize?sequence=" + sequence).detail(), "sequence");
-  const HttpAnswer still = request("POST", "/v1/render?picture=gif&time=1", "", "mesh");
-  EXPECT_EQ(still.detail(), "picture");
+  const HttpResponse still = request("POST", "/v1/render?image=gif&time=1", "", "mesh");
+  EXPECT_EQ(still.detail(), "image");
 }
 
 TEST_F(SequencesApi, a_dry_run_looks_for_the_sequence) {
@@ -244,8 +244,8 @@ class BundlesApi : public ServerTest {
     }
     return nlohmann::json{{"files", list}}.dump();
   }
-  HttpAnswer post_bundle(const std::string& text, const std::string& query = "",
-                         const std::string& type = std::string(kBundleMediaType)) {
+  HttpResponse post_bundle(const std::string& text, const std::string& query = "",
+                           const std::string& type = std::string(kBundleMediaType)) {
     return request("POST", "/v1/assets" + query, "Content-Type: " + type + "\r\n", text);
   }
 };
@@ -253,7 +253,7 @@ class BundlesApi : public ServerTest {
 TEST_F(BundlesApi, a_bundle_is_an_asset_that_a_job_works_on) {
   const std::string mesh = post_asset("mesh"), anim = post_asset("anim");
   const std::string text = manifest({{"a/bob.md5mesh", mesh}, {"walk.md5anim", anim}});
-  const HttpAnswer sent = post_bundle(text, "", "Application/vnd.voxeld.bundle+JSON; v=1");
+  const HttpResponse sent = post_bundle(text, "", "Application/vnd.voxeld.bundle+JSON; v=1");
   ASSERT_EQ(sent.status, 201) << sent.body;
   EXPECT_EQ(json(sent)["filename"], "bob.bundle.json");
   EXPECT_EQ(json(sent)["content_type"], kBundleMediaType);
@@ -285,11 +285,11 @@ TEST_F(BundlesApi, a_one_shot_request_takes_a_bundle_as_its_body) {
 
 TEST_F(BundlesApi, a_manifest_is_checked_before_anything_is_stored) {
   const std::string mesh = post_asset("mesh"), nothing = sha256_id("nothing");
-  const HttpAnswer missing = post_bundle(manifest({{"bob", mesh}, {"walk", nothing}}));
+  const HttpResponse missing = post_bundle(manifest({{"bob", mesh}, {"walk", nothing}}));
   EXPECT_EQ(missing.status, 404);
   EXPECT_EQ(missing.detail(), "bundle file \"walk\": no such asset");
   EXPECT_EQ(json(missing)["got"], nothing);
-  const HttpAnswer bad = post_bundle(R"({"files":[]})");
+  const HttpResponse bad = post_bundle(R"({"files":[]})");
   EXPECT_EQ(bad.status, 422);
   EXPECT_EQ(bad.code(), "malformed-bundle");
   EXPECT_EQ(post_bundle("").code(), "malformed-bundle");
@@ -304,7 +304,7 @@ TEST_F(BundlesApi, work_on_a_bundle_without_one_of_its_files_names_it) {
   const std::string mesh = post_asset("mesh");
   const std::string bundle = json(post_bundle(manifest({{"bob.md5mesh", mesh}})))["id"];
   EXPECT_EQ(request("DELETE", "/v1/assets/" + mesh).status, 204);
-  const HttpAnswer answer = request("POST", "/v1/voxelize?asset=" + bundle);
+  const HttpResponse answer = request("POST", "/v1/voxelize?asset=" + bundle);
   EXPECT_EQ(answer.status, 410);
   EXPECT_EQ(answer.detail(), "bundle file \"bob.md5mesh\": asset " + mesh + " was deleted");
 }

@@ -56,7 +56,7 @@ TEST_F(WaitsTest, every_one_shot_is_a_queued_job_at_once_and_others_are_served_b
     if (task->id == job) break;
   }
   EXPECT_EQ(claimed.back(), job);
-  EXPECT_EQ(other.receive().value_or(HttpAnswer{}).body, "voxels");
+  EXPECT_EQ(other.receive().value_or(HttpResponse{}).body, "voxels");
 }
 
 TEST_F(WaitsTest, slow_uploads_polls_and_streams_of_one_tenant_hold_up_nobody) {
@@ -76,7 +76,7 @@ TEST_F(WaitsTest, slow_uploads_polls_and_streams_of_one_tenant_hold_up_nobody) {
     ASSERT_TRUE(clients.emplace_back(server_->port()).send_get("/v1/jobs/" + job + "/events", lab));
   }
   ASSERT_TRUE(waiting(80)) << admin("/metrics").body;
-  const HttpAnswer upload = request("POST", "/v1/assets", studio, "mesh");
+  const HttpResponse upload = request("POST", "/v1/assets", studio, "mesh");
   EXPECT_EQ(upload.status, 201);
   EXPECT_EQ(get("/v1/assets", studio).status, 200);
   HttpClient other = one_shot(studio, "another mesh");
@@ -85,7 +85,7 @@ TEST_F(WaitsTest, slow_uploads_polls_and_streams_of_one_tenant_hold_up_nobody) {
     const auto task = worker.claim();
     ASSERT_TRUE(task && worker.complete(*task, "voxels"));
   }
-  EXPECT_EQ(other.receive().value_or(HttpAnswer{}).body, "voxels");
+  EXPECT_EQ(other.receive().value_or(HttpResponse{}).body, "voxels");
 }
 
 TEST_F(WaitsTest, a_tenant_over_its_share_of_waits_is_told_and_others_are_not) {
@@ -94,7 +94,7 @@ TEST_F(WaitsTest, a_tenant_over_its_share_of_waits_is_told_and_others_are_not) {
   for (int i = 0; i < 200; ++i) clients.push_back(one_shot(lab, "mesh " + std::to_string(i)));
   ASSERT_TRUE(waiting(200));
   HttpClient over = one_shot(lab, "one more");
-  const HttpAnswer refused = over.receive().value_or(HttpAnswer{});
+  const HttpResponse refused = over.receive().value_or(HttpResponse{});
   EXPECT_EQ(refused.status, 429);
   EXPECT_EQ(refused.code(), "too-many-requests");
   EXPECT_EQ(refused.detail(), "too many requests of this tenant wait at a time");
@@ -119,7 +119,7 @@ TEST_F(WaitsTest, a_job_outlives_a_poll_whose_client_leaves) {
 TEST_F(WaitsTest, a_poll_ends_at_its_time_with_the_job_as_it_is) {
   const std::string id = submit();
   const auto begin = std::chrono::steady_clock::now();
-  const HttpAnswer answer = get("/v1/jobs/" + id, "Prefer: wait=1\r\n");
+  const HttpResponse answer = get("/v1/jobs/" + id, "Prefer: wait=1\r\n");
   EXPECT_EQ(json(answer).value("state", ""), "queued");
   const auto took = std::chrono::steady_clock::now() - begin;
   EXPECT_GE(took, std::chrono::seconds(1));
@@ -135,7 +135,7 @@ TEST_F(WaitsTest, a_key_that_expires_ends_what_waits_in_its_name) {
   ASSERT_TRUE(client.send_get("/v1/jobs/" + id,
                               "Authorization: Bearer " + text + "\r\nPrefer: wait=60\r\n"));
   ASSERT_TRUE(client.readable(kPatienceSeconds / 2)) << "less than it would wait";
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).code(), "unauthorized");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).code(), "unauthorized");
 }
 
 TEST_F(WaitsTest, a_one_shot_that_was_cached_does_not_wait) {
@@ -143,9 +143,9 @@ TEST_F(WaitsTest, a_one_shot_that_was_cached_does_not_wait) {
   FakeWorker worker = connect_worker();
   const auto task = worker.claim();
   ASSERT_TRUE(task && worker.complete(*task, "voxels"));
-  EXPECT_EQ(first.receive().value_or(HttpAnswer{}).body, "voxels");
+  EXPECT_EQ(first.receive().value_or(HttpResponse{}).body, "voxels");
   HttpClient second = one_shot("", "mesh");
-  const HttpAnswer answer = second.receive().value_or(HttpAnswer{});
+  const HttpResponse answer = second.receive().value_or(HttpResponse{});
   EXPECT_EQ(answer.body, "voxels");
   EXPECT_EQ(answer.header("cache-status"), "voxeld; hit");
 }

@@ -84,7 +84,7 @@ TEST_F(Commands, a_failure_leaves_no_file_and_keeps_the_old_one) {
   ScriptedServer second({});
   voxelize.url = second.url();
   std::ofstream(output()) << "old";
-  EXPECT_EQ(error_of([&] { run_command(voxelize, {}); }).code(), "bad-answer");
+  EXPECT_EQ(error_of([&] { run_command(voxelize, {}); }).code(), "bad-response");
   EXPECT_EQ(written(), "old");
 }
 
@@ -119,7 +119,7 @@ TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {
   expect_nothing_written();
 }
 
-TEST_F(Commands, an_interrupt_cancels_the_picture_of_a_grid) {
+TEST_F(Commands, an_interrupt_cancels_the_image_of_a_grid) {
   ScriptedServer server(
       {job_answer("queued"), Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
   Arguments render = arguments(Arguments::Command::kRender, server);
@@ -134,11 +134,11 @@ TEST_F(Commands, a_stored_sequence_is_drawn) {
   ScriptedServer server({job_answer("queued"), job_answer("done"), Answer{.body = "GIF89a"}});
   Arguments render = arguments(Arguments::Command::kRender, server);
   render.sequence = "sha256-s";
-  render.options.set("picture", "gif");
+  render.options.set("image", "gif");
   run_command(render, {});
   EXPECT_EQ(written(), "GIF89a");
   EXPECT_EQ(server.asked()[0].body,
-            R"({"kind":"render","options":{"picture":"gif"},"sequence":"sha256-s"})");
+            R"({"kind":"render","options":{"image":"gif"},"sequence":"sha256-s"})");
 }
 
 TEST_F(Commands, files_beside_the_mesh_go_with_it) {

@@ -95,7 +95,7 @@ TEST(Download, a_result_that_changed_meanwhile_is_an_error_and_gives_no_more_byt
   Kept kept;
   const Error error = error_of([&] { client.download("j-1", kept.sink()); });
   EXPECT_EQ(kept.text, text.substr(0, 10));
-  EXPECT_EQ(error.code(), "bad-answer");
+  EXPECT_EQ(error.code(), "bad-response");
   EXPECT_EQ(error.http_status(), 200);
   EXPECT_STREQ(error.what(),
                "the result changed while it was downloaded, what came so far is of no use: "
@@ -114,7 +114,7 @@ TEST(Download, a_part_that_starts_elsewhere_or_is_of_another_result_is_an_error)
     ScriptedServer server({whole(text, 10), answer});
     Client client(server.url());
     Kept kept;
-    EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "bad-answer");
+    EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "bad-response");
     EXPECT_EQ(kept.text, text.substr(0, 10));
   }
 }
@@ -256,7 +256,7 @@ TEST(WholeWay, voxelize_uploads_submits_waits_downloads_and_decodes) {
                                     R"("options":{"format":"native","size":"5"}})");
 }
 
-TEST(WholeWay, render_gives_the_picture_and_the_jobs_end) {
+TEST(WholeWay, render_gives_the_image_and_the_jobs_end) {
   ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
                          job_answer("done", R"("result":{"bytes":3,"media_type":"image/png"})"),
                          whole("PNG")});
@@ -275,7 +275,7 @@ TEST(WholeWay, what_is_no_container_is_a_bad_answer) {
                          job_answer("done"), whole("<html>")});
   Client client(server.url());
   const Error error = error_of([&] { client.voxelize(Source::memory(bytes_of("x"), "a"), {}); });
-  EXPECT_EQ(error.code(), "bad-answer");
+  EXPECT_EQ(error.code(), "bad-response");
   EXPECT_THAT(error.what(), HasSubstr("the header is cut off"));
 }
 

@@ -247,12 +247,12 @@ TEST(Grid, every_truncated_container_is_a_bad_answer) {
           .container;
   for (size_t bytes = 0; bytes < container.size(); ++bytes) {
     const Error error = error_of([&] { Grid::decode(std::span(container).first(bytes)); });
-    ASSERT_EQ(error.code(), "bad-answer") << bytes;
+    ASSERT_EQ(error.code(), "bad-response") << bytes;
     ASSERT_THAT(error.what(), HasSubstr("grid container, byte")) << bytes;
   }
   auto longer = container;
   longer.push_back(std::byte{0});
-  EXPECT_EQ(error_of([&] { Grid::decode(longer); }).code(), "bad-answer");
+  EXPECT_EQ(error_of([&] { Grid::decode(longer); }).code(), "bad-response");
 }
 
 TEST(Grid, a_container_with_a_flipped_bit_decodes_or_is_a_bad_answer) {
@@ -268,7 +268,7 @@ TEST(Grid, a_container_with_a_flipped_bit_decodes_or_is_a_bad_answer) {
       EXPECT_LE(grid.voxel_count(), 1u << 24);
     } catch (const Error& error) {
       ++refused;
-      ASSERT_EQ(error.code(), "bad-answer") << bit;
+      ASSERT_EQ(error.code(), "bad-response") << bit;
     }
   }
   // The rest are the meta's text, origin and voxel size, and dims that still hold the voxels.

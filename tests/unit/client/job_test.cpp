@@ -61,7 +61,7 @@ TEST(Submit, a_bundle_names_its_files_and_their_uploads) {
   EXPECT_EQ(server.asked()[0].header("content-type"), "application/vnd.voxeld.bundle+json");
   EXPECT_EQ(server.asked()[0].body, R"({"files":[{"asset":"sha256-a","name":"bob.md5mesh"},)"
                                     R"({"asset":"sha256-c","name":"walk.md5anim"}]})");
-  EXPECT_EQ(error_of([&] { client.bundle(files); }).code(), "bad-answer");
+  EXPECT_EQ(error_of([&] { client.bundle(files); }).code(), "bad-response");
 }
 
 TEST(Frames, those_that_are_done_are_listed) {
@@ -83,7 +83,7 @@ TEST(Frames, those_that_are_done_are_listed) {
   EXPECT_EQ(frames.frames[1].index, 2);
   EXPECT_EQ(frames.frames[1].time_s, 0.25);
   EXPECT_EQ(client.frames("j-1").sequence, "sha256-s");
-  EXPECT_EQ(error_of([&] { client.frames("j-1"); }).code(), "bad-answer");
+  EXPECT_EQ(error_of([&] { client.frames("j-1"); }).code(), "bad-response");
   EXPECT_EQ(server.lines()[0], "GET /v1/jobs/j-1/frames");
 }
 
@@ -162,7 +162,7 @@ TEST(Jobs, a_list_that_is_none_is_a_bad_answer) {
   for (const char* body : {"{}", R"({"jobs":7})", R"({"jobs":"x"})", R"({"jobs":[1]})"}) {
     ScriptedServer server({json_answer(body)});
     Client client(server.url());
-    EXPECT_EQ(error_of([&] { client.jobs(); }).code(), "bad-answer") << body;
+    EXPECT_EQ(error_of([&] { client.jobs(); }).code(), "bad-response") << body;
   }
 }
 
@@ -242,7 +242,7 @@ TEST(Wait, gives_up_on_a_daemon_that_stays_away) {
 TEST(Wait, a_304_that_nobody_asked_for_is_a_bad_answer) {
   ScriptedServer server({unchanged()});
   Client client(server.url());
-  EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "bad-answer");
+  EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "bad-response");
 }
 
 TEST(Wait, a_short_timeout_does_not_count_the_time_that_the_daemon_was_asked_to_hold) {

@@ -127,7 +127,7 @@ TEST(Errors, an_answer_of_another_service_is_a_bad_answer) {
     ScriptedServer server({answer});
     Client client(server.url());
     const Error error = error_of([&] { client.job("j-1"); });
-    EXPECT_EQ(error.code(), "bad-answer");
+    EXPECT_EQ(error.code(), "bad-response");
     EXPECT_THAT(server.asked(), SizeIs(1));
   }
 }

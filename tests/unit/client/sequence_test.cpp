@@ -87,9 +87,9 @@ TEST(Sequence, a_broken_container_is_a_bad_answer) {
   auto bytes = container();
   bytes[8] = std::byte{9};
   const Error error = error_of([&] { Sequence::decode(bytes); });
-  EXPECT_EQ(error.code(), "bad-answer");
+  EXPECT_EQ(error.code(), "bad-response");
   EXPECT_STREQ(error.what(), "sequence container, byte 8: version: expected 1, got 9");
-  EXPECT_EQ(error_of([&] { Sequence::decode({}); }).code(), "bad-answer");
+  EXPECT_EQ(error_of([&] { Sequence::decode({}); }).code(), "bad-response");
 }
 
 TEST(Sequence, an_animation_is_voxelized_in_one_call) {

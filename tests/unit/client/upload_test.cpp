@@ -168,7 +168,7 @@ TEST(Upload, an_answer_without_an_id_is_a_bad_answer) {
   ScriptedServer server({json_answer("{}")});
   Client client(server.url());
   const Error error = error_of([&] { client.upload(Source::memory(bytes_of("x"), "a")); });
-  EXPECT_EQ(error.code(), "bad-answer");
+  EXPECT_EQ(error.code(), "bad-response");
   EXPECT_THAT(error.what(), HasSubstr("no asset"));
 }
 

@@ -36,7 +36,7 @@ TEST_F(CrowdTest, idle_and_slow_connections_hold_no_thread) {
   ASSERT_TRUE(comes_true([&] { return server_->state().connections == 150; }));
   EXPECT_EQ(get("/hello").body, "hello");
   ASSERT_TRUE(clients[2].send("cdefghi"));
-  EXPECT_EQ(clients[2].receive().value_or(HttpAnswer{}).body, "abcdefghi");
+  EXPECT_EQ(clients[2].receive().value_or(HttpResponse{}).body, "abcdefghi");
 }
 
 TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
@@ -49,7 +49,7 @@ TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->body.size(), kLargeBytes);
   ASSERT_TRUE(slow.send_get("/hello"));
-  EXPECT_EQ(slow.receive().value_or(HttpAnswer{}).body, "hello");
+  EXPECT_EQ(slow.receive().value_or(HttpResponse{}).body, "hello");
   const auto seen = observed(3);
   EXPECT_EQ(seen[1].path, "/large");
   EXPECT_EQ(seen[1].bytes_out, static_cast<int64_t>(kLargeBytes));
@@ -73,10 +73,10 @@ TEST_F(CrowdTest, who_pipelines_is_behind_others_after_each_answer) {
   ASSERT_TRUE(comes_true([&] { return has_entered.load(); }));
   ASSERT_TRUE(other.send_get("/other"));
   held.count_down();
-  EXPECT_EQ(other.receive().value_or(HttpAnswer{}).body, "other");
-  EXPECT_EQ(greedy.receive().value_or(HttpAnswer{}).body, "held");
+  EXPECT_EQ(other.receive().value_or(HttpResponse{}).body, "other");
+  EXPECT_EQ(greedy.receive().value_or(HttpResponse{}).body, "held");
   for (int i = 0; i < kPipelined; ++i) {
-    ASSERT_EQ(greedy.receive().value_or(HttpAnswer{}).body, "hello") << i;
+    ASSERT_EQ(greedy.receive().value_or(HttpResponse{}).body, "hello") << i;
   }
   const auto seen = observed(kPipelined + 2);
   const auto at = std::ranges::find(seen, "/other", &Observed::path) - seen.begin();
@@ -91,7 +91,7 @@ TEST_F(CrowdTest, what_was_pipelined_before_a_client_finished_sending_is_answere
                   "GET /hello HTTP/1.1\r\nHost: h\r\n\r\n"));
   client.finish_sending();
   for (int i = 0; i < 3; ++i) {
-    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "hello") << i;
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "hello") << i;
   }
   EXPECT_EQ(client.receive_to_end(), "");
 }
@@ -107,7 +107,7 @@ TEST_F(CrowdTest, uploads_that_stand_still_hold_no_thread) {
   EXPECT_EQ(get("/hello").body, "hello");
   for (HttpClient& client : clients) ASSERT_TRUE(client.send("0\r\n\r\n"));
   for (HttpClient& client : clients) {
-    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "a");
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "a");
   }
 }
 
@@ -124,7 +124,7 @@ TEST_F(CrowdTest, requests_that_wait_hold_no_thread) {
   waits_.ends = true;
   wake_all();
   for (HttpClient& client : clients) {
-    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "ended");
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "ended");
   }
   EXPECT_EQ(server_->state().requests_waiting, 0);
 }

@@ -49,11 +49,11 @@ class DrainTest : public HttpServerTest {
     EXPECT_TRUE(comes_true([&] { return get("/hello").header("connection") == "close"; }));
     work();
     held_.count_down();
-    EXPECT_EQ(running.receive().value_or(HttpAnswer{}).body, "held");
+    EXPECT_EQ(running.receive().value_or(HttpResponse{}).body, "held");
     running.close();
     stopper.join();
   }
-  static void expect_refused(const HttpAnswer& answer) {
+  static void expect_refused(const HttpResponse& answer) {
     EXPECT_EQ(answer.status, 503);
     EXPECT_EQ(answer.code(), "shutting-down");
     EXPECT_EQ(answer.header("content-type"), "application/problem+json");
@@ -112,18 +112,18 @@ TEST_F(DrainTest, new_work_is_refused_on_new_and_kept_connections_and_the_rest_a
   const std::string work = "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 2\r\n\r\nab";
   HttpClient kept(port()), reading(port()), half(port());
   ASSERT_TRUE(kept.send(work) && reading.send_get("/hello") && half.send(work.substr(0, 30)));
-  EXPECT_EQ(kept.receive().value_or(HttpAnswer{}).body, "ab");
-  EXPECT_EQ(reading.receive().value_or(HttpAnswer{}).header("connection"), "keep-alive");
+  EXPECT_EQ(kept.receive().value_or(HttpResponse{}).body, "ab");
+  EXPECT_EQ(reading.receive().value_or(HttpResponse{}).header("connection"), "keep-alive");
   while_draining([&] {
     ASSERT_TRUE(kept.send(work) && half.send(work.substr(30)) && reading.send_get("/hello"));
-    expect_refused(kept.receive().value_or(HttpAnswer{}));
+    expect_refused(kept.receive().value_or(HttpResponse{}));
     EXPECT_EQ(kept.receive_to_end(), "");
-    expect_refused(half.receive().value_or(HttpAnswer{}));
-    EXPECT_EQ(reading.receive().value_or(HttpAnswer{}).body, "hello");
+    expect_refused(half.receive().value_or(HttpResponse{}));
+    EXPECT_EQ(reading.receive().value_or(HttpResponse{}).body, "hello");
     EXPECT_EQ(reading.receive_to_end(), "");
     HttpClient fresh(port());
     ASSERT_TRUE(fresh.send(work));
-    expect_refused(fresh.receive().value_or(HttpAnswer{}));
+    expect_refused(fresh.receive().value_or(HttpResponse{}));
   });
 }
 
@@ -179,7 +179,7 @@ TEST_F(DrainTest, requests_that_wait_look_again_when_draining_begins) {
   ASSERT_TRUE(comes_true([&] { return server_->state().requests_waiting == 1; }));
   waits_.ends = true;
   server_->stop(kPatienceSeconds);
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "ended");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "ended");
 }
 
 TEST_F(DrainTest, a_request_that_was_queued_behind_a_stuck_handler_does_not_begin_after_the_end) {

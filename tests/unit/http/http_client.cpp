@@ -25,14 +25,14 @@ std::string json_member(const std::string& body, const char* name) {
 
 }  // namespace
 
-std::string HttpAnswer::header(const std::string& name) const {
+std::string HttpResponse::header(const std::string& name) const {
   const auto it = headers.find(name);
   return it == headers.end() ? std::string() : it->second;
 }
-std::string HttpAnswer::code() const {
+std::string HttpResponse::code() const {
   return json_member(body, "code");
 }
-std::string HttpAnswer::detail() const {
+std::string HttpResponse::detail() const {
   return json_member(body, "detail");
 }
 
@@ -79,12 +79,12 @@ bool HttpClient::fill() {
   return true;
 }
 
-std::optional<HttpAnswer> HttpClient::receive_head() {
+std::optional<HttpResponse> HttpClient::receive_head() {
   size_t end = 0;
   while ((end = buffer_.find("\r\n\r\n")) == std::string::npos) {
     if (!fill()) return std::nullopt;
   }
-  HttpAnswer answer;
+  HttpResponse answer;
   std::string_view head = std::string_view(buffer_).substr(0, end + 2);
   if (!head.starts_with("HTTP/1.1 ")) return std::nullopt;
   answer.status = std::atoi(head.data() + 9);
@@ -102,7 +102,7 @@ std::optional<HttpAnswer> HttpClient::receive_head() {
   return answer;
 }
 
-std::optional<HttpAnswer> HttpClient::receive(bool has_body) {
+std::optional<HttpResponse> HttpClient::receive(bool has_body) {
   auto answer = receive_head();
   if (!answer || !has_body) return answer;
   if (answer->header("transfer-encoding") == "chunked") {

@@ -14,7 +14,7 @@ namespace voxeld::testing {
 
 inline constexpr int kPatienceSeconds = 60;
 
-struct HttpAnswer {
+struct HttpResponse {
   int status = 0;
   std::map<std::string, std::string> headers;  // names in small letters
   std::string body;
@@ -38,9 +38,9 @@ class HttpClient {
   bool send_get(std::string_view target, std::string_view lines = "");
   // One whole answer, put together where it comes in chunks; interim 1xx answers are skipped.
   // nullopt when the connection ends before. `has_body` is false for answers to HEAD.
-  std::optional<HttpAnswer> receive(bool has_body = true);
+  std::optional<HttpResponse> receive(bool has_body = true);
   // The head of an answer that goes on; the rest by receive_some().
-  std::optional<HttpAnswer> receive_head();
+  std::optional<HttpResponse> receive_head();
   // At least one more byte of what goes on; empty at the end.
   std::string receive_some();
   // Everything until the server closes; nullopt when it does not.

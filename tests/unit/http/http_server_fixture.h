@@ -18,8 +18,8 @@
 namespace voxeld::http {
 
 using testing::comes_true;
-using testing::HttpAnswer;
 using testing::HttpClient;
+using testing::HttpResponse;
 using testing::kPatienceSeconds;
 
 // Facts of one exchange, as the observer saw them.
@@ -101,10 +101,10 @@ class HttpServerTest : public ::testing::Test {
     const std::lock_guard lock(observed_mutex_);
     return observed_;
   }
-  HttpAnswer get(const std::string& target, const std::string& lines = "") {
+  HttpResponse get(const std::string& target, const std::string& lines = "") {
     HttpClient client(port());
     EXPECT_TRUE(client.send_get(target, lines));
-    return client.receive().value_or(HttpAnswer{});
+    return client.receive().value_or(HttpResponse{});
   }
   void wake_all() {
     const std::lock_guard lock(wakers_mutex_);

@@ -24,7 +24,7 @@ std::string post(const std::string& target, const std::string& body) {
 
 TEST_F(HttpServerTest, an_answer_has_its_length_an_id_and_keeps_the_connection) {
   start();
-  const HttpAnswer answer = get("/hello");
+  const HttpResponse answer = get("/hello");
   EXPECT_EQ(answer.status, 200);
   EXPECT_EQ(answer.body, "hello");
   EXPECT_EQ(answer.header("content-length"), "5");
@@ -224,7 +224,7 @@ TEST_F(HttpServerTest, bodies_that_end_early_are_a_bad_request) {
     HttpClient client(port());
     ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\n" + std::string(head)));
     client.finish_sending();
-    const HttpAnswer answer = client.receive().value_or(HttpAnswer{});
+    const HttpResponse answer = client.receive().value_or(HttpResponse{});
     EXPECT_EQ(answer.status, 400);
     EXPECT_EQ(answer.detail(), "the body ends early");
     EXPECT_EQ(answer.header("connection"), "close");
@@ -237,7 +237,7 @@ TEST_F(HttpServerTest, a_body_larger_than_every_buffer_arrives_whole) {
   for (int i = 0; i < 1 << 20; ++i) body += static_cast<char>('a' + i % 23);
   HttpClient client(port());
   ASSERT_TRUE(client.send(post("/echo", body)));
-  EXPECT_TRUE(client.receive().value_or(HttpAnswer{}).body == body);
+  EXPECT_TRUE(client.receive().value_or(HttpResponse{}).body == body);
 }
 
 TEST_F(HttpServerTest, plain_request_ids_are_kept_and_others_replaced) {
@@ -297,7 +297,7 @@ TEST_F(HttpServerTest, header_values_of_an_answer_cannot_break_out_of_their_line
     return response;
   });
   start();
-  const HttpAnswer answer = get("/inject?x=1");
+  const HttpResponse answer = get("/inject?x=1");
   EXPECT_EQ(answer.header("x-name"), "a??X-Evil: 1");
   EXPECT_EQ(answer.header("x-evil"), "");
 }

@@ -53,7 +53,7 @@ TEST_F(PiecesTest, several_are_chunked_and_the_connection_goes_on) {
   HttpClient client(port());
   for (int i = 0; i < 2; ++i) {
     ASSERT_TRUE(client.send_get("/pieces"));
-    const HttpAnswer answer = client.receive().value_or(HttpAnswer{});
+    const HttpResponse answer = client.receive().value_or(HttpResponse{});
     EXPECT_EQ(answer.header("transfer-encoding"), "chunked");
     EXPECT_EQ(answer.header("content-length"), "");
     EXPECT_EQ(answer.body, "bbbbbbbbbbccccccccccdddddddddd");
@@ -63,7 +63,7 @@ TEST_F(PiecesTest, several_are_chunked_and_the_connection_goes_on) {
 TEST_F(PiecesTest, a_single_one_has_a_length) {
   add_pieces("/pieces", 1, 10);
   start();
-  const HttpAnswer answer = get("/pieces");
+  const HttpResponse answer = get("/pieces");
   EXPECT_EQ(answer.header("transfer-encoding"), "");
   EXPECT_EQ(answer.header("content-length"), "10");
   EXPECT_EQ(answer.body, "bbbbbbbbbb");
@@ -85,17 +85,17 @@ TEST_F(PiecesTest, a_head_request_gets_the_head_alone) {
   start();
   HttpClient client(port());
   ASSERT_TRUE(client.send("HEAD /pieces HTTP/1.1\r\nHost: h\r\n\r\n"));
-  const HttpAnswer head = client.receive(/*has_body=*/false).value_or(HttpAnswer{});
+  const HttpResponse head = client.receive(/*has_body=*/false).value_or(HttpResponse{});
   EXPECT_EQ(head.status, 200);
   EXPECT_EQ(head.header("etag"), "\"e\"");
   ASSERT_TRUE(client.send_get("/hello"));
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "hello");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "hello");
 }
 
 TEST_F(PiecesTest, the_error_of_the_first_one_is_the_answer) {
   add_pieces("/pieces", 3, 10, /*failing=*/0);
   start();
-  const HttpAnswer answer = get("/pieces");
+  const HttpResponse answer = get("/pieces");
   EXPECT_EQ(answer.status, 410);
   EXPECT_EQ(answer.header("content-type"), "application/problem+json");
   EXPECT_EQ(answer.header("etag"), "");
@@ -123,7 +123,7 @@ TEST_F(PiecesTest, a_client_that_does_not_read_costs_one_piece) {
   EXPECT_LE(server_->state().memory_bytes, kPieceBytesMax);
   EXPECT_EQ(get("/hello").body, "hello");
   EXPECT_EQ(made_, made);
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body.size(), kPieces * kPieceBytes);
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).body.size(), kPieces * kPieceBytes);
   EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
 }
 
@@ -144,7 +144,7 @@ TEST_F(PiecesTest, over_the_budget_answers_wait_without_a_thread_and_go_on_when_
   std::vector<std::thread> readers;
   for (HttpClient& client : clients) {
     readers.emplace_back([&client] {
-      EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body.size(), kPieces * kPieceBytes);
+      EXPECT_EQ(client.receive().value_or(HttpResponse{}).body.size(), kPieces * kPieceBytes);
     });
   }
   for (std::thread& reader : readers) reader.join();
@@ -163,7 +163,7 @@ TEST_F(PiecesTest, those_that_wait_go_on_when_a_client_leaves) {
   ASSERT_TRUE(second.send_get("/pieces"));
   EXPECT_FALSE(second.readable(0.3));
   first.close();
-  EXPECT_EQ(second.receive().value_or(HttpAnswer{}).body.size(), kPieces * kPieceBytes);
+  EXPECT_EQ(second.receive().value_or(HttpResponse{}).body.size(), kPieces * kPieceBytes);
 }
 
 TEST(MemoryBudget, one_tenants_bytes_are_not_anothers) {

@@ -19,8 +19,8 @@ constexpr int64_t kLargeBytes = int64_t{64} << 20;  // more than the buffers of 
 
 // How a client fared.
 struct Fate {
-  double seconds = 0;  // until the server answered or closed
-  HttpAnswer answer;   // status 0: closed without one
+  double seconds = 0;   // until the server answered or closed
+  HttpResponse answer;  // status 0: closed without one
 };
 
 double seconds_since(Clock::time_point start) {
@@ -156,7 +156,7 @@ TEST(SlowReader, who_takes_less_than_the_least_rate_is_cut_though_never_still) {
 TEST_F(SlowClients, others_are_served_at_once_after_all) {
   HttpClient client(suite_->front->port());
   ASSERT_TRUE(client.send("POST / HTTP/1.1\r\nHost: h\r\nContent-Length: 2\r\n\r\nok"));
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "ok");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "ok");
 }
 
 }  // namespace

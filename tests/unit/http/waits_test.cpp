@@ -46,9 +46,9 @@ TEST_F(WaitsTest, each_wait_ends_at_its_own_time_in_whatever_order_they_began) {
   ASSERT_TRUE(slow.send_get("/long"));
   ASSERT_TRUE(comes_true([&] { return server_->state().requests_waiting == 1; }));
   ASSERT_TRUE(quick.send_get("/short"));
-  EXPECT_EQ(quick.receive().value_or(HttpAnswer{}).body, "late");
+  EXPECT_EQ(quick.receive().value_or(HttpResponse{}).body, "late");
   EXPECT_LT(Clock::now() - begin, milliseconds(700));
-  EXPECT_EQ(slow.receive().value_or(HttpAnswer{}).body, "late");
+  EXPECT_EQ(slow.receive().value_or(HttpResponse{}).body, "late");
   EXPECT_GE(Clock::now() - begin, milliseconds(700));
 }
 
@@ -58,8 +58,8 @@ TEST_F(WaitsTest, a_connection_serves_requests_after_one_that_waited) {
   HttpClient client(port());
   for (int i = 0; i < 3; ++i) {
     ASSERT_TRUE(client.send_get("/short") && client.send_get("/hello"));
-    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "late");
-    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "hello");
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "late");
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "hello");
   }
 }
 
@@ -116,7 +116,7 @@ TEST_F(WaitsTest, wakes_from_many_threads_lose_nothing) {
     });
   }
   for (HttpClient& client : clients) {
-    EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "enough");
+    EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "enough");
   }
   done = true;
   for (std::thread& waker : wakers) waker.join();
@@ -142,7 +142,7 @@ TEST_F(WaitsTest, a_recheck_wakes_everything_that_waits) {
   ASSERT_TRUE(client.send_get("/endless"));
   ASSERT_TRUE(comes_true([&] { return server_->state().requests_waiting == 1; }));
   waits_.ends = true;
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "ended");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "ended");
 }
 
 class StreamTest : public HttpServerTest {
@@ -187,7 +187,7 @@ TEST_F(StreamTest, a_stream_sends_its_head_at_once_and_each_event_when_it_is_wok
   wake_all();
   EXPECT_EQ(client.receive_some(), "0\r\n\r\n");
   ASSERT_TRUE(client.send_get("/hello"));
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "hello");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "hello");
 }
 
 TEST_F(StreamTest, a_stream_ends_when_its_client_leaves) {
@@ -202,9 +202,9 @@ TEST_F(StreamTest, a_head_request_of_a_stream_gets_the_head_alone) {
   start();
   HttpClient client(port());
   ASSERT_TRUE(client.send("HEAD /stream HTTP/1.1\r\nHost: h\r\n\r\n"));
-  EXPECT_EQ(client.receive(/*has_body=*/false).value_or(HttpAnswer{}).status, 200);
+  EXPECT_EQ(client.receive(/*has_body=*/false).value_or(HttpResponse{}).status, 200);
   ASSERT_TRUE(client.send_get("/hello"));
-  EXPECT_EQ(client.receive().value_or(HttpAnswer{}).body, "hello");
+  EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "hello");
 }
 
 TEST_F(StreamTest, a_stream_is_cut_at_the_end_of_the_grace) {
@@ -233,7 +233,7 @@ TEST_F(HttpServerTest, bodies_over_the_memory_budget_wait_for_each_other) {
   const std::string body(kBodyBytes, 'b');
   for (HttpClient& client : clients) ASSERT_TRUE(client.send(body));
   for (HttpClient& client : clients) {
-    EXPECT_TRUE(client.receive().value_or(HttpAnswer{}).body == body);
+    EXPECT_TRUE(client.receive().value_or(HttpResponse{}).body == body);
   }
   EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
 }

@@ -273,7 +273,7 @@ TEST_F(FramesTest, a_request_on_a_sequence_is_checked) {
   request.sequence = sha256_id("nothing");
   EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().detail, "no such sequence");
   request.sequence = sequence;
-  request.options.render.picture = PictureKind::kGif;
+  request.options.render.image = ImageKind::kGif;
   request.options.render.turntable = 9;
   EXPECT_EQ(service_->submit(Caller::open(), request, {}).error().message(),
             "turntable: expected a grid as input, got a sequence");

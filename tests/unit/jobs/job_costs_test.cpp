@@ -129,9 +129,9 @@ TEST_F(JobCostsTest, jobs_are_expected_in_their_order_and_by_their_weights) {
   JobRequest request;
   request.asset = "sha256-1";
   request.options = options(256);
-  const JobStatus priced = queue.price("light", request, 1 << 20);
-  EXPECT_EQ(priced.queue_position, 5);
-  EXPECT_GE(priced.expected_start_ms, end_of("second") - 1000);
+  const JobStatus estimated = queue.estimate("light", request, 1 << 20);
+  EXPECT_EQ(estimated.queue_position, 5);
+  EXPECT_GE(estimated.expected_start_ms, end_of("second") - 1000);
 }
 
 TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {

@@ -169,7 +169,7 @@ TEST_F(ResultStoreTest, a_live_job_keeps_the_grid_that_it_works_on) {
   EXPECT_TRUE(is_stored("0123456789"));
   FakeWorker worker = connect();
   const auto task = worker.claim();
-  ASSERT_TRUE(task && worker.complete(*task, "a picture"));
+  ASSERT_TRUE(task && worker.complete(*task, "an image"));
   EXPECT_EQ(ended(lab_, waits.id).state, JobState::kDone);
   EXPECT_TRUE(goes("0123456789"));
 }
@@ -184,7 +184,7 @@ TEST_F(ResultStoreTest, a_live_job_keeps_the_frames_of_its_sequence) {
   const auto task = worker.claim();
   ASSERT_TRUE(task);
   EXPECT_EQ(task->frame_paths.size(), 2U);
-  ASSERT_TRUE(worker.complete(*task, "a picture"));
+  ASSERT_TRUE(worker.complete(*task, "an image"));
   EXPECT_EQ(ended(lab_, waits.id).state, JobState::kDone);
   for (const char* text : {"first", "second"}) EXPECT_TRUE(goes(text)) << text;
 }

@@ -47,7 +47,7 @@ TEST_F(StoreRebuildTest, assets_bundles_grids_and_sequences_are_known_again) {
   lose_database({mesh, skin, grid, bundle, sequence, "\x93NUMPY array", "{\"asset\": {}}"});
   const auto report = rebuild_store(data(), std::nullopt);
   ASSERT_TRUE(report) << report.error().message();
-  EXPECT_EQ(report->assets, 4);  // mesh, picture, manifest, glTF
+  EXPECT_EQ(report->assets, 4);  // mesh, image, manifest, glTF
   EXPECT_EQ(report->grids, 1);
   EXPECT_EQ(report->sequences, 1);
   EXPECT_EQ(report->outputs, 1);

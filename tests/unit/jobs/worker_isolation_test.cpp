@@ -156,7 +156,7 @@ TEST_F(IsolatedService, an_admin_who_looks_at_a_tenants_grid_takes_a_fresh_worke
   ASSERT_TRUE(job) << job.error().message();
   const auto task = of_boss.claim();
   ASSERT_TRUE(task && task->id == job->id);
-  EXPECT_TRUE(of_boss.complete(*task, "picture"));
+  EXPECT_TRUE(of_boss.complete(*task, "image"));
   submit_for("boss", "2");
   EXPECT_FALSE(of_boss.claim());
 }

@@ -88,9 +88,9 @@ TEST(JobRequest, each_kind_takes_its_input_and_the_options_of_its_scope) {
              OptionScope::kExport},
         Case{R"({"kind":"export","sequence":"s","options":{"format":"vox","frames":"2..4"}})",
              JobKind::kExport, OptionScope::kExport},
-        Case{R"({"kind":"render","sequence":"s","options":{"picture":"gif","frames":"2..4"}})",
+        Case{R"({"kind":"render","sequence":"s","options":{"image":"gif","frames":"2..4"}})",
              JobKind::kRender, OptionScope::kRenderGrid},
-        Case{R"({"kind":"render","grid":"g","options":{"picture":"gif","turntable":9}})",
+        Case{R"({"kind":"render","grid":"g","options":{"image":"gif","turntable":9}})",
              JobKind::kRender, OptionScope::kRenderGrid},
         Case{R"({"kind":"inspect","asset":"a"})", JobKind::kInspect, OptionScope::kVoxelize}}) {
     const auto request = parse_job_request(Json::parse(text));
@@ -134,14 +134,14 @@ TEST(JobRequest, frames_are_asked_of_what_has_frames) {
             "frames: expected a sequence as input, got a grid");
   EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"frame":1}})").message(),
             "frame: expected a sequence as input, got a grid");
-  for (const char* picture : {"gif", "apng", "sheet"}) {
-    EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"picture":")" +
-                      std::string(picture) + R"("}})")
+  for (const char* image : {"gif", "apng", "sheet"}) {
+    EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"image":")" + std::string(image) +
+                      R"("}})")
                   .message(),
-              "picture: expected png, or turntable with a grid as input, got a grid without "
+              "image: expected png, or turntable with a grid as input, got a grid without "
               "turntable");
   }
-  EXPECT_EQ(refused(R"({"kind":"render","sequence":"s","options":{"picture":"gif","turntable":9}})")
+  EXPECT_EQ(refused(R"({"kind":"render","sequence":"s","options":{"image":"gif","turntable":9}})")
                 .message(),
             "turntable: expected a grid as input, got a sequence");
 }

@@ -89,14 +89,14 @@ TEST(Camera, a_matrix_is_taken_row_by_row_as_it_is) {
   EXPECT_EQ(camera.clip_from_world[0][3], 13);
 }
 
-TEST(PictureRays, start_on_the_near_and_end_on_the_far_plane) {
+TEST(ImageRays, start_on_the_near_and_end_on_the_far_plane) {
   GridSpec spec;
   spec.dims = {10, 20, 30};
   spec.origin_world = {100, -5, 3};
   spec.voxel_size = {0.5, 0.25, 2};
   const Camera camera = make_camera(options_of(Projection::kPerspective, 33, -12),
                                     spec.origin_world, spec.world_from_grid({10, 20, 30}));
-  const auto rays = picture_rays(camera, spec, spec.world_from_grid({5, 10, 15}));
+  const auto rays = image_rays(camera, spec, spec.world_from_grid({5, 10, 15}));
   ASSERT_TRUE(rays.ok()) << rays.error().message();
   for (const double z : {-1.0, 1.0}) {
     const auto& plane = z < 0 ? rays->near_plane : rays->far_plane;
@@ -110,13 +110,13 @@ TEST(PictureRays, start_on_the_near_and_end_on_the_far_plane) {
   EXPECT_NEAR(glm::dot(rays->right, rays->to_eye), 0.0, 1e-6);
 }
 
-TEST(PictureRays, singular_and_absurd_matrices_are_invalid_options) {
+TEST(ImageRays, singular_and_absurd_matrices_are_invalid_options) {
   const GridSpec spec;
   for (const double value : {0.0, 1.0, 1e300, std::nan("")}) {
     RenderOptions options;
     options.matrix.emplace();
     options.matrix->fill(value);
-    const auto rays = picture_rays(make_camera(options, {0, 0, 0}, {1, 1, 1}), spec, {0, 0, 0});
+    const auto rays = image_rays(make_camera(options, {0, 0, 0}, {1, 1, 1}), spec, {0, 0, 0});
     ASSERT_FALSE(rays.ok()) << value;
     EXPECT_EQ(rays.error().code, ErrorCode::kInvalidOption);
   }

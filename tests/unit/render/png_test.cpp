@@ -9,12 +9,12 @@ namespace voxeld {
 namespace {
 
 TEST(EncodePng, keeps_every_level_of_colour_and_straight_alpha) {
-  Picture picture{16, 16, {}};
+  RenderImage image{16, 16, {}};
   for (int i = 0; i < 256; ++i) {
     const auto level = static_cast<uint8_t>(i);
-    picture.rgba.insert(picture.rgba.end(), {level, static_cast<uint8_t>(255 - i), 7, level});
+    image.rgba.insert(image.rgba.end(), {level, static_cast<uint8_t>(255 - i), 7, level});
   }
-  const auto png = encode_png(picture);
+  const auto png = encode_png(image);
   ASSERT_TRUE(png.ok()) << png.error().message();
   ASSERT_GT(png->size(), 8u);
   EXPECT_EQ(std::string(png->begin(), png->begin() + 8), "\x89PNG\r\n\x1a\n");
@@ -24,17 +24,17 @@ TEST(EncodePng, keeps_every_level_of_colour_and_straight_alpha) {
   config.attribute("oiio:UnassociatedAlpha", 1);
   OIIO::Filesystem::IOProxy* proxy = &reader;
   config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
-  const auto input = OIIO::ImageInput::open("picture.png", &config);
+  const auto input = OIIO::ImageInput::open("image.png", &config);
   ASSERT_NE(input, nullptr) << OIIO::geterror();
   EXPECT_EQ(input->spec().width, 16);
   EXPECT_EQ(input->spec().nchannels, 4);
-  std::vector<uint8_t> back(picture.rgba.size());
+  std::vector<uint8_t> back(image.rgba.size());
   ASSERT_TRUE(input->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
-  EXPECT_EQ(back, picture.rgba);
+  EXPECT_EQ(back, image.rgba);
 }
 
-TEST(EncodePng, one_pixel_is_a_picture) {
-  const auto png = encode_png(Picture{1, 1, {1, 2, 3, 4}});
+TEST(EncodePng, one_pixel_is_an_image) {
+  const auto png = encode_png(RenderImage{1, 1, {1, 2, 3, 4}});
   ASSERT_TRUE(png.ok()) << png.error().message();
 }
 

@@ -96,7 +96,7 @@ TEST(GltfMaterials, images_come_from_files_views_and_data_uris) {
   if (!reads_images()) GTEST_SKIP() << "this build reads no images";
   const Bytes tga = one_pixel_tga(10, 20, 30);
   FakeBundle bundle;
-  bundle.files["my picture.tga"] = tga;
+  bundle.files["my image.tga"] = tga;
   GltfBuilder view = textured({{"mimeType", "image/x"}});
   view.json["images"][0]["bufferView"] = view.add_view(tga);
   view.json["bufferViews"].back()["byteLength"] = tga.size();
@@ -107,7 +107,7 @@ TEST(GltfMaterials, images_come_from_files_views_and_data_uris) {
     uri += escaped;
   }
   for (const GltfBuilder& builder :
-       {textured({{"uri", "my picture.tga"}}), view, textured({{"uri", uri}})}) {
+       {textured({{"uri", "my image.tga"}}), view, textured({{"uri", uri}})}) {
     const auto scene = builder.load(&bundle);
     ASSERT_EQ(outcome(scene), "ok");
     EXPECT_THAT(warnings(*scene), ElementsAre());

@@ -100,7 +100,7 @@ TEST(Image, dds_is_read) {
   EXPECT_THAT(std::vector<uint8_t>(rgba.begin(), rgba.begin() + 4), ElementsAre(255, 0, 0, 255));
 }
 
-TEST(Image, radiance_pictures_are_clamped_and_encoded) {
+TEST(Image, radiance_images_are_clamped_and_encoded) {
   const auto rgba = pixels(encode<float>("a.hdr", 3, {4.0f, 1.0f, 0.0f, 0.2158605f, 0.0f, 0.0f}));
   ASSERT_EQ(rgba.size(), 8u);
   EXPECT_EQ(rgba[0], 255);
@@ -125,7 +125,7 @@ TEST(Image, other_bytes_are_refused_with_the_list_of_formats) {
   EXPECT_THAT(error({0x76, 0x2f, 0x31, 0x01}), HasSubstr("unsupported-media-type"));
 }
 
-TEST(Image, a_broken_picture_is_malformed) {
+TEST(Image, a_broken_image_is_malformed) {
   EXPECT_THAT(error({0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'}),
               HasSubstr("malformed-image: a.png: "));
 }

@@ -11,18 +11,18 @@ TEST(Engine, what_is_kept_of_one_tenants_inputs_does_not_serve_another) {
   Engine engine(open_device(gpu::DeviceId{.kind = gpu::DeviceKind::kCpu}, "").value());
   const auto fill = [&] {
     InputCache& cache = engine.cache;
-    cache.scene_key = cache.topology_key = cache.grid_key = cache.picture_key = "key";
+    cache.scene_key = cache.topology_key = cache.grid_key = cache.image_key = "key";
     cache.gl_resident_key = cache.cpu_resident_key = "key";
     cache.scene = std::make_shared<const AnimatedScene>();
     cache.topology.emplace();
-    cache.grid = cache.picture = std::make_shared<const LoadedGrid>();
+    cache.grid = cache.image = std::make_shared<const LoadedGrid>();
   };
   const auto is_kept = [&] {
     const InputCache& cache = engine.cache;
     const bool has_keys = !(cache.scene_key + cache.topology_key + cache.grid_key +
-                            cache.picture_key + cache.gl_resident_key + cache.cpu_resident_key)
+                            cache.image_key + cache.gl_resident_key + cache.cpu_resident_key)
                                .empty();
-    return has_keys || cache.scene || cache.topology || cache.grid || cache.picture;
+    return has_keys || cache.scene || cache.topology || cache.grid || cache.image;
   };
   fill();
   engine.begin_task_of("");

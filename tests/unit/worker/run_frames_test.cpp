@@ -470,12 +470,12 @@ TEST_F(FramesTest, frames_are_drawn_as_sheet_gif_and_apng_or_one_by_one) {
     const auto completion = done(sequence_task(JobKind::kRender, made, options));
     return read_file(output(completion, "result")).value();
   };
-  const auto sheet = drawn({{"picture", "sheet"}, {"columns", 4}});
+  const auto sheet = drawn({{"image", "sheet"}, {"columns", 4}});
   EXPECT_EQ(big_endian(sheet, 16), 160);
   EXPECT_EQ(big_endian(sheet, 20), 80);
-  const auto gif = drawn({{"picture", "gif"}});
+  const auto gif = drawn({{"image", "gif"}});
   EXPECT_EQ(std::string(gif.begin(), gif.begin() + 6), "GIF89a");
-  const auto apng = drawn({{"picture", "apng"}, {"frames", "2..4"}});
+  const auto apng = drawn({{"image", "apng"}, {"frames", "2..4"}});
   const std::string text(apng.begin(), apng.end());
   EXPECT_EQ(big_endian(apng, text.find("acTL") + 4), 3);
   const auto one = drawn({{"frame", 3}});
@@ -496,15 +496,15 @@ TEST_F(FramesTest, a_frame_drawn_from_the_asset_is_the_one_of_its_sequence) {
             read_file(output(of_sequence, "result")).value());
   EXPECT_TRUE(output(of_asset, "sequence").empty());
   options.erase("frame");
-  options["picture"] = "gif";
+  options["image"] = "gif";
   const auto all = done(task(JobKind::kRender, "worm.md5.zip", options));
   EXPECT_EQ(frames_.size(), 6u);
   EXPECT_EQ(manifest_of(all).frames.size(), 6u);
-  EXPECT_EQ(json::parse(all.meta_json)["pictures"], 6);
+  EXPECT_EQ(json::parse(all.meta_json)["images"], 6);
 }
 
 TEST_F(FramesTest, a_grid_is_seen_from_all_sides) {
-  json options = {{"size", 24},   {"turntable", 5}, {"picture", "sheet"},
+  json options = {{"size", 24},   {"turntable", 5}, {"image", "sheet"},
                   {"columns", 5}, {"width", 32},    {"height", 32}};
   const auto completion = done(task(JobKind::kRender, "worm.md5.zip", options));
   const auto sheet = read_file(output(completion, "result")).value();

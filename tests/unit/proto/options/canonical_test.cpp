@@ -206,13 +206,13 @@ TEST(CanonicalOptions, are_options_that_give_the_same_canonical_text) {
     const std::string text = canonical(pairs, OptionScope::kVoxelize);
     EXPECT_EQ(canonical_of_json(text, OptionScope::kVoxelize), text);
   }
-  const std::string picture = canonical({{"matrix", kIdentity},
-                                         {"section", "1,0.1,0,-1e-5"},
-                                         {"zoom", "0.1"},
-                                         {"light", "flat"},
-                                         {"shadow", "yes"}},
-                                        OptionScope::kRenderGrid);
-  EXPECT_EQ(canonical_of_json(picture, OptionScope::kRenderGrid), picture);
+  const std::string image = canonical({{"matrix", kIdentity},
+                                       {"section", "1,0.1,0,-1e-5"},
+                                       {"zoom", "0.1"},
+                                       {"light", "flat"},
+                                       {"shadow", "yes"}},
+                                      OptionScope::kRenderGrid);
+  EXPECT_EQ(canonical_of_json(image, OptionScope::kRenderGrid), image);
 }
 
 TEST(JsonOptions, numbers_texts_and_lists_mean_the_same) {

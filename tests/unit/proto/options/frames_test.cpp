@@ -1,4 +1,4 @@
-// Options of animations and of pictures that show several grids: what goes together, and the
+// Options of animations and of images that show several grids: what goes together, and the
 // canonical text. Values of single options are in options_test.cpp.
 #include <gtest/gtest.h>
 
@@ -106,8 +106,8 @@ TEST(AnimationOptions, of_a_sequence_only_frames_is_taken) {
 TEST(AnimationOptions, canonical_text_names_nothing_where_nothing_moves) {
   for (const OptionScope scope : {kVoxelize, kRenderMesh, kRenderGrid, kExport}) {
     const auto text = nlohmann::json::parse(canonical({}, scope));
-    for (const char* name : {"animation", "time", "frames", "fps", "times", "root_motion",
-                             "picture", "frame", "turntable", "rate", "columns"}) {
+    for (const char* name : {"animation", "time", "frames", "fps", "times", "root_motion", "image",
+                             "frame", "turntable", "rate", "columns"}) {
       EXPECT_FALSE(text.contains(name)) << name;
     }
   }
@@ -130,10 +130,10 @@ TEST(AnimationOptions, canonical_text_spells_out_what_is_set) {
             "\xc3\xa9"
             R"(","time":"0.5","root_motion":"keep")");
   ends_with({{"frames", "0..3"}}, kExport, R"({"frames":"0..3","format":"native")");
-  ends_with({{"frames", "0..3"}, {"picture", "sheet"}, {"columns", "2"}}, kRenderGrid,
-            R"("picture":"sheet","columns":2})");
-  ends_with({{"picture", "gif"}, {"turntable", "36"}, {"rate", "12.5"}}, kRenderGrid,
-            R"("renderer":"auto","picture":"gif","turntable":36,"rate":"12.5"})");
+  ends_with({{"frames", "0..3"}, {"image", "sheet"}, {"columns", "2"}}, kRenderGrid,
+            R"("image":"sheet","columns":2})");
+  ends_with({{"image", "gif"}, {"turntable", "36"}, {"rate", "12.5"}}, kRenderGrid,
+            R"("renderer":"auto","image":"gif","turntable":36,"rate":"12.5"})");
   ends_with({{"frame", "3"}, {"level", "1"}}, kRenderGrid,
             R"("frame":3,"level":1,"level_rule":"any"})");
 }
@@ -163,62 +163,61 @@ TEST(AnimationOptions, json_takes_numbers_and_lists) {
   EXPECT_EQ(options->animation.times_s, (std::vector<double>{0, 0.25, 3}));
 }
 
-TEST(PictureOptions, reach_their_fields) {
+TEST(ImageOptions, reach_their_fields) {
   const RenderOptions gif =
-      parsed({{"picture", "gif"}, {"turntable", "36"}, {"rate", "12"}}, kRenderGrid).render;
-  EXPECT_EQ(gif.picture, PictureKind::kGif);
+      parsed({{"image", "gif"}, {"turntable", "36"}, {"rate", "12"}}, kRenderGrid).render;
+  EXPECT_EQ(gif.image, ImageKind::kGif);
   EXPECT_EQ(gif.turntable, 36);
   EXPECT_EQ(gif.rate, 12);
   EXPECT_EQ(gif.width, 512);
-  const RenderOptions sheet = parsed({{"picture", "sheet"}, {"columns", "4"}}, kRenderGrid).render;
+  const RenderOptions sheet = parsed({{"image", "sheet"}, {"columns", "4"}}, kRenderGrid).render;
   EXPECT_EQ(sheet.columns, 4);
   EXPECT_EQ(parsed({{"frame", "3"}}, kRenderGrid).render.frame, 3);
 }
 
-TEST(PictureOptions, pictures_of_a_sheet_are_small_where_nothing_else_is_said) {
-  const RenderOptions sheet = parsed({{"picture", "sheet"}}, kRenderGrid).render;
+TEST(ImageOptions, images_of_a_sheet_are_small_where_nothing_else_is_said) {
+  const RenderOptions sheet = parsed({{"image", "sheet"}}, kRenderGrid).render;
   EXPECT_EQ(sheet.width, 160);
   EXPECT_EQ(sheet.height, 160);
-  const RenderOptions wide = parsed({{"width", "300"}, {"picture", "sheet"}}, kRenderGrid).render;
+  const RenderOptions wide = parsed({{"width", "300"}, {"image", "sheet"}}, kRenderGrid).render;
   EXPECT_EQ(wide.width, 300);
   EXPECT_EQ(wide.height, 160);
 }
 
-TEST(PictureOptions, apply_to_some_pictures_alone) {
+TEST(ImageOptions, apply_to_some_images_alone) {
   EXPECT_EQ(refused({{"rate", "5"}}, kRenderGrid),
-            "rate: expected picture gif or apng with it, got \"png\"");
-  EXPECT_EQ(refused({{"rate", "5"}, {"picture", "sheet"}}, kRenderGrid),
-            "rate: expected picture gif or apng with it, got \"sheet\"");
-  EXPECT_EQ(refused({{"columns", "5"}, {"picture", "apng"}}, kRenderGrid),
-            "columns: expected picture sheet with it, got \"apng\"");
+            "rate: expected image gif or apng with it, got \"png\"");
+  EXPECT_EQ(refused({{"rate", "5"}, {"image", "sheet"}}, kRenderGrid),
+            "rate: expected image gif or apng with it, got \"sheet\"");
+  EXPECT_EQ(refused({{"columns", "5"}, {"image", "apng"}}, kRenderGrid),
+            "columns: expected image sheet with it, got \"apng\"");
   EXPECT_EQ(refused({{"turntable", "5"}}, kRenderGrid),
-            "turntable: expected picture gif, apng or sheet with it, got \"png\"");
-  EXPECT_EQ(refused({{"frame", "5"}, {"picture", "gif"}}, kRenderGrid),
-            "frame: expected picture png with it, got \"gif\"");
+            "turntable: expected image gif, apng or sheet with it, got \"png\"");
+  EXPECT_EQ(refused({{"frame", "5"}, {"image", "gif"}}, kRenderGrid),
+            "frame: expected image png with it, got \"gif\"");
   EXPECT_EQ(
-      refused(
-          {{"picture", "gif"}, {"turntable", "5"}, {"matrix", "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1"}},
-          kRenderGrid),
+      refused({{"image", "gif"}, {"turntable", "5"}, {"matrix", "1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,1"}},
+              kRenderGrid),
       "turntable: expected a camera without matrix, got \"matrix\"");
 }
 
-TEST(PictureOptions, of_a_mesh_need_what_they_show) {
-  for (const char* picture : {"gif", "apng", "sheet"}) {
-    EXPECT_EQ(parsed({{"picture", picture}}, kRenderMesh).animation.animation, "0");
-    EXPECT_EQ(refused({{"picture", picture}, {"time", "1"}}, kRenderMesh),
-              "picture: expected frames of an animation, or turntable with it, got \"" +
-                  std::string(picture) + "\"");
-    EXPECT_FALSE(parsed({{"picture", picture}, {"turntable", "4"}}, kRenderMesh).animation.moves());
-    EXPECT_EQ(parsed({{"picture", picture}, {"animation", "0"}}, kRenderMesh).render.turntable, 0);
-    EXPECT_EQ(parsed({{"picture", picture}, {"turntable", "4"}}, kRenderMesh).render.turntable, 4);
-    EXPECT_EQ(refused({{"picture", picture}, {"turntable", "4"}, {"animation", "0"}}, kRenderMesh),
+TEST(ImageOptions, of_a_mesh_need_what_they_show) {
+  for (const char* image : {"gif", "apng", "sheet"}) {
+    EXPECT_EQ(parsed({{"image", image}}, kRenderMesh).animation.animation, "0");
+    EXPECT_EQ(refused({{"image", image}, {"time", "1"}}, kRenderMesh),
+              "image: expected frames of an animation, or turntable with it, got \"" +
+                  std::string(image) + "\"");
+    EXPECT_FALSE(parsed({{"image", image}, {"turntable", "4"}}, kRenderMesh).animation.moves());
+    EXPECT_EQ(parsed({{"image", image}, {"animation", "0"}}, kRenderMesh).render.turntable, 0);
+    EXPECT_EQ(parsed({{"image", image}, {"turntable", "4"}}, kRenderMesh).render.turntable, 4);
+    EXPECT_EQ(refused({{"image", image}, {"turntable", "4"}, {"animation", "0"}}, kRenderMesh),
               "turntable: expected one grid: no animation, or its time, got \"frames of an "
               "animation\"");
-    EXPECT_EQ(parsed({{"picture", picture}, {"turntable", "4"}, {"time", "1"}}, kRenderMesh)
-                  .animation.time_s,
-              1.0);
+    EXPECT_EQ(
+        parsed({{"image", image}, {"turntable", "4"}, {"time", "1"}}, kRenderMesh).animation.time_s,
+        1.0);
     // Only the job knows the frames of a grid or sequence.
-    parsed({{"picture", picture}}, kRenderGrid);
+    parsed({{"image", image}}, kRenderGrid);
   }
   EXPECT_EQ(refused({{"frame", "1"}, {"time", "1"}}, kRenderMesh),
             "frame: expected frames of an animation, and not its time, got \"1\"");
@@ -229,7 +228,7 @@ TEST(PictureOptions, of_a_mesh_need_what_they_show) {
   EXPECT_EQ(parsed({{"frame", "1"}, {"animation", "0"}}, kRenderMesh).render.frame, 1);
 }
 
-TEST(PictureOptions, a_frame_is_one_of_those_that_are_asked_for) {
+TEST(ImageOptions, a_frame_is_one_of_those_that_are_asked_for) {
   EXPECT_EQ(parsed({{"frame", "2"}, {"frames", "10..12"}}, kRenderGrid).render.frame, 2);
   EXPECT_EQ(refused({{"frame", "3"}, {"frames", "10..12"}}, kRenderGrid),
             "frame: expected less than 3, the number of frames that are asked for, got \"3\"");

@@ -123,7 +123,7 @@ const std::map<std::string, OptionCase>& cases() {
         {"", "0,", "0,0", "1,0.5", "-1,0", "0,86400.5", "0;1", "nan"},
         "T0,T1,…: seconds from 0 to 86400, each above the one before it"}},
       {"root_motion", {{}, {"drop", ""}, "keep | strip"}},
-      {"picture", {{"png", "gif", "apng", "sheet"}, {"jpg", ""}, "png | gif | apng | sheet"}},
+      {"image", {{"png", "gif", "apng", "sheet"}, {"jpg", ""}, "png | gif | apng | sheet"}},
       {"frame", {{"0", "4095"}, {"-1", "4096", "", "1.5"}, "an integer from 0 to 4095"}},
       {"turntable", {{}, {"0", "1", "361", ""}, "an integer from 2 to 360"}},
       {"rate", {{}, {"0", "0.09", "100.1", ""}, "a number from 0.1 to 100"}},
@@ -264,7 +264,7 @@ TEST(Options, values_reach_their_fields) {
             (std::array<double, 3>{0.5, 0.5, 0.5}));
 }
 
-TEST(Options, pictures_values_reach_their_fields) {
+TEST(Options, images_values_reach_their_fields) {
   const RenderOptions render = parsed({{"width", "640"},
                                        {"height", "480"},
                                        {"projection", "orthographic"},
@@ -310,7 +310,7 @@ TEST(Options, each_scope_takes_its_own_options_alone) {
   const std::string of_selection = "level level_rule region ";
   const std::string of_image =
       "width height projection azimuth elevation zoom matrix background light occlusion shadow "
-      "samples renderer section picture frame turntable rate columns ";
+      "samples renderer section image frame turntable rate columns ";
   const std::map<OptionScope, std::string> expected = {
       {OptionScope::kVoxelize, of_mesh + of_output + of_selection},
       {OptionScope::kRenderMesh, of_mesh + of_selection + of_image},

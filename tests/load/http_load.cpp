@@ -1,13 +1,13 @@
 // Clients of an HTTP server, by the thousand.
 //
-//   voxeld_front_load hold PORT IDLE SLOW
+//   voxeld_http_load hold PORT IDLE SLOW
 //     Opens IDLE connections that ask once and then keep still, and SLOW that send a head byte by
 //     byte and come back when they are cut off. Prints "ready" when all are open; holds them until
 //     stdin ends, then prints {"idle_open": …, "slow_cut": …}.
-//   voxeld_front_load probe PORT PATH SECONDS [HEADER…]
+//   voxeld_http_load probe PORT PATH SECONDS [HEADER…]
 //     Asks again and again, 100 times a second at most, on one connection, and prints how long
 //     answers took: {"count": …, "p50_ms": …, "p99_ms": …, "max_ms": …}.
-//   voxeld_front_load rate PORT PATH SECONDS CONNECTIONS [HEADER…]
+//   voxeld_http_load rate PORT PATH SECONDS CONNECTIONS [HEADER…]
 //     Asks as fast as it is answered on so many connections; prints {"per_second": …,
 //     "mb_per_second": …}.
 #include <arpa/inet.h>
@@ -46,7 +46,7 @@ constexpr std::string_view kSlowHead =
     "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa";
 
 [[noreturn]] void fail(const std::string& what) {
-  std::fprintf(stderr, "front_load: %s: %s\n", what.c_str(),
+  std::fprintf(stderr, "http_load: %s: %s\n", what.c_str(),
                std::generic_category().message(errno).c_str());
   std::exit(1);
 }
@@ -90,7 +90,7 @@ class AnswerReader {
       const size_t end = head_.find("\r\n\r\n");
       if (end == std::string::npos) return false;
       if (!head_.starts_with("HTTP/1.1 2")) {
-        std::fprintf(stderr, "front_load: answer %s\n", head_.substr(0, 400).c_str());
+        std::fprintf(stderr, "http_load: answer %s\n", head_.substr(0, 400).c_str());
         std::exit(1);
       }
       const size_t length = head_.find("Content-Length: ");
@@ -254,6 +254,6 @@ int main(int argc, char** argv) {
     return rate(std::atoi(words[2]), request_for(words[3], words.subspan(6)), std::atof(words[4]),
                 std::atoi(words[5]));
   }
-  std::fprintf(stderr, "front_load hold | probe | rate PORT …, as its source says\n");
+  std::fprintf(stderr, "http_load hold | probe | rate PORT …, as its source says\n");
   return 64;
 }

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""The front under load: 10,000 idle and 1,000 slow connections beside a queue of jobs, and its
+"""The HTTP server under load: 10,000 idle and 1,000 slow connections beside a queue of jobs, and its
 throughput beside nginx's in the same run.
 
-  tests/bench/front_load.py [--bin DIR] [--idle N] [--slow N] [--queued N] [--seconds S] [--no-nginx]
+  tests/bench/http_load.py [--bin DIR] [--idle N] [--slow N] [--queued N] [--seconds S] [--no-nginx]
                             [--repeats N] [--no-held]
 
 Prints JSON. Needs a limit on open files (ulimit -Hn) of idle + slow + 600, and for the comparison
@@ -83,7 +83,7 @@ def beside(runs, repeats):
             "ratio": ratios[len(ratios) // 2]}
 
 
-def throughput(front_load, daemon, small, large, seconds, repeats):
+def throughput(http_load, daemon, small, large, seconds, repeats):
     folder = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-nginx-"))
     (folder / "files").mkdir()
     (folder / "files/small").write_bytes(b"x" * 64)
@@ -91,7 +91,7 @@ def throughput(front_load, daemon, small, large, seconds, repeats):
     nginx = Nginx(folder)
 
     def rate(port, path, connections, key, *headers):
-        return lambda: front_load.run("rate", port, path, seconds, connections, *headers)[key]
+        return lambda: http_load.run("rate", port, path, seconds, connections, *headers)[key]
 
     facts = {}
     try:
@@ -121,7 +121,7 @@ def main():
     parser.add_argument("--no-held", action="store_true", help="only what is beside nginx")
     arguments = parser.parse_args()
     os.environ["VOXELD_BIN_DIR"] = arguments.bin
-    import front_load
+    import http_load
     from harness import Daemon, make_fixtures
     fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
     make_fixtures(fixtures)
@@ -133,11 +133,11 @@ def main():
         daemon.wait(job)
         facts = {"cores": os.cpu_count(), "load_before": os.getloadavg()[0]}
         if not arguments.no_nginx and shutil.which("nginx"):
-            facts.update(throughput(front_load, daemon, f"/v1/jobs/{job}/result",
+            facts.update(throughput(http_load, daemon, f"/v1/jobs/{job}/result",
                                     large_result(daemon, asset), min(arguments.seconds, 4),
                                     arguments.repeats))
         if not arguments.no_held:
-            facts["held"] = front_load.measure(daemon, asset, job, arguments.idle, arguments.slow,
+            facts["held"] = http_load.measure(daemon, asset, job, arguments.idle, arguments.slow,
                                                arguments.queued, arguments.seconds)
         facts["load_after"] = os.getloadavg()[0]
         print(json.dumps(facts, indent=1))

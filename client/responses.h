@@ -13,14 +13,14 @@ namespace voxeld::client {
 std::string text_of(const nlohmann::json& object, const char* name);
 int64_t number_of(const nlohmann::json& object, const char* name);
 
-// Throws Error "bad-answer" if the text is not a JSON object.
+// Throws Error "bad-response" if the text is not a JSON object.
 nlohmann::json parse_object(const std::string& text);
-// Throws Error "bad-answer" if the object is not a job.
+// Throws Error "bad-response" if the object is not a job.
 JobInfo job_info(const nlohmann::json& status);
-// Throws Error "bad-answer" if the object is not a list of frames.
-JobFrames job_frames(const nlohmann::json& answer);
+// Throws Error "bad-response" if the object is not a list of frames.
+JobFrames job_frames(const nlohmann::json& response);
 
-// Throws Error "bad-answer" if the object is not a queue.
-Queue queue_of(const nlohmann::json& answer);
+// Throws Error "bad-response" if the object is not a queue.
+Queue queue_of(const nlohmann::json& response);
 
 }  // namespace voxeld::client

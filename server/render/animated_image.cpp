@@ -1,5 +1,5 @@
 // The parts that all animated formats share, and contact sheets.
-#include "server/render/animated_picture.h"
+#include "server/render/animated_image.h"
 
 #include <algorithm>
 #include <cmath>
@@ -32,25 +32,25 @@ std::vector<uint32_t> whole_durations(const std::vector<double>& durations_s, do
 }
 
 Result<SheetLayout> sheet_layout(size_t count, int columns, int width, int height) {
-  const auto pictures = static_cast<int>(std::max<size_t>(count, 1));
+  const auto images = static_cast<int>(std::max<size_t>(count, 1));
   SheetLayout layout{columns, 1, width, height};
   if (columns <= 0) {
-    layout.columns = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(pictures))));
+    layout.columns = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(images))));
   }
-  layout.columns = std::min(layout.columns, pictures);
-  layout.rows = (pictures + layout.columns - 1) / layout.columns;
+  layout.columns = std::min(layout.columns, images);
+  layout.rows = (images + layout.columns - 1) / layout.columns;
   const int64_t across = int64_t{layout.columns} * width, down = int64_t{layout.rows} * height;
   if (std::max(across, down) <= limits::kSheetSideMax) return layout;
-  return Error{ErrorCode::kInvalidOption, "picture: the sheet is too large",
+  return Error{ErrorCode::kInvalidOption, "image: the sheet is too large",
                "at most " + std::to_string(limits::kSheetSideMax) +
-                   " pixels to a side, by fewer or smaller pictures",
-               std::to_string(pictures) + " pictures of " + std::to_string(width) + " x " +
+                   " pixels to a side, by fewer or smaller images",
+               std::to_string(images) + " images of " + std::to_string(width) + " x " +
                    std::to_string(height) + " pixels in " + std::to_string(layout.columns) +
                    " columns: " + std::to_string(across) + " x " + std::to_string(down)};
 }
 
-Picture begin_sheet(const SheetLayout& layout, const std::array<uint8_t, 4>& background) {
-  Picture sheet{layout.columns * layout.width, layout.rows * layout.height, {}};
+RenderImage begin_sheet(const SheetLayout& layout, const std::array<uint8_t, 4>& background) {
+  RenderImage sheet{layout.columns * layout.width, layout.rows * layout.height, {}};
   const size_t pixels = static_cast<size_t>(sheet.width) * static_cast<size_t>(sheet.height);
   sheet.rgba.reserve(4 * pixels);
   for (size_t i = 0; i < pixels; ++i) {
@@ -59,16 +59,16 @@ Picture begin_sheet(const SheetLayout& layout, const std::array<uint8_t, 4>& bac
   return sheet;
 }
 
-void place_in_sheet(const SheetLayout& layout, size_t index, const Picture& picture,
-                    Picture& sheet) {
-  VOXELD_CHECK(picture.width == layout.width && picture.height == layout.height,
-               "pictures of a sheet have its size");
+void place_in_sheet(const SheetLayout& layout, size_t index, const RenderImage& image,
+                    RenderImage& sheet) {
+  VOXELD_CHECK(image.width == layout.width && image.height == layout.height,
+               "images of a sheet have its size");
   const auto columns = static_cast<size_t>(layout.columns);
   const size_t left = index % columns * static_cast<size_t>(layout.width);
   const size_t top = index / columns * static_cast<size_t>(layout.height);
-  const size_t row_bytes = size_t{4} * static_cast<size_t>(picture.width);
-  for (size_t y = 0; y < static_cast<size_t>(picture.height); ++y) {
-    std::copy_n(&picture.rgba[y * row_bytes], row_bytes,
+  const size_t row_bytes = size_t{4} * static_cast<size_t>(image.width);
+  for (size_t y = 0; y < static_cast<size_t>(image.height); ++y) {
+    std::copy_n(&image.rgba[y * row_bytes], row_bytes,
                 &sheet.rgba[4 * ((top + y) * static_cast<size_t>(sheet.width) + left)]);
   }
 }

@@ -1,11 +1,11 @@
-"""Connections that are idle or slow cost others nothing: the short form of tests/bench/front_load.py."""
+"""Connections that are idle or slow cost others nothing: the short form of tests/bench/http_load.py."""
 import unittest
 
-import front_load
+import http_load
 from harness import DaemonTest
 
 
-class FrontLoad(DaemonTest):
+class HttpLoad(DaemonTest):
     device = "cpu"
     arguments = ("--request-threads", "8", "--log-level", "warn")
 
@@ -13,7 +13,7 @@ class FrontLoad(DaemonTest):
         asset = self.daemon.upload(self.fixtures / "sample.glb")
         job = self.daemon.submit(kind="voxelize", asset=asset, options={"size": 16})
         self.daemon.wait(job)
-        facts = front_load.measure(self.daemon, asset, job, idle=500, slow=50, queued=30, seconds=2)
+        facts = http_load.measure(self.daemon, asset, job, idle=500, slow=50, queued=30, seconds=2)
         print(facts)
         # Bounds of a machine that does other things, too: a thread held by each connection would
         # make these minutes.

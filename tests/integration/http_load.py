@@ -1,11 +1,11 @@
-"""The load that test_front_load (short) and tests/bench/front_load.py (long) put on a daemon."""
+"""The load that test_http_load (short) and tests/bench/http_load.py (long) put on a daemon."""
 import json
 import subprocess
 import time
 
 from harness import BIN
 
-LOAD = BIN / "voxeld_front_load"
+LOAD = BIN / "voxeld_http_load"
 
 
 def resident_bytes(pid):

@@ -1,5 +1,5 @@
-// Animated pictures and sheets: what other readers get back.
-#include "server/render/animated_picture.h"
+// Animated images and sheets: what other readers get back.
+#include "server/render/animated_image.h"
 
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
@@ -17,12 +17,12 @@ namespace {
 
 using Color = std::array<uint8_t, 4>;
 
-Picture plain(int width, int height, const Color& color) {
-  Picture picture{width, height, {}};
+RenderImage plain(int width, int height, const Color& color) {
+  RenderImage image{width, height, {}};
   for (int i = 0; i < width * height; ++i) {
-    picture.rgba.insert(picture.rgba.end(), color.begin(), color.end());
+    image.rgba.insert(image.rgba.end(), color.begin(), color.end());
   }
-  return picture;
+  return image;
 }
 
 const std::vector<Color> kColors = {
@@ -74,7 +74,7 @@ Chunks chunks_of(const std::vector<uint8_t>& png) {
   return chunks;
 }
 
-TEST(Gif, every_picture_is_read_back_with_its_delay_and_loops_for_ever) {
+TEST(Gif, every_image_is_read_back_with_its_delay_and_loops_for_ever) {
   const testing::TemporaryDir dir;
   const auto path = dir.path() / "four.gif";
   write_all_to(write_gif(path, {0.1, 1.0 / 24, 0.5, 3.0}));
@@ -122,7 +122,7 @@ TEST(Gif, what_is_not_opaque_lies_over_white) {
   for (size_t c = 0; c < 3; ++c) EXPECT_GT(back[c], 247);
 }
 
-TEST(Apng, chunks_are_numbered_and_each_picture_is_the_stream_of_its_own_png) {
+TEST(Apng, chunks_are_numbered_and_each_image_is_the_stream_of_its_own_png) {
   const testing::TemporaryDir dir;
   const auto path = dir.path() / "four.png";
   write_all_to(write_apng(path, {0.1, 1.0 / 24, 0.5, 3.0}));
@@ -167,7 +167,7 @@ TEST(Apng, chunks_are_numbered_and_each_picture_is_the_stream_of_its_own_png) {
   }
 }
 
-TEST(Apng, a_reader_that_knows_no_animation_sees_the_first_picture) {
+TEST(Apng, a_reader_that_knows_no_animation_sees_the_first_image) {
   const testing::TemporaryDir dir;
   const auto path = dir.path() / "four.png";
   write_all_to(write_apng(path, {0.1, 0.1, 0.1, 0.1}));
@@ -190,12 +190,12 @@ TEST(Durations, rounding_is_passed_on_so_that_the_whole_keeps_its_length) {
   EXPECT_EQ(whole_durations({1e9}, 1000, 1), (std::vector<uint32_t>{65'535}));
 }
 
-TEST(Sheet, pictures_stand_row_by_row_on_the_background) {
+TEST(Sheet, images_stand_row_by_row_on_the_background) {
   const auto layout = sheet_layout(5, 0, 2, 3);
   ASSERT_TRUE(layout.ok());
   EXPECT_EQ(layout->columns, 3);
   EXPECT_EQ(layout->rows, 2);
-  Picture sheet = begin_sheet(*layout, {9, 8, 7, 6});
+  RenderImage sheet = begin_sheet(*layout, {9, 8, 7, 6});
   ASSERT_EQ(sheet.width, 6);
   ASSERT_EQ(sheet.height, 6);
   for (size_t i = 0; i < 5; ++i) {
@@ -222,8 +222,8 @@ TEST(Sheet, a_sheet_that_is_too_large_says_by_how_much) {
   ASSERT_FALSE(layout.ok());
   EXPECT_EQ(layout.error().code, ErrorCode::kInvalidOption);
   EXPECT_EQ(layout.error().message(),
-            "picture: the sheet is too large: expected at most 16384 pixels to a side, by fewer or "
-            "smaller pictures, got 4096 pictures of 512 x 256 pixels in 64 columns: 32768 x 16384");
+            "image: the sheet is too large: expected at most 16384 pixels to a side, by fewer or "
+            "smaller images, got 4096 images of 512 x 256 pixels in 64 columns: 32768 x 16384");
   EXPECT_TRUE(sheet_layout(4096, 0, 256, 256).ok());
 }
 

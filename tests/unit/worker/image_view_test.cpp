@@ -35,7 +35,7 @@ GridSpec spec() {
   return spec;
 }
 
-// Pixel of a point of the grid, and whether it is in the picture.
+// Pixel of a point of the grid, and whether it is in the image.
 struct Projected {
   double x, y;
   bool inside;
@@ -52,13 +52,13 @@ Projected project(const RenderOptions& options, const glm::dvec3& cell) {
   return {clip[0] / clip[3] * options.width / 2, clip[1] / clip[3] * options.height / 2, inside};
 }
 
-TEST(PictureView, no_box_with_a_point_in_the_picture_is_left_out) {
+TEST(ImageView, no_box_with_a_point_in_the_image_is_left_out) {
   std::mt19937 random(1);
   int seen = 0, unseen = 0;
   for (const Projection projection : {Projection::kPerspective, Projection::kOrthographic}) {
     for (const double zoom : {0.5, 3.0, 40.0}) {
       const RenderOptions options = seen_from(30 * zoom, zoom, projection);
-      const PictureView view(options, spec());
+      const ImageView view(options, spec());
       for (int i = 0; i < 300; ++i) {
         glm::ivec3 low;
         for (int c = 0; c < 3; ++c) low[c] = static_cast<int>(random() % 900);
@@ -80,16 +80,16 @@ TEST(PictureView, no_box_with_a_point_in_the_picture_is_left_out) {
   EXPECT_GT(unseen, 300);
 }
 
-TEST(PictureView, what_the_section_cuts_away_is_not_seen) {
+TEST(ImageView, what_the_section_cuts_away_is_not_seen) {
   RenderOptions options = seen_from(0, 1, Projection::kPerspective);
   const CellBox low{{0, 0, 0}, {100, 1000, 1000}}, high{{600, 0, 0}, {700, 1000, 1000}};
-  EXPECT_TRUE(PictureView(options, spec()).sees(high));
+  EXPECT_TRUE(ImageView(options, spec()).sees(high));
   options.section = {1, 0, 0, -60};  // x > 60 goes; that is cell 500
-  EXPECT_TRUE(PictureView(options, spec()).sees(low));
-  EXPECT_FALSE(PictureView(options, spec()).sees(high));
+  EXPECT_TRUE(ImageView(options, spec()).sees(low));
+  EXPECT_FALSE(ImageView(options, spec()).sees(high));
 }
 
-TEST(PictureView, cells_are_as_large_as_steps_between_their_corners) {
+TEST(ImageView, cells_are_as_large_as_steps_between_their_corners) {
   for (const Projection projection : {Projection::kPerspective, Projection::kOrthographic}) {
     const RenderOptions options = seen_from(70, 2, projection);
     const CellBox box{{300, 400, 500}, {301, 401, 501}};
@@ -100,19 +100,19 @@ TEST(PictureView, cells_are_as_large_as_steps_between_their_corners) {
       const Projected a = project(options, glm::dvec3(box.min)), b = project(options, next);
       most = std::max(most, std::hypot(a.x - b.x, a.y - b.y) * 1e3);
     }
-    EXPECT_NEAR(PictureView(options, spec()).cell_pixels(box), most, 0.01 * most);
+    EXPECT_NEAR(ImageView(options, spec()).cell_pixels(box), most, 0.01 * most);
   }
 }
 
-TEST(PictureView, a_box_around_the_camera_has_cells_of_any_size) {
+TEST(ImageView, a_box_around_the_camera_has_cells_of_any_size) {
   RenderOptions options = seen_from(0, 1, Projection::kPerspective);
   // w = z - 50 in world space: the camera is in the grid.
   options.matrix = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, -51, 0, 0, 1, -50};
-  EXPECT_EQ(PictureView(options, spec()).cell_pixels({{0, 0, 0}, {1000, 1000, 1000}}),
+  EXPECT_EQ(ImageView(options, spec()).cell_pixels({{0, 0, 0}, {1000, 1000, 1000}}),
             std::numeric_limits<double>::infinity());
 }
 
-TEST(PictureView, levels_have_voxels_below_a_pixel) {
+TEST(ImageView, levels_have_voxels_below_a_pixel) {
   EXPECT_EQ(level_of_pixels(5), 0);
   EXPECT_EQ(level_of_pixels(0.36), 0);
   EXPECT_EQ(level_of_pixels(0.34), 1);

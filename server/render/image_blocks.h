@@ -9,20 +9,20 @@
 namespace voxeld {
 
 // Pixels along a side of a block.
-inline constexpr int kPictureBlockSide = 512;
+inline constexpr int kImageBlockSide = 512;
 
 // Calls draw(x, y, width, height) -> Status for each block. Errors: cancelled if `progress` returns
 // false; those of draw.
 template <typename Draw>
 Status for_each_block(int width, int height, const BlockProgress& progress, Draw&& draw) {
-  constexpr int kSide = kPictureBlockSide;
+  constexpr int kSide = kImageBlockSide;
   const int across = (width + kSide - 1) / kSide;
   const int down = (height + kSide - 1) / kSide;
   for (int block = 0; block < across * down; ++block) {
     const int x = block % across * kSide, y = block / across * kSide;
     VOXELD_TRY(draw(x, y, std::min(kSide, width - x), std::min(kSide, height - y)));
     if (progress && !progress(block + 1, int64_t{across} * down)) {
-      return Error{ErrorCode::kCancelled, "the picture was cancelled", "", ""};
+      return Error{ErrorCode::kCancelled, "the image was cancelled", "", ""};
     }
   }
   return {};

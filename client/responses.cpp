@@ -1,4 +1,4 @@
-#include "client/answers.h"
+#include "client/responses.h"
 
 #include <nlohmann/json.hpp>
 
@@ -19,7 +19,8 @@ int64_t number_of(const Json& object, const char* name) {
 Json parse_object(const std::string& text) {
   Json body = Json::parse(text, nullptr, false);
   if (!body.is_object()) {
-    throw Error("bad-answer", 0, "the answer is no JSON object: is there a voxeld at this URL?");
+    throw Error("bad-response", 0,
+                "the response is no JSON object: is there a voxeld at this URL?");
   }
   return body;
 }
@@ -30,7 +31,7 @@ JobInfo job_info(const Json& status) {
   info.kind = text_of(status, "kind");
   info.state = text_of(status, "state");
   if (info.id.empty() || info.state.empty()) {
-    throw Error("bad-answer", 0, "the answer is no job: is there a voxeld at this URL?",
+    throw Error("bad-response", 0, "the response is no job: is there a voxeld at this URL?",
                 "an object with id and state");
   }
   info.stage = text_of(status, "stage");
@@ -57,13 +58,14 @@ JobInfo job_info(const Json& status) {
   return info;
 }
 
-JobFrames job_frames(const Json& answer) {
+JobFrames job_frames(const Json& response) {
   JobFrames frames;
-  frames.sequence = text_of(answer, "sequence");
-  frames.total = number_of(answer, "frames_total");
-  const auto list = answer.find("frames");
-  if (list == answer.end() || !list->is_array()) {
-    throw Error("bad-answer", 0, "the answer is no list of frames: is there a voxeld at this URL?");
+  frames.sequence = text_of(response, "sequence");
+  frames.total = number_of(response, "frames_total");
+  const auto list = response.find("frames");
+  if (list == response.end() || !list->is_array()) {
+    throw Error("bad-response", 0,
+                "the response is no list of frames: is there a voxeld at this URL?");
   }
   for (const Json& frame : *list) {
     const double time_s =
@@ -75,11 +77,11 @@ JobFrames job_frames(const Json& answer) {
   return frames;
 }
 
-Queue queue_of(const Json& answer) {
-  const auto devices = answer.find("devices"), jobs = answer.find("jobs");
-  if (devices == answer.end() || jobs == answer.end() || !devices->is_array() ||
+Queue queue_of(const Json& response) {
+  const auto devices = response.find("devices"), jobs = response.find("jobs");
+  if (devices == response.end() || jobs == response.end() || !devices->is_array() ||
       !jobs->is_array()) {
-    throw Error("bad-answer", 0, "the answer is no queue: is there a voxeld at this URL?");
+    throw Error("bad-response", 0, "the response is no queue: is there a voxeld at this URL?");
   }
   Queue queue;
   for (const Json& one : *devices) {
@@ -97,12 +99,12 @@ Queue queue_of(const Json& answer) {
     queue.jobs.push_back({job_info(one), text_of(one, "tenant"), text_of(one, "device"),
                           number_of(one, "created_ms"), number_of(one, "started_ms")});
   }
-  queue.queued = number_of(answer, "queued");
-  queue.running = number_of(answer, "running");
-  const Json others = answer.value("others", Json::object());
+  queue.queued = number_of(response, "queued");
+  queue.running = number_of(response, "running");
+  const Json others = response.value("others", Json::object());
   queue.others_queued = number_of(others, "queued");
   queue.others_running = number_of(others, "running");
-  queue.json = answer.dump();
+  queue.json = response.dump();
   return queue;
 }
 

@@ -20,7 +20,7 @@ class AnimationWriter {
 
   // Adds an image. There must be as many as durations, all of one size. Errors: internal with the
   // words of the file system or the library.
-  virtual Status add(const Picture& picture) = 0;
+  virtual Status add(const RenderImage& image) = 0;
   // Called once after the last image.
   virtual Status finish() = 0;
 };
@@ -50,8 +50,8 @@ struct SheetLayout {
 // limits::kSheetSideMax pixels a side.
 Result<SheetLayout> sheet_layout(size_t count, int columns, int width, int height);
 // An empty sheet of that layout.
-Picture begin_sheet(const SheetLayout& layout, const std::array<uint8_t, 4>& background);
-void place_in_sheet(const SheetLayout& layout, size_t index, const Picture& picture,
-                    Picture& sheet);
+RenderImage begin_sheet(const SheetLayout& layout, const std::array<uint8_t, 4>& background);
+void place_in_sheet(const SheetLayout& layout, size_t index, const RenderImage& image,
+                    RenderImage& sheet);
 
 }  // namespace voxeld
