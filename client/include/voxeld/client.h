@@ -310,8 +310,8 @@ class VOXELD_CLIENT_API Client {
   // The queue with at most `limit` waiting jobs; an admin's key shows those of all tenants.
   Queue queue(int limit = 100);
   // Resumes if the connection breaks. Throws "bad-response" if the result has changed meanwhile;
-  // the sink then has the beginning of the old one. Throws "content-mismatch" at the end if the bytes
-  // do not match the daemon's hash; the sink then has all of them.
+  // the sink then has the beginning of the old one. Throws "content-mismatch" at the end if the
+  // bytes do not match the daemon's hash; the sink then has all of them.
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress = {},
                 const std::stop_token& stop = {});
   // Deletes the item of this id, so its bytes no longer count: the result of a job, otherwise the
