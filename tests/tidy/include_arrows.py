@@ -120,6 +120,10 @@ ARROWS = {
 # Headers that one module alone may include.
 ONLY_IN = {
     "sqlite3.h": {"server/jobs/database"},
+    # Others know the interface. Retention opens, checks and rebuilds the embedded store.
+    "server/jobs/database/sqlite_connection.h": {"server/jobs/database", "server/jobs/retention"},
+    "server/jobs/database/sqlite_database.h": {"server/jobs/database", "server/jobs/retention"},
+    "server/jobs/database/sqlite_schema.h": {"server/jobs/database", "server/jobs/retention"},
     "curl/curl.h": {"client"},
     "httplib.h": {"server/api"},
     "zip.h": {"server/scene/core", "client"},

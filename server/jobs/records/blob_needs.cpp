@@ -50,7 +50,7 @@ std::string needed_sql(const std::string& column) {
 }
 
 Result<bool> is_needed(SqlConnection& connection, std::string_view id) {
-  static const std::string sql = "SELECT " + needed_sql("$1");
+  static const std::string sql = "SELECT CASE WHEN " + needed_sql("$1") + " THEN 1 ELSE 0 END";
   VOXELD_ASSIGN(SqlStatement answer, connection.query(sql, id));
   VOXELD_TRY(answer.step());
   return answer.int64(0) != 0;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sql.h"
 
 namespace voxeld {
 

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sql.h"
 #include "server/jobs/model/job_record.h"
 #include "server/jobs/records/job_store.h"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sql.h"
 #include "server/jobs/model/job_record.h"
 
 namespace voxeld {

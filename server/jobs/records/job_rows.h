@@ -10,7 +10,7 @@
 
 #include "proto/messages/job.h"
 #include "proto/result.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sql.h"
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/job_record.h"
 

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "proto/result.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sql.h"
 #include "server/jobs/model/tenant_limits.h"
 
 namespace voxeld {

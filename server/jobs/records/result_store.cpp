@@ -64,7 +64,7 @@ Result<std::optional<JobRow>> find_job(SqlConnection& connection, const Caller& 
 // Options that count towards their tenant's bytes go with the result.
 Status forget_long_options(SqlConnection& connection, std::string_view job, int64_t result_seq) {
   constexpr std::string_view kForget =
-      "UPDATE jobs SET options_json = '{}' WHERE LENGTH(CAST(options_json AS BLOB)) > $2 AND ";
+      "UPDATE jobs SET options_json = '{}' WHERE OCTET_LENGTH(options_json) > $2 AND ";
   VOXELD_TRY(connection.run(std::string(kForget) + "id = $1", job, kRowBytesFree));
   if (result_seq == 0) return {};
   return connection.run(std::string(kForget) + "result_seq = $1 AND result_seq <> 0", result_seq,

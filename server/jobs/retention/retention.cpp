@@ -83,12 +83,13 @@ Status forget_assets(SqlConnection& connection, int64_t aged_before_ms) {
 // Whether the database knows a blob that nothing needs: it was deleted, or it expired.
 Result<bool> has_ended(SqlConnection& connection, std::string_view id) {
   VOXELD_ASSIGN(SqlStatement answer,
-                connection.query("SELECT EXISTS (SELECT 1 FROM assets WHERE id = $1)"
+                connection.query("SELECT CASE WHEN EXISTS (SELECT 1 FROM assets WHERE id = $1)"
                                  " OR EXISTS (SELECT 1 FROM results WHERE blob = $1)"
                                  " OR EXISTS (SELECT 1 FROM results WHERE grid = $1 AND grid <> '')"
                                  " OR EXISTS (SELECT 1 FROM results WHERE sequence = $1"
                                  "            AND sequence <> '')"
-                                 " OR EXISTS (SELECT 1 FROM frames WHERE grid = $1)",
+                                 " OR EXISTS (SELECT 1 FROM frames WHERE grid = $1)"
+                                 " THEN 1 ELSE 0 END",
                                  id));
   VOXELD_TRY(answer.step());
   return answer.int64(0) != 0;

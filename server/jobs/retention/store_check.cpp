@@ -11,8 +11,10 @@
 #include "server/base/file.h"
 #include "server/base/sha256.h"
 #include "server/jobs/auth/key_file.h"
-#include "server/jobs/database/schema.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sqlite_connection.h"
+#include "server/jobs/database/sqlite_database.h"
+#include "server/jobs/database/sqlite_schema.h"
+#include "server/jobs/database/tables.h"
 #include "server/jobs/records/blob_needs.h"
 #include "server/store/blob_checks.h"
 
@@ -42,10 +44,12 @@ constexpr std::string_view kNamed =
 constexpr std::string_view kWrongCounts =
     "SELECT tenant, SUM(queued), SUM(running) FROM"
     " (SELECT tenant, queued, running FROM live_jobs"
-    "  UNION ALL SELECT tenant, -(state = 'queued'), -(state = 'running') FROM jobs"
+    "  UNION ALL SELECT tenant, CASE WHEN state = 'queued' THEN -1 ELSE 0 END,"
+    "            CASE WHEN state = 'running' THEN -1 ELSE 0 END FROM jobs"
     "  WHERE state IN ('queued', 'running')"
-    "  UNION ALL SELECT '*', -(state = 'queued'), -(state = 'running') FROM jobs"
-    "  WHERE state IN ('queued', 'running'))"
+    "  UNION ALL SELECT '*', CASE WHEN state = 'queued' THEN -1 ELSE 0 END,"
+    "            CASE WHEN state = 'running' THEN -1 ELSE 0 END FROM jobs"
+    "  WHERE state IN ('queued', 'running')) n"
     " GROUP BY tenant HAVING SUM(queued) <> 0 OR SUM(running) <> 0";
 
 struct Named {
@@ -73,7 +77,8 @@ class Check {
   Result<StoreReport> run() {
     const fs::path& dir = report_.data_dir;
     std::error_code failed;
-    if (!fs::exists(dir / "jobs.sqlite", failed)) {
+    const fs::path database = sqlite_path(dir);
+    if (!fs::exists(database, failed)) {
       return Error{ErrorCode::kNotFound, "there is no store in " + dir.string(),
                    "the directory of voxeld serve --data", ""};
     }
@@ -82,9 +87,9 @@ class Check {
       problem("keys", "keys", keys.error().message());
     }
     VOXELD_TRY(read_blobs());
-    auto reader = SqlConnection::open(dir / "jobs.sqlite", SqlConnection::Role::kReader);
-    const Status checked = reader ? check_rows(*reader) : Status(reader.error());
-    if (!checked) problem("database", "jobs.sqlite", checked.error().message());
+    auto reader = SqliteConnection::open(database, SqliteConnection::Role::kReader);
+    const Status checked = reader ? check_database(*reader) : Status(reader.error());
+    if (!checked) database_problem(checked.error().message());
     list_leftovers();
     return std::move(report_);
   }
@@ -92,6 +97,10 @@ class Check {
  private:
   void problem(std::string kind, std::string what, std::string text) {
     report_.problems.push_back({std::move(kind), std::move(what), std::move(text)});
+  }
+
+  void database_problem(std::string text) {
+    problem("database", sqlite_path(report_.data_dir).filename(), std::move(text));
   }
 
   // Hashes every file of the store. One that goes meanwhile was deleted.
@@ -124,21 +133,21 @@ class Check {
     return {};
   }
 
-  Status check_rows(SqlConnection& reader) {
-    {
-      VOXELD_ASSIGN(SqlStatement check, reader.query("PRAGMA integrity_check(1)"));
-      VOXELD_ASSIGN(const bool row, check.step());
-      const std::string answer = row ? check.text(0) : "no answer";
-      if (answer != "ok") {
-        problem("database", "jobs.sqlite", "integrity check: " + answer);
-        return {};
-      }
+  Status check_database(SqliteConnection& reader) {
+    VOXELD_ASSIGN(const std::string answer, reader.integrity());
+    if (answer != "ok") {
+      database_problem("integrity check: " + answer);
+      return {};
     }
-    VOXELD_ASSIGN(report_.schema_version, number(reader, "PRAGMA user_version"));
+    VOXELD_ASSIGN(report_.schema_version, sqlite_schema_version(reader));
     if (report_.schema_version != schema_version()) {
       return Error{ErrorCode::kInternal, "schema of another version of voxeld",
                    std::to_string(schema_version()), std::to_string(report_.schema_version)};
     }
+    return check_rows(reader);
+  }
+
+  Status check_rows(SqlConnection& reader) {
     VOXELD_ASSIGN(report_.jobs, number(reader, "SELECT COUNT(*) FROM jobs"));
     VOXELD_ASSIGN(report_.results,
                   number(reader, "SELECT COUNT(*) FROM results WHERE expired_ms = 0"));

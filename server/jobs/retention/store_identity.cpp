@@ -7,14 +7,12 @@
 #include <system_error>
 #include <utility>
 
+#include "server/jobs/database/sqlite_database.h"
+
 namespace voxeld {
 namespace {
 
 namespace fs = std::filesystem;
-
-fs::path database_path(const BlobStore& blobs) {
-  return blobs.root() / "jobs.sqlite";
-}
 
 // The remedy stands before what was expected and got.
 Error mismatch(const BlobStore& blobs, const std::string& what, std::string expected,
@@ -52,7 +50,7 @@ Status write_row(Database& database, const StoreMark& mark) {
 
 Error new_database(const BlobStore& blobs, size_t files, const std::optional<StoreMark>& mark) {
   return mismatch(blobs,
-                  database_path(blobs).string() + " is missing or new, but " +
+                  sqlite_path(blobs.root()).string() + " is missing or new, but " +
                       (blobs.root() / "blobs").string() + " holds " + std::to_string(files) +
                       " files",
                   mark ? "the database of " + store_text(mark->id) : "the database that names them",
@@ -68,12 +66,12 @@ Status check_match(const BlobStore& blobs, size_t files, const std::optional<Sto
   if (!row) return new_database(blobs, files, mark);
   if (!mark) return mismatch(blobs, path, "the mark of " + store_text(row->id), "no file");
   if (mark->id != row->id) {
-    return mismatch(blobs, database_path(blobs).string() + " is the database of other files",
+    return mismatch(blobs, sqlite_path(blobs.root()).string() + " is the database of other files",
                     store_text(mark->id), store_text(row->id));
   }
   if (row->generation >= mark->generation) return {};
   return mismatch(blobs,
-                  database_path(blobs).string() +
+                  sqlite_path(blobs.root()).string() +
                       " is older than the files: a copy, or its jobs.sqlite-wal was removed",
                   "generation " + std::to_string(mark->generation) + " or higher",
                   std::to_string(row->generation));
@@ -81,7 +79,7 @@ Status check_match(const BlobStore& blobs, size_t files, const std::optional<Sto
 
 bool has_database(const BlobStore& blobs) {
   std::error_code failed;
-  return fs::file_size(database_path(blobs), failed) > 0 && !failed;
+  return fs::file_size(sqlite_path(blobs.root()), failed) > 0 && !failed;
 }
 
 // The mark for row and file, so that a crash in between leaves a pair that matches.
@@ -106,7 +104,7 @@ Result<StoreDatabase> open_store_database(const BlobStore& blobs, StoreMatch mat
                         file && *file ? std::optional((*file)->mark()) : std::nullopt);
   }
   StoreDatabase opened;
-  VOXELD_ASSIGN(opened.database, Database::open(database_path(blobs)));
+  VOXELD_ASSIGN(opened.database, SqliteDatabase::open(sqlite_path(blobs.root())));
   VOXELD_ASSIGN(auto row, read_row(*opened.database));
   if (must_match) VOXELD_TRY(check_match(blobs, stored.size(), row, file));
   if (file) opened.mark = *std::move(file);

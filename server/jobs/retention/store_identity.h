@@ -24,7 +24,7 @@ struct StoreDatabase {
 
 // DIR/jobs.sqlite; made where the store has no blobs. Errors: conflict, with what to do, for a
 // database that is missing, empty, another store's, or older than the blobs' mark; those of
-// Database::open().
+// SqliteDatabase::open().
 Result<StoreDatabase> open_store_database(const BlobStore& blobs, StoreMatch match);
 
 }  // namespace voxeld

@@ -28,7 +28,7 @@ struct RebuildReport {
 // found; nullopt: nobody, as in a daemon without keys. The database and the blobs match afterwards.
 // Errors: not-found where there is no store; conflict while a daemon runs on it; invalid-option
 // where there are keys and no tenant, or for a name that no tenant can have; those of
-// Database::open().
+// SqliteDatabase::open().
 Result<RebuildReport> rebuild_store(const std::filesystem::path& data_dir,
                                     const std::optional<std::string>& tenant);
 

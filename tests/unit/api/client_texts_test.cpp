@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "proto/options/table.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sqlite_connection.h"
 #include "tests/unit/api/api_server_fixture.h"
 
 namespace voxeld::api {
@@ -33,19 +33,19 @@ class ClientTexts : public ServerTest {
     return request("POST", "/v1/jobs", lines, job.dump());
   }
   nlohmann::json job() { return {{"kind", "voxelize"}, {"asset", post_asset()}}; }
-  SqlConnection reader() {
-    return SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kReader)
+  SqliteConnection reader() {
+    return SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kReader)
         .value();
   }
   int64_t number(const std::string& sql) {
-    SqlConnection connection = reader();
+    SqliteConnection connection = reader();
     auto row = connection.query(sql);
     EXPECT_TRUE(row && row->step());
     return row->int64(0);
   }
   // The longest text of any row of any table.
   int64_t longest_stored() {
-    SqlConnection connection = reader();
+    SqliteConnection connection = reader();
     int64_t longest = 0;
     std::vector<std::string> columns;
     {

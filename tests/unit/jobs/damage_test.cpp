@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "server/base/sha256.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sqlite_connection.h"
 #include "server/jobs/retention/store_check.h"
 #include "tests/unit/jobs/service_fixture.h"
 
@@ -126,7 +126,7 @@ TEST_F(DamageTest, the_check_counts_the_queue) {
   submit(request);
   {
     auto database =
-        SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
+        SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
     ASSERT_TRUE(database);
     ASSERT_TRUE(database->run("UPDATE live_jobs SET queued = 3 WHERE tenant = ''"));
   }

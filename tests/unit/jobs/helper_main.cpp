@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <string>
 
-#include "server/jobs/database/database.h"
 #include "server/jobs/service/job_service.h"
 #include "tests/unit/jobs/fake_worker.h"
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/base/sha256.h"
+#include "server/jobs/database/sqlite_database.h"
 #include "server/jobs/records/asset_store.h"
 #include "server/jobs/records/frame_store.h"
 #include "server/store/blob_store.h"
@@ -30,7 +31,7 @@ class JobStoreTest : public ::testing::Test {
     auto blobs = BlobStore::open(dir_.path());
     ASSERT_TRUE(blobs);
     blobs_.emplace(*std::move(blobs));
-    auto database = Database::open(dir_.path() / "jobs.sqlite");
+    auto database = SqliteDatabase::open(dir_.path() / "jobs.sqlite");
     ASSERT_TRUE(database) << database.error().message();
     database_ = *std::move(database);
     store_ = std::make_unique<JobStore>(

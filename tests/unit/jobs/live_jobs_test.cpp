@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "server/base/clock.h"
-#include "server/jobs/database/schema.h"
+#include "server/jobs/database/sqlite_database.h"
 #include "server/jobs/records/asset_store.h"
 #include "server/jobs/records/job_store.h"
 #include "server/jobs/retention/retention.h"
@@ -89,7 +89,7 @@ class LiveJobsTest : public ::testing::Test {
     store_.reset();
     database_.reset();
     blobs_.emplace(BlobStore::open(dir_.path()).value());
-    database_ = Database::open(dir_.path() / "jobs.sqlite").value();
+    database_ = SqliteDatabase::open(dir_.path() / "jobs.sqlite").value();
     store_ = std::make_unique<JobStore>(*database_, [](std::string_view) { return true; });
   }
   JobRequest request(const Caller& caller) {

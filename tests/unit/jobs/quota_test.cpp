@@ -4,8 +4,7 @@
 #include <string>
 
 #include "server/base/sha256.h"
-#include "server/jobs/database/database.h"
-#include "server/jobs/database/schema.h"
+#include "server/jobs/database/sqlite_connection.h"
 #include "server/jobs/records/asset_store.h"
 #include "tests/unit/jobs/service_fixture.h"
 
@@ -155,7 +154,7 @@ TEST_F(QuotaTest, rows_that_go_take_their_bytes_along) {
   service_.reset();
   {
     auto writer =
-        SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
+        SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
     ASSERT_TRUE(writer && writer->run("DELETE FROM results"));
     ASSERT_TRUE(writer->run("DELETE FROM assets"));
     auto left = writer->query("SELECT COUNT(*) FROM holdings");

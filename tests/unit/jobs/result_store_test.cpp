@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "server/base/sha256.h"
+#include "server/jobs/database/sqlite_connection.h"
 #include "tests/unit/jobs/service_fixture.h"
 
 namespace voxeld {
@@ -246,7 +247,7 @@ TEST_F(ResultStoreTest, the_result_of_a_job_that_was_forgotten_is_deleted_by_its
   service_.reset();
   {
     auto writer =
-        SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
+        SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
     ASSERT_TRUE(writer && writer->run("DELETE FROM jobs"));
   }
   start();

@@ -9,6 +9,7 @@
 
 #include "server/base/clock.h"
 #include "server/base/sha256.h"
+#include "server/jobs/database/sqlite_database.h"
 #include "server/jobs/records/asset_store.h"
 #include "server/jobs/records/blob_needs.h"
 #include "server/jobs/records/frame_store.h"
@@ -75,7 +76,7 @@ class RetentionTest : public ::testing::Test {
 
   testing::TemporaryDir dir_;
   BlobStore blobs_ = BlobStore::open(dir_.path()).value();
-  std::unique_ptr<Database> database_ = Database::open(dir_.path() / "jobs.sqlite").value();
+  std::unique_ptr<Database> database_ = SqliteDatabase::open(dir_.path() / "jobs.sqlite").value();
   JobStore jobs_{*database_, [this](std::string_view id) { return blobs_.is_usable(id); }};
   AssetStore assets_{*database_, blobs_};
   FrameStore frames_{*database_, blobs_};

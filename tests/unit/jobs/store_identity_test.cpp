@@ -7,6 +7,7 @@
 #include <fstream>
 #include <string>
 
+#include "server/jobs/database/sqlite_connection.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -111,7 +112,7 @@ TEST_F(StoreIdentityTest, an_empty_file_in_the_place_of_the_database_is_refused)
 TEST_F(StoreIdentityTest, a_database_without_any_table_is_refused) {
   make();
   remove_database();
-  ASSERT_TRUE(SqlConnection::open(database(), SqlConnection::Role::kWriter)
+  ASSERT_TRUE(SqliteConnection::open(database(), SqliteConnection::Role::kWriter)
                   .value()
                   .run_script("PRAGMA user_version=0; CREATE TABLE other (x); DROP TABLE other;"));
   expect_refused(missing_text(),

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "server/jobs/database/sqlite_database.h"
 #include "server/jobs/retention/age_budget.h"
 #include "server/jobs/retention/kept_clock.h"
 #include "tests/unit/base/temporary_dir.h"
@@ -60,7 +61,7 @@ class StoreSweepTest : public ::testing::Test {
   int64_t wall_ms_ = 1'800'000'000'000, steady_ms_ = 5000;
   int made_ = 0;
   BlobStore blobs_ = BlobStore::open(dir_.path()).value();
-  std::unique_ptr<Database> database_ = Database::open(dir_.path() / "jobs.sqlite").value();
+  std::unique_ptr<Database> database_ = SqliteDatabase::open(dir_.path() / "jobs.sqlite").value();
   AssetStore assets_{*database_, blobs_};
   Retention retention_{*database_, blobs_};
   JobMetrics metrics_{nullptr};

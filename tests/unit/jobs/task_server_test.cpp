@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "server/base/sha256.h"
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sqlite_connection.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"
@@ -231,7 +231,7 @@ TEST_F(TaskServerTest, a_connection_that_ends_puts_its_task_back_at_once) {
 TEST_F(TaskServerTest, a_running_job_that_no_worker_has_is_put_back_uncounted) {
   const std::string id = submit();
   auto claimed =
-      SqlConnection::open(dir_.path() / "data/jobs.sqlite", SqlConnection::Role::kWriter);
+      SqliteConnection::open(dir_.path() / "data/jobs.sqlite", SqliteConnection::Role::kWriter);
   ASSERT_TRUE(claimed);
   ASSERT_TRUE(
       claimed->run("UPDATE jobs SET state = 'running', attempt = 1, fence = 1,"

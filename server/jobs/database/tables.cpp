@@ -1,4 +1,4 @@
-#include "server/jobs/database/schema.h"
+#include "server/jobs/database/tables.h"
 
 #include <string>
 #include <string_view>
@@ -6,8 +6,9 @@
 namespace voxeld {
 namespace {
 
-// The schema that this program reads and writes (PRAGMA user_version).
 constexpr int kSchemaVersion = 1;
+// Stands in the text for the type of a numbered primary key.
+constexpr std::string_view kRowNumber = "ROW_NUMBER";
 
 //   assets ─┐                            jobs.asset, jobs.grid and jobs.sequence name blobs, not
 //   results ┼─ jobs ─┬─ job_events       rows: a deleted asset keeps its row (deleted_ms), so that
@@ -39,9 +40,6 @@ CREATE INDEX assets_by_use ON assets (used_ms) WHERE deleted_ms = 0;
 CREATE INDEX assets_gone ON assets (deleted_ms) WHERE bytes < 0;
 CREATE INDEX assets_to_age ON assets (id) WHERE aged_ms = 0;
 CREATE INDEX assets_by_age ON assets (aged_ms) WHERE aged_ms <> 0;
-CREATE TRIGGER assets_use AFTER UPDATE OF used_ms, deleted_ms ON assets BEGIN
-  UPDATE assets SET aged_ms = 0 WHERE id = NEW.id AND tenant = NEW.tenant;
-END;
 
 -- Files of assets that are bundles of others. They have a tenant: else uploading a manifest as a
 -- plain file would tell whether someone else has it as a bundle.
@@ -62,7 +60,7 @@ constexpr std::string_view kJobs = R"sql(
 -- largest number where there is none (kNoDeadline). device_us: for how long it has had its device.
 -- queued_ms: since when it has been in the queue again, once it was preempted; 0: since created_ms.
 CREATE TABLE jobs (
-  seq INTEGER PRIMARY KEY AUTOINCREMENT,
+  seq ROW_NUMBER,
   id TEXT NOT NULL UNIQUE,
   tenant TEXT NOT NULL DEFAULT '',
   kind TEXT NOT NULL,
@@ -154,7 +152,7 @@ constexpr std::string_view kResults = R"sql(
 -- Results of jobs that are done; equal jobs share one. sequence: the frames of job_id together. Of
 -- an expired result the row stays, so that asking for it says `gone`; is_deleted: by its tenant.
 CREATE TABLE results (
-  seq INTEGER PRIMARY KEY AUTOINCREMENT,
+  seq ROW_NUMBER,
   tenant TEXT NOT NULL DEFAULT '',
   job_id TEXT NOT NULL DEFAULT '',
   request_hash TEXT NOT NULL,
@@ -184,9 +182,6 @@ CREATE INDEX results_by_tenant ON results (tenant, seq) WHERE expired_ms = 0;
 CREATE INDEX results_by_use ON results (used_ms, seq) WHERE expired_ms = 0;
 CREATE INDEX results_to_age ON results (seq) WHERE aged_ms = 0 AND expired_ms = 0;
 CREATE INDEX results_by_age ON results (aged_ms, seq) WHERE aged_ms <> 0 AND expired_ms = 0;
-CREATE TRIGGER results_use AFTER UPDATE OF used_ms ON results BEGIN
-  UPDATE results SET aged_ms = 0 WHERE seq = NEW.seq;
-END;
 
 -- Frames that jobs have listed. time_s: a decimal text of seconds that reads back exactly. Rows
 -- stay as long as their job: their grids can be asked for by id.
@@ -209,10 +204,10 @@ CREATE INDEX frames_kept ON frames (job_id) WHERE expired_ms = 0;
 
 constexpr std::string_view kUsage = R"sql(
 -- The bytes that each tenant has stored. A row of `holdings` is a blob that at least one of the
--- tenant's assets, results or frames names (`refs` of them); `tenant_usage` is their sum. Triggers
--- on the rows that name blobs maintain both, so that code that adds or removes such a row need not
--- know of them; expired rows do not count. A row whose blob changes must be removed and added,
--- except for frames.grid and assets.deleted_ms.
+-- tenant's assets, results or frames names (`refs` of them); `tenant_usage` is their sum, and the
+-- bytes above 4096 (kRowBytesFree in quota.h) of rows with long texts: options of jobs, meta and
+-- warnings of results. Both are derived (tables.h); expired rows do not count. A row whose blob
+-- changes must be removed and added, except for frames.grid and assets.deleted_ms.
 CREATE TABLE tenant_usage (
   tenant TEXT PRIMARY KEY,
   bytes BIGINT NOT NULL
@@ -227,136 +222,14 @@ CREATE TABLE holdings (
 CREATE INDEX holdings_by_blob ON holdings (blob);
 -- Finds the blobs that an upload of a known length can be.
 CREATE INDEX holdings_by_size ON holdings (tenant, bytes);
-CREATE TRIGGER holdings_insert AFTER INSERT ON holdings BEGIN
-  INSERT INTO tenant_usage (tenant, bytes) VALUES (NEW.tenant, MAX(NEW.bytes, 0))
-    ON CONFLICT (tenant) DO UPDATE SET bytes = bytes + excluded.bytes;
-END;
-CREATE TRIGGER holdings_delete AFTER DELETE ON holdings BEGIN
-  UPDATE tenant_usage SET bytes = bytes - MAX(OLD.bytes, 0) WHERE tenant = OLD.tenant;
-END;
-
--- No table: what is inserted is a step of `refs` up or down.
-CREATE VIEW holding_changes AS SELECT tenant, blob, bytes, refs AS step FROM holdings;
-CREATE TRIGGER holding_changes_insert INSTEAD OF INSERT ON holding_changes
-WHEN NEW.blob <> '' BEGIN
-  INSERT INTO holdings (tenant, blob, bytes, refs)
-    VALUES (NEW.tenant, NEW.blob, NEW.bytes, NEW.step)
-    ON CONFLICT (tenant, blob) DO UPDATE SET refs = refs + excluded.refs;
-  DELETE FROM holdings WHERE tenant = NEW.tenant AND blob = NEW.blob AND refs <= 0;
-END;
-CREATE TRIGGER assets_insert AFTER INSERT ON assets WHEN NEW.deleted_ms = 0 BEGIN
-  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.id, NEW.bytes, 1);
-END;
-CREATE TRIGGER assets_restore AFTER UPDATE OF deleted_ms ON assets
-WHEN OLD.deleted_ms <> 0 AND NEW.deleted_ms = 0 BEGIN
-  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.id, NEW.bytes, 1);
-END;
-CREATE TRIGGER assets_mark_deleted AFTER UPDATE OF deleted_ms ON assets
-WHEN OLD.deleted_ms = 0 AND NEW.deleted_ms <> 0 BEGIN
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.id, OLD.bytes, -1);
-END;
-CREATE TRIGGER assets_delete AFTER DELETE ON assets WHEN OLD.deleted_ms = 0 BEGIN
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.id, OLD.bytes, -1);
-END;
-CREATE TRIGGER results_insert AFTER INSERT ON results BEGIN
-  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.blob, NEW.bytes, 1);
-  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.grid, NEW.grid_bytes, 1);
-  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.sequence, NEW.sequence_bytes, 1);
-END;
-CREATE TRIGGER results_delete AFTER DELETE ON results WHEN OLD.expired_ms = 0 BEGIN
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.blob, OLD.bytes, -1);
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.grid_bytes, -1);
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.sequence, OLD.sequence_bytes, -1);
-END;
-CREATE TRIGGER results_expire AFTER UPDATE OF expired_ms ON results
-WHEN OLD.expired_ms = 0 AND NEW.expired_ms <> 0 BEGIN
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.blob, OLD.bytes, -1);
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.grid_bytes, -1);
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.sequence, OLD.sequence_bytes, -1);
-END;
-CREATE TRIGGER frames_insert AFTER INSERT ON frames BEGIN
-  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.grid, NEW.bytes, 1);
-END;
-CREATE TRIGGER frames_replace AFTER UPDATE OF grid ON frames BEGIN
-  INSERT INTO holding_changes SELECT OLD.tenant, OLD.grid, OLD.bytes, -1 WHERE OLD.expired_ms = 0;
-  INSERT INTO holding_changes VALUES (NEW.tenant, NEW.grid, NEW.bytes, 1);
-END;
-CREATE TRIGGER frames_expire AFTER UPDATE OF expired_ms ON frames
-WHEN OLD.expired_ms = 0 AND NEW.expired_ms <> 0 BEGIN
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.bytes, -1);
-END;
-CREATE TRIGGER frames_delete AFTER DELETE ON frames WHEN OLD.expired_ms = 0 BEGIN
-  INSERT INTO holding_changes VALUES (OLD.tenant, OLD.grid, OLD.bytes, -1);
-END;
-
--- Rows whose texts are long (options of jobs, meta and warnings of results) count towards
--- tenant_usage with their bytes above 4096 (kRowBytesFree in quota.h). No table: what is inserted
--- is a number of bytes more or less.
-CREATE VIEW row_changes AS SELECT tenant, bytes FROM tenant_usage;
-CREATE TRIGGER row_changes_insert INSTEAD OF INSERT ON row_changes WHEN NEW.bytes <> 0 BEGIN
-  INSERT INTO tenant_usage (tenant, bytes) VALUES (NEW.tenant, NEW.bytes)
-    ON CONFLICT (tenant) DO UPDATE SET bytes = bytes + excluded.bytes;
-END;
-CREATE TRIGGER jobs_row_insert AFTER INSERT ON jobs BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.options_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER jobs_row_change AFTER UPDATE OF options_json ON jobs BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.options_json AS BLOB)) - 4096, 0)
-                      - MAX(LENGTH(CAST(OLD.options_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER jobs_row_delete AFTER DELETE ON jobs BEGIN
-  INSERT INTO row_changes
-    VALUES (OLD.tenant, -MAX(LENGTH(CAST(OLD.options_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER results_row_insert AFTER INSERT ON results BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.meta_json AS BLOB))
-                          + LENGTH(CAST(NEW.warnings_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER results_row_change AFTER UPDATE OF meta_json, warnings_json ON results BEGIN
-  INSERT INTO row_changes
-    VALUES (NEW.tenant, MAX(LENGTH(CAST(NEW.meta_json AS BLOB))
-                          + LENGTH(CAST(NEW.warnings_json AS BLOB)) - 4096, 0)
-                      - MAX(LENGTH(CAST(OLD.meta_json AS BLOB))
-                          + LENGTH(CAST(OLD.warnings_json AS BLOB)) - 4096, 0));
-END;
-CREATE TRIGGER results_row_delete AFTER DELETE ON results BEGIN
-  INSERT INTO row_changes
-    VALUES (OLD.tenant, -MAX(LENGTH(CAST(OLD.meta_json AS BLOB))
-                           + LENGTH(CAST(OLD.warnings_json AS BLOB)) - 4096, 0));
-END;
 
 -- The numbers of queued and running jobs of each tenant, and of all under '*', which is no tenant's
--- name. Triggers on jobs.state maintain them in the transaction of the change.
+-- name. Derived (tables.h).
 CREATE TABLE live_jobs (
   tenant TEXT PRIMARY KEY,
   queued BIGINT NOT NULL,
   running BIGINT NOT NULL
 );
--- No table: what is inserted is a step up or down.
-CREATE VIEW live_changes AS SELECT tenant, queued, running FROM live_jobs;
-CREATE TRIGGER live_changes_insert INSTEAD OF INSERT ON live_changes
-WHEN NEW.queued <> 0 OR NEW.running <> 0 BEGIN
-  INSERT INTO live_jobs VALUES (NEW.tenant, NEW.queued, NEW.running)
-    ON CONFLICT (tenant) DO UPDATE SET
-    queued = queued + excluded.queued, running = running + excluded.running;
-  INSERT INTO live_jobs VALUES ('*', NEW.queued, NEW.running)
-    ON CONFLICT (tenant) DO UPDATE SET
-    queued = queued + excluded.queued, running = running + excluded.running;
-END;
-CREATE TRIGGER jobs_live_insert AFTER INSERT ON jobs BEGIN
-  INSERT INTO live_changes VALUES (NEW.tenant, NEW.state = 'queued', NEW.state = 'running');
-END;
-CREATE TRIGGER jobs_live_change AFTER UPDATE OF state ON jobs BEGIN
-  INSERT INTO live_changes
-    VALUES (NEW.tenant, (NEW.state = 'queued') - (OLD.state = 'queued'),
-            (NEW.state = 'running') - (OLD.state = 'running'));
-END;
-CREATE TRIGGER jobs_live_delete AFTER DELETE ON jobs BEGIN
-  INSERT INTO live_changes VALUES (OLD.tenant, -(OLD.state = 'queued'), -(OLD.state = 'running'));
-END;
 )sql";
 
 constexpr std::string_view kStore = R"sql(
@@ -370,11 +243,44 @@ CREATE TABLE store (
 );
 )sql";
 
-Result<int64_t> user_version(SqlConnection& connection) {
-  VOXELD_ASSIGN(SqlStatement statement, connection.query("PRAGMA user_version"));
-  VOXELD_TRY(statement.step());
-  return statement.int64(0);
-}
+constexpr std::string_view kComputedUsage =
+    "SELECT tenant, SUM(bytes) FROM ("
+    "  SELECT tenant, CASE WHEN bytes > 0 THEN bytes ELSE 0 END AS bytes FROM holdings"
+    "  UNION ALL SELECT tenant, OCTET_LENGTH(options_json) - 4096 FROM jobs"
+    "            WHERE OCTET_LENGTH(options_json) > 4096"
+    "  UNION ALL SELECT tenant, OCTET_LENGTH(meta_json) + OCTET_LENGTH(warnings_json) - 4096"
+    "            FROM results"
+    "            WHERE OCTET_LENGTH(meta_json) + OCTET_LENGTH(warnings_json) > 4096) n"
+    " GROUP BY tenant HAVING SUM(bytes) <> 0 ORDER BY 1, 2";
+
+constexpr std::string_view kComputedHoldings =
+    "SELECT tenant, blob, COUNT(*) FROM ("
+    "  SELECT tenant, id AS blob FROM assets WHERE deleted_ms = 0"
+    "  UNION ALL SELECT tenant, blob FROM results WHERE expired_ms = 0 AND blob <> ''"
+    "  UNION ALL SELECT tenant, grid FROM results WHERE expired_ms = 0 AND grid <> ''"
+    "  UNION ALL SELECT tenant, sequence FROM results WHERE expired_ms = 0 AND sequence <> ''"
+    "  UNION ALL SELECT tenant, grid FROM frames WHERE expired_ms = 0 AND grid <> '') n"
+    " GROUP BY tenant, blob ORDER BY 1, 2, 3";
+
+constexpr std::string_view kComputedLiveJobs =
+    "SELECT tenant, SUM(queued), SUM(running) FROM ("
+    "  SELECT tenant, CASE WHEN state = 'queued' THEN 1 ELSE 0 END AS queued,"
+    "         CASE WHEN state = 'running' THEN 1 ELSE 0 END AS running"
+    "  FROM jobs WHERE state IN ('queued', 'running')"
+    "  UNION ALL SELECT '*', CASE WHEN state = 'queued' THEN 1 ELSE 0 END,"
+    "            CASE WHEN state = 'running' THEN 1 ELSE 0 END"
+    "  FROM jobs WHERE state IN ('queued', 'running')) n"
+    " GROUP BY tenant ORDER BY 1, 2, 3";
+
+constexpr DerivedRows kDerivedRows[] = {
+    {"holdings", "SELECT tenant, blob, refs FROM holdings ORDER BY 1, 2, 3", kComputedHoldings},
+    {"tenant_usage", "SELECT tenant, bytes FROM tenant_usage WHERE bytes <> 0 ORDER BY 1, 2",
+     kComputedUsage},
+    {"live_jobs",
+     "SELECT tenant, queued, running FROM live_jobs WHERE queued <> 0 OR running <> 0"
+     " ORDER BY 1, 2, 3",
+     kComputedLiveJobs},
+};
 
 }  // namespace
 
@@ -382,19 +288,18 @@ int schema_version() {
   return kSchemaVersion;
 }
 
-Status create_schema(SqlConnection& connection) {
-  VOXELD_ASSIGN(const int64_t present, user_version(connection));
-  if (present == kSchemaVersion) return {};
-  if (present != 0) {
-    return Error{ErrorCode::kInternal, "job database was written by another voxeld: schema version",
-                 std::to_string(kSchemaVersion), std::to_string(present)};
-  }
-  std::string script = "BEGIN IMMEDIATE;";
+std::string tables_sql(std::string_view row_number) {
+  std::string script;
   for (const std::string_view part : {kAssets, kJobs, kResults, kUsage, kStore}) script += part;
-  script += "PRAGMA user_version=" + std::to_string(kSchemaVersion) + "; COMMIT;";
-  Status created = connection.run_script(script);
-  if (!created && connection.in_transaction()) VOXELD_TRY(connection.run_script("ROLLBACK"));
-  return created;
+  for (size_t at = script.find(kRowNumber); at != std::string::npos;
+       at = script.find(kRowNumber, at)) {
+    script.replace(at, kRowNumber.size(), row_number);
+  }
+  return script;
+}
+
+std::span<const DerivedRows> derived_rows() {
+  return kDerivedRows;
 }
 
 }  // namespace voxeld

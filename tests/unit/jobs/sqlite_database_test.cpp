@@ -1,4 +1,4 @@
-#include "server/jobs/database/database.h"
+#include "server/jobs/database/sqlite_database.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -10,17 +10,17 @@
 #include <thread>
 #include <vector>
 
-#include "server/jobs/database/schema.h"
+#include "server/jobs/database/tables.h"
 #include "server/jobs/records/job_rows.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
 namespace {
 
-class DatabaseTest : public ::testing::Test {
+class SqliteDatabaseTest : public ::testing::Test {
  protected:
   std::unique_ptr<Database> open() {
-    auto database = Database::open(path());
+    auto database = SqliteDatabase::open(path());
     EXPECT_TRUE(database) << database.error().message();
     return *std::move(database);
   }
@@ -41,7 +41,7 @@ class DatabaseTest : public ::testing::Test {
   testing::TemporaryDir dir_;
 };
 
-TEST_F(DatabaseTest, a_committed_write_is_seen_by_readers_and_after_reopening) {
+TEST_F(SqliteDatabaseTest, a_committed_write_is_seen_by_readers_and_after_reopening) {
   {
     auto database = open();
     ASSERT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "a"); }));
@@ -50,7 +50,7 @@ TEST_F(DatabaseTest, a_committed_write_is_seen_by_readers_and_after_reopening) {
   EXPECT_EQ(count_keys(*open()), 1);
 }
 
-TEST_F(DatabaseTest, parameters_bind_by_their_number_not_by_their_place) {
+TEST_F(SqliteDatabaseTest, parameters_bind_by_their_number_not_by_their_place) {
   auto database = open();
   auto reader = database->read();
   ASSERT_TRUE(reader);
@@ -61,7 +61,7 @@ TEST_F(DatabaseTest, parameters_bind_by_their_number_not_by_their_place) {
   EXPECT_EQ(row->int64(2), 2);
 }
 
-TEST_F(DatabaseTest, an_operation_that_fails_undoes_its_own_changes_alone) {
+TEST_F(SqliteDatabaseTest, an_operation_that_fails_undoes_its_own_changes_alone) {
   auto database = open();
   std::vector<std::thread> threads;
   std::atomic<int> refused{0};
@@ -84,7 +84,7 @@ TEST_F(DatabaseTest, an_operation_that_fails_undoes_its_own_changes_alone) {
   EXPECT_EQ(count_keys(*database), 30);
 }
 
-TEST_F(DatabaseTest, an_exception_in_an_operation_is_an_error) {
+TEST_F(SqliteDatabaseTest, an_exception_in_an_operation_is_an_error) {
   auto database = open();
   const Status status =
       database->write([](SqlConnection&) -> Status { throw std::runtime_error("thrown"); });
@@ -93,7 +93,7 @@ TEST_F(DatabaseTest, an_exception_in_an_operation_is_an_error) {
   EXPECT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "after"); }));
 }
 
-TEST_F(DatabaseTest, an_exception_after_the_commit_does_not_report_the_write_as_undone) {
+TEST_F(SqliteDatabaseTest, an_exception_after_the_commit_does_not_report_the_write_as_undone) {
   auto database = open();
   ASSERT_TRUE(database->write([](SqlConnection& c) {
     return c.run("INSERT INTO store (only_one, id, generation) VALUES (1, 'a', 1)");
@@ -108,7 +108,7 @@ TEST_F(DatabaseTest, an_exception_after_the_commit_does_not_report_the_write_as_
   EXPECT_EQ(count_keys(*database), 1);
 }
 
-TEST_F(DatabaseTest, readers_cannot_write) {
+TEST_F(SqliteDatabaseTest, readers_cannot_write) {
   auto database = open();
   auto reader = database->read();
   ASSERT_TRUE(reader);
@@ -125,10 +125,10 @@ int descriptors_on(const std::filesystem::path& file) {
   return count;
 }
 
-TEST_F(DatabaseTest, what_a_crowd_of_readers_leaves_behind_is_closed_once_it_is_not_used) {
+TEST_F(SqliteDatabaseTest, what_a_crowd_of_readers_leaves_behind_is_closed_once_it_is_not_used) {
   constexpr int kCrowd = 40;
   constexpr std::chrono::milliseconds kIdleMax{1000};
-  auto database = Database::open(path(), kIdleMax).value();
+  auto database = SqliteDatabase::open(path(), kIdleMax).value();
   ASSERT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "a"); }));
   const std::filesystem::path log = path().string() + "-wal";
   const auto use_many = [&] {
@@ -151,7 +151,7 @@ TEST_F(DatabaseTest, what_a_crowd_of_readers_leaves_behind_is_closed_once_it_is_
   EXPECT_EQ(descriptors_on(path()), on_file) << "what SQLite kept is used again";
 }
 
-TEST_F(DatabaseTest, a_full_disk_is_storage_full_and_the_database_goes_on) {
+TEST_F(SqliteDatabaseTest, a_full_disk_is_storage_full_and_the_database_goes_on) {
   auto database = open();
   ASSERT_TRUE(
       database->write([](SqlConnection& c) { return c.run("PRAGMA max_page_count = 40"); }));
@@ -169,9 +169,9 @@ TEST_F(DatabaseTest, a_full_disk_is_storage_full_and_the_database_goes_on) {
   EXPECT_TRUE(database->write([](SqlConnection& c) { return add_key(c, "space again"); }));
 }
 
-TEST_F(DatabaseTest, a_file_that_is_no_database_is_refused) {
+TEST_F(SqliteDatabaseTest, a_file_that_is_no_database_is_refused) {
   std::ofstream(path()) << "this is not a database, whatever its name says, and long enough";
-  const auto database = Database::open(path());
+  const auto database = SqliteDatabase::open(path());
   ASSERT_FALSE(database);
   EXPECT_EQ(database.error().code, ErrorCode::kInternal);
   EXPECT_EQ(database.error().detail,
@@ -180,7 +180,7 @@ TEST_F(DatabaseTest, a_file_that_is_no_database_is_refused) {
             "not a database");
 }
 
-TEST_F(DatabaseTest, a_file_that_cannot_be_written_is_refused_with_its_name) {
+TEST_F(SqliteDatabaseTest, a_file_that_cannot_be_written_is_refused_with_its_name) {
   open().reset();
   namespace fs = std::filesystem;
   fs::permissions(path(), fs::perms{0444});
@@ -188,13 +188,13 @@ TEST_F(DatabaseTest, a_file_that_cannot_be_written_is_refused_with_its_name) {
   constexpr uid_t kNobody = 65534;
   const bool is_root = ::geteuid() == 0;  // who may write all
   ASSERT_TRUE(!is_root || ::seteuid(kNobody) == 0);
-  const auto refused = Database::open(path());
+  const auto refused = SqliteDatabase::open(path());
   ASSERT_TRUE(!is_root || ::seteuid(0) == 0);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().detail, "job database: cannot write to " + path().string());
 }
 
-TEST_F(DatabaseTest, a_damaged_database_is_refused_at_start) {
+TEST_F(SqliteDatabaseTest, a_damaged_database_is_refused_at_start) {
   {
     auto database = open();
     ASSERT_TRUE(database->write([](SqlConnection& c) -> Status {
@@ -213,13 +213,13 @@ TEST_F(DatabaseTest, a_damaged_database_is_refused_at_start) {
       file.write(garbage.data(), static_cast<std::streamsize>(garbage.size()));
     }
   }
-  const auto database = Database::open(path());
+  const auto database = SqliteDatabase::open(path());
   ASSERT_FALSE(database);
   EXPECT_NE(database.error().detail.find("job database is corrupt"), std::string::npos)
       << database.error().message();
 }
 
-TEST_F(DatabaseTest, a_tenants_list_of_one_state_reads_no_job_of_another_state) {
+TEST_F(SqliteDatabaseTest, a_tenants_list_of_one_state_reads_no_job_of_another_state) {
   const auto database = open();
   auto reader = database->read();
   ASSERT_TRUE(reader);
@@ -236,13 +236,13 @@ TEST_F(DatabaseTest, a_tenants_list_of_one_state_reads_no_job_of_another_state) 
   }
 }
 
-TEST_F(DatabaseTest, a_database_with_another_schema_is_refused) {
+TEST_F(SqliteDatabaseTest, a_database_with_another_schema_is_refused) {
   {
     auto database = open();
     ASSERT_TRUE(
         database->write([](SqlConnection& c) { return c.run("PRAGMA user_version = 999"); }));
   }
-  const auto database = Database::open(path());
+  const auto database = SqliteDatabase::open(path());
   ASSERT_FALSE(database);
   EXPECT_EQ(database.error().message(),
             "job database was written by another voxeld: schema version: expected " +

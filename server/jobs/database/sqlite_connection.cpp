@@ -1,4 +1,4 @@
-#include "server/jobs/database/sqlite.h"
+#include "server/jobs/database/sqlite_connection.h"
 
 #include <sqlite3.h>
 
@@ -34,61 +34,75 @@ Error sql_error(sqlite3* db, std::string_view action) {
   }
 }
 
+// OCTET_LENGTH(text), which SQLite has of its own from 3.43 on.
+void octet_length(sqlite3_context* context, int, sqlite3_value** values) {
+  if (sqlite3_value_type(values[0]) == SQLITE_NULL) return sqlite3_result_null(context);
+  sqlite3_result_int(context, sqlite3_value_bytes(values[0]));
+}
+
+Status add_functions(sqlite3* db) {
+  constexpr int kFlags = SQLITE_UTF8 | SQLITE_DETERMINISTIC | SQLITE_INNOCUOUS;
+  if (sqlite3_create_function_v2(db, "octet_length", 1, kFlags, nullptr, octet_length, nullptr,
+                                 nullptr, nullptr) != SQLITE_OK) {
+    return sql_error(db, "add a function");
+  }
+  return {};
+}
+
 }  // namespace
 
-SqlStatement::~SqlStatement() {
-  if (statement_ == nullptr) return;
-  sqlite3_reset(statement_);
-  sqlite3_clear_bindings(statement_);
+int SqliteConnection::Prepared::slot_of(int index) const {
+  const int slot =
+      sqlite3_bind_parameter_index(statement_.get(), ("$" + std::to_string(index)).c_str());
+  VOXELD_CHECK(slot != 0, sqlite3_sql(statement_.get()));
+  return slot;
 }
 
-SqlStatement::SqlStatement(SqlStatement&& other) noexcept
-    : db_(other.db_), statement_(std::exchange(other.statement_, nullptr)) {}
-
-void SqlStatement::bind(int index, int64_t value) {
-  const int slot = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(index)).c_str());
-  VOXELD_CHECK(slot != 0, sqlite3_sql(statement_));
-  sqlite3_bind_int64(statement_, slot, value);
+void SqliteConnection::Prepared::bind(int index, int64_t value) {
+  sqlite3_bind_int64(statement_.get(), slot_of(index), value);
 }
 
-void SqlStatement::bind(int index, std::string_view value) {
-  const int slot = sqlite3_bind_parameter_index(statement_, ("$" + std::to_string(index)).c_str());
-  VOXELD_CHECK(slot != 0, sqlite3_sql(statement_));
+void SqliteConnection::Prepared::bind(int index, std::string_view value) {
   // A null pointer would bind NULL; an empty text is not NULL.
   const char* data = value.data() == nullptr ? "" : value.data();
-  const int bound =
-      sqlite3_bind_text64(statement_, slot, data, value.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  const int bound = sqlite3_bind_text64(statement_.get(), slot_of(index), data, value.size(),
+                                        SQLITE_TRANSIENT, SQLITE_UTF8);
   // Left unbound, it would be NULL, and the statement would find something else.
   if (bound == SQLITE_NOMEM) throw std::bad_alloc();
-  VOXELD_CHECK(bound == SQLITE_OK, sqlite3_sql(statement_));
+  VOXELD_CHECK(bound == SQLITE_OK, sqlite3_sql(statement_.get()));
 }
 
-Result<bool> SqlStatement::step() {
-  const int code = sqlite3_step(statement_);
+Result<bool> SqliteConnection::Prepared::step() {
+  const int code = sqlite3_step(statement_.get());
   if (code == SQLITE_ROW) return true;
   if (code == SQLITE_DONE) return false;
   return sql_error(db_, "run");
 }
 
-int64_t SqlStatement::int64(int column) const {
-  return sqlite3_column_int64(statement_, column);
+int64_t SqliteConnection::Prepared::int64(int column) const {
+  return sqlite3_column_int64(statement_.get(), column);
 }
 
-std::string SqlStatement::text(int column) const {
-  const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
-  const auto size = static_cast<size_t>(sqlite3_column_bytes(statement_, column));
+std::string SqliteConnection::Prepared::text(int column) const {
+  const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
+  const auto size = static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column));
   if (data == nullptr && sqlite3_errcode(db_) == SQLITE_NOMEM) throw std::bad_alloc();
   return data == nullptr ? std::string() : std::string(data, size);
 }
 
-void SqlConnection::Closer::operator()(sqlite3* db) const {
+void SqliteConnection::Prepared::end() noexcept {
+  sqlite3_reset(statement_.get());
+  sqlite3_clear_bindings(statement_.get());
+}
+
+void SqliteConnection::Closer::operator()(sqlite3* db) const {
   sqlite3_close_v2(db);
 }
-void SqlConnection::Closer::operator()(sqlite3_stmt* statement) const {
+void SqliteConnection::Closer::operator()(sqlite3_stmt* statement) const {
   sqlite3_finalize(statement);
 }
 
-Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Role role) {
+Result<SqliteConnection> SqliteConnection::open(const std::filesystem::path& path, Role role) {
   const int access =
       role == Role::kWriter ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY;
   sqlite3* raw = nullptr;
@@ -100,7 +114,8 @@ Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Rol
   }
   if (opened != SQLITE_OK) return sql_error(raw, "open " + path.string());
   sqlite3_busy_timeout(raw, kBusyTimeoutMs);
-  SqlConnection connection(std::move(db));
+  VOXELD_TRY(add_functions(raw));
+  SqliteConnection connection(std::move(db));
   if (role == Role::kWriter) {
     // If SQLite may not write, it opens the file for reading and reports that at the first change.
     if (sqlite3_db_readonly(raw, "main") != 0) {
@@ -116,7 +131,7 @@ Result<SqlConnection> SqlConnection::open(const std::filesystem::path& path, Rol
   return connection;
 }
 
-Result<SqlStatement> SqlConnection::prepare(std::string_view sql) {
+Result<PreparedStatement*> SqliteConnection::prepare(std::string_view sql) {
   auto found = statements_.find(sql);
   if (found == statements_.end()) {
     sqlite3_stmt* raw = nullptr;
@@ -125,28 +140,38 @@ Result<SqlStatement> SqlConnection::prepare(std::string_view sql) {
       return sql_error(db_.get(), "prepare");
     }
     std::unique_ptr<sqlite3_stmt, Closer> prepared(raw);
-    found = statements_.emplace(sql, std::move(prepared)).first;
+    found = statements_.try_emplace(std::string(sql), db_.get(), std::move(prepared)).first;
   }
-  return SqlStatement(db_.get(), found->second.get());
+  return &found->second;
 }
 
-Status SqlConnection::run_script(const std::string& sql) {
+Status SqliteConnection::run_script(const std::string& sql) {
   if (sqlite3_exec(db_.get(), sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) {
     return sql_error(db_.get(), "run");
   }
   return {};
 }
 
-int64_t SqlConnection::changes() const {
+int64_t SqliteConnection::changes() const {
   return sqlite3_changes64(db_.get());
 }
 
-int64_t SqlConnection::total_changes() const {
+int64_t SqliteConnection::total_changes() const {
   return sqlite3_total_changes64(db_.get());
 }
 
-bool SqlConnection::in_transaction() const {
+bool SqliteConnection::in_transaction() const {
   return sqlite3_get_autocommit(db_.get()) == 0;
+}
+
+Result<std::string> SqliteConnection::integrity() {
+  VOXELD_ASSIGN(SqlStatement check, query("PRAGMA integrity_check(1)"));
+  VOXELD_ASSIGN(const bool row, check.step());
+  return row ? check.text(0) : "no answer";
+}
+
+Status SqliteConnection::checkpoint() {
+  return run_script("PRAGMA wal_checkpoint(PASSIVE)");
 }
 
 }  // namespace voxeld

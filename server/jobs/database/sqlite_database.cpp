@@ -1,4 +1,4 @@
-#include "server/jobs/database/database.h"
+#include "server/jobs/database/sqlite_database.h"
 
 #include <algorithm>
 #include <exception>
@@ -8,18 +8,16 @@
 #include "server/base/clock.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
-#include "server/jobs/database/schema.h"
+#include "server/jobs/database/sqlite_schema.h"
 
 namespace voxeld {
 namespace {
 
-Status check_integrity(SqlConnection& connection) {
-  VOXELD_ASSIGN(SqlStatement check, connection.query("PRAGMA integrity_check(1)"));
-  VOXELD_ASSIGN(const bool row, check.step());
-  const std::string answer = row ? check.text(0) : "no answer";
+Status check_integrity(SqliteConnection& connection) {
+  VOXELD_ASSIGN(std::string answer, connection.integrity());
   if (answer == "ok") return {};
   return Error{ErrorCode::kInternal, std::string(kCorruptDatabase) + ". Integrity check", "ok",
-               answer};
+               std::move(answer)};
 }
 
 // 0 where the database is not tied to a store.
@@ -32,17 +30,23 @@ Result<int64_t> next_generation(SqlConnection& connection) {
 
 }  // namespace
 
-Result<std::unique_ptr<Database>> Database::open(const std::filesystem::path& path,
-                                                 std::chrono::milliseconds reader_idle_max) {
-  const Stopwatch watch;
-  VOXELD_ASSIGN(SqlConnection writer, SqlConnection::open(path, SqlConnection::Role::kWriter));
-  VOXELD_TRY(check_integrity(writer));
-  VOXELD_TRY(create_schema(writer));
-  log::debug("job database is open", {{"path", path.string()}, {"ms", watch.ms()}});
-  return std::unique_ptr<Database>(new Database(path, std::move(writer), reader_idle_max));
+std::filesystem::path sqlite_path(const std::filesystem::path& data_dir) {
+  return data_dir / "jobs.sqlite";
 }
 
-Status Database::write(const Operation& operation) {
+Result<std::unique_ptr<SqliteDatabase>> SqliteDatabase::open(
+    const std::filesystem::path& path, std::chrono::milliseconds reader_idle_max) {
+  const Stopwatch watch;
+  VOXELD_ASSIGN(SqliteConnection writer,
+                SqliteConnection::open(path, SqliteConnection::Role::kWriter));
+  VOXELD_TRY(check_integrity(writer));
+  VOXELD_TRY(create_sqlite_schema(writer));
+  log::debug("job database is open", {{"path", path.string()}, {"ms", watch.ms()}});
+  return std::unique_ptr<SqliteDatabase>(
+      new SqliteDatabase(path, std::move(writer), reader_idle_max));
+}
+
+Status SqliteDatabase::write(const Operation& operation) {
   Pending mine;
   mine.operation = &operation;
   std::vector<Pending*> batch;
@@ -62,11 +66,11 @@ Status Database::write(const Operation& operation) {
   return mine.status;
 }
 
-Status Database::write_freeing(const Operation& operation) {
+Status SqliteDatabase::write_freeing(const Operation& operation) {
   if (make_way_ && make_way_()) {
     const MutexLock lock(writer_mutex_);
     // As far as readers allow; where it fails, the ballast alone has to do.
-    if (Status done = writer_.run_script("PRAGMA wal_checkpoint(PASSIVE)"); !done) {
+    if (Status done = writer_.checkpoint(); !done) {
       log::warn("job database cannot checkpoint", {{"error", done.error().message()}});
     }
   }
@@ -75,7 +79,7 @@ Status Database::write_freeing(const Operation& operation) {
 
 // One operation inside the transaction of its batch. Errors: what undoes the whole batch; the
 // operation's own are in `pending`.
-Status Database::run_operation(Pending& pending) {
+Status SqliteDatabase::run_operation(Pending& pending) {
   if (pending.status = writer_.run("SAVEPOINT operation"); !pending.status) return {};
   try {
     pending.status = (*pending.operation)(writer_);
@@ -91,7 +95,7 @@ Status Database::run_operation(Pending& pending) {
   return writer_.run("RELEASE operation");
 }
 
-Status Database::run_operations(const std::vector<Pending*>& batch) {
+Status SqliteDatabase::run_operations(const std::vector<Pending*>& batch) {
   // Left over where there was no memory to undo it.
   if (writer_.in_transaction()) VOXELD_TRY(writer_.run("ROLLBACK"));
   VOXELD_TRY(writer_.run("BEGIN IMMEDIATE"));
@@ -109,12 +113,12 @@ Status Database::run_operations(const std::vector<Pending*>& batch) {
   return {};
 }
 
-void Database::tell_generation(std::function<void(int64_t)> told) {
+void SqliteDatabase::tell_generation(std::function<void(int64_t)> told) {
   const MutexLock lock(writer_mutex_);
   generation_told_ = std::move(told);
 }
 
-void Database::undo(const Error& why) {
+void SqliteDatabase::undo(const Error& why) {
   log::error("job database refused to commit", {{"error", why.message()}});
   if (!writer_.in_transaction()) return;
   if (Status undone = writer_.run("ROLLBACK"); !undone) {
@@ -123,7 +127,7 @@ void Database::undo(const Error& why) {
 }
 
 // Always wakes the followers: they wait for this thread, which must not end early.
-void Database::run_batch(const std::vector<Pending*>& batch) noexcept {
+void SqliteDatabase::run_batch(const std::vector<Pending*>& batch) noexcept {
   const MutexLock lock(writer_mutex_);
   Status whole;
   try {
@@ -141,20 +145,24 @@ void Database::run_batch(const std::vector<Pending*>& batch) noexcept {
   }
 }
 
-Result<Database::Lease> Database::read() {
+Result<Database::Lease> SqliteDatabase::read() {
+  std::unique_ptr<SqlConnection> reader;
   {
-    MutexLock lock(mutex_);
+    const MutexLock lock(mutex_);
     if (!idle_readers_.empty()) {
-      Lease lease(*this, std::move(idle_readers_.back().connection));
+      reader = std::move(idle_readers_.back().connection);
       idle_readers_.pop_back();
-      return lease;
     }
   }
-  VOXELD_ASSIGN(SqlConnection reader, SqlConnection::open(path_, SqlConnection::Role::kReader));
-  return Lease(*this, std::make_unique<SqlConnection>(std::move(reader)));
+  if (reader == nullptr) {
+    VOXELD_ASSIGN(SqliteConnection opened,
+                  SqliteConnection::open(path_, SqliteConnection::Role::kReader));
+    reader = std::make_unique<SqliteConnection>(std::move(opened));
+  }
+  return lease(std::move(reader));
 }
 
-void Database::give_back(std::unique_ptr<SqlConnection> reader) {
+void SqliteDatabase::give_back(std::unique_ptr<SqlConnection> reader) {
   const auto now = std::chrono::steady_clock::now();
   std::vector<IdleReader> old;  // closed without the lock
   const MutexLock lock(mutex_);
@@ -164,12 +172,6 @@ void Database::give_back(std::unique_ptr<SqlConnection> reader) {
   });
   old.assign(std::make_move_iterator(idle_readers_.begin()), std::make_move_iterator(used));
   idle_readers_.erase(idle_readers_.begin(), used);
-}
-
-Database::Lease::~Lease() {
-  if (connection_ == nullptr) return;
-  // Without memory for it, the connection is closed.
-  guarded("a reader of the job database", [this] { database_->give_back(std::move(connection_)); });
 }
 
 }  // namespace voxeld
