@@ -108,7 +108,8 @@ Status SqliteDatabase::run_operations(const std::vector<Pending*>& batch) {
   VOXELD_TRY(writer_.run("COMMIT"));
   if (generation > 0 && generation_told_) {
     // The batch is durable: what fails from here on must not report it as undone.
-    guarded("the generation of the job database", [&] { generation_told_(generation); });
+    const std::function<void(int64_t)>* const told = &generation_told_;
+    guarded("the generation of the job database", [&] { (*told)(generation); });
   }
   return {};
 }

@@ -20,7 +20,7 @@ struct SerialQueue::State : std::enable_shared_from_this<State> {
   explicit State(size_t bytes_limit) : bytes_max(bytes_limit) {}
 
   Status push(size_t more_bytes, std::function<Status()> work) EXCLUDES(mutex) {
-    VOXELD_TRY(run_until([this]() REQUIRES(mutex) { return bytes <= bytes_max; }));
+    VOXELD_TRY(run_until(Goal::kRoom));
     const MutexLock lock(mutex);
     items.push_back({more_bytes, std::move(work)});
     bytes += more_bytes;
@@ -28,15 +28,23 @@ struct SerialQueue::State : std::enable_shared_from_this<State> {
     return {};
   }
 
-  // Runs items, or waits for the one that runs, until `is_enough` or an error.
-  template <typename IsEnough>
-  Status run_until(const IsEnough& is_enough) EXCLUDES(mutex) {
+  enum class Goal {
+    kRoom,  // no more bytes than may wait
+    kDone,  // no item is left
+  };
+
+  bool has_reached(Goal goal) const REQUIRES(mutex) {
+    return goal == Goal::kRoom ? bytes <= bytes_max : items.empty() && !is_running;
+  }
+
+  // Runs items, or waits for the one that runs, until the goal or an error.
+  Status run_until(Goal goal) EXCLUDES(mutex) {
     while (true) {
       {
         MutexLock lock(mutex);
         if (thrown) std::rethrow_exception(thrown);
         if (error) return *error;
-        if (is_enough()) return {};
+        if (has_reached(goal)) return {};
         if (is_running) {
           changed.wait(lock);
           continue;
@@ -77,9 +85,11 @@ struct SerialQueue::State : std::enable_shared_from_this<State> {
   // Leaves the first item to the pool. Where it takes none, run_until() does all.
   void post() REQUIRES(mutex) {
     if (is_posted || is_running) return;
-    guarded("a thread of the pool", [this]() REQUIRES(mutex) {
+    try {
       is_posted = ThreadPool::shared().post([state = shared_from_this()] { state->serve(); });
-    });
+    } catch (const std::exception& failure) {
+      log_exception("a thread of the pool", failure.what());
+    }
   }
 
   void serve() EXCLUDES(mutex) {
@@ -118,8 +128,7 @@ Status SerialQueue::push(size_t bytes, std::function<Status()> work) {
 }
 
 Status SerialQueue::wait() {
-  return state_->run_until(
-      [this]() REQUIRES(state_->mutex) { return state_->items.empty() && !state_->is_running; });
+  return state_->run_until(State::Goal::kDone);
 }
 
 }  // namespace voxeld
