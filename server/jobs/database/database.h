@@ -1,5 +1,5 @@
 // The job database as its users see it. SqliteDatabase is the embedded implementation. Any
-// implementation passes tests/unit/jobs/database_conformance_test.cpp.
+// implementation passes tests/unit/jobs/database/database_conformance_test.cpp.
 #pragma once
 
 #include <cstdint>

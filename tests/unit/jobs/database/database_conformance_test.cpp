@@ -19,7 +19,7 @@
 #include "server/jobs/database/sqlite_database.h"
 #include "server/jobs/database/tables.h"
 #include "tests/unit/base/temporary_dir.h"
-#include "tests/unit/jobs/plain_database.h"
+#include "tests/unit/jobs/database/plain_database.h"
 
 namespace voxeld {
 namespace {

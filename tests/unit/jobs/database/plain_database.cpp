@@ -1,4 +1,4 @@
-#include "tests/unit/jobs/plain_database.h"
+#include "tests/unit/jobs/database/plain_database.h"
 
 #include <exception>
 
