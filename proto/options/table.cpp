@@ -306,7 +306,7 @@ std::vector<Option> several_images_options() {
        .form = "F",
        .codec = number(&R::rate, limits::kImageRateMin, limits::kImageRateMax),
        .help = "image gif and apng: images per second",
-       .default_words = "the sequence's own times; of a turntable 24"},
+       .default_words = "the sequence's own times; 24 for a turntable"},
       {.name = "columns",
        .codec = integer(&R::columns, 1, limits::kFramesMax),
        .help = "image sheet: images in a row",
@@ -318,7 +318,7 @@ std::vector<Option> request_options() {
   return {
       {.name = "cache",
        .codec = word(&RequestOptions::use_cache, words::kYesNo),
-       .help = "whether a stored result may answer; no computes it again",
+       .help = "whether an equal result that is stored may be used; no computes it again",
        .is_written = never},
       {.name = "filename",
        .form = "NAME",
