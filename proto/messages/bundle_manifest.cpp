@@ -9,17 +9,12 @@
 #include "proto/blob_id.h"
 #include "proto/client_texts.h"
 #include "proto/limits.h"
+#include "proto/messages/field_rules.h"
 #include "proto/messages/job.h"
+#include "proto/messages/json_fields.h"
 
 namespace voxeld {
 namespace {
-
-using Json = nlohmann::json;
-
-Error malformed(std::string where, std::string_view expected, std::string_view got) {
-  return {ErrorCode::kMalformedBundle, "bundle" + std::move(where), std::string(expected),
-          std::string(got.substr(0, 80))};
-}
 
 // Whether other files can refer to the name: parts between slashes, none empty, "." or "..".
 bool is_plain_path(std::string_view name) {
@@ -44,74 +39,70 @@ std::string lower_case(std::string text) {
   return text;
 }
 
-Status check_members(const Json& object, const std::string& where,
-                     std::initializer_list<std::string_view> names, std::string_view expected) {
-  if (!object.is_object()) return malformed(where, "an object", object.type_name());
-  for (const auto& [name, value] : object.items()) {
-    if (std::find(names.begin(), names.end(), name) == names.end()) {
-      return malformed(where, std::string(expected), "a member \"" + name.substr(0, 40) + "\"");
-    }
+// Errors show a name or an id in quotes.
+Error unfit_name(std::string expected, std::string_view name, std::string_view after = "") {
+  return unfit(std::move(expected),
+               "\"" + std::string(name.substr(0, 60)) + "\"" + std::string(after));
+}
+
+Status is_name(const std::string& name) {
+  VOXELD_TRY(text_up_to(client_texts::kBundleFileName.bytes_max)(name));
+  if (is_plain_path(name)) return {};
+  return unfit_name("a relative path with / and without \\, empty parts, \".\" and \"..\"", name);
+}
+
+Status is_asset(const std::string& asset) {
+  if (is_blob_id(AssetId::parse(asset).blob)) return {};
+  return unfit_name("the id of an uploaded asset", asset);
+}
+
+Status are_files(const std::vector<BundleFile>& files) {
+  VOXELD_TRY(count_from_1(size_t{limits::kBundleEntriesMax}, "files")(files));
+  std::set<std::string> names;
+  for (size_t i = 0; i < files.size(); ++i) {
+    if (names.insert(lower_case(files[i].name)).second) continue;
+    return within_member(
+        list_index(i) + ".name",
+        unfit_name("distinct names, also without regard to case", files[i].name, " again"));
   }
   return {};
 }
 
-Result<std::string> text_member(const Json& object, const std::string& where, const char* name) {
-  const auto it = object.find(name);
-  if (it == object.end()) return malformed(where + "." + name, "it to be there", "nothing");
-  if (!it->is_string()) return malformed(where + "." + name, "a text", it->type_name());
-  return it->get<std::string>();
+struct BundleManifest {
+  std::vector<BundleFile> files;
+};
+
+}  // namespace
+
+void visit_fields(IsA<BundleFile> auto& file, auto& visit) {
+  visit(kRequired, "name", file.name, is_name);
+  visit(kRequired, "asset", file.asset, is_asset);
 }
 
-Result<BundleFile> parse_file(const Json& entry, const std::string& where) {
-  VOXELD_TRY(check_members(entry, where, {"name", "asset"}, "name and asset"));
-  BundleFile file;
-  VOXELD_ASSIGN(file.name, text_member(entry, where, "name"));
-  VOXELD_ASSIGN(file.asset, text_member(entry, where, "asset"));
-  VOXELD_TRY(check_length(client_texts::kBundleFileName, "bundle" + where + ".name", file.name));
-  if (!is_plain_path(file.name)) {
-    return malformed(where + ".name",
-                     "a relative path with / and without \\, empty parts, \".\" and \"..\"",
-                     "\"" + file.name.substr(0, 60) + "\"");
-  }
-  const AssetId asset = AssetId::parse(file.asset);
-  if (!is_blob_id(asset.blob)) {
-    return malformed(where + ".asset", "the id of an uploaded asset",
-                     "\"" + file.asset.substr(0, 60) + "\"");
-  }
-  file.asset = asset.blob;  // the name in the manifest decides how it is read, not the id's reading
-  return file;
+namespace {
+
+void visit_fields(IsA<BundleManifest> auto& bundle, auto& visit) {
+  visit.name("bundle");
+  visit(kRequired, "files", bundle.files, are_files);
+}
+
+Status read_bundle(std::string_view json, BundleManifest& bundle) {
+  VOXELD_ASSIGN(const nlohmann::json body, parse_json_bounded(json));
+  return read_fields(body, bundle, Unlisted::kRefuse);
 }
 
 }  // namespace
 
 Result<std::vector<BundleFile>> parse_bundle_manifest(std::string_view json) {
-  auto body = parse_json_bounded(json);
-  if (!body) {
-    Error error = std::move(body).error();
+  BundleManifest bundle;
+  if (Status status = read_bundle(json, bundle); !status) {
+    Error error = std::move(status).error();
     if (error.code == ErrorCode::kBadRequest) error.code = ErrorCode::kMalformedBundle;
     return error;
   }
-  VOXELD_TRY(check_members(*body, "", {"files"}, "files and nothing else"));
-  const auto list = body->find("files");
-  if (list == body->end()) return malformed(".files", "it to be there", "nothing");
-  if (!list->is_array()) return malformed(".files", "a list", list->type_name());
-  constexpr auto kMax = static_cast<size_t>(limits::kBundleEntriesMax);
-  if (list->empty() || list->size() > kMax) {
-    return malformed(".files", "1 to " + std::to_string(kMax) + " files",
-                     std::to_string(list->size()));
-  }
-  std::vector<BundleFile> files;
-  std::set<std::string> names;
-  for (const Json& entry : *list) {
-    const std::string where = ".files[" + std::to_string(files.size()) + "]";
-    VOXELD_ASSIGN(BundleFile file, parse_file(entry, where));
-    if (!names.insert(lower_case(file.name)).second) {
-      return malformed(where + ".name", "distinct names, also without regard to case",
-                       "\"" + file.name.substr(0, 60) + "\" again");
-    }
-    files.push_back(std::move(file));
-  }
-  return files;
+  // The name in the manifest decides how a file is read, not the reading in the asset's id.
+  for (BundleFile& file : bundle.files) file.asset = AssetId::parse(file.asset).blob;
+  return std::move(bundle.files);
 }
 
 }  // namespace voxeld

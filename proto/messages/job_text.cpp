@@ -2,9 +2,13 @@
 
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "proto/messages/job_fields.h"
+#include "proto/messages/json_fields.h"
 #include "proto/messages/json_writer.h"
 
 namespace voxeld {
@@ -15,158 +19,109 @@ std::string_view object_text(const std::string& text) {
   return text.starts_with('{') && nlohmann::json::accept(text) ? std::string_view(text) : "{}";
 }
 
-// Writes a status whose texts are cut at `bytes_max`.
+// Writes a status whose texts are cut at `bytes_max`: a visitor of its field list (json_fields.h).
 class StatusWriter {
  public:
   StatusWriter(const JobStatus& status, size_t bytes_max)
       : status_(status), bytes_max_(bytes_max) {}
   std::string text() {
-    json_.begin_object();
-    write_changing();
-    write_fixed(true);
-    json_.end_object();
-    return std::move(text_);
+    return object([&] {
+      visit_changing_fields(status_, *this);
+      write_fixed();
+    });
   }
   std::string changing_text() {
-    json_.begin_object();
-    write_changing();
-    json_.end_object();
-    return std::move(text_);
+    return object([&] { visit_changing_fields(status_, *this); });
   }
   std::string fixed_text(bool with_result) {
-    json_.begin_object();
-    write_fixed(with_result);
-    json_.end_object();
-    return std::move(text_);
+    with_result_ = with_result;
+    return object([&] { write_fixed(); });
+  }
+
+  void name(std::string_view) {}
+  template <typename T, typename Rule = AnyValue>
+  void operator()(Need need, const char* name, const T& value, const Rule& = {}) {
+    if (!is_absent(need, value)) write(name, value);
   }
 
  private:
-  void write_changing();
-  void write_fixed(bool with_result);
-  void write_result(const JobResult& result);
-  void write_error(const Error& error);
-  void write_estimate(const JobEstimate& estimate);
-  void write_left_out();
-  // Writes a text that keeps its meaning when it is cut.
-  void member(std::string_view name, std::string_view text) {
-    json_.member(name, text.substr(0, bytes_max_));
+  std::string object(const auto& write_members) {
+    json_.begin_object();
+    write_members();
+    json_.end_object();
+    return std::move(text_);
   }
-  // Writes the text of a JSON object, which cannot be cut: a longer one is omitted.
-  void long_member(std::string_view name, const std::string& text);
-  void write_timings();
-  void write_warnings(const std::vector<Warning>& warnings);
+  void write_fixed() {
+    visit_fixed_fields(status_, *this);
+    if (left_out_.empty()) return;
+    json_.key("left_out").begin_array();
+    for (const std::string_view name : left_out_) json_.value(name);
+    json_.end_array();
+  }
+
+  template <typename T>
+  void write(const char* name, const T& value) {
+    if constexpr (HasWords<T>) {
+      json_.member(name, word_of(value));
+    } else if constexpr (std::is_arithmetic_v<T>) {
+      json_.member(name, value);
+    } else if constexpr (kIsOptional<T>) {
+      write(name, *value);
+    } else {
+      json_.key(name).begin_object();
+      visit_fields(value, *this);
+      json_.end_object();
+    }
+  }
+  // A text keeps its meaning when it is cut.
+  void write(const char* name, const std::string& text) {
+    json_.member(name, std::string_view(text).substr(0, bytes_max_));
+  }
+  void write(const char* name, const std::optional<JobResult>& result) {
+    if (with_result_) write(name, *result);
+  }
+  void write(const char* name, const CodeName<const ErrorCode>& of) {
+    json_.member(name, info_of(of.code).name);
+  }
+  // The text of a JSON object cannot be cut: a longer one is omitted.
+  void write(const char* name, const ObjectText<const std::string>& of) {
+    const bool is_row = bytes_max_ == limits::kRowTextBytesMax;
+    if (of.text.size() > bytes_max_ || (is_row && of.text.empty())) {
+      return left_out_.push_back(name);
+    }
+    json_.key(name).raw(object_text(of.text));
+  }
+  // Timings that are too many for a row are omitted.
+  void write(const char* name, const TimingsObject<const StageTimes>& of) {
+    std::string timings;
+    JsonWriter json(timings);
+    json.begin_object();
+    for (const auto& [stage, ms] : of.timings) json.member(stage, ms);
+    json.end_object();
+    json_.key(name).raw(timings.size() > bytes_max_ ? "{}" : std::string_view(timings));
+  }
+  void write(const char* name, const std::vector<Warning>& warnings) {
+    const size_t start = text_.size();
+    json_.key(name).begin_array();
+    const size_t list_start = text_.size() - 1;
+    for (const Warning& warning : warnings) {
+      json_.begin_object();
+      visit_fields(warning, *this);
+      json_.end_object();
+    }
+    json_.end_array();
+    if (text_.size() - list_start <= bytes_max_) return;
+    text_.resize(start);
+    write(name, std::vector<Warning>{warnings_left_out()});
+  }
 
   const JobStatus& status_;
   const size_t bytes_max_;
+  bool with_result_ = true;
   std::string text_;
   JsonWriter json_{text_};
   std::vector<std::string_view> left_out_;
 };
-
-void StatusWriter::long_member(std::string_view name, const std::string& text) {
-  const bool is_row = bytes_max_ == limits::kRowTextBytesMax;
-  if (text.size() > bytes_max_ || (is_row && text.empty())) return left_out_.push_back(name);
-  json_.key(name).raw(object_text(text));
-}
-
-void StatusWriter::write_changing() {
-  json_.member("id", status_.id)
-      .member("kind", job_kind_name(status_.kind))
-      .member("state", job_state_name(status_.state))
-      .member("asset", status_.asset)
-      .member("grid", status_.grid)
-      .member("sequence", status_.sequence)
-      .member("version", status_.version)
-      .member("attempt", status_.attempt)
-      .member("preempted", status_.preempted)
-      .member("tiles_done", status_.tiles_done)
-      .member("tiles_total", status_.tiles_total)
-      .member("frames_done", status_.frames_done)
-      .member("frames_total", status_.frames_total)
-      .member("queue_position", status_.queue_position)
-      .member("created_ms", status_.created_ms)
-      .member("started_ms", status_.started_ms)
-      .member("ended_ms", status_.ended_ms)
-      .member("priority", status_.priority)
-      .member("deadline_at_ms", status_.deadline_at_ms)
-      .member("device_ms", status_.device_ms)
-      .member("cached", status_.cached);
-  member("filename", status_.filename);
-  member("stage", status_.stage);
-  member("waiting_for", status_.waiting_for);
-  write_timings();
-  if (status_.error) write_error(*status_.error);
-  if (status_.estimate) write_estimate(*status_.estimate);
-  if (status_.expected_start_ms > 0) json_.member("expected_start_ms", status_.expected_start_ms);
-  if (status_.expected_end_ms > 0) json_.member("expected_end_ms", status_.expected_end_ms);
-}
-
-void StatusWriter::write_fixed(bool with_result) {
-  long_member("options", status_.options_json);
-  if (with_result && status_.result) write_result(*status_.result);
-  write_left_out();
-}
-
-void StatusWriter::write_result(const JobResult& result) {
-  json_.key("result").begin_object().member("blob", result.blob).member("bytes", result.bytes);
-  member("media_type", result.media_type);
-  member("filename", result.filename);
-  json_.member("grid", result.grid).member("sequence", result.sequence);
-  long_member("meta", result.meta_json);
-  write_warnings(result.warnings);
-  json_.end_object();
-}
-
-// Timings that are too many for a row are omitted.
-void StatusWriter::write_timings() {
-  std::string timings;
-  JsonWriter json(timings);
-  json.begin_object();
-  for (const auto& [stage, ms] : status_.timings) json.member(stage, ms);
-  json.end_object();
-  json_.key("timings").raw(timings.size() > bytes_max_ ? "{}" : std::string_view(timings));
-}
-
-void StatusWriter::write_warnings(const std::vector<Warning>& warnings) {
-  std::string list;
-  JsonWriter json(list);
-  json.begin_array();
-  for (const Warning& warning : warnings) {
-    json.begin_object();
-    json.member("code", warning.code).member("detail", warning.detail).end_object();
-  }
-  json.end_array();
-  if (list.size() > bytes_max_) return write_warnings({warnings_left_out()});
-  json_.key("warnings").raw(list);
-}
-
-void StatusWriter::write_error(const Error& error) {
-  json_.key("error").begin_object().member("code", info_of(error.code).name);
-  member("detail", error.detail);
-  if (!error.expected.empty()) member("expected", error.expected);
-  if (!error.got.empty()) member("got", error.got);
-  json_.end_object();
-}
-
-void StatusWriter::write_estimate(const JobEstimate& estimate) {
-  json_.key("estimate")
-      .begin_object()
-      .member("seconds", estimate.seconds)
-      .member("seconds_low", estimate.seconds_low)
-      .member("seconds_high", estimate.seconds_high)
-      .member("device_seconds", estimate.device_seconds)
-      .member("result_bytes", estimate.result_bytes)
-      .member("host_bytes", estimate.host_bytes)
-      .member("learned_from", estimate.learned_from)
-      .end_object();
-}
-
-void StatusWriter::write_left_out() {
-  if (left_out_.empty()) return;
-  json_.key("left_out").begin_array();
-  for (const std::string_view name : left_out_) json_.value(name);
-  json_.end_array();
-}
 
 }  // namespace
 

@@ -8,9 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "proto/blob_id.h"
 #include "proto/limits.h"
-#include "proto/messages/job.h"
+#include "proto/messages/field_rules.h"
 #include "proto/messages/json_bounds.h"
 #include "proto/messages/json_fields.h"
 
@@ -26,166 +25,155 @@ constexpr int64_t kManifestBytesMax = int64_t{8} << 20;
 // quadratic.
 constexpr int64_t kMembersMax = 256;
 
-Error bad(std::string where, std::string_view expected, std::string_view got) {
-  return {ErrorCode::kBadRequest, "sequence" + std::move(where), std::string(expected),
-          std::string(got.substr(0, 80))};
+// Three numbers, each of which `is` so. Errors name what is expected of all three.
+template <typename Numbers, typename Is>
+struct Three {
+  Three(Numbers& three, std::string text, Is is_one)
+      : numbers(three), expected(std::move(text)), is(is_one) {}
+  Numbers& numbers;
+  std::string expected;
+  Is is;
+
+  Status read(const Json& list) {
+    if (!list.is_array()) return unfit(expected, list.type_name());
+    if (list.size() != 3 || !std::ranges::all_of(list, is)) return unfit(expected, list.dump());
+    numbers = list.get<Numbers>();
+    return {};
+  }
+  template <typename Tree>
+  Tree tree() const {
+    return numbers;
+  }
+};
+
+bool is_side(const Json& value) {
+  return value.is_number_integer() && value >= 1 && value <= limits::kGridSideMax;
+}
+bool is_finite(const Json& value) {
+  return value.is_number() && std::isfinite(value.get<double>());
+}
+bool is_positive(const Json& value) {
+  return is_finite(value) && value.get<double>() > 0;
 }
 
-Status check_members(const Json& object, const std::string& where,
-                     std::initializer_list<std::string_view> names) {
-  if (!object.is_object()) return bad(where, "an object", object.type_name());
-  for (const std::string_view name : names) {
-    if (!object.contains(name)) {
-      return bad(where + "." + std::string(name), "it to be there", "nothing");
+// Names of channels in the order of the table, each once, so one set of channels has one text.
+template <typename Set>
+struct ChannelNames {
+  explicit ChannelNames(Set& set) : channels(set) {}
+  Set& channels;
+
+  Status read(const Json& list) {
+    const std::string expected =
+        "a list of color, normal, material, label, distance and coverage, in this order";
+    if (!list.is_array()) return unfit(expected, list.type_name());
+    size_t next = 0;
+    for (const Json& name : list) {
+      const std::string text = name.is_string() ? name.get<std::string>() : "";
+      while (next < kChannelCount && text != kChannels[next].name) ++next;
+      if (next == kChannelCount) return unfit(expected, list.dump());
+      channels.set(kChannels[next++].channel);
     }
+    return {};
   }
-  for (const auto& [name, value] : object.items()) {
-    if (std::find(names.begin(), names.end(), name) == names.end()) {
-      return bad(where, "no other members", "\"" + name.substr(0, 40) + "\"");
+  template <typename Tree>
+  Tree tree() const {
+    Tree names = Tree::array();
+    for (const ChannelInfo& info : kChannels) {
+      if (channels.has(info.channel)) names.push_back(info.name);
     }
+    return names;
   }
-  return {};
-}
+};
 
-template <typename Is>
-Status check_three(const Json& list, const char* name, std::string_view expected, Is is) {
-  const std::string where = "." + std::string(name);
-  if (!list.is_array()) return bad(where, expected, list.type_name());
-  if (list.size() != 3 || !std::all_of(list.begin(), list.end(), is)) {
-    return bad(where, expected, list.dump());
-  }
-  return {};
-}
+// The text of an object, and that object in JSON. Json sorts the members, so meta_text() reads the
+// text itself.
+template <typename Text>
+struct MetaText {
+  explicit MetaText(Text& member) : text(member) {}
+  Text& text;
 
-Status read_place(const Json& body, SequenceManifest& manifest) {
-  const auto is_side = [](const Json& v) {
-    return v.is_number_integer() && v >= 1 && v <= limits::kGridSideMax;
-  };
-  const auto is_finite = [](const Json& v) {
-    return v.is_number() && std::isfinite(v.get<double>());
-  };
-  const auto is_positive = [&](const Json& v) { return is_finite(v) && v.get<double>() > 0; };
-  VOXELD_TRY(check_three(body["dims"], "dims",
-                         "three integers from 1 to " + std::to_string(limits::kGridSideMax),
-                         is_side));
-  VOXELD_TRY(check_three(body["origin"], "origin", "three numbers", is_finite));
-  VOXELD_TRY(check_three(body["voxel_size"], "voxel_size", "three positive numbers", is_positive));
-  manifest.dims = body["dims"].get<std::array<int32_t, 3>>();
-  manifest.origin = body["origin"].get<std::array<double, 3>>();
-  manifest.voxel_size = body["voxel_size"].get<std::array<double, 3>>();
-  return {};
-}
+  Status read(const Json& meta) {
+    return meta.is_object() ? Status() : unfit("an object", meta.type_name());
+  }
+  template <typename Tree>
+  Tree tree() const {
+    Tree meta = Tree::parse(text, nullptr, false);
+    return meta.is_object() ? meta : Tree::object();
+  }
+};
 
-// Channels must be in the order of the table, each once, so one set of channels has one text.
-Status read_channels(const Json& list, ChannelSet& channels) {
-  const std::string_view expected =
-      "a list of color, normal, material, label, distance and coverage, in this order";
-  if (!list.is_array()) return bad(".channels", expected, list.type_name());
-  size_t next = 0;
-  for (const Json& name : list) {
-    const std::string text = name.is_string() ? name.get<std::string>() : "";
-    while (next < kChannelCount && text != kChannels[next].name) ++next;
-    if (next == kChannelCount) return bad(".channels", expected, list.dump());
-    channels.set(kChannels[next++].channel);
-  }
-  return {};
-}
+// Frames per second, or 0.
+template <typename Number>
+struct Fps {
+  explicit Fps(Number& member) : fps(member) {}
+  Number& fps;
 
-Result<SequenceFrame> read_frame(const Json& entry, const std::string& where) {
-  VOXELD_TRY(check_members(entry, where, {"time_s", "grid", "voxel_count", "content_hash"}));
-  SequenceFrame frame;
-  int64_t voxel_count = 0;
-  const std::string what = "sequence" + where;
-  JsonFields fields(entry, what);
-  fields.read("time_s", frame.time_s);
-  fields.read("grid", frame.grid);
-  fields.read("voxel_count", voxel_count);
-  fields.read("content_hash", frame.content_hash);
-  VOXELD_TRY(fields.finish());
-  if (!std::isfinite(frame.time_s) || frame.time_s < 0) {
-    return bad(where + ".time_s", "seconds from 0 on", entry["time_s"].dump());
-  }
-  if (!is_blob_id(frame.grid)) return bad(where + ".grid", "the id of a grid", frame.grid);
-  if (voxel_count < 0) {
-    return bad(where + ".voxel_count", "0 or more", std::to_string(voxel_count));
-  }
-  if (!is_blob_id(frame.content_hash)) {
-    return bad(where + ".content_hash", "sha256- and 64 hex digits", frame.content_hash);
-  }
-  frame.voxel_count = static_cast<uint64_t>(voxel_count);
-  return frame;
-}
-
-Status read_frames(const Json& list, std::vector<SequenceFrame>& frames) {
-  if (!list.is_array()) return bad(".frames", "a list", list.type_name());
-  constexpr auto kMax = static_cast<size_t>(limits::kFramesMax);
-  if (list.empty() || list.size() > kMax) {
-    return bad(".frames", "1 to " + std::to_string(kMax) + " frames", std::to_string(list.size()));
-  }
-  frames.reserve(list.size());
-  for (const Json& entry : list) {
-    const std::string where = ".frames[" + std::to_string(frames.size()) + "]";
-    VOXELD_ASSIGN(SequenceFrame frame, read_frame(entry, where));
-    if (!frames.empty() && !(frame.time_s > frames.back().time_s)) {
-      return bad(where + ".time_s", "more than that of the frame before", entry["time_s"].dump());
+  Status read(const Json& json) {
+    if (!is_finite(json) || json.get<double>() < 0) {
+      return unfit("frames per second, or 0", json.is_number() ? json.dump() : json.type_name());
     }
-    frames.push_back(std::move(frame));
+    fps = json.get<double>();
+    return {};
+  }
+  template <typename Tree>
+  Tree tree() const {
+    return fps;
+  }
+};
+
+Status are_frames(const std::vector<SequenceFrame>& frames) {
+  VOXELD_TRY(count_from_1(size_t{limits::kFramesMax}, "frames")(frames));
+  for (size_t i = 1; i < frames.size(); ++i) {
+    if (frames[i].time_s > frames[i - 1].time_s) continue;
+    return within_member(
+        list_index(i) + ".time_s",
+        unfit("more than that of the frame before", option_values::to_text(frames[i].time_s)));
   }
   return {};
 }
 
-// The member as it is in the text. Json sorts the members of objects; Ordered keeps their order.
-Result<std::string> meta_text(std::string_view json) {
+}  // namespace
+
+void visit_fields(IsA<SequenceFrame> auto& frame, auto& visit) {
+  visit(kRequired, "time_s", frame.time_s, seconds_from_0());
+  visit(kRequired, "grid", frame.grid, blob_id("the id of a grid"));
+  visit(kRequired, "voxel_count", frame.voxel_count);
+  visit(kRequired, "content_hash", frame.content_hash, blob_id("sha256- and 64 hex digits"));
+}
+
+void visit_fields(IsA<SequenceManifest> auto& manifest, auto& visit) {
+  visit.name("sequence");
+  visit(kRequired, "dims",
+        Three(manifest.dims, "three integers from 1 to " + std::to_string(limits::kGridSideMax),
+              is_side));
+  visit(kRequired, "origin", Three(manifest.origin, "three numbers", is_finite));
+  visit(kRequired, "voxel_size", Three(manifest.voxel_size, "three positive numbers", is_positive));
+  visit(kRequired, "channels", ChannelNames(manifest.channels));
+  visit(kRequired, "fps", Fps(manifest.fps));
+  visit(kRequired, "frames", manifest.frames, are_frames);
+  visit(kRequired, "meta", MetaText(manifest.meta_json));
+}
+
+namespace {
+
+// The member in the order of its text.
+std::string meta_text(std::string_view json) {
   const Ordered body = Ordered::parse(json.begin(), json.end(), nullptr, false);
-  const Ordered& meta = body["meta"];
-  if (!meta.is_object()) return bad(".meta", "an object", meta.type_name());
-  return meta.dump();
-}
-
-Ordered meta_object(const std::string& text) {
-  Ordered meta = Ordered::parse(text, nullptr, false);
-  return meta.is_object() ? meta : Ordered::object();
+  return body["meta"].dump();
 }
 
 }  // namespace
 
 std::string sequence_json(const SequenceManifest& manifest) {
-  Ordered channels = Ordered::array(), frames = Ordered::array();
-  for (const ChannelInfo& info : kChannels) {
-    if (manifest.channels.has(info.channel)) channels.push_back(info.name);
-  }
-  for (const SequenceFrame& frame : manifest.frames) {
-    frames.push_back({{"time_s", frame.time_s},
-                      {"grid", frame.grid},
-                      {"voxel_count", frame.voxel_count},
-                      {"content_hash", frame.content_hash}});
-  }
-  Ordered body = Ordered::object();
-  body["dims"] = manifest.dims;
-  body["origin"] = manifest.origin;
-  body["voxel_size"] = manifest.voxel_size;
-  body["channels"] = std::move(channels);
-  body["fps"] = manifest.fps;
-  body["frames"] = std::move(frames);
-  body["meta"] = meta_object(manifest.meta_json);
-  return body.dump(-1, ' ', false, Ordered::error_handler_t::replace);
+  return fields_json<Ordered>(manifest).dump(-1, ' ', false, Ordered::error_handler_t::replace);
 }
 
 Result<SequenceManifest> parse_sequence(std::string_view json) {
   VOXELD_ASSIGN(const Json body, parse_json_bounded(json, JsonBounds{.bytes_max = kManifestBytesMax,
                                                                      .members_max = kMembersMax}));
-  VOXELD_TRY(check_members(body, "",
-                           {"dims", "origin", "voxel_size", "channels", "fps", "frames", "meta"}));
   SequenceManifest manifest;
-  VOXELD_TRY(read_place(body, manifest));
-  VOXELD_TRY(read_channels(body["channels"], manifest.channels));
-  const Json& fps = body["fps"];
-  if (!fps.is_number() || !std::isfinite(fps.get<double>()) || fps.get<double>() < 0) {
-    return bad(".fps", "frames per second, or 0", fps.is_number() ? fps.dump() : fps.type_name());
-  }
-  manifest.fps = fps.get<double>();
-  VOXELD_TRY(read_frames(body["frames"], manifest.frames));
-  VOXELD_ASSIGN(manifest.meta_json, meta_text(json));
+  VOXELD_TRY(read_fields(body, manifest, Unlisted::kRefuse));
+  manifest.meta_json = meta_text(json);
   return manifest;
 }
 

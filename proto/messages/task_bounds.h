@@ -2,9 +2,9 @@
 //
 // A worker runs the parsers of uploaded files, and a hostile file may take it over. The gateway
 // therefore bounds each message in bytes, depth and values before it builds anything from it, and
-// each member before it stores it. A message out of bounds is an error (bad-request): the gateway
-// ends the connection and the worker. A correct worker stays far within these bounds and checks its
-// completion before it sends it.
+// each member by its rule in task_fields.h. A message out of bounds is an error (bad-request): the
+// gateway ends the connection and the worker. A correct worker stays far within these bounds and
+// checks its completion before it sends it.
 #pragma once
 
 #include <cstdint>
@@ -52,15 +52,8 @@ inline constexpr int64_t kMemoryBytesMax = int64_t{1} << 50;  // the most that a
 // bad-request, which names the kind of message.
 Result<nlohmann::json> parse_worker_message(std::string_view text);
 
-// Errors: bad-request, which names the member.
-Status check_bounds(const WorkerHello& hello);
-Status check_bounds(const TaskProgress& progress);
-Status check_bounds(const TaskFrame& frame);
-Status check_bounds(const TaskPart& part);
+// Checks a completion before it is sent, as parse_task_completion() does. Errors: bad-request,
+// which names the member.
 Status check_bounds(const TaskCompletion& completion);
-Status check_bounds(const TaskPreemption& preempt);
-Status check_bounds(const TaskFailure& failure);
-Status check_bounds(const SlicesHello& hello);
-Status check_bounds(const SliceRequest& request);
 
 }  // namespace voxeld

@@ -36,7 +36,12 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   check(*json, voxeld::parse_task_progress);
   check(*json, voxeld::parse_task_frame);
   check(*json, voxeld::parse_task_frame_reply);
+  check(*json, voxeld::parse_task_part);
   check(*json, voxeld::parse_task_completion);
+  check(*json, voxeld::parse_task_preempt);
   check(*json, voxeld::parse_task_failure);
+  check(*json, voxeld::parse_slices_hello);
+  check(*json, voxeld::parse_slice_request);
+  check(*json, voxeld::parse_slice_reply);
   return 0;
 }

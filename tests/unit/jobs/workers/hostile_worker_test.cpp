@@ -157,7 +157,7 @@ TEST_F(HostileWorkerTest, a_warning_of_100_kilobytes) {
       [](TaskCompletion& all) {
         all.warnings = {{"long", std::string(100'000, 'x')}};
       },
-      "warning.detail: expected at most 2000 bytes, got 100000");
+      "complete.warnings[0].detail: expected at most 2000 bytes, got 100000");
 }
 
 // Each stage is a time series of the metrics.
@@ -166,7 +166,7 @@ TEST_F(HostileWorkerTest, timings_of_stages_that_there_are_not) {
       [](TaskCompletion& all) {
         all.timings = {{"stage-4711", 1.0}};
       },
-      "timings: expected parse, place, voxelize, render, encode or inspect, "
+      "complete.timings: expected parse, place, voxelize, render, encode or inspect, "
       "got stage-4711");
 }
 
@@ -175,20 +175,20 @@ TEST_F(HostileWorkerTest, timings_that_are_no_times) {
       [](TaskCompletion& all) {
         all.timings = {{"parse", -1e300}};
       },
-      "timings of parse: expected milliseconds from 0 to ");
+      "complete.timings of parse: expected milliseconds from 0 to ");
 }
 
 // A browser would run it in the name of the service.
 TEST_F(HostileWorkerTest, a_result_that_says_it_is_a_web_page) {
   expect_completion_refused(
       [](TaskCompletion& all) { all.outputs[0].media_type = "text/html"; },
-      "complete.outputs.media_type: expected that of a format of results, got text/html");
+      "complete.outputs[0].media_type: expected that of a format of results, got text/html");
 }
 
 TEST_F(HostileWorkerTest, a_file_name_that_ends_the_header) {
   expect_completion_refused(
       [](TaskCompletion& all) { all.outputs[0].filename = "a\r\nSet-Cookie: b"; },
-      "complete.outputs.filename: expected text without control characters");
+      "complete.outputs[0].filename: expected text without control characters");
 }
 
 TEST_F(HostileWorkerTest, ten_thousand_outputs) {
