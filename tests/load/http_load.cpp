@@ -5,8 +5,8 @@
 //     byte and come back when they are cut off. Prints "ready" when all are open; holds them until
 //     stdin ends, then prints {"idle_open": …, "slow_cut": …}.
 //   voxeld_http_load probe PORT PATH SECONDS [HEADER…]
-//     Asks again and again, 100 times a second at most, on one connection, and prints how long
-//     answers took: {"count": …, "p50_ms": …, "p99_ms": …, "max_ms": …}.
+//     Asks again and again, 100 times a second at most, on a connection that is kept where the server does, and prints how
+//     long answers took: {"count": …, "p50_ms": …, "p99_ms": …, "max_ms": …}.
 //   voxeld_http_load rate PORT PATH SECONDS CONNECTIONS [HEADER…]
 //     Asks as fast as it is answered on so many connections; prints {"per_second": …,
 //     "mb_per_second": …}.
@@ -96,6 +96,7 @@ class AnswerReader {
       const size_t length = head_.find("Content-Length: ");
       left_ = length > end ? 0 : std::atoll(head_.c_str() + length + 16);
       bytes_ += left_;
+      closes_ = head_.rfind("Connection: close", end) != std::string::npos;
       left_ -= static_cast<int64_t>(head_.size() - end - 4);
     } else {
       left_ -= static_cast<int64_t>(bytes.size());
@@ -106,10 +107,12 @@ class AnswerReader {
     return true;
   }
   int64_t bytes() const { return bytes_; }  // of all bodies
+  bool closes() const { return closes_; }   // the server closes the connection after the last one
 
  private:
   std::string head_;
   int64_t left_ = -1, bytes_ = 0;
+  bool closes_ = false;
 };
 
 void read_answer(int fd, AnswerReader& reader) {
@@ -177,14 +180,16 @@ int hold(int port, int idle_count, int slow_count) {
 }
 
 int probe(int port, const std::string& request, double seconds) {
-  const UniqueFd fd = connect_to(port);
+  UniqueFd fd;
   std::vector<double> took_ms;
   AnswerReader reader;
   const auto end = Clock::now() + std::chrono::duration<double>(seconds);
   while (Clock::now() < end) {
     const auto start = Clock::now();
+    if (!fd.valid()) fd = connect_to(port);
     send_all(fd.get(), request);
     read_answer(fd.get(), reader);
+    if (reader.closes()) fd.reset();
     took_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
     std::this_thread::sleep_until(start + std::chrono::milliseconds(10));
   }
