@@ -5,8 +5,9 @@
 //     byte and come back when they are cut off. Prints "ready" when all are open; holds them until
 //     stdin ends, then prints {"idle_open": …, "slow_cut": …}.
 //   voxeld_http_load probe PORT PATH SECONDS [HEADER…]
-//     Asks again and again, 100 times a second at most, on a connection that is kept where the server does, and prints how
-//     long answers took: {"count": …, "p50_ms": …, "p99_ms": …, "max_ms": …}.
+//     Asks again and again, 100 times a second at most, on one connection as long as the server
+//     keeps it, and prints how long answers took: {"count": …, "p50_ms": …, "p99_ms": …,
+//     "max_ms": …}.
 //   voxeld_http_load rate PORT PATH SECONDS CONNECTIONS [HEADER…]
 //     Asks as fast as it is answered on so many connections; prints {"per_second": …,
 //     "mb_per_second": …}.
