@@ -93,7 +93,7 @@ void FieldReader::type(std::string_view type) {
 }
 
 Status FieldReader::finish() {
-  if (!error_ && unlisted_ == Unlisted::kRefuse) {
+  if ((!error_ || is_missing_) && unlisted_ == Unlisted::kRefuse) {
     for (const auto& [name, value] : object_.items()) {
       if (std::ranges::find(names_, name) != names_.end()) continue;
       std::string listed;

@@ -209,7 +209,8 @@ Status read_member(const nlohmann::json& json, T& value, Unlisted unlisted) {
   }
 }
 
-// Keeps the first error.
+// Keeps the first error; a member that is not in the list counts before one that is missing, since
+// it is most likely that one misspelt.
 class FieldReader {
  public:
   FieldReader(const nlohmann::json& object, Unlisted unlisted)
@@ -220,11 +221,14 @@ class FieldReader {
   void name(std::string_view name) { name_ = name; }
   template <typename T, typename Rule = AnyValue>
   void operator()(Need need, const char* name, T&& value, const Rule& rule = {}) {
-    if (error_) return;
     if (unlisted_ == Unlisted::kRefuse) names_.emplace_back(name);
+    if (error_) return;
     const auto it = object_.find(name);
     if (it == object_.end()) {
-      if (need == kRequired) fail(name, unfit("it to be there", "nothing"));
+      if (need == kRequired) {
+        fail(name, unfit("a value", "nothing"));
+        is_missing_ = true;
+      }
       return;
     }
     Status status = read_member(*it, value, unlisted_);
@@ -243,6 +247,7 @@ class FieldReader {
   std::string_view name_;
   std::vector<std::string_view> names_;
   std::optional<Error> error_;
+  bool is_missing_ = false;  // error_ is a member that is required and not there
 };
 
 template <typename Struct>

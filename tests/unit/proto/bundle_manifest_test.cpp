@@ -37,16 +37,16 @@ TEST(BundleManifest, names_its_files_in_their_order) {
 
 TEST(BundleManifest, members_are_checked_by_name_and_type) {
   EXPECT_EQ(refused("[]"), "bundle: expected an object, got array");
-  EXPECT_EQ(refused("{}"), "bundle.files: expected it to be there, got nothing");
+  EXPECT_EQ(refused("{}"), "bundle.files: expected a value, got nothing");
   EXPECT_EQ(refused(R"({"files":{}})"), "bundle.files: expected a list, got object");
   EXPECT_EQ(refused(R"({"files":[],"size":5})"), "bundle.files: expected 1 to 1000 files, got 0");
   EXPECT_EQ(refused(R"({"size":5,)" + bundle(file("a")).substr(1)),
             "bundle: no such member: expected files, got \"size\"");
   EXPECT_EQ(refused(bundle("5")), "bundle.files[0]: expected an object, got number");
   EXPECT_EQ(refused(bundle(R"({"asset":"x"})")),
-            "bundle.files[0].name: expected it to be there, got nothing");
+            "bundle.files[0].name: expected a value, got nothing");
   EXPECT_EQ(refused(bundle(R"({"name":"a"})")),
-            "bundle.files[0].asset: expected it to be there, got nothing");
+            "bundle.files[0].asset: expected a value, got nothing");
   EXPECT_EQ(refused(bundle(file("a") + R"(,{"name":5,"asset":"x"})")),
             "bundle.files[1].name: expected a text, got number");
   EXPECT_EQ(refused(bundle(R"({"bytes":5,)" + file("a").substr(1))),

@@ -193,7 +193,10 @@ TEST(JobRequest, members_are_checked_by_name_and_type) {
             "job.asset: expected a text, got null");
   EXPECT_EQ(refused(R"({"kind":"sculpt"})").message(),
             "job.kind: expected voxelize | render | export | inspect, got \"sculpt\"");
-  EXPECT_EQ(refused(R"({})").message(), "job.kind: expected it to be there, got nothing");
+  EXPECT_EQ(refused(R"({})").message(), "job.kind: expected a value, got nothing");
+  EXPECT_EQ(refused(R"({"knd":"voxelize","asset":"a"})").message(),
+            "job: no such member: expected kind, asset, grid, sequence, filename, options, "
+            "priority, deadline_ms, got \"knd\"");
   EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":[]})").message(),
             "options: expected an object, got array");
   EXPECT_EQ(refused(R"({"kind":"voxelize","asset":"a","options":{"size":0}})").message(),

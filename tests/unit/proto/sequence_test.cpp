@@ -95,11 +95,11 @@ TEST(SequenceManifest, the_longest_one_is_read) {
 TEST(SequenceManifest, every_member_must_be_there_and_no_other) {
   for (const char* name : {"dims", "origin", "voxel_size", "channels", "fps", "frames", "meta"}) {
     EXPECT_EQ(refused(without("", name)),
-              "sequence." + std::string(name) + ": expected it to be there, got nothing");
+              "sequence." + std::string(name) + ": expected a value, got nothing");
   }
   for (const char* name : {"time_s", "grid", "voxel_count", "content_hash"}) {
     EXPECT_EQ(refused(without("/frames/1", name)),
-              "sequence.frames[1]." + std::string(name) + ": expected it to be there, got nothing");
+              "sequence.frames[1]." + std::string(name) + ": expected a value, got nothing");
   }
   EXPECT_EQ(
       refused(with("/size", 5)),

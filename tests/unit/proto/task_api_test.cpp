@@ -231,7 +231,7 @@ TEST(TaskApi, the_action_of_a_time_slice_is_its_type) {
   }
   EXPECT_FALSE(parse_slices_hello(to_json_message(slice())));
   EXPECT_EQ(parse_slice_request(to_json_message(slices())).error().message(),
-            "slice.task: expected it to be there, got nothing");
+            "slice.task: expected a value, got nothing");
   Json odd = to_json_message(slice());
   odd["type"] = "slice_steal";
   EXPECT_EQ(parse_slice_request(odd).error().message(),
@@ -252,7 +252,7 @@ TEST(TaskApi, a_preempted_task_has_done_no_more_than_all) {
 
 TEST(TaskApi, an_empty_reply_is_refused) {
   EXPECT_EQ(parse_task_frame_reply(Json::object()).error().message(),
-            "reply.cancel: expected it to be there, got nothing");
+            "reply.cancel: expected a value, got nothing");
 }
 
 // {message, member, value, error}
@@ -481,7 +481,7 @@ TEST(TaskApi, what_makes_no_sense_without_it_must_be_there) {
       ASSERT_FALSE(status);
       EXPECT_EQ(status.error().code, ErrorCode::kBadRequest);
       EXPECT_EQ(status.error().message(),
-                message.type + "." + name + ": expected it to be there, got nothing");
+                message.type + "." + name + ": expected a value, got nothing");
     }
   }
 }
