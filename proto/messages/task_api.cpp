@@ -51,6 +51,13 @@ Result<TaskProgress> parse_task_progress(const Json& message) {
   return read_message<TaskProgress>(message);
 }
 
+Json to_json_message(const TaskProgressReply& reply) {
+  return fields_json<Json>(reply);
+}
+Result<TaskProgressReply> parse_task_progress_reply(const Json& message) {
+  return read_message<TaskProgressReply>(message);
+}
+
 Json to_json_message(const TaskFrame& frame) {
   return fields_json<Json>(frame);
 }
@@ -70,6 +77,13 @@ Json to_json_message(const TaskPart& part) {
 }
 Result<TaskPart> parse_task_part(const Json& message) {
   return read_message<TaskPart>(message);
+}
+
+Json to_json_message(const TaskPartReply& reply) {
+  return fields_json<Json>(reply);
+}
+Result<TaskPartReply> parse_task_part_reply(const Json& message) {
+  return read_message<TaskPartReply>(message);
 }
 
 Json to_json_message(const TaskCompletion& completion) {

@@ -9,7 +9,7 @@
 //   claim {}                         ->   {task: Task}            (blocks until there is one)
 //   progress {task, fence, …}        ->   {cancel: bool, fenced: bool, preempt: bool}
 //   frame {task, fence, frame…}      ->   {cancel, fenced, grid, path}
-//   part {task, fence, part…}        ->   {cancel, fenced}
+//   part {task, fence, part…}        ->   {cancel, fenced, error}
 //   complete {task, fence, outputs…} ->   {ok} | {fenced}
 //   preempt {task, fence, …}            ->   {ok} | {fenced}
 //   fail {task, fence, error}        ->   {ok} | {fenced}
@@ -168,6 +168,7 @@ struct TaskPart {
 struct TaskPartReply {
   bool cancel = false;
   bool fenced = false;
+  std::string error;  // why the part was not kept; empty: it was
 };
 
 struct TaskCompletion {
@@ -221,9 +222,11 @@ nlohmann::json to_json_message(const WorkerHello& hello);
 nlohmann::json to_json_message(const WorkerFolders& folders);
 nlohmann::json to_json_message(const Task& task);
 nlohmann::json to_json_message(const TaskProgress& progress);
+nlohmann::json to_json_message(const TaskProgressReply& reply);
 nlohmann::json to_json_message(const TaskFrame& frame);
 nlohmann::json to_json_message(const TaskFrameReply& reply);
 nlohmann::json to_json_message(const TaskPart& part);
+nlohmann::json to_json_message(const TaskPartReply& reply);
 nlohmann::json to_json_message(const TaskCompletion& completion);
 nlohmann::json to_json_message(const TaskPreemption& preempt);
 nlohmann::json to_json_message(const TaskFailure& failure);
@@ -237,9 +240,11 @@ Result<WorkerHello> parse_worker_hello(const nlohmann::json& message);
 Result<WorkerFolders> parse_worker_folders(const nlohmann::json& message);
 Result<Task> parse_task(const nlohmann::json& message);
 Result<TaskProgress> parse_task_progress(const nlohmann::json& message);
+Result<TaskProgressReply> parse_task_progress_reply(const nlohmann::json& message);
 Result<TaskFrame> parse_task_frame(const nlohmann::json& message);
 Result<TaskFrameReply> parse_task_frame_reply(const nlohmann::json& message);
 Result<TaskPart> parse_task_part(const nlohmann::json& message);
+Result<TaskPartReply> parse_task_part_reply(const nlohmann::json& message);
 Result<TaskCompletion> parse_task_completion(const nlohmann::json& message);
 Result<TaskPreemption> parse_task_preempt(const nlohmann::json& message);
 Result<TaskFailure> parse_task_failure(const nlohmann::json& message);

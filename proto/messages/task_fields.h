@@ -165,6 +165,13 @@ void visit_fields(IsA<TaskProgress> auto& progress, auto& visit) {
         within(0, static_cast<int64_t>(limits::kStageMsMax)));
 }
 
+void visit_fields(IsA<TaskProgressReply> auto& reply, auto& visit) {
+  visit.name("reply");
+  visit(kOptional, "cancel", reply.cancel);
+  visit(kOptional, "fenced", reply.fenced);
+  visit(kOptional, "preempt", reply.preempt);
+}
+
 void visit_fields(IsA<TaskFrame> auto& frame, auto& visit) {
   using namespace task_rules;
   visit.type("frame");
@@ -192,6 +199,13 @@ void visit_fields(IsA<TaskPart> auto& part, auto& visit) {
   visit(kRequired, "fence", part.fence);
   visit(kRequired, "position", part.position, within(0, kPartsMax - 1));
   visit(kRequired, "path", part.path, task_rules::kIsPath);
+}
+
+void visit_fields(IsA<TaskPartReply> auto& reply, auto& visit) {
+  visit.name("reply");
+  visit(kOptional, "cancel", reply.cancel);
+  visit(kOptional, "fenced", reply.fenced);
+  visit(kUnlessDefault, "error", reply.error);
 }
 
 void visit_fields(IsA<TaskOutput> auto& output, auto& visit) {

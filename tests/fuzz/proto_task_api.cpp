@@ -34,9 +34,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   check(*json, voxeld::parse_worker_folders);
   check(*json, voxeld::parse_task);
   check(*json, voxeld::parse_task_progress);
+  check(*json, voxeld::parse_task_progress_reply);
   check(*json, voxeld::parse_task_frame);
   check(*json, voxeld::parse_task_frame_reply);
   check(*json, voxeld::parse_task_part);
+  check(*json, voxeld::parse_task_part_reply);
   check(*json, voxeld::parse_task_completion);
   check(*json, voxeld::parse_task_preempt);
   check(*json, voxeld::parse_task_failure);

@@ -320,7 +320,7 @@ Status WorkerSession::take_progress(const json& message) {
     state_.device_memory = memory;
   }
   if (!is_mine(progress.task, progress.fence)) {
-    return send({{"cancel", false}, {"fenced", true}, {"preempt", false}});
+    return send(to_json_message(TaskProgressReply{.fenced = true}));
   }
   const double stop_age = stop_age_seconds();
   context_.parts.board.progress(progress.task, progress.stage, progress.tiles_done,
@@ -334,7 +334,7 @@ Status WorkerSession::take_progress(const json& message) {
     }
   }
   const bool preempt = stop_age < 0 && context_.dispatcher.report(number_, progress);
-  return send({{"cancel", stop_age >= 0}, {"fenced", false}, {"preempt", preempt}});
+  return send(to_json_message(TaskProgressReply{.cancel = stop_age >= 0, .preempt = preempt}));
 }
 
 Status WorkerSession::take_frame(const json& message) {
@@ -365,12 +365,14 @@ Status WorkerSession::take_frame(const json& message) {
 
 Status WorkerSession::take_part(const json& message) {
   VOXELD_ASSIGN(const TaskPart part, parse_task_part(message));
-  if (!is_mine(part.task, part.fence)) return send({{"cancel", false}, {"fenced", true}});
+  TaskPartReply reply;
+  reply.fenced = !is_mine(part.task, part.fence);
+  if (reply.fenced) return send(to_json_message(reply));
   const Status stored = context_.outputs.add_part(files_, part);
   since_progress_.lap();
-  json reply = {{"cancel", stop_age_seconds() >= 0}, {"fenced", false}};
-  if (!stored) reply["error"] = stored.error().message();
-  return send(reply);
+  reply.cancel = stop_age_seconds() >= 0;
+  if (!stored) reply.error = stored.error().message();
+  return send(to_json_message(reply));
 }
 
 Status WorkerSession::take_completion(const json& message) {

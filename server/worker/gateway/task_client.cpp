@@ -54,8 +54,7 @@ Result<Task> TaskClient::claim() {
 
 Result<TaskProgressReply> TaskClient::progress(const TaskProgress& progress) {
   VOXELD_ASSIGN(const json reply, call(to_json_message(progress)));
-  return TaskProgressReply{reply.value("cancel", false), reply.value("fenced", false),
-                           reply.value("preempt", false)};
+  return parse_task_progress_reply(reply);
 }
 
 Result<TaskFrameReply> TaskClient::frame(const TaskFrame& frame) {
@@ -64,11 +63,10 @@ Result<TaskFrameReply> TaskClient::frame(const TaskFrame& frame) {
 }
 
 Result<TaskPartReply> TaskClient::part(const TaskPart& part) {
-  VOXELD_ASSIGN(const json reply, call(to_json_message(part)));
-  if (const auto error = reply.find("error"); error != reply.end() && error->is_string()) {
-    return Error{ErrorCode::kInternal, "the gateway: " + error->get<std::string>(), "", ""};
-  }
-  return TaskPartReply{reply.value("cancel", false), reply.value("fenced", false)};
+  VOXELD_ASSIGN(const json json_reply, call(to_json_message(part)));
+  VOXELD_ASSIGN(TaskPartReply reply, parse_task_part_reply(json_reply));
+  if (reply.error.empty()) return reply;
+  return Error{ErrorCode::kInternal, "the gateway: " + reply.error, "", ""};
 }
 
 Result<bool> TaskClient::report(const TaskOutcome& outcome) {

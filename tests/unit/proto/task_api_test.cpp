@@ -49,6 +49,14 @@ inline auto tied(const TaskProgress& p) {
   const auto& [a, b, c, d, e, f, g, h, i, j] = p;
   return std::tie(a, b, c, d, e, f, g, h, i, j);
 }
+inline auto tied(const TaskProgressReply& r) {
+  const auto& [a, b, c] = r;
+  return std::tie(a, b, c);
+}
+inline auto tied(const TaskPartReply& r) {
+  const auto& [a, b, c] = r;
+  return std::tie(a, b, c);
+}
 inline auto tied(const TaskFrame& f) {
   const auto& [a, b, c, d, e, g, h, i] = f;
   return std::tie(a, b, c, d, e, g, h, i);
@@ -212,9 +220,11 @@ TEST(TaskApi, every_member_of_every_message_comes_back) {
   expect_round_trip(folders(), parse_worker_folders);
   expect_round_trip(task(), parse_task);
   expect_round_trip(progress(), parse_task_progress);
+  expect_round_trip(TaskProgressReply{true, true, true}, parse_task_progress_reply);
   expect_round_trip(frame(), parse_task_frame);
   expect_round_trip(frame_reply(), parse_task_frame_reply);
   expect_round_trip(part(), parse_task_part);
+  expect_round_trip(TaskPartReply{true, true, "storage-full"}, parse_task_part_reply);
   expect_round_trip(completion(), parse_task_completion);
   expect_round_trip(preempt(), parse_task_preempt);
   expect_round_trip(failure(), parse_task_failure);
