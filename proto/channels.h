@@ -1,5 +1,6 @@
-// The attribute channels that a grid's voxels can have. One table drives the container, the content
-// hash, the exports and the decoders.
+// The attribute channels that a grid's voxels can have. One table drives the container, the
+// content hash, the exports and the decoders. A new channel of a known kind is an entry here, its
+// members of ChannelSet and SparseTile, and the code that computes it.
 #pragma once
 
 #include <algorithm>
@@ -34,23 +35,39 @@ struct ChannelSet {
   bool operator==(const ChannelSet&) const = default;
 };
 
+// What the samples of a channel mean. Predictors, dense arrays and fills depend on the kind alone.
+enum class ChannelKind : uint8_t {
+  kColor,     // R, G, B in sRGB, then linear alpha
+  kVector,    // components of a unit vector times the largest sample
+  kId,        // ids from 1 on; 0: none
+  kDistance,  // signed, in 1/kDistanceSteps voxel
+  kFraction,  // the largest sample is 1
+};
+
 struct ChannelInfo {
   Channel channel;
   std::string_view name;  // as in the option, the npz member and the JSON
-  size_t components;      // samples per voxel
+  ChannelKind kind;
+  size_t components;  // samples per voxel
   size_t sample_bytes;
   bool ChannelSet::*member;
 
   constexpr size_t bytes() const { return components * sample_bytes; }  // per voxel
+  constexpr bool is_id() const { return kind == ChannelKind::kId; }
+  // Measured at the voxel's own place. A voxel of the inside has its own value; of other channels
+  // it has that of the nearest voxel of the surface.
+  constexpr bool is_measure() const {
+    return kind == ChannelKind::kDistance || kind == ChannelKind::kFraction;
+  }
 };
 
 inline constexpr std::array<ChannelInfo, kChannelCount> kChannels = {{
-    {Channel::kColor, "color", 4, 1, &ChannelSet::color},
-    {Channel::kNormal, "normal", 3, 1, &ChannelSet::normal},
-    {Channel::kMaterial, "material", 1, 2, &ChannelSet::material},
-    {Channel::kLabel, "label", 1, 2, &ChannelSet::label},
-    {Channel::kDistance, "distance", 1, 2, &ChannelSet::distance},
-    {Channel::kCoverage, "coverage", 1, 1, &ChannelSet::coverage},
+    {Channel::kColor, "color", ChannelKind::kColor, 4, 1, &ChannelSet::color},
+    {Channel::kNormal, "normal", ChannelKind::kVector, 3, 1, &ChannelSet::normal},
+    {Channel::kMaterial, "material", ChannelKind::kId, 1, 2, &ChannelSet::material},
+    {Channel::kLabel, "label", ChannelKind::kId, 1, 2, &ChannelSet::label},
+    {Channel::kDistance, "distance", ChannelKind::kDistance, 1, 2, &ChannelSet::distance},
+    {Channel::kCoverage, "coverage", ChannelKind::kFraction, 1, 1, &ChannelSet::coverage},
 }};
 
 constexpr const ChannelInfo& channel_info(Channel channel) {

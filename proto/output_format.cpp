@@ -6,11 +6,9 @@
 namespace voxeld {
 namespace {
 
-constexpr bool kSparse = false, kDense = true;
-
 #define VOXELD_FORMAT_INFO(format, name, type, extension, sequence_type, sequence_extension, \
-                           density, ...)                                                     \
-  FormatInfo{Format::format, name, type, extension, sequence_type, sequence_extension, density},
+                           layout, ...)                                                      \
+  FormatInfo{Format::format, name, type, extension, sequence_type, sequence_extension, layout},
 constexpr std::array kFormats = {VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_INFO)};
 #undef VOXELD_FORMAT_INFO
 
@@ -53,7 +51,7 @@ std::optional<Format> format_from_name(std::string_view name) {
 std::string sparse_format_names() {
   std::string names;
   for (const FormatInfo& info : kFormats) {
-    if (!info.is_dense) names += (names.empty() ? "" : ", ") + std::string(info.name);
+    if (!info.layout.is_dense()) names += (names.empty() ? "" : ", ") + std::string(info.name);
   }
   return names;
 }

@@ -5,7 +5,7 @@
 #include <bit>
 #include <optional>
 #include <string>
-#include <utility>
+#include <type_traits>
 
 #include "proto/codec/attribute_context.h"
 #include "proto/codec/occupancy_model.h"
@@ -124,13 +124,13 @@ uint32_t square_root(uint32_t value) {
   return root;
 }
 
-// Predicts a normal; its samples are offset by 128. The component with the largest mean is coded
-// last: the length is 127, so the two others leave little choice for it.
-class NormalPredictor {
+// Predicts a unit vector; its samples are offset by 128. The component with the largest mean is
+// coded last: the length is 127, so the two others leave little choice for it.
+class VectorPredictor {
  public:
   using Sample = uint8_t;
   static constexpr size_t kComponents = 3;
-  NormalPredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {
+  VectorPredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {
     const auto size = [&](size_t c) {
       return near.mean[c] < 128 ? 128 - near.mean[c] : near.mean[c] - 128;
     };
@@ -156,11 +156,12 @@ class NormalPredictor {
   const AttributeNeighbors& near_;
 };
 
-class CoveragePredictor {
+// Predicts a fraction by the mean of its neighbours.
+class FractionPredictor {
  public:
   using Sample = uint8_t;
   static constexpr size_t kComponents = 1;
-  CoveragePredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {}
+  FractionPredictor(const AttributeNeighbors& near, const Place<Sample>&) : near_(near) {}
 
   size_t channel(size_t) const { return 0; }
   int predicted(size_t, const uint8_t*) const { return near_.mean[0]; }
@@ -313,8 +314,11 @@ bool code_attributes(Coder& coder, const SparseTile& tile,
   return true;
 }
 
-// Adds the offset by which signed samples are stored as unsigned ones, or removes it.
-template <typename From, typename To>
+// Added to signed samples, which are coded as unsigned ones.
+template <typename Sample>
+constexpr int kOffset = std::is_signed_v<Sample> ? 1 << (8 * sizeof(Sample) - 1) : 0;
+
+template <typename To, typename From>
 std::vector<To> offset_samples(std::span<const From> samples, int offset) {
   std::vector<To> out(samples.size());
   std::ranges::transform(samples, out.begin(),
@@ -322,69 +326,69 @@ std::vector<To> offset_samples(std::span<const From> samples, int offset) {
   return out;
 }
 
-struct Encoder {
-  template <typename Predictor, typename T>
-  void run(const SparseTile& tile, const std::vector<T>& channel, int offset) {
-    auto samples = offset_samples<T, typename Predictor::Sample>(channel, offset);
-    RangeEncoder coder(bytes);
-    code_attributes<Predictor>(coder, tile, samples);
-    coder.finish();
-  }
-  std::vector<uint8_t> bytes;
-};
+template <ChannelKind kind>
+struct PredictorOf;
+template <>
+struct PredictorOf<ChannelKind::kColor> : std::type_identity<ColorPredictor> {};
+template <>
+struct PredictorOf<ChannelKind::kVector> : std::type_identity<VectorPredictor> {};
+template <>
+struct PredictorOf<ChannelKind::kId> : std::type_identity<IdPredictor> {};
+template <>
+struct PredictorOf<ChannelKind::kDistance> : std::type_identity<DistancePredictor> {};
+template <>
+struct PredictorOf<ChannelKind::kFraction> : std::type_identity<FractionPredictor> {};
 
-struct Decoder {
-  template <typename Predictor, typename T>
-  void run(SparseTile& tile, std::vector<T>& channel, int offset) {
-    using Sample = typename Predictor::Sample;
-    std::vector<Sample> samples(tile.attribute_count() * Predictor::kComponents);
-    RangeDecoder coder(bytes);
-    const bool complete = code_attributes<Predictor>(coder, tile, samples);
-    if (complete && coder.at_end()) {
-      channel = offset_samples<Sample, T>(samples, -offset);
-      return;
-    }
-    status = Error{
-        ErrorCode::kBadRequest,
-        std::string("grid container, small attributes: ") +
-            (complete && !coder.exhausted() ? "bytes after the stream" : "the stream is cut off"),
-        "", ""};
-  }
-  std::span<const uint8_t> bytes;
-  Status status{};
-};
+// The predictor of a channel. Its samples have the size of the channel's.
+template <Channel channel>
+using ChannelPredictor = typename PredictorOf<channel_info(channel).kind>::type;
+static_assert([] {
+  bool agree = true;
+  for_each_channel_member([&](auto channel, auto member) {
+    using Predictor = ChannelPredictor<channel()>;
+    agree = agree && Predictor::kComponents == channel_info(channel).components &&
+            sizeof(typename Predictor::Sample) == sizeof(SampleOf<decltype(member)>);
+  });
+  return agree;
+}());
 
-// Runs `job` with the channel's predictor.
-template <typename Tile, typename Job>
-void run_channel(Tile& tile, Channel channel, Job& job) {
-  switch (channel) {
-    case Channel::kColor:
-      return job.template run<ColorPredictor>(tile, tile.color, 0);
-    case Channel::kNormal:
-      return job.template run<NormalPredictor>(tile, tile.normal, 128);
-    case Channel::kMaterial:
-      return job.template run<IdPredictor>(tile, tile.material, 0);
-    case Channel::kLabel:
-      return job.template run<IdPredictor>(tile, tile.label, 0);
-    case Channel::kDistance:
-      return job.template run<DistancePredictor>(tile, tile.distance, 32768);
-    case Channel::kCoverage:
-      return job.template run<CoveragePredictor>(tile, tile.coverage, 0);
-  }
+Error bad_stream(const char* what) {
+  return {ErrorCode::kBadRequest, std::string("grid container, small attributes: ") + what, "", ""};
 }
 
 }  // namespace
 
 std::vector<uint8_t> encode_channel_small(const SparseTile& tile, Channel channel) {
-  Encoder encoder;
-  run_channel(tile, channel, encoder);
-  return std::move(encoder.bytes);
+  std::vector<uint8_t> bytes;
+  with_channel_member(channel, [&](auto which, auto member) {
+    using Predictor = ChannelPredictor<which()>;
+    using Sample = SampleOf<decltype(member)>;
+    auto samples =
+        offset_samples<typename Predictor::Sample, Sample>(tile.*member, kOffset<Sample>);
+    RangeEncoder coder(bytes);
+    code_attributes<Predictor>(coder, tile, samples);
+    coder.finish();
+  });
+  return bytes;
 }
 
 Status decode_channel_small(std::span<const uint8_t> bytes, Channel channel, SparseTile& tile) {
-  Decoder decoder{bytes};
-  run_channel(tile, channel, decoder);
-  return decoder.status;
+  Status status;
+  with_channel_member(channel, [&](auto which, auto member) {
+    using Predictor = ChannelPredictor<which()>;
+    using Sample = SampleOf<decltype(member)>;
+    std::vector<typename Predictor::Sample> samples(tile.attribute_count() *
+                                                    Predictor::kComponents);
+    RangeDecoder coder(bytes);
+    const bool complete = code_attributes<Predictor>(coder, tile, samples);
+    if (complete && coder.at_end()) {
+      tile.*member = offset_samples<Sample, typename Predictor::Sample>(samples, -kOffset<Sample>);
+    } else {
+      status = bad_stream(complete && !coder.exhausted() ? "bytes after the stream"
+                                                         : "the stream is cut off");
+    }
+  });
+  return status;
 }
 
 }  // namespace voxeld

@@ -61,16 +61,16 @@ bool SparseTile::has_attributes() const {
 std::span<const uint8_t> channel_bytes(const SparseTile& tile, Channel channel) {
   static_assert(std::endian::native == std::endian::little, "channels are stored as they are");
   std::span<const uint8_t> bytes;
-  for_each_channel(tile, [&](Channel which, const auto& samples) {
-    if (which != channel) return;
+  with_channel_member(channel, [&](Channel, auto member) {
+    const auto& samples = tile.*member;
     bytes = {reinterpret_cast<const uint8_t*>(samples.data()), samples.size() * sizeof samples[0]};
   });
   return bytes;
 }
 
 void set_channel_bytes(SparseTile& tile, Channel channel, std::span<const uint8_t> bytes) {
-  for_each_channel(tile, [&](Channel which, auto& samples) {
-    if (which != channel) return;
+  with_channel_member(channel, [&](Channel, auto member) {
+    auto& samples = tile.*member;
     samples.resize(bytes.size() / sizeof samples[0]);
     if (!samples.empty()) std::memcpy(samples.data(), bytes.data(), bytes.size());
   });

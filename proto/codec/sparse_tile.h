@@ -7,6 +7,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <tuple>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "proto/channels.h"
@@ -15,10 +18,9 @@
 namespace voxeld {
 
 // A mask of 8x8x8 voxels. Bit i of the 512 (bit i%64 of word i/64) is the voxel with Morton index i
-// in the brick: i = spread(x)
-// spread(y)<<1
-// spread(z)<<2 with x, y, z in 0..7. Byte j of the mask is therefore the child mask of the j-th
-// 2x2x2 node in Morton order. The masks themselves are the octree's lowest level.
+// in the brick: i = spread(x) | spread(y)<<1 | spread(z)<<2 with x, y, z in 0..7. Byte j of the
+// mask is therefore the child mask of the j-th 2x2x2 node in Morton order. The masks themselves are
+// the octree's lowest level.
 //
 //   word  7      6      5      4      3      2      1      0
 //        z4..7  z4..7  z4..7  z4..7  z0..3  z0..3  z0..3  z0..3
@@ -70,20 +72,61 @@ struct SparseTile {
   bool operator==(const SparseTile&) const = default;
 };
 
-// Calls visit(channel, member) for each channel in order; `member` points to its samples in a tile.
+// The samples of each channel, in the order of kChannels.
+inline constexpr std::tuple kChannelSamples = {&SparseTile::color,    &SparseTile::normal,
+                                               &SparseTile::material, &SparseTile::label,
+                                               &SparseTile::distance, &SparseTile::coverage};
+static_assert(std::tuple_size_v<decltype(kChannelSamples)> == kChannelCount);
+
+// A channel as a constant, so that a visitor can choose types by the channel's kind.
+template <Channel channel>
+using ChannelConstant = std::integral_constant<Channel, channel>;
+// The type of a member's samples.
+template <typename Sample>
+Sample sample_type(std::vector<Sample> SparseTile::*);
+template <typename Member>
+using SampleOf = decltype(sample_type(Member{}));
+
+// Calls visit(ChannelConstant, member) for each channel in order; `member` points to its samples in
+// a tile.
 template <typename Visit>
-void for_each_channel_member(Visit&& visit) {
-  visit(Channel::kColor, &SparseTile::color);
-  visit(Channel::kNormal, &SparseTile::normal);
-  visit(Channel::kMaterial, &SparseTile::material);
-  visit(Channel::kLabel, &SparseTile::label);
-  visit(Channel::kDistance, &SparseTile::distance);
-  visit(Channel::kCoverage, &SparseTile::coverage);
+constexpr void for_each_channel_member(Visit&& visit) {
+  [&]<size_t... kIndex>(std::index_sequence<kIndex...>) {
+    (visit(ChannelConstant<kChannels[kIndex].channel>{}, std::get<kIndex>(kChannelSamples)), ...);
+  }
+  (std::make_index_sequence<kChannelCount>{});
 }
+// Calls visit(ChannelConstant, member) for one channel.
+template <typename Visit>
+constexpr void with_channel_member(Channel channel, Visit&& visit) {
+  for_each_channel_member([&](auto which, auto member) {
+    if (which == channel) visit(which, member);
+  });
+}
+static_assert([] {
+  bool agree = true;
+  for_each_channel_member([&](Channel channel, auto member) {
+    agree = agree && channel_info(channel).sample_bytes == sizeof(SampleOf<decltype(member)>);
+  });
+  return agree;
+}());
+
 // Calls visit(channel, samples) with the tile's own vectors.
 template <typename Tile, typename Visit>
 void for_each_channel(Tile& tile, Visit&& visit) {
   for_each_channel_member([&](Channel channel, auto member) { visit(channel, tile.*member); });
+}
+
+// The samples of a channel of ids (ChannelInfo::is_id).
+inline std::vector<uint16_t>& id_samples(SparseTile& tile, Channel channel) {
+  std::vector<uint16_t>* samples = nullptr;
+  with_channel_member(channel, [&](auto which, auto member) {
+    if constexpr (channel_info(which).is_id()) samples = &(tile.*member);
+  });
+  return *samples;
+}
+inline const std::vector<uint16_t>& id_samples(const SparseTile& tile, Channel channel) {
+  return id_samples(const_cast<SparseTile&>(tile), channel);
 }
 
 // Reads or sets a channel's samples as little-endian bytes; `bytes` holds whole samples.

@@ -36,8 +36,7 @@ Status decode_channel_stream(std::span<const uint8_t> bytes, Channel channel, Co
 }
 
 StreamKind stream_kind(Channel channel) {
-  const bool is_measure = channel == Channel::kDistance || channel == Channel::kCoverage;
-  return is_measure ? StreamKind::kMeasures : StreamKind::kPlanes;
+  return channel_info(channel).is_measure() ? StreamKind::kMeasures : StreamKind::kPlanes;
 }
 
 std::vector<uint8_t> raw_channel_stream(const SparseTile& tile, Channel channel) {

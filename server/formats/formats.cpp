@@ -32,7 +32,7 @@ const FormatFunctions& functions_of(Format format) {
 
 Status check_encodable(const GridSpec& spec, const OutputOptions& options) {
   const FormatInfo& format = format_info(options.format);
-  if (format.is_dense && spec.cell_count() > limits::kDenseCellsMax) {
+  if (format.layout.is_dense() && spec.cell_count() > limits::kDenseCellsMax) {
     return Error{ErrorCode::kGridTooLarge,
                  std::string(format.name) +
                      " is dense: too many cells (sparse formats: " + sparse_format_names() + ")",
@@ -51,7 +51,8 @@ Status check_sequence_encodable(const GridSpec& spec, size_t frames, const Outpu
   VOXELD_TRY(check_encodable(spec, options));
   const FormatInfo& format = format_info(options.format);
   const auto cells = static_cast<uint64_t>(spec.cell_count()) * frames;  // at most 2^31 times 2^32
-  if (!format.is_dense || cells <= static_cast<uint64_t>(limits::kSequenceDenseCellsMax)) return {};
+  if (!format.layout.is_dense() || cells <= static_cast<uint64_t>(limits::kSequenceDenseCellsMax))
+    return {};
   return Error{
       ErrorCode::kGridTooLarge,
       std::string(format.name) +

@@ -49,15 +49,15 @@ std::vector<Warning> sequence_warnings(const GridSpec& spec, size_t frames,
 // Encoders of grids and writers of sequences, one of each per line of VOXELD_OUTPUT_FORMATS.
 // encode() and write_sequence() call them once their checks have passed.
 #define VOXELD_FORMAT_FUNCTIONS(format, name, type, extension, sequence_type, sequence_extension, \
-                                density, encode, write)                                           \
+                                layout, encode, write)                                            \
   Result<std::vector<uint8_t>> encode(const Grid& grid, const OutputOptions& options);            \
   Status write(const FrameSource& source, const OutputOptions& options,                           \
                const std::filesystem::path& path);
 VOXELD_OUTPUT_FORMATS(VOXELD_FORMAT_FUNCTIONS)
 #undef VOXELD_FORMAT_FUNCTIONS
 
-// Voxels of a grid as points, which take about 40 bytes each. More: grid-too-large.
-inline constexpr uint64_t kPointsMax = uint64_t{1} << 26;
+// Voxels of a grid that xyz writes. More: grid-too-large.
+inline constexpr uint64_t kXyzPointsMax = uint64_t{1} << 26;
 
 // A zip of the frames' grids, each encoded by itself, as "frame-0000.EXT" and so on.
 Status write_zip_sequence(const FrameSource& source, const OutputOptions& options,

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <optional>
 
 #include <nlohmann/json.hpp>
@@ -97,53 +98,149 @@ void for_each_cell(const Grid& grid, Visit&& visit) {
   }
 }
 
+// Calls visit(first, length) for runs of cells in full nodes, as indices of the array's cells.
+template <typename Visit>
+void for_each_full_cells(const Grid& grid, const Layout& layout, Visit&& visit) {
+  for (const SparseTile& tile : grid.tiles) {
+    cancel_point();
+    for_each_full_run(tile, [&](int x, int y, int z, int length) {
+      visit(layout.at(x, y, z, 0), static_cast<size_t>(length));
+    });
+  }
+}
+
 template <typename T>
 void fill_occupancy(const Grid& grid, Array& array) {
   for_each_cell(grid, [&](const SparseTile&, int x, int y, int z, size_t) {
     array.set(array.layout.at(x, y, z, 0), T{1});
   });
-  for (const SparseTile& tile : grid.tiles) {
-    cancel_point();
-    for_each_full_run(tile, [&](int x, int y, int z, int length) {
-      const size_t first = array.layout.at(x, y, z, 0);
-      if constexpr (sizeof(T) == 1) {
-        std::memset(array.bytes.data() + array.data + first, 1, static_cast<size_t>(length));
-      } else {
-        for (size_t i = 0; i < static_cast<size_t>(length); ++i) array.set(first + i, T{1});
-      }
+  for_each_full_cells(grid, array.layout, [&](size_t first, size_t length) {
+    if constexpr (sizeof(T) == 1) {
+      std::memset(array.bytes.data() + array.data + first, 1, length);
+    } else {
+      for (size_t i = 0; i < length; ++i) array.set(first + i, T{1});
+    }
+  });
+}
+
+std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options) {
+  const bool is_float = options.dtype == DType::kFloat32;
+  Array array = make_array(grid, options, std::nullopt);
+  is_float ? fill_occupancy<float>(grid, array) : fill_occupancy<uint8_t>(grid, array);
+  return std::move(array.bytes);
+}
+
+// NumPy's type of samples that are written as they are stored.
+template <typename Sample>
+constexpr std::string_view kStoredDescr;
+template <>
+constexpr std::string_view kStoredDescr<uint8_t> = "|u1";
+template <>
+constexpr std::string_view kStoredDescr<int8_t> = "|i1";
+template <>
+constexpr std::string_view kStoredDescr<uint16_t> = "<u2";
+template <>
+constexpr std::string_view kStoredDescr<int16_t> = "<i2";
+
+// (z, y, x) or (x, y, z), then the components if there are several. float32 divides by the largest
+// sample, and colour is made linear; ids are integers for every dtype. Cells without attributes,
+// those of full nodes among them, are 0; as a fraction, a cell of a full node is 1.
+template <Channel channel, typename Sample>
+std::vector<uint8_t> npy_samples(const Grid& grid, std::vector<Sample> SparseTile::*member,
+                                 const OutputOptions& options) {
+  constexpr const ChannelInfo& kInfo = channel_info(channel);
+  constexpr Sample kLargest = std::numeric_limits<Sample>::max();
+  const bool is_float = !kInfo.is_id() && options.dtype == DType::kFloat32;
+  Array array = make_array(grid, options, channel);
+  const auto set = [&](size_t at, size_t component, Sample sample) {
+    if (!is_float) {
+      array.set(at, sample);
+    } else if (kInfo.kind == ChannelKind::kColor && component < 3) {
+      array.set(at, linear_from_srgb(static_cast<uint8_t>(sample)));
+    } else {
+      array.set(at, static_cast<float>(sample) / static_cast<float>(kLargest));
+    }
+  };
+  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
+    for (size_t c = 0; c < kInfo.components; ++c) {
+      set(array.layout.at(x, y, z, c), c, (tile.*member)[kInfo.components * voxel + c]);
+    }
+  });
+  if constexpr (kInfo.kind == ChannelKind::kFraction) {
+    for_each_full_cells(grid, array.layout, [&](size_t first, size_t length) {
+      for (size_t i = 0; i < length; ++i) set(first + i, 0, kLargest);
     });
   }
+  return std::move(array.bytes);
+}
+
+// The value of cells without a distance in a dense array.
+struct DistanceBackground {
+  bool is_band = false;  // true: the sign of their neighbours; false: outside
+  float voxels = 0;
+};
+
+DistanceBackground distance_background(const Grid& grid, auto member) {
+  const auto meta = nlohmann::json::parse(grid.meta_json, nullptr, false);
+  const auto options =
+      meta.is_object() && meta.contains("options") ? meta["options"] : nlohmann::json::object();
+  DistanceBackground background;
+  background.is_band = options.is_object() && options.value("fill", nlohmann::json()) == "band";
+  int farthest = 1;
+  for (const SparseTile& tile : grid.tiles) {
+    for (const int16_t distance : tile.*member) farthest = std::max(farthest, std::abs(distance));
+  }
+  background.voxels = static_cast<float>(farthest) / static_cast<float>(kDistanceSteps);
+  return background;
+}
+
+// The same shape: float32 for every dtype; samples divided by kDistanceSteps, in voxels.
+std::vector<uint8_t> npy_distances(const Grid& grid, Channel channel, auto member,
+                                   const OutputOptions& options) {
+  Array array = make_array(grid, options, channel);
+  const DistanceBackground background = distance_background(grid, member);
+  // The cast is aligned: the header's length is a multiple of 64 bytes.
+  const std::span<float> cells(reinterpret_cast<float*>(array.bytes.data() + array.data),
+                               array.layout.cells);
+  std::ranges::fill(cells, background.is_band ? NAN : background.voxels);
+  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
+    array.set(array.layout.at(x, y, z, 0),
+              static_cast<float>((tile.*member)[voxel]) / static_cast<float>(kDistanceSteps));
+  });
+  for_each_full_cells(grid, array.layout, [&](size_t first, size_t length) {
+    std::ranges::fill(cells.subspan(first, length), -background.voxels);
+  });
+  const glm::uvec3 dims(grid.spec.dims);
+  if (background.is_band) extend_sign(cells, {dims.z, dims.y, dims.x}, background.voxels);
+  return std::move(array.bytes);
 }
 
 }  // namespace
 
 NpyType npy_type(std::optional<Channel> channel, const OutputOptions& options) {
   const size_t components = channel ? channel_info(*channel).components : 1;
-  const NpyType floats = {"<f4", 4, components};
-  if (channel == Channel::kMaterial || channel == Channel::kLabel) return {"<u2", 2, components};
-  if (channel == Channel::kDistance || options.dtype == DType::kFloat32) return floats;
-  if (channel == Channel::kNormal) return {"|i1", 1, components};
-  const bool is_bool = !channel && options.dtype == DType::kBool;
-  return {is_bool ? "|b1" : "|u1", 1, components};
+  const bool is_id = channel && channel_info(*channel).is_id();
+  const bool is_distance = channel && channel_info(*channel).kind == ChannelKind::kDistance;
+  if (is_distance || (!is_id && options.dtype == DType::kFloat32)) return {"<f4", 4, components};
+  if (!channel) return {options.dtype == DType::kBool ? "|b1" : "|u1", 1, 1};
+  NpyType type{"", channel_info(*channel).sample_bytes, components};
+  with_channel_member(
+      *channel, [&](auto, auto member) { type.descr = kStoredDescr<SampleOf<decltype(member)>>; });
+  return type;
 }
 
 std::vector<uint8_t> npy_channel(const Grid& grid, std::optional<Channel> channel,
                                  const OutputOptions& options) {
   if (!channel) return npy_occupancy(grid, options);
-  switch (*channel) {
-    case Channel::kColor:
-      return npy_color(grid, options);
-    case Channel::kNormal:
-      return npy_normal(grid, options);
-    case Channel::kMaterial:
-    case Channel::kLabel:
-      return npy_ids(grid, *channel, options);
-    case Channel::kDistance:
-      return npy_distance(grid, options);
-    case Channel::kCoverage:
-      return npy_coverage(grid, options);
-  }
-  return {};
+  std::vector<uint8_t> npy;
+  with_channel_member(*channel, [&](auto which, auto member) {
+    if constexpr (channel_info(which).kind == ChannelKind::kDistance) {
+      npy = npy_distances(grid, which, member, options);
+    } else {
+      npy = npy_samples<which()>(grid, member, options);
+    }
+  });
+  return npy;
 }
 
 std::vector<uint8_t> npy_frames_header(const GridSpec& spec, size_t frames,
@@ -178,120 +275,6 @@ std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
   return {header.begin(), header.end()};
 }
 
-std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options) {
-  const bool is_float = options.dtype == DType::kFloat32;
-  Array array = make_array(grid, options, std::nullopt);
-  is_float ? fill_occupancy<float>(grid, array) : fill_occupancy<uint8_t>(grid, array);
-  return std::move(array.bytes);
-}
-
-std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options) {
-  const bool is_float = options.dtype == DType::kFloat32;
-  Array array = make_array(grid, options, Channel::kColor);
-  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
-    for (size_t c = 0; c < 4; ++c) {
-      const uint8_t sample = tile.color[4 * voxel + c];
-      const size_t at = array.layout.at(x, y, z, c);
-      if (!is_float) {
-        array.set(at, sample);
-      } else {
-        array.set(at, c == 3 ? static_cast<float>(sample) / 255 : linear_from_srgb(sample));
-      }
-    }
-  });
-  return std::move(array.bytes);
-}
-
-std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options) {
-  const bool is_float = options.dtype == DType::kFloat32;
-  Array array = make_array(grid, options, Channel::kNormal);
-  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
-    for (size_t c = 0; c < 3; ++c) {
-      const int8_t sample = tile.normal[3 * voxel + c];
-      const size_t at = array.layout.at(x, y, z, c);
-      is_float ? array.set(at, static_cast<float>(sample) / 127) : array.set(at, sample);
-    }
-  });
-  return std::move(array.bytes);
-}
-
-std::vector<uint8_t> npy_ids(const Grid& grid, Channel channel, const OutputOptions& options) {
-  Array array = make_array(grid, options, channel);
-  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
-    const auto& ids = channel == Channel::kMaterial ? tile.material : tile.label;
-    array.set(array.layout.at(x, y, z, 0), ids[voxel]);
-  });
-  return std::move(array.bytes);
-}
-
-std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options) {
-  const bool is_float = options.dtype == DType::kFloat32;
-  Array array = make_array(grid, options, Channel::kCoverage);
-  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
-    const uint8_t sample = tile.coverage[voxel];
-    const size_t at = array.layout.at(x, y, z, 0);
-    is_float ? array.set(at, static_cast<float>(sample) / 255) : array.set(at, sample);
-  });
-  // Voxels of full nodes are entirely covered.
-  for (const SparseTile& tile : grid.tiles) {
-    cancel_point();
-    for_each_full_run(tile, [&](int x, int y, int z, int length) {
-      const size_t first = array.layout.at(x, y, z, 0);
-      for (size_t i = 0; i < static_cast<size_t>(length); ++i) {
-        is_float ? array.set(first + i, 1.0F) : array.set(first + i, uint8_t{255});
-      }
-    });
-  }
-  return std::move(array.bytes);
-}
-
-namespace {
-
-// The value of cells without a distance in a dense array.
-struct DistanceBackground {
-  bool is_band = false;  // true: the sign of their neighbours; false: outside
-  float voxels = 0;
-};
-
-DistanceBackground distance_background(const Grid& grid) {
-  const auto meta = nlohmann::json::parse(grid.meta_json, nullptr, false);
-  const auto options =
-      meta.is_object() && meta.contains("options") ? meta["options"] : nlohmann::json::object();
-  DistanceBackground background;
-  background.is_band = options.is_object() && options.value("fill", nlohmann::json()) == "band";
-  int farthest = 1;
-  for (const SparseTile& tile : grid.tiles) {
-    for (const int16_t distance : tile.distance) farthest = std::max(farthest, std::abs(distance));
-  }
-  background.voxels = static_cast<float>(farthest) / static_cast<float>(kDistanceSteps);
-  return background;
-}
-
-}  // namespace
-
-std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options) {
-  Array array = make_array(grid, options, Channel::kDistance);
-  const DistanceBackground background = distance_background(grid);
-  // The cast is aligned: the header's length is a multiple of 64 bytes.
-  const std::span<float> cells(reinterpret_cast<float*>(array.bytes.data() + array.data),
-                               array.layout.cells);
-  std::ranges::fill(cells, background.is_band ? NAN : background.voxels);
-  for_each_cell(grid, [&](const SparseTile& tile, int x, int y, int z, size_t voxel) {
-    array.set(array.layout.at(x, y, z, 0),
-              static_cast<float>(tile.distance[voxel]) / static_cast<float>(kDistanceSteps));
-  });
-  for (const SparseTile& tile : grid.tiles) {
-    cancel_point();
-    for_each_full_run(tile, [&](int x, int y, int z, int length) {
-      std::ranges::fill(cells.subspan(array.layout.at(x, y, z, 0), static_cast<size_t>(length)),
-                        -background.voxels);
-    });
-  }
-  const glm::uvec3 dims(grid.spec.dims);
-  if (background.is_band) extend_sign(cells, {dims.z, dims.y, dims.x}, background.voxels);
-  return std::move(array.bytes);
-}
-
 std::vector<uint8_t> npy_doubles(std::span<const double> values) {
   const int64_t shape[] = {static_cast<int64_t>(values.size())};
   std::vector<uint8_t> bytes = npy_header("<f8", false, shape);
@@ -308,7 +291,7 @@ std::vector<uint8_t> npy_text(std::string_view text) {
 }
 
 Result<std::vector<uint8_t>> encode_npy(const Grid& grid, const OutputOptions& options) {
-  return npy_occupancy(grid, options);
+  return npy_channel(grid, std::nullopt, options);
 }
 
 }  // namespace voxeld

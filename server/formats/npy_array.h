@@ -26,7 +26,12 @@ struct NpyType {
 };
 NpyType npy_type(std::optional<Channel> channel, const OutputOptions& options);
 
-// A whole .npy file of a channel (nullopt: occupancy), made by the functions below.
+// A whole .npy file of a channel (nullopt: occupancy). Both axis orders have the same memory
+// layout, x fastest: C order (z, y, x) or Fortran order (x, y, z). In C order the components of a
+// sample are last and fastest. As float32: occupancy 0 or 1; colour in linear light, 0..1; unit
+// vectors -1..1; fractions 0..1. Ids are integers and distances are float32, in voxels, for every
+// dtype. Cells without attributes, those inside full nodes among them, are 0 (colour with alpha 0);
+// there, a fraction is 1 and a distance continues that of the surface.
 std::vector<uint8_t> npy_channel(const Grid& grid, std::optional<Channel> channel,
                                  const OutputOptions& options);
 // The offset at which the samples begin.
@@ -37,21 +42,7 @@ std::vector<uint8_t> npy_frames_header(const GridSpec& spec, size_t frames,
                                        std::optional<Channel> channel,
                                        const OutputOptions& options);
 
-// Each returns a whole .npy file. Both axis orders have the same memory layout, x fastest: C order
-// (z, y, x) or Fortran order (x, y, z). In C order the channels of a sample are last and fastest.
-std::vector<uint8_t> npy_occupancy(const Grid& grid, const OutputOptions& options);
-// (z, y, x, 4) or (x, y, z, 4): sRGB bytes and alpha; float32: linear light, 0..1. Voxels without
-// attributes (those of full nodes) are 0 with alpha 0, like empty cells.
-std::vector<uint8_t> npy_color(const Grid& grid, const OutputOptions& options);
-// (z, y, x, 3) or (x, y, z, 3): int8 unit normal times 127; float32: -1..1. 0 for a voxel without a
-// normal.
-std::vector<uint8_t> npy_normal(const Grid& grid, const OutputOptions& options);
-// (z, y, x) or (x, y, z): uint16 ids for every dtype. 0 for a voxel without an id.
-std::vector<uint8_t> npy_ids(const Grid& grid, Channel channel, const OutputOptions& options);
-// The same shape: uint8, 255 for a covered voxel; float32: 0..1.
-std::vector<uint8_t> npy_coverage(const Grid& grid, const OutputOptions& options);
-// The same shape: float32 for every dtype; samples divided by kDistanceSteps, in voxels.
-std::vector<uint8_t> npy_distance(const Grid& grid, const OutputOptions& options);
+// One-dimensional arrays.
 std::vector<uint8_t> npy_doubles(std::span<const double> values);
 std::vector<uint8_t> npy_text(std::string_view text);
 

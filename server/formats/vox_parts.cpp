@@ -42,7 +42,7 @@ Colors::Colors(const Grid& grid)
 uint32_t Colors::of(const SparseTile& tile, size_t voxel) const {
   if (voxel == kNoAttributes) return other_;
   if (has_color_) return key_of(&tile.color[4 * voxel]);
-  return ids_ ? key_of(id_color(voxel_id(tile, *ids_, voxel)).data()) : other_;
+  return ids_ ? key_of(id_color(id_samples(tile, *ids_)[voxel]).data()) : other_;
 }
 
 void count_colors(const Grid& grid, const Colors& colors, ColorCounts& counts) {

@@ -24,15 +24,15 @@ void append(std::vector<uint8_t>& text, Number value, char end) {
 }  // namespace
 
 Result<std::vector<uint8_t>> encode_xyz(const Grid& grid, const OutputOptions& /*options*/) {
-  constexpr size_t kLineBytes = 40;  // about; more are allocated as they come
   const size_t channels = channel_info(Channel::kColor).components;
   const std::array<uint8_t, 3> mean = grid.channels.color ? mean_color(grid) : kNeutralColor;
-  if (const uint64_t points = grid.voxel_count(); points > kPointsMax) {
+  if (const uint64_t points = grid.voxel_count(); points > kXyzPointsMax) {
     return Error{ErrorCode::kGridTooLarge, "xyz: too many voxels for points",
-                 "at most " + std::to_string(kPointsMax), std::to_string(points)};
+                 "at most " + std::to_string(kXyzPointsMax), std::to_string(points)};
   }
+  const FileLayout& layout = format_info(Format::kXyz).layout;
   std::vector<uint8_t> text;
-  text.reserve(kLineBytes * grid.voxel_count());
+  text.reserve(layout.point_bytes * grid.voxel_count());
   for (const SparseTile& tile : grid.tiles) {
     cancel_point();
     for_each_voxel(tile, [&](int x, int y, int z, size_t voxel) {

@@ -30,11 +30,9 @@ inline constexpr std::array<uint8_t, 3> kNeutralColor = {0xb4, 0xb4, 0xb4};
 // An sRGB colour for an id, for images and palettes of grids with ids but no colour. Consecutive
 // ids differ much. Id 0 (none) gives kNeutralColor.
 std::array<uint8_t, 3> id_color(uint16_t id);
-// The channel whose ids colour a grid without colour: label, else material. nullopt if the grid has
-// colour, or neither.
+// The channel whose ids colour a grid without colour: the last one of ids that the grid has, so
+// labels before materials. nullopt if the grid has colour, or no ids.
 std::optional<Channel> coloring_ids(const Grid& grid);
-// The id of a voxel, by its number in the tile.
-uint16_t voxel_id(const SparseTile& tile, Channel channel, size_t voxel);
 
 // The sort key of a grid's tiles: the Morton code of the coord.
 uint32_t tile_order(const SparseTile& tile);

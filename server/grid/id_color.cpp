@@ -27,13 +27,11 @@ std::array<uint8_t, 3> id_color(uint16_t id) {
 
 std::optional<Channel> coloring_ids(const Grid& grid) {
   if (grid.channels.color) return std::nullopt;
-  if (grid.channels.label) return Channel::kLabel;
-  if (grid.channels.material) return Channel::kMaterial;
-  return std::nullopt;
-}
-
-uint16_t voxel_id(const SparseTile& tile, Channel channel, size_t voxel) {
-  return channel == Channel::kLabel ? tile.label[voxel] : tile.material[voxel];
+  std::optional<Channel> ids;
+  for (const ChannelInfo& info : kChannels) {
+    if (info.is_id() && grid.channels.has(info.channel)) ids = info.channel;
+  }
+  return ids;
 }
 
 }  // namespace voxeld

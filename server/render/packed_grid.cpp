@@ -111,10 +111,6 @@ class Packer {
                  std::to_string(count)};
   }
 
-  size_t id_count(const SparseTile& tile) const {
-    return *ids_ == Channel::kLabel ? tile.label.size() : tile.material.size();
-  }
-
   static uint32_t packed_color(const std::array<uint8_t, 3>& rgb) {
     return rgb[0] | uint32_t{rgb[1]} << 8 | uint32_t{rgb[2]} << 16 | 0xff000000u;
   }
@@ -127,7 +123,7 @@ class Packer {
     size_t bricks = 0, colors = 0, normals = 0;
     for (const SparseTile& tile : grid_.tiles) {
       bricks += tile.masks.size();
-      colors += ids_ ? id_count(tile) : tile.color.size() / 4;
+      colors += ids_ ? id_samples(tile, *ids_).size() : tile.color.size() / 4;
       normals += tile.normal.size() / 3;
     }
     if (bricks >= kEntriesMax) return too_large("bricks", bricks);
@@ -224,9 +220,10 @@ class Packer {
       std::memcpy(packed_.colors.data() + first, tile.color.data(), tile.color.size());
     }
     if (ids_) {
-      VOXELD_CHECK(first + id_count(tile) <= packed_.colors.size(), "an id per voxel");
-      for (size_t i = 0; i < id_count(tile); ++i) {
-        packed_.colors[first + i] = packed_color(id_color(voxel_id(tile, *ids_, i)));
+      const std::vector<uint16_t>& ids = id_samples(tile, *ids_);
+      VOXELD_CHECK(first + ids.size() <= packed_.colors.size(), "an id per voxel");
+      for (size_t i = 0; i < ids.size(); ++i) {
+        packed_.colors[first + i] = packed_color(id_color(ids[i]));
       }
     }
     if (!grid_.channels.normal) return;

@@ -48,12 +48,11 @@ class Steps {
 Result<std::vector<IdChannel>> id_channels(const Scene& scene, const VoxelizeOptions& options,
                                            const ChannelSet& channels) {
   std::vector<IdChannel> list;
-  const bool dominant = channels.color && options.color == ColorMode::kDominant;
-  for (const auto& [channel, is_wanted] :
-       {std::pair{Channel::kColor, dominant}, std::pair{Channel::kMaterial, channels.material},
-        std::pair{Channel::kLabel, channels.label}}) {
-    if (!is_wanted) continue;
-    VOXELD_ASSIGN(IdChannel ids, id_channel(scene, channel, options.labels));
+  for (const ChannelInfo& info : kChannels) {
+    const bool chooses_ids =
+        info.is_id() || (info.kind == ChannelKind::kColor && options.color == ColorMode::kDominant);
+    if (!chooses_ids || !channels.has(info.channel)) continue;
+    VOXELD_ASSIGN(IdChannel ids, id_channel(scene, info.channel, options.labels));
     list.push_back(std::move(ids));
   }
   return list;
@@ -142,12 +141,12 @@ struct Voxelizer::Impl {
 int64_t Voxelizer::Impl::job_bytes(const Scene& scene, const SnappedMesh& mesh,
                                    const Placed& placed, const VoxelizeOptions& options,
                                    const WantedChannels& channels) const {
-  const int64_t surface_bytes = result_bytes(mesh, placed.spec, channels);
+  const SurfaceSize surface = surface_size(mesh, placed.spec);
+  const int64_t surface_bytes = surface.bytes(channels);
   int64_t bytes = mesh_bytes(scene) + surface_bytes +
                   fill_bytes(mesh, placed.spec, options, surface_bytes, cpu.threads());
   if (channels.volume) {
-    const int64_t bare_bytes = result_bytes(mesh, placed.spec, WantedChannels());
-    bytes += coverage_bytes(placed.spec, bare_bytes, cpu.threads());
+    bytes += coverage_bytes(placed.spec, surface.bytes(WantedChannels()), cpu.threads());
   }
   return bytes + distance_bytes(FillMesh::of(scene, placed.world_from_file, placed.spec, mesh),
                                 placed.spec, options, channels);
@@ -372,6 +371,8 @@ Result<VoxelizeEstimate> Voxelizer::estimate(const Scene& scene,
     estimate.device_bytes += inside->inside_bytes(placed.spec.dims, options.sign);
   }
   estimate.host_bytes = impl_->job_bytes(scene, mesh, placed, options, channels);
+  estimate.voxels = options.fill == Fill::kSurface ? surface_size(mesh, placed.spec).voxels
+                                                   : placed.spec.cell_count();
   VOXELD_TRY(check_host_bytes(placed.spec, estimate.host_bytes, impl_->host_bytes_max));
   return estimate;
 }

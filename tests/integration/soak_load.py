@@ -11,12 +11,15 @@ import socket
 import threading
 import time
 
-from harness import TenantsDaemon
+import yaml
+
+from harness import ROOT, TenantsDaemon
 
 # Data that lives longer than the shortest round would hide leaks.
 ARGUMENTS = ["--store-bytes-max", "48M", "--keep-jobs-days", "0.0002", "--keep-assets-days", "0.0002",
              "--keep-results-days", "0.0002", "--part-seconds", "1", "--log-level", "warn"]
-FORMATS = ["native", "npy", "npz", "vox"]
+FORMATS = yaml.safe_load((ROOT / "proto/openapi.yaml").read_text())["components"]["parameters"][
+    "format"]["schema"]["enum"]
 TENANTS = ("ada", "ben", "cleo")
 CLIENTS = 9  # threads of run_round()
 REFUSALS = {400, 401, 404, 408, 409, 410, 413, 415, 416, 422, 429, 503, 507}

@@ -48,10 +48,13 @@ double frames_of(const AnimationOptions& animation) {
 std::string voxelize_sort(const VoxelizeOptions& options) {
   constexpr std::array<std::string_view, 4> kFills = {" surface", " solid", " shell", " band"};
   std::string sort(kFills[static_cast<size_t>(options.fill)]);
-  const bool plain = options.channels && !options.channels->color && !options.channels->normal &&
-                     !options.channels->material && !options.channels->label;
-  sort += plain ? " occupancy" : " attributes";
-  if (options.names(Channel::kDistance)) sort += " distance";
+  const auto has = [&](bool is_measure) {
+    return std::ranges::any_of(kChannels, [&](const ChannelInfo& info) {
+      return info.is_measure() == is_measure && options.names(info.channel);
+    });
+  };
+  sort += options.channels && !has(/*is_measure=*/false) ? " occupancy" : " attributes";
+  if (has(/*is_measure=*/true)) sort += " measures";
   return sort;
 }
 

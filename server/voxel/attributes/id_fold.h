@@ -39,11 +39,6 @@ inline std::vector<uint16_t> distinct_ids(const IdChannel& channel, const Snappe
   return ids;
 }
 
-// The tile's samples of an id channel.
-inline std::vector<uint16_t>& id_samples(SparseTile& tile, Channel channel) {
-  return channel == Channel::kLabel ? tile.label : tile.material;
-}
-
 class IdFold {
  public:
   void begin(size_t voxels) { best_.assign(voxels, 0); }

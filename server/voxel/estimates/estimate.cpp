@@ -79,8 +79,11 @@ int64_t dense_result_bytes(const GridSpec& spec, const WantedChannels& channels)
   return brick_count(spec) * kBytesPerBrick + spec.cell_count() * attribute_bytes(channels);
 }
 
-int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
-                     const WantedChannels& channels) {
+int64_t SurfaceSize::bytes(const WantedChannels& channels) const {
+  return bricks * kBytesPerBrick + voxels * attribute_bytes(channels);
+}
+
+SurfaceSize surface_size(const SnappedMesh& mesh, const GridSpec& spec) {
   std::vector<std::array<int64_t, 2>> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
   parallel_chunks(
       mesh.triangles.size(), kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
@@ -95,14 +98,14 @@ int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec,
         }
         sums[chunk] = sum;
       });
-  int64_t voxels = 0, bricks = 0;
+  SurfaceSize size;
   for (const auto& sum : sums) {
-    voxels += sum[0];
-    bricks += sum[1];
+    size.voxels += sum[0];
+    size.bricks += sum[1];
   }
-  voxels = std::min(voxels, spec.cell_count());
-  bricks = std::min({bricks, voxels, brick_count(spec)});
-  return bricks * kBytesPerBrick + voxels * attribute_bytes(channels);
+  size.voxels = std::min(size.voxels, spec.cell_count());
+  size.bricks = std::min({size.bricks, size.voxels, brick_count(spec)});
+  return size;
 }
 
 int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const VoxelizeOptions& options,

@@ -50,12 +50,18 @@ int64_t mesh_bytes(const Scene& scene);
 // Bytes of a sparse result with all cells occupied: the upper bound of every result.
 int64_t dense_result_bytes(const GridSpec& spec, const WantedChannels& channels);
 
-// An upper estimate of the sparse result's bytes, at most those of the dense one. A triangle is
-// taken to touch at most (a + 2)(b + 2) columns in its two longer directions. In each column it
-// touches four cells, or as many as the triangle is deep.
-int64_t result_bytes(const SnappedMesh& mesh, const GridSpec& spec, const WantedChannels& channels);
+// Upper estimates of the surface's size, at most all of the grid's. A triangle is taken to touch at
+// most (a + 2)(b + 2) columns in its two longer directions. In each column it touches four cells,
+// or as many as the triangle is deep.
+struct SurfaceSize {
+  int64_t voxels = 0;
+  int64_t bricks = 0;
 
-// Bytes that fill=solid and shell need in addition to the surface, whose result_bytes() are
+  int64_t bytes(const WantedChannels& channels) const;  // as sparse tiles
+};
+SurfaceSize surface_size(const SnappedMesh& mesh, const GridSpec& spec);
+
+// Bytes that fill=solid and shell need in addition to the surface, whose tiles have
 // `surface_bytes`. Counted are bricks of the inside while they are united with those of the
 // surface, crossings of columns, and the scratch memory of each thread. Not counted are the walls
 // that an open mesh casts along an axis of parity. Returns 0 for fill=surface without distances.

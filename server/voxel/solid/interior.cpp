@@ -132,8 +132,7 @@ class InteriorFill {
     const VoxelPlaces::Place from = places_.find(from_cell);
     const SparseTile& tile = tiles_[from.tile];
     for_each_channel_member([&](Channel channel, auto member) {
-      // A voxel's distance and coverage are its own, not its neighbour's.
-      if (channel == Channel::kDistance || channel == Channel::kCoverage) return;
+      if (channel_info(channel).is_measure()) return;
       copy_samples(tile.*member, from.voxel, to.*member, to_voxel,
                    channel_info(channel).components);
     });

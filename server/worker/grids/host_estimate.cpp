@@ -1,17 +1,20 @@
 #include "server/worker/grids/host_estimate.h"
 
 #include <algorithm>
+#include <optional>
 #include <thread>
 
 #include "proto/limits.h"
 #include "server/base/machine.h"
 #include "server/formats/native_sequence.h"
+#include "server/formats/npy_array.h"
 #include "server/worker/grids/grid_file.h"
 
 namespace voxeld {
 namespace {
 
 constexpr int64_t kMebi = int64_t{1} << 20;
+constexpr int64_t kTileCells = int64_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide;
 
 // Memory that a thread of the CPU pipeline, an encoder and the allocator hold: a generous guess.
 constexpr int64_t kThreadBytes = 24 * kMebi;
@@ -33,23 +36,35 @@ int64_t image_bytes(const Scene& scene) {
   return bytes;
 }
 
-// Arrays of a dense format, and the file that is made from them.
-int64_t dense_bytes(int64_t cells, const ChannelSet& channels, const OutputOptions& output) {
-  if (output.format == Format::kNative) return 0;
-  // Distances are written as floats, which take twice the bytes.
-  const auto attributes =
-      static_cast<int64_t>(attribute_bytes(channels)) + (channels.distance ? 2 : 0);
-  const int64_t bytes = output.format == Format::kNpy ? 1 : 1 + attributes;
-  return 2 * cells * bytes * (output.dtype == DType::kFloat32 ? 4 : 1);
+// The file that is made from a whole grid, and what the encoder holds beside it.
+int64_t encoded_bytes(int64_t cells, int64_t voxels, const ChannelSet& channels,
+                      const OutputOptions& output) {
+  const FileLayout layout = format_info(output.format).layout;
+  if (layout.kind == FileLayout::kTiles) return 0;
+  if (layout.kind == FileLayout::kPoints) return 2 * voxels * layout.point_bytes;
+  const auto cell_bytes = [&](std::optional<Channel> channel) {
+    const NpyType type = npy_type(channel, output);
+    return static_cast<int64_t>(type.sample_bytes * type.components);
+  };
+  int64_t bytes = cell_bytes(std::nullopt);
+  for (const ChannelInfo& info : kChannels) {
+    const bool is_written = layout.kind == FileLayout::kDenseChannels && channels.has(info.channel);
+    if (is_written) bytes += cell_bytes(info.channel);
+  }
+  return 2 * cells * bytes;
+}
+
+int64_t tile_voxels_max(const TileSource& source, size_t index) {
+  const auto known = static_cast<int64_t>(source.voxels(index));
+  return known > 0 ? known : kTileCells;
 }
 
 // Upper bound of one decoded tile: one brick per voxel, and attributes.
 int64_t tile_bytes_max(const TileSource& source, size_t index) {
-  const int64_t cells = int64_t{limits::kTileSide} * limits::kTileSide * limits::kTileSide;
-  const auto known = static_cast<int64_t>(source.voxels(index));
-  const int64_t voxels = known > 0 ? known : cells;
-  const int64_t bricks = std::min(
-      voxels, cells / (int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide));
+  constexpr int64_t kBrickCells =
+      int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
+  const int64_t voxels = tile_voxels_max(source, index);
+  const int64_t bricks = std::min(voxels, kTileCells / kBrickCells);
   const Grid& grid = source.grid();
   const auto values = static_cast<int64_t>(attribute_bytes(grid.channels));
   return bricks * static_cast<int64_t>(sizeof(BrickMask) + sizeof(uint32_t)) + voxels * values;
@@ -63,15 +78,27 @@ int64_t largest_tile_bytes(const TileSource& source) {
   return bytes;
 }
 
+struct GridSize {
+  int64_t bytes = 0;  // with its tiles in memory
+  int64_t voxels = 0;
+};
+
+GridSize grid_size(const Engine& engine, const Scene& scene, const RequestOptions& options,
+                   const Placed& placed) {
+  const VoxelizeOptions& asked = options.voxelize;
+  const GridSize dense = {dense_result_bytes(placed.spec, wanted_channels(scene, asked)),
+                          placed.spec.cell_count()};
+  if (asked.fill == Fill::kSurface && dense.bytes <= kDenseBytesMin) return dense;
+  const auto closer = engine.voxelizer.estimate(scene, asked);
+  if (!closer) return dense;
+  return {std::min(dense.bytes, closer->host_bytes), std::min(dense.voxels, closer->voxels)};
+}
+
 }  // namespace
 
 int64_t grid_bytes(const Engine& engine, const Scene& scene, const RequestOptions& options,
                    const Placed& placed) {
-  const VoxelizeOptions& asked = options.voxelize;
-  const int64_t dense = dense_result_bytes(placed.spec, wanted_channels(scene, asked));
-  if (asked.fill == Fill::kSurface && dense <= kDenseBytesMin) return dense;
-  const auto closer = engine.voxelizer.estimate(scene, asked);
-  return closer ? std::min(dense, closer->host_bytes) : dense;
+  return grid_size(engine, scene, options, placed).bytes;
 }
 
 int64_t sequence_bytes(int64_t frame_bytes) {
@@ -89,8 +116,9 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   const OutputOptions& output = options.output;
   const WantedChannels channels = wanted_channels(scene, asked);
   const bool fills = asked.fill != Fill::kSurface;
-  int64_t result = grid_bytes(engine, scene, options, placed);
-  const bool keeps = fills || output.format != Format::kNative;
+  const GridSize size = grid_size(engine, scene, options, placed);
+  int64_t result = size.bytes;
+  const bool keeps = fills || format_info(output.format).layout.kind != FileLayout::kTiles;
   if (!keeps) result = std::min(result, static_cast<int64_t>(kKeptTileBytesMax));
   result += result / 4;  // growing arrays reserve more than they use
   const int64_t records =
@@ -103,7 +131,7 @@ int64_t voxelize_bytes(const Engine& engine, const Scene& scene, const RequestOp
   return 2 * mesh_bytes(scene) + records + result + threads() * kThreadBytes +
          2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
          (on_device ? kSoftwareDeviceBytes : 0) +
-         dense_bytes(placed.spec.cell_count(), channels.grid, output);
+         encoded_bytes(placed.spec.cell_count(), size.voxels, channels.grid, output);
 }
 
 int64_t selection_bytes(const TileSource& source, const TileSource& selected,
@@ -112,15 +140,18 @@ int64_t selection_bytes(const TileSource& source, const TileSource& selected,
   const int64_t batch = std::max<int64_t>(8, 2 * threads());
   const int64_t tiles = 3 * batch * largest_tile_bytes(source);
   const Grid& grid = selected.grid();
-  int64_t whole = 0;
-  if (output.format != Format::kNative) {
+  int64_t whole = 0, voxels = 0;
+  for (size_t i = 0; i < selected.coords().size(); ++i) {
+    voxels += tile_voxels_max(selected, i);
+  }
+  if (format_info(output.format).layout.kind != FileLayout::kTiles) {
     whole = std::min<int64_t>(
         largest_tile_bytes(selected) * static_cast<int64_t>(selected.coords().size()),
         grid.spec.cell_count() * (1 + static_cast<int64_t>(attribute_bytes(grid.channels))));
   }
   return tiles + whole + threads() * kThreadBytes +
          2 * static_cast<int64_t>(GridFile::kPendingBytesMax) +
-         dense_bytes(grid.spec.cell_count(), grid.channels, output);
+         encoded_bytes(grid.spec.cell_count(), voxels, grid.channels, output);
 }
 
 int64_t image_bytes(Engine& engine, const TileSource& source, const RenderOptions& render) {

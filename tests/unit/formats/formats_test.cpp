@@ -70,7 +70,7 @@ TEST(Xyz, more_voxels_than_points_may_be_are_refused_before_they_are_written) {
     tile.full = {{0, kTileLevels}};
     grid.tiles.push_back(tile);
   }
-  ASSERT_EQ(grid.voxel_count(), kPointsMax);
+  ASSERT_EQ(grid.voxel_count(), kXyzPointsMax);
   SparseTile one_more;
   one_more.coord = {4, 0, 0};
   one_more.full = {{0, 0}};

@@ -78,9 +78,9 @@ TEST(Npz, members_are_the_arrays_that_npy_writes) {
       options.dtype = dtype;
       options.axes = axes;
       const Members members = members_of(grid, options);
-      EXPECT_EQ(members.at("occupancy.npy"), npy_occupancy(grid, options));
-      EXPECT_EQ(members.at("color.npy"), npy_color(grid, options));
-      EXPECT_EQ(members.at("normal.npy"), npy_normal(grid, options));
+      EXPECT_EQ(members.at("occupancy.npy"), npy_channel(grid, std::nullopt, options));
+      EXPECT_EQ(members.at("color.npy"), npy_channel(grid, Channel::kColor, options));
+      EXPECT_EQ(members.at("normal.npy"), npy_channel(grid, Channel::kNormal, options));
     }
   }
 }

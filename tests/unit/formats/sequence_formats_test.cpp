@@ -4,9 +4,9 @@
 #include <unistd.h>
 #include <zip.h>
 
-#include <array>
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "server/base/file.h"
 #include "server/formats/npy_array.h"
@@ -15,9 +15,13 @@
 namespace voxeld {
 namespace {
 
-constexpr std::array<Format, 4> kFormats = {Format::kNative, Format::kVox, Format::kNpy,
-                                            Format::kNpz};
 constexpr ChannelSet kColor = {.color = true};
+
+std::vector<Format> all_formats() {
+  std::vector<Format> formats;
+  for (const FormatInfo& info : output_formats()) formats.push_back(info.format);
+  return formats;
+}
 
 OutputOptions to(Format format) {
   OutputOptions options;
@@ -59,17 +63,17 @@ class Cancelled : public test::FramesInMemory {
 
 TEST_F(SequenceFormats, the_same_frames_give_the_same_bytes) {
   const test::FramesInMemory source(test::mostly_static(3, {40, 30, 20}, 300, 4, kColor));
-  for (const Format format : kFormats) {
+  for (const Format format : all_formats()) {
     const auto bytes = written(source, to(format));
     EXPECT_GT(bytes.size(), 500U);
     EXPECT_EQ(bytes, written(source, to(format))) << format_name(format);
   }
 }
 
-TEST_F(SequenceFormats, what_was_there_before_is_replaced) {
+TEST_F(SequenceFormats, a_longer_file_of_the_same_name_is_replaced) {
   const test::FramesInMemory longer(test::mostly_static(3, {40, 30, 20}, 300, 4, kColor)),
       shorter({test::random_grid(1, {4, 4, 4}, 5, true, false)});
-  for (const Format format : kFormats) {
+  for (const Format format : all_formats()) {
     const auto bytes = written(shorter, to(format));
     written(longer, to(format));
     EXPECT_EQ(written(shorter, to(format)), bytes) << format_name(format);
@@ -86,7 +90,7 @@ TEST_F(SequenceFormats, a_frame_of_an_array_is_the_array_of_its_grid) {
       const auto bytes = written(test::FramesInMemory(grids), options);
       std::vector<uint8_t> expected = npy_frames_header(grids[0].spec, 3, std::nullopt, options);
       for (const Grid& grid : grids) {
-        const auto one = npy_occupancy(grid, options);
+        const auto one = npy_channel(grid, std::nullopt, options);
         expected.insert(expected.end(),
                         one.begin() + static_cast<std::ptrdiff_t>(npy_data_begin(one)), one.end());
       }
@@ -124,10 +128,10 @@ TEST_F(SequenceFormats, an_npz_is_a_consistent_zip) {
 TEST_F(SequenceFormats, dense_ones_have_a_limit_of_cells_in_all_frames) {
   GridSpec spec;
   spec.dims = {256, 256, 256};
-  for (const Format format : kFormats) {
+  for (const Format format : all_formats()) {
     EXPECT_TRUE(check_sequence_encodable(spec, 512, to(format)));
     const Status status = check_sequence_encodable(spec, 513, to(format));
-    const bool dense = format == Format::kNpy || format == Format::kNpz;
+    const bool dense = format_info(format).layout.is_dense();
     ASSERT_EQ(status.ok(), !dense);
     if (!dense) continue;
     EXPECT_EQ(status.error().code, ErrorCode::kGridTooLarge);
@@ -173,9 +177,9 @@ TEST_F(SequenceFormats, more_frames_than_the_editor_plays_are_written_with_a_war
   EXPECT_EQ(sequence_warnings(spec, 121, to(Format::kVox)).size(), 2U);
 }
 
-TEST_F(SequenceFormats, errors_of_the_source_and_of_the_file_are_told) {
+TEST_F(SequenceFormats, errors_of_the_source_and_of_the_file_are_returned) {
   const auto grids = test::mostly_static(3, {40, 30, 20}, 300, 4, kColor);
-  for (const Format format : kFormats) {
+  for (const Format format : all_formats()) {
     EXPECT_EQ(refused(Cancelled(grids), format).code, ErrorCode::kCancelled);
     const Status status = write_sequence(test::FramesInMemory(grids), to(format), path_ / "no");
     ASSERT_FALSE(status.ok());

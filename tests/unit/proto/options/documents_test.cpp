@@ -5,6 +5,7 @@
 //   parameters        the components of openapi.yaml, one per option
 //   list NAME ... [without NAME ...]
 //                     references to them; NAME is a scope, a group or an option
+//   grid types        media types of grids and sequences (proto/output_format.h)
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,6 +20,7 @@
 
 #include "proto/options/table.h"
 #include "proto/options/values.h"
+#include "proto/output_format.h"
 
 namespace voxeld {
 namespace {
@@ -174,12 +176,24 @@ Lines references(std::istringstream& words) {
   return lines;
 }
 
+Lines grid_types() {
+  Lines lines;
+  for (const FormatInfo& info : output_formats()) {
+    for (const std::string_view type : {info.media_type, info.sequence_media_type}) {
+      const std::string line = std::string(type) + ": {}";
+      if (std::ranges::find(lines, line) == lines.end()) lines.push_back(line);
+    }
+  }
+  return lines;
+}
+
 Lines part(const std::string& marker) {
   std::istringstream words(marker);
   std::string what;
   words >> what;
   if (what == "tables") return tables();
   if (what == "parameters") return parameters();
+  if (what == "grid") return grid_types();
   EXPECT_EQ(what, "list");
   return references(words);
 }
@@ -250,7 +264,7 @@ TEST(OptionDocuments, readme_has_every_option_of_the_table) {
 }
 
 TEST(OptionDocuments, openapi_has_every_option_of_the_table_and_the_routes_that_take_it) {
-  expect_current("proto/openapi.yaml", 15);
+  expect_current("proto/openapi.yaml", 17);
 }
 
 }  // namespace

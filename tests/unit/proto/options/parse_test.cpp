@@ -37,6 +37,12 @@ struct OptionCase {
   std::string expected;  // of the error for each bad one
 };
 
+std::vector<std::string> names_of_formats() {
+  std::vector<std::string> names;
+  for (const FormatInfo& info : output_formats()) names.emplace_back(info.name);
+  return names;
+}
+
 const std::map<std::string, OptionCase>& cases() {
   static const std::string kDims = "three integers from 1 to 16384, as in 64,128,32";
   static const std::string kVoxel = "one positive number, or three as in 0.1,0.1,0.2";
@@ -75,7 +81,7 @@ const std::map<std::string, OptionCase>& cases() {
       {"labels", {{}, {"meshes", ""}, "mesh | node | material | group"}},
       {"pipeline",
        {{"auto", "raster", "compute", "cpu"}, {"gpu", ""}, "auto | raster | compute | cpu"}},
-      {"format", {{"native", "npy", "npz", "vox"}, {"obj", ""}, format_names(" | ")}},
+      {"format", {names_of_formats(), {"obj", ""}, format_names(" | ")}},
       {"codec", {{"fast", "small"}, {"best", ""}, "fast | small"}},
       {"axes", {{"zyx", "xyz"}, {"yxz", ""}, "zyx | xyz"}},
       {"dtype", {{"uint8", "bool", "float32"}, {"float64", ""}, "uint8 | bool | float32"}},
