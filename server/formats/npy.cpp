@@ -6,8 +6,6 @@
 #include <limits>
 #include <optional>
 
-#include <nlohmann/json.hpp>
-
 #include "proto/codec/tile_runs.h"
 #include "server/base/cancel_point.h"
 #include "server/formats/extend_sign.h"
@@ -181,11 +179,7 @@ struct DistanceBackground {
 };
 
 DistanceBackground distance_background(const Grid& grid, auto member) {
-  const auto meta = nlohmann::json::parse(grid.meta_json, nullptr, false);
-  const auto options =
-      meta.is_object() && meta.contains("options") ? meta["options"] : nlohmann::json::object();
-  DistanceBackground background;
-  background.is_band = options.is_object() && options.value("fill", nlohmann::json()) == "band";
+  DistanceBackground background{.is_band = grid.meta.is_band()};
   int farthest = 1;
   for (const SparseTile& tile : grid.tiles) {
     for (const int16_t distance : tile.*member) farthest = std::max(farthest, std::abs(distance));

@@ -57,7 +57,7 @@ Status write_npz_sequence(const FrameSource& source, const OutputOptions& option
   VOXELD_TRY(zip.begin("voxel_size.npy"));
   VOXELD_TRY(zip.add(npy_doubles(header.voxel_size)));
   VOXELD_TRY(zip.begin("meta.npy"));
-  VOXELD_TRY(zip.add(npy_text(common.meta_json)));
+  VOXELD_TRY(zip.add(npy_text(header.meta_json)));
   return zip.finish();
 }
 

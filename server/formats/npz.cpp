@@ -23,7 +23,7 @@ Result<std::vector<uint8_t>> encode_npz(const Grid& grid, const OutputOptions& o
   const GridHeader header = container_header(grid);
   VOXELD_TRY(add("origin", npy_doubles(header.origin)));
   VOXELD_TRY(add("voxel_size", npy_doubles(header.voxel_size)));
-  VOXELD_TRY(add("meta", npy_text(grid.meta_json)));
+  VOXELD_TRY(add("meta", npy_text(header.meta_json)));
   VOXELD_TRY(zip.finish());
   return file.take_bytes();
 }

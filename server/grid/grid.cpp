@@ -30,7 +30,7 @@ Grid grid_of_header(const GridHeader& header) {
     grid.spec.voxel_size[c] = header.voxel_size[i];
   }
   grid.channels = header.channels;
-  grid.meta_json = header.meta_json;
+  grid.meta = GridMeta::parse(header.meta_json);
   return grid;
 }
 
@@ -50,7 +50,7 @@ GridHeader container_header(const Grid& grid) {
     header.voxel_size[i] = grid.spec.voxel_size[c];
   }
   header.channels = grid.channels;
-  header.meta_json = grid.meta_json;
+  header.meta_json = grid.meta.text();
   return header;
 }
 

@@ -4,11 +4,11 @@
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "proto/codec/sparse_tile.h"
 #include "proto/container/grid_format.h"
+#include "server/grid/grid_meta.h"
 #include "server/grid/grid_spec.h"
 
 namespace voxeld {
@@ -17,7 +17,7 @@ struct Grid {
   GridSpec spec;
   ChannelSet channels;
   std::vector<SparseTile> tiles;  // occupied ones only, ascending Morton order of coord
-  std::string meta_json = "{}";   // see JobResult::meta_json; carried by every format
+  GridMeta meta;
 
   uint64_t voxel_count() const;
 };

@@ -56,7 +56,7 @@ LevelTiles::LevelTiles(const TileSource& source, int level, LevelRule rule)
   const Grid& grid = source.grid();
   grid_.spec = level_spec(grid.spec, level);
   grid_.channels = grid.channels;
-  grid_.meta_json = grid.meta_json;
+  grid_.meta = grid.meta;
   // Source tiles under one tile are consecutive in Morton order.
   for (size_t i = 0; i < source.coords().size(); ++i) {
     TileCoord coord = source.coords()[i];

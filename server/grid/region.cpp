@@ -118,7 +118,7 @@ RegionTiles::RegionTiles(const TileSource& source, const CellBox& box)
   grid_.spec.dims = box.max - box.min;
   grid_.spec.origin_world = grid.spec.world_from_grid(glm::dvec3(box.min));
   grid_.channels = grid.channels;
-  grid_.meta_json = grid.meta_json;
+  grid_.meta = grid.meta;
   for (const TileCoord& coord : source.coords()) {
     const glm::ivec3 low = glm::max(first_cell(coord), box.min) - box.min;
     const glm::ivec3 high = glm::min(first_cell(coord) + limits::kTileSide, box.max) - box.min;

@@ -23,7 +23,7 @@ Grid without_tiles(const Grid& grid) {
   Grid copy;
   copy.spec = grid.spec;
   copy.channels = grid.channels;
-  copy.meta_json = grid.meta_json;
+  copy.meta = grid.meta;
   return copy;
 }
 

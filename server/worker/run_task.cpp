@@ -101,7 +101,7 @@ Status export_grid(TaskRun& run) {
   VOXELD_TRY(check_one_grid(options.animation));
   if (selects(options.output) || options.output.format == Format::kNative) {
     VOXELD_ASSIGN(const auto input, GridInput::open(run, run.task.input_path));
-    add_input_meta(run, input->tiles().grid().meta_json);
+    add_input_meta(run, input->tiles().grid().meta);
     return write_selection(run, input->tiles(), options.output);
   }
   VOXELD_ASSIGN(const auto grid, load_input_grid(run));

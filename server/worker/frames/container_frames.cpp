@@ -17,15 +17,6 @@ namespace {
 
 using nlohmann::json;
 
-json parsed_meta(const std::string& text) {
-  json meta = json::parse(text, nullptr, false);
-  return meta.is_object() ? meta : json::object();
-}
-
-std::string text_of(const json& meta) {
-  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
-}
-
 // Adds the frame's number to an error about its container.
 Error of_frame(size_t frame, Error error) {
   if (error.code == ErrorCode::kBadRequest) {
@@ -99,10 +90,10 @@ Result<MadeSequence> open_sequence(TaskRun& run, const AnimationOptions& options
   for (size_t k = range.begin; k < range.end; ++k) {
     selected.paths.emplace_back(run.task.frame_paths[k]);
   }
-  json meta = parsed_meta(selected.manifest.meta_json);
-  meta["frames"] = frames.size();
-  selected.manifest.meta_json = text_of(meta);
-  add_input_meta(run, selected.manifest.meta_json);
+  const GridMeta meta =
+      GridMeta::parse(selected.manifest.meta_json).with({{"frames", frames.size()}});
+  selected.manifest.meta_json = meta.text();
+  add_input_meta(run, meta);
   return selected;
 }
 
@@ -112,15 +103,14 @@ Result<ContainerFrames> ContainerFrames::open(TaskRun& run, const MadeSequence& 
   const GridSpec spec = sequence_spec(sequence.manifest);
   VOXELD_ASSIGN(source.common_.spec, selected_spec(spec, output));
   source.common_.channels = sequence.manifest.channels;
-  json meta = parsed_meta(sequence.manifest.meta_json);
+  source.common_.meta = GridMeta::parse(sequence.manifest.meta_json);
   if (selects(output)) {
     Grid whole;
     whole.spec = spec;
-    meta.update(selection_facts(whole, output));
-    json place = grid_facts(source.common_, 0, "");
-    for (const char* name : {"dims", "origin", "voxel_size"}) meta[name] = place[name];
+    json facts = selection_facts(whole, output);
+    facts.update(place_facts(source.common_.spec));
+    source.common_.meta = source.common_.meta.with(facts);
   }
-  source.common_.meta_json = text_of(meta);
   return source;
 }
 
@@ -159,7 +149,7 @@ Status SequenceBeside::begin(const SequenceManifest& manifest) {
   Grid common;
   common.spec = spec_ = sequence_spec(manifest);
   common.channels = manifest.channels;
-  common.meta_json = text_of(parsed_meta(manifest.meta_json));
+  common.meta = GridMeta::parse(manifest.meta_json);
   path_ = run_.scratch / (run_.task.id + "-sequence");
   VOXELD_ASSIGN(file_, NativeSequence::create(common, manifest.fps, output_.codec, path_));
   return {};

@@ -36,8 +36,7 @@ bool is_of_this_version(const std::string& path) {
   const auto file = MappedFile::open(path);
   const auto reader = file ? GridReader::open(file->bytes()) : file.error();
   if (!reader) return false;
-  const json meta = json::parse(reader->header().meta_json, nullptr, false);
-  return meta.is_object() && meta.value("algorithm_version", 0) == kAlgorithmVersion;
+  return GridMeta::parse(reader->header().meta_json).algorithm_version() == kAlgorithmVersion;
 }
 
 // Writes the meta of the frames' containers, which is equal for equal frames.
@@ -147,7 +146,7 @@ class FrameLoop {
     run_.monitor.set_preemptible(false);
     run_.slice.end();
     VOXELD_TRY(side.wait());
-    add_making_meta(run_, made.manifest.meta_json, stats_);
+    add_making_meta(run_, meta_, stats_);
     return made;
   }
 
@@ -220,14 +219,14 @@ class FrameLoop {
     made.manifest.voxel_size = {size.x, size.y, size.z};
     made.manifest.channels = common.channels;
     made.manifest.fps = clip_.times.fps;
-    json facts = grid_facts(common, 0, "");
-    facts.erase("voxel_count");
-    facts.erase("content_hash");
+    json facts = place_facts(common.spec);
+    facts["channels"] = channel_facts(common.channels);
     facts["animation"] = animation_facts(clip_);
     facts["frames"] = clip_.times.times_s.size();
     facts["fps"] = clip_.times.fps;
-    made.manifest.meta_json = container_meta(meta.task, meta.scene, grid_options(options_), facts,
-                                             std::nullopt, meta.topology, options_.voxelize.labels);
+    meta_ = container_meta(meta.task, meta.scene, grid_options(options_), facts, std::nullopt,
+                           meta.topology, options_.voxelize.labels);
+    made.manifest.meta_json = meta_.text();
   }
 
   TaskRun& run_;
@@ -237,6 +236,7 @@ class FrameLoop {
   Moved next_;
   Pose pose_;  // of the frame that is voxelized
   VoxelizeStats stats_;
+  GridMeta meta_;  // of the sequence
 };
 
 }  // namespace

@@ -102,8 +102,8 @@ Status GridFile::write_part(const std::filesystem::path& path, const std::string
   return begin_parts();
 }
 
-Status GridFile::finish(const std::string& meta_json) {
-  VOXELD_ASSIGN(const std::vector<uint8_t> front, writer_->finish(meta_json));
+Status GridFile::finish(const GridMeta& meta) {
+  VOXELD_ASSIGN(const std::vector<uint8_t> front, writer_->finish(meta.text()));
   VOXELD_ASSIGN(const UniqueFd file, create(path_));
   VOXELD_TRY(write_all(file.get(), front));
   if (spilled_.valid()) VOXELD_TRY(copy_rest(spilled_, 0, file, spill_path()));

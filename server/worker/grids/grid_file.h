@@ -42,7 +42,7 @@ class GridFile {
   // Adds tiles of a container with the same channels and codecs.
   Status add_encoded(std::span<const EncodedTile> tiles);
   // Writes the file at path().
-  Status finish(const std::string& meta_json);
+  Status finish(const GridMeta& meta);
   // Starts the parts: the first begins with the next tile.
   Status begin_parts();
   // Writes a container of the tiles added since the last part.

@@ -23,14 +23,12 @@ using nlohmann::json;
 constexpr int64_t kTilesResident = 64;
 
 // The meta of a selection's container.
-std::string selection_meta(const TileSource& source, const OutputOptions& output,
-                           const json& grid_facts) {
-  if (!selects(output)) return source.grid().meta_json;
-  json meta = json::parse(source.grid().meta_json, nullptr, false);
-  if (!meta.is_object()) meta = json::object();
-  meta.update(selection_facts(source.grid(), output));
-  meta.update(grid_facts);
-  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+GridMeta selection_meta(const TileSource& source, const OutputOptions& output,
+                        const json& grid_facts) {
+  if (!selects(output)) return source.grid().meta;
+  json facts = selection_facts(source.grid(), output);
+  facts.update(grid_facts);
+  return source.grid().meta.with(facts);
 }
 
 Status write_native(TaskRun& run, const TileSource& source, const TileSource& tiles,
@@ -42,9 +40,9 @@ Status write_native(TaskRun& run, const TileSource& source, const TileSource& ti
   VOXELD_TRY(for_each_batch(
       tiles, [&](std::vector<SparseTile> batch) { return sink.add(std::move(batch)); }));
   const json facts = grid_facts(tiles.grid(), sink.voxel_count(), sink.finish_hash());
-  const std::string meta = selection_meta(source, output, facts);
+  const GridMeta meta = selection_meta(source, output, facts);
   VOXELD_TRY(file.finish(meta));
-  add_meta(run, json::parse(meta, nullptr, false));
+  add_meta(run, meta.members());
   add_meta(run, facts);
   const bool is_grid = selects(output) && output.codec == OutputOptions{}.codec;
   list_output(run, path, is_grid ? "grid result" : "result", format_media_type(Format::kNative),
@@ -60,8 +58,8 @@ Status write_other(TaskRun& run, const TileSource& source, const TileSource& til
     return {};
   }));
   const json facts = grid_facts(grid, grid.voxel_count(), content_hash(grid));
-  grid.meta_json = selection_meta(source, output, facts);
-  add_meta(run, json::parse(grid.meta_json, nullptr, false));
+  grid.meta = selection_meta(source, output, facts);
+  add_meta(run, grid.meta.members());
   add_meta(run, facts);
   VOXELD_ASSIGN(const std::vector<uint8_t> bytes, encode(grid, output));
   add_warnings(run, encode_warnings(grid.spec, output));
@@ -72,7 +70,6 @@ Status write_other(TaskRun& run, const TileSource& source, const TileSource& til
 }  // namespace
 
 json selection_facts(const Grid& whole, const OutputOptions& output) {
-  const json meta = json::parse(whole.meta_json, nullptr, false);
   json facts = {{"level", output.level}};
   if (output.level > 0) {
     facts["level_rule"] =
@@ -81,9 +78,8 @@ json selection_facts(const Grid& whole, const OutputOptions& output) {
   if (output.region) facts["region"] = *output.region;
   const glm::ivec3 dims = whole.spec.dims;
   facts["of"] = {{"dims", {dims.x, dims.y, dims.z}}};
-  if (meta.is_object() && meta.contains("content_hash")) {
-    facts["of"]["content_hash"] = meta["content_hash"];
-  }
+  const std::string hash = whole.meta.content_hash();
+  if (!hash.empty()) facts["of"]["content_hash"] = hash;
   return facts;
 }
 

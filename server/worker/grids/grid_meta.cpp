@@ -94,9 +94,9 @@ json frame_grid_options(const RequestOptions& options) {
   return kept;
 }
 
-std::string container_meta(const Task& task, const Scene& scene, const json& options,
-                           const json& facts, const std::optional<FillStats>& fill,
-                           const std::optional<MeshTopology>& topology, LabelKind labels) {
+GridMeta container_meta(const Task& task, const Scene& scene, const json& options,
+                        const json& facts, const std::optional<FillStats>& fill,
+                        const std::optional<MeshTopology>& topology, LabelKind labels) {
   json meta = {{"source_hash", task.input_hash},
                {"source_format", scene.format},
                {"source_triangles", scene.triangle_count()},
@@ -113,11 +113,11 @@ std::string container_meta(const Task& task, const Scene& scene, const json& opt
   if (has("label")) meta["labels"] = describe_ids(id_names(scene, labels));
   meta["mesh"] = describe_mesh(topology, fill);
   if (fill) meta["solid"] = describe_fill(*fill, topology);
-  return meta.dump(-1, ' ', false, json::error_handler_t::replace);
+  return GridMeta(std::move(meta));
 }
 
-void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats) {
-  add_meta(run, response_meta(json::parse(container_meta)));
+void add_making_meta(TaskRun& run, const GridMeta& container_meta, const VoxelizeStats& stats) {
+  add_meta(run, response_meta(container_meta.members()));
   add_meta(run, device_facts(run.engine));
   add_meta(run, {{"triangles", stats.triangles},
                  {"tiles", stats.tiles},
@@ -129,24 +129,31 @@ void add_making_meta(TaskRun& run, const std::string& container_meta, const Voxe
   add_meta(run, {{"passes_ms", passes}});
 }
 
-void add_input_meta(TaskRun& run, const std::string& container_meta) {
-  const json meta = json::parse(container_meta, nullptr, false);
-  if (meta.is_object()) add_meta(run, response_meta(meta));
+void add_input_meta(TaskRun& run, const GridMeta& container_meta) {
+  add_meta(run, response_meta(container_meta.members()));
   add_meta(run, device_facts(run.engine));
 }
 
-json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash) {
-  json channels = json::array({"occupancy"});
-  for (const ChannelInfo& info : kChannels) {
-    if (grid.channels.has(info.channel)) channels.push_back(info.name);
-  }
-  const GridSpec& spec = grid.spec;
+json place_facts(const GridSpec& spec) {
   return {{"dims", {spec.dims.x, spec.dims.y, spec.dims.z}},
           {"origin", {spec.origin_world.x, spec.origin_world.y, spec.origin_world.z}},
-          {"voxel_size", {spec.voxel_size.x, spec.voxel_size.y, spec.voxel_size.z}},
-          {"voxel_count", voxel_count},
-          {"channels", channels},
-          {"content_hash", content_hash}};
+          {"voxel_size", {spec.voxel_size.x, spec.voxel_size.y, spec.voxel_size.z}}};
+}
+
+json channel_facts(const ChannelSet& channels) {
+  json names = json::array({"occupancy"});
+  for (const ChannelInfo& info : kChannels) {
+    if (channels.has(info.channel)) names.push_back(info.name);
+  }
+  return names;
+}
+
+json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash) {
+  json facts = place_facts(grid.spec);
+  facts.update({{"voxel_count", voxel_count},
+                {"channels", channel_facts(grid.channels)},
+                {"content_hash", content_hash}});
+  return facts;
 }
 
 json grid_facts(const LoadedGrid& loaded) {

@@ -26,15 +26,18 @@ nlohmann::json frame_grid_options(const RequestOptions& options);
 // tiles in `grid` are ignored.
 nlohmann::json grid_facts(const Grid& grid, uint64_t voxel_count, const std::string& content_hash);
 nlohmann::json grid_facts(const LoadedGrid& grid);
+// Its parts: dims, origin and voxel_size; and the list of the channels' names.
+nlohmann::json place_facts(const GridSpec& spec);
+nlohmann::json channel_facts(const ChannelSet& channels);
 
 // The meta object of every container. It does not mention pipeline, device or time. facts: of
 // grid_facts() and others.
-std::string container_meta(const Task& task, const Scene& scene, const nlohmann::json& options,
-                           const nlohmann::json& facts, const std::optional<FillStats>& fill,
-                           const std::optional<MeshTopology>& topology, LabelKind labels);
+GridMeta container_meta(const Task& task, const Scene& scene, const nlohmann::json& options,
+                        const nlohmann::json& facts, const std::optional<FillStats>& fill,
+                        const std::optional<MeshTopology>& topology, LabelKind labels);
 // Adds facts about the making of a grid or sequence, and its container's meta, to the task's meta.
-void add_making_meta(TaskRun& run, const std::string& container_meta, const VoxelizeStats& stats);
+void add_making_meta(TaskRun& run, const GridMeta& container_meta, const VoxelizeStats& stats);
 // Adds the container's meta, and this device, to the task's meta.
-void add_input_meta(TaskRun& run, const std::string& container_meta);
+void add_input_meta(TaskRun& run, const GridMeta& container_meta);
 
 }  // namespace voxeld

@@ -47,7 +47,7 @@ Result<std::shared_ptr<const LoadedGrid>> load_input_grid(TaskRun& run) {
     cache.grid = std::make_shared<const LoadedGrid>(LoadedGrid{std::move(grid), std::move(hash)});
     cache.grid_key = run.task.input_hash;
   }
-  add_input_meta(run, cache.grid->grid.meta_json);
+  add_input_meta(run, cache.grid->grid.meta);
   VOXELD_TRY(run.monitor.check());
   return cache.grid;
 }
@@ -88,9 +88,9 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   VOXELD_TRY(made);
   const StageTimer stage(run, "encode");
   const std::string hash = output.finish_hash();
-  const std::string meta = container_meta(run.task, scene, grid_options(options),
-                                          grid_facts(output.grid(), output.voxel_count(), hash),
-                                          stats.fill, mesh.get(), options.voxelize.labels);
+  const GridMeta meta = container_meta(run.task, scene, grid_options(options),
+                                       grid_facts(output.grid(), output.voxel_count(), hash),
+                                       stats.fill, mesh.get(), options.voxelize.labels);
   add_making_meta(run, meta, stats);
   for (GridFile* one : files) VOXELD_TRY(one->finish(meta));
   const std::string_view type = format_media_type(Format::kNative);
@@ -102,7 +102,7 @@ Result<WrittenGrid> voxelize_to_file(TaskRun& run, const SceneInput& input,
   VOXELD_ASSIGN(written.id, sha256_file_id(file.path()));
   if (output.has_tiles()) {
     written.kept = LoadedGrid{output.take_grid(), hash};
-    written.kept->grid.meta_json = meta;
+    written.kept->grid.meta = meta;
   }
   VOXELD_TRY(run.monitor.check());
   return written;

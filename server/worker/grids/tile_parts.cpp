@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "proto/messages/json_fields.h"
 #include "proto/messages/task_api.h"
 #include "server/base/algorithm_version.h"
 #include "server/base/file.h"
@@ -22,18 +23,30 @@ using nlohmann::json;
 // jobs then have fewer than kPartsMax.
 constexpr int64_t kPartsBeforeDoubling = 512;
 
+// The meta of a part: how far the job is with it.
+struct PartSteps {
+  int algorithm_version = 0;
+  uint64_t steps_done = 0;  // that this part and those before it cover
+  uint64_t steps = 0;       // of the whole job
+};
+void visit_fields(IsA<PartSteps> auto& part, auto& visit) {
+  visit.name("part");
+  visit(kRequired, "algorithm_version", part.algorithm_version);
+  visit(kRequired, "steps_done", part.steps_done);
+  visit(kRequired, "steps", part.steps);
+}
+
 // The steps that all parts up to this one cover; 0 if it does not belong to this work.
 size_t steps_of(const GridHeader& part, size_t steps, const GridHeader& header) {
-  const json meta = json::parse(part.meta_json, nullptr, false);
-  if (!meta.is_object() || meta.value("algorithm_version", 0) != kAlgorithmVersion ||
-      meta.value("steps", size_t{0}) != steps) {
+  PartSteps made;
+  if (!read_fields(json::parse(part.meta_json, nullptr, false), made) ||
+      made.algorithm_version != kAlgorithmVersion || made.steps != steps) {
     return 0;
   }
   const bool is_same = part.dims == header.dims && part.origin == header.origin &&
                        part.voxel_size == header.voxel_size && part.channels == header.channels &&
                        part.codecs == header.codecs;
-  const size_t done = meta.value("steps_done", size_t{0});
-  return is_same && done <= steps ? done : 0;
+  return is_same && made.steps_done <= steps ? made.steps_done : 0;
 }
 
 }  // namespace
@@ -99,9 +112,8 @@ Status TileParts::reached(GridFile& file, size_t steps_done) {
   if (!has_room || !(preempts || is_time())) return {};
   const std::filesystem::path path =
       run_.scratch / (run_.task.id + "-part-" + std::to_string(position_));
-  const json meta = {
-      {"algorithm_version", kAlgorithmVersion}, {"steps_done", steps_done}, {"steps", steps_}};
-  Status kept = file.write_part(path, meta.dump());
+  const PartSteps meta = {kAlgorithmVersion, steps_done, steps_};
+  Status kept = file.write_part(path, fields_json<json>(meta).dump());
   if (kept) kept = run_.monitor.report_part(position_, path);
   since_last_.lap();
   if (kept) {

@@ -85,9 +85,8 @@ bool likely_fits(const TileSource& source, int level, const ImageLimits& limits)
 }
 
 std::string known_hash(const Grid& grid) {
-  const json meta = json::parse(grid.meta_json, nullptr, false);
-  const auto hash = meta.is_object() ? meta.find("content_hash") : meta.end();
-  return hash != meta.end() && hash->is_string() ? hash->get<std::string>() : content_hash(grid);
+  std::string hash = grid.meta.content_hash();
+  return hash.empty() ? content_hash(grid) : hash;
 }
 
 // Finds the grid for one image.
@@ -172,7 +171,7 @@ class Finder {
     InputCache& cache = run_.engine.cache;
     key = part_key(seen, level);
     if (cache.image != nullptr && cache.image_key == key) {
-      tell_part(cache.image->grid, seen);
+      tell_part(*cache.image, seen);
       return cache.image;
     }
     cache.image.reset();
@@ -186,10 +185,10 @@ class Finder {
         return Error{ErrorCode::kGridTooLarge, "the grid cannot be drawn in the memory there is",
                      std::to_string(limits_.bytes_max) + " bytes", "more at every level"};
       }
-      grid->meta_json = json{{"level", level}}.dump();
-      cache.image = std::make_shared<const LoadedGrid>(LoadedGrid{*std::move(grid), std::string()});
+      cache.image =
+          std::make_shared<const LoadedGrid>(LoadedGrid{*std::move(grid), std::string(), level});
       cache.image_key = key;
-      tell_part(cache.image->grid, seen);
+      tell_part(*cache.image, seen);
       return cache.image;
     }
   }
@@ -206,9 +205,8 @@ class Finder {
     return name.dump();
   }
 
-  void tell_part(const Grid& grid, const TileSource& seen) {
-    const json meta = json::parse(grid.meta_json, nullptr, false);
-    tell(meta["level"].get<int>(), seen.coords().size(), grid.voxel_count());
+  void tell_part(const LoadedGrid& part, const TileSource& seen) {
+    tell(part.level, seen.coords().size(), part.grid.voxel_count());
   }
 
   void tell(int level, size_t tiles, uint64_t voxels) {

@@ -77,7 +77,7 @@ Status draw_scene(TaskRun& run, const SceneInput& scene, const std::string& key,
 Result<bool> write_cached_grid(TaskRun& run, const std::string& key) {
   const InputCache& cache = run.engine.cache;
   if (cache.grid == nullptr || cache.grid_key != key) return false;
-  add_input_meta(run, cache.grid->grid.meta_json);
+  add_input_meta(run, cache.grid->grid.meta);
   VOXELD_TRY(write_grid(run, cache.grid->grid));
   return true;
 }
@@ -156,7 +156,7 @@ Status render_grid(TaskRun& run, const RequestOptions& options) {
   {
     const StageTimer stage(run, "parse");
     VOXELD_ASSIGN(const DrawnInput input, open_drawn(run, run.task.input_path, key));
-    add_input_meta(run, input.tiles().grid().meta_json);
+    add_input_meta(run, input.tiles().grid().meta);
   }
   return draw_grid(run, run.task.input_path, key, options);
 }

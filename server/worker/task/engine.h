@@ -30,6 +30,7 @@ inline constexpr std::chrono::milliseconds kPartInterval{5000};
 struct LoadedGrid {
   Grid grid;
   std::string content_hash;
+  int level = 0;  // of detail
 };
 
 // The last used input of each kind. A client that turns a model requests the same grid again and

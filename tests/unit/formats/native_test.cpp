@@ -26,7 +26,7 @@ TEST(Native, random_grids_come_back) {
     const auto back = grid_from_container(native(grid));
     ASSERT_TRUE(back) << back.error().message();
     EXPECT_TRUE(back->tiles == grid.tiles);
-    EXPECT_EQ(back->meta_json, grid.meta_json);
+    EXPECT_EQ(back->meta, grid.meta);
     EXPECT_EQ(content_hash(*back), content_hash(grid));
   }
 }

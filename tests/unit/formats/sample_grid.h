@@ -17,7 +17,7 @@ inline Grid grid_of(const std::array<int, 3>& dims, const std::vector<TestVoxel>
   grid.spec.origin_world = {-1.5, 0.25, 1e10};
   grid.spec.voxel_size = {0.5, 0.25, 0.125};
   grid.channels = channels;
-  grid.meta_json = R"({"units":"mm"})";
+  grid.meta = GridMeta::parse(R"({"units":"mm"})");
   grid.tiles = tiles_of(voxels, channels);
   normalize_tiles(grid);
   return grid;

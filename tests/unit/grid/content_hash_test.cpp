@@ -46,7 +46,7 @@ TEST(ContentHash, does_not_depend_on_the_order_of_tiles_nor_on_empty_ones_nor_on
   EXPECT_EQ(content_hash(other), content_hash(grid));
   other.tiles.insert(other.tiles.begin() + 1, SparseTile{});
   EXPECT_EQ(content_hash(other), content_hash(grid));
-  other.meta_json = R"({"device":"another"})";
+  other.meta = GridMeta::parse(R"({"device":"another"})");
   EXPECT_EQ(content_hash(other), content_hash(grid));
 }
 

@@ -17,7 +17,7 @@ Grid random_grid(uint32_t seed) {
   grid.spec.voxel_size = {0.1, 0.1, 0.3};
   grid.channels.color = true;
   grid.channels.normal = true;
-  grid.meta_json = R"({"units":"cm"})";
+  grid.meta = GridMeta::parse(R"({"units":"cm"})");
   grid.tiles = test::tiles_of(test::random_voxels(random, {520, 300, 260}, 2000), true, true);
   return grid;
 }
@@ -54,7 +54,7 @@ TEST(Grid, comes_back_from_its_container) {
   EXPECT_EQ(back->spec.voxel_size, grid.spec.voxel_size);
   EXPECT_EQ(back->channels.color, grid.channels.color);
   EXPECT_EQ(back->channels.normal, grid.channels.normal);
-  EXPECT_EQ(back->meta_json, grid.meta_json);
+  EXPECT_EQ(back->meta, grid.meta);
   EXPECT_TRUE(back->tiles == grid.tiles);
 }
 
@@ -67,6 +67,31 @@ TEST(Grid, a_container_with_one_broken_tile_is_refused) {
   ASSERT_FALSE(back);
   EXPECT_EQ(back.error().code, ErrorCode::kBadRequest);
   EXPECT_TRUE(back.error().message().starts_with("grid container, stream: "));
+}
+
+TEST(GridMeta, members_of_another_type_count_as_absent) {
+  const GridMeta meta =
+      GridMeta::parse(R"({"content_hash":7,"algorithm_version":"6","options":{"fill":["band"]}})");
+  EXPECT_EQ(meta.content_hash(), "");
+  EXPECT_EQ(meta.algorithm_version(), 0);
+  EXPECT_FALSE(meta.is_band());
+  for (const char* text : {"", "[1]", "null", "{", "{\"options\":3}"}) {
+    EXPECT_FALSE(GridMeta::parse(text).is_band()) << text;
+  }
+  EXPECT_EQ(GridMeta::parse("[1]").text(), "{}");
+}
+
+TEST(GridMeta, typed_members_are_those_of_the_text_and_others_are_carried) {
+  const std::string text =
+      R"({"algorithm_version":6,"content_hash":"sha256-a","options":{"fill":"band"},"units":"m"})";
+  const GridMeta meta = GridMeta::parse(text);
+  EXPECT_EQ(meta.content_hash(), "sha256-a");
+  EXPECT_EQ(meta.algorithm_version(), 6);
+  EXPECT_TRUE(meta.is_band());
+  EXPECT_EQ(meta.text(), text);
+  const GridMeta more = meta.with({{"content_hash", "sha256-b"}});
+  EXPECT_EQ(more.content_hash(), "sha256-b");
+  EXPECT_EQ(meta.content_hash(), "sha256-a") << "the first one is as it was";
 }
 
 }  // namespace

@@ -82,7 +82,7 @@ TEST_F(GridFileTest, has_the_bytes_of_a_container_written_at_once) {
         feed(grid, output);
         EXPECT_EQ(output.finish_hash(), content_hash(grid));
         EXPECT_EQ(output.voxel_count(), grid.voxel_count());
-        ASSERT_TRUE(file.finish(grid.meta_json).ok());
+        ASSERT_TRUE(file.finish(grid.meta).ok());
       }
       const auto written = read_file(folder_ / "grid");
       ASSERT_TRUE(written.ok());
@@ -103,7 +103,7 @@ TEST_F(GridFileTest, tiles_stay_as_long_as_there_is_room_or_they_are_wanted) {
       EXPECT_EQ(output.has_tiles(), stays);
       EXPECT_EQ(output.keeps_tiles(), keep);
       EXPECT_EQ(output.grid().tiles.size(), stays ? grid.tiles.size() : 0u);
-      ASSERT_TRUE(file.finish("{}").ok());
+      ASSERT_TRUE(file.finish(GridMeta()).ok());
     }
   }
 }
@@ -112,7 +112,7 @@ TEST_F(GridFileTest, says_where_it_cannot_write) {
   GridFile file(folder_ / "nowhere" / "grid", Codec::kFast, 0);
   GridOutput output({&file}, false);
   Grid place = sheet();
-  ASSERT_TRUE(output.begin(Grid{place.spec, {}, {}, "{}"}).ok());
+  ASSERT_TRUE(output.begin(Grid{place.spec, {}, {}, {}}).ok());
   const Status status = output.add(place.tiles);
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().message(), "create grid.tiles: No such file or directory");
