@@ -46,7 +46,7 @@ def main():
         for number in range(arguments.rounds):
             facts.append(soak.run_round(number, arguments.minutes * 60 / arguments.rounds))
             print(json.dumps(facts[-1]), flush=True)
-        print(json.dumps({"answers": soak.answers, "wrong": len(soak.wrong)}))
+        print(json.dumps({"responses": soak.responses, "wrong": len(soak.wrong)}))
         for line in soak.wrong[:20]:
             print("WRONG", line)
     found = grown(differences, facts[min(1, len(facts) - 1)], facts[-1])

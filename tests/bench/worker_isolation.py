@@ -42,10 +42,10 @@ def measure(device, tenant_count, rounds, pause):
             for name in names:
                 for mode in MODES:
                     begin = time.monotonic()
-                    answer = daemons[mode].tenants[name].post(
+                    response = daemons[mode].tenants[name].post(
                         "/v1/voxelize?size=32&cache=no&filename=a.ply", mesh)
-                    if answer.status != 200:
-                        sys.exit(f"{mode}: {answer.status} {answer.body[:200]}")
+                    if response.status != 200:
+                        sys.exit(f"{mode}: {response.status} {response.body[:200]}")
                     if number > 0:  # the first round fills caches of files and pages
                         times_ms[mode].append((time.monotonic() - begin) * 1000)
                 time.sleep(pause)

@@ -90,26 +90,26 @@ class Soak(TenantsDaemon):
         self.bad = sorted((self.fixtures / "bad").iterdir())
         self.stop = threading.Event()
         self.lock = threading.Lock()
-        self.answers, self.wrong = {}, []
+        self.responses, self.wrong = {}, []
 
     # --- what clients do; each returns when it has done one thing
 
     def ask(self, tenant, method, path, expected, body=None, headers=None):
-        """The answer, which has to be one of the statuses or a refusal that says when to come again."""
+        """The response. Its status must be in `expected`, or it is a refusal with Retry-After."""
         if isinstance(body, (dict, list)):
             body, headers = json.dumps(body), {"Content-Type": "application/json", **(headers or {})}
         response = self.tenants[tenant].request(method, path, body, headers)
         with self.lock:
-            self.answers[response.status] = self.answers.get(response.status, 0) + 1
+            self.responses[response.status] = self.responses.get(response.status, 0) + 1
             if response.status not in expected:
                 self.wrong.append(f"{method} {path}: {response.status} {response.body[:300]!r}")
         return response
 
     def upload(self, tenant, chance):
         path = chance.choice(self.meshes)
-        answer = self.ask(tenant, "POST", "/v1/assets?filename=" + path.name, {200, 201},
+        response = self.ask(tenant, "POST", "/v1/assets?filename=" + path.name, {200, 201},
                           path.read_bytes())
-        return answer.json()["id"]
+        return response.json()["id"]
 
     def convert(self, tenant, chance):
         """Upload, job, wait, result whole and in part, another format, an image."""
@@ -162,7 +162,7 @@ class Soak(TenantsDaemon):
         self.ask(tenant, "GET", "/v1/jobs/" + "%x" % chance.getrandbits(40), {400, 404})
 
     def be_rude(self, tenant, chance):
-        """Part of a request, or part of an answer, and away."""
+        """Closes within a request, or within a response."""
         key = self.tenants[tenant].key
         body = self.meshes[1].read_bytes()
         request = (f"POST /v1/voxelize?size=48&filename=a.glb HTTP/1.1\r\nHost: localhost\r\nAuthorization: "
@@ -253,4 +253,4 @@ class Soak(TenantsDaemon):
                 "workers_rss_kb": sorted(status_of(pid)["rss_kb"] for pid in children(gateway)),
                 "workers_descriptors": sorted(sum(descriptors(pid).values())
                                               for pid in children(gateway)),
-                "data_bytes": folder_bytes(self.data_dir), "requests": sum(self.answers.values())}
+                "data_bytes": folder_bytes(self.data_dir), "requests": sum(self.responses.values())}

@@ -183,7 +183,7 @@ class Errors(DaemonTest):
             raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n"
                         b"Transfer-Encoding: chunked\r\n\r\n")
             chunk = b"100000\r\n" + b"x" * 0x100000 + b"\r\n"
-            answer = b""
+            response = b""
             try:
                 for _ in range(40):
                     raw.sendall(chunk)
@@ -191,18 +191,18 @@ class Errors(DaemonTest):
                 pass
             try:
                 while part := raw.recv(65536):
-                    answer += part
+                    response += part
             except OSError:
                 pass
-            if answer:
-                self.assertIn(b" 413 ", answer.split(b"\r\n")[0])
+            if response:
+                self.assertIn(b" 413 ", response.split(b"\r\n")[0])
         PROVOKED.add("payload-too-large")
 
     def test_a_post_without_length(self):
         with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=30) as raw:
             raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            answer = raw.recv(65536)
-        self.assertIn(b" 411 ", answer.split(b"\r\n")[0])
+            response = raw.recv(65536)
+        self.assertIn(b" 411 ", response.split(b"\r\n")[0])
         PROVOKED.add("length-required")
 
     def test_a_grid_has_no_frames(self):

@@ -91,9 +91,9 @@ class Contended(unittest.TestCase):
         self.assertEqual(newest["priority"], -7)
         for query, got in (("priority=101", "101"), ("priority=x", "x"), ("deadline_ms=0", "0"),
                            ("deadline_ms=99999999999999999999", "9999")):
-            answer = b.post("/v1/voxelize?size=20&" + query, body)
-            self.assertEqual((answer.status, answer.json()["code"]), (400, "invalid-option"))
-            self.assertIn(got, answer.json()["got"])
+            response = b.post("/v1/voxelize?size=20&" + query, body)
+            self.assertEqual((response.status, response.json()["code"]), (400, "invalid-option"))
+            self.assertIn(got, response.json()["got"])
 
     def test_what_tenants_had_of_the_device_is_measured(self):
         self.load.tenants["b"].wait(self.load.submit("b", SMALL))

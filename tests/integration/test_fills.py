@@ -157,7 +157,7 @@ class Fills(DaemonTest):
         _, meta = self.voxelize(off_file(FACES), "size=20")
         self.assertNotIn("solid", meta)
 
-    def test_every_answer_says_how_the_mesh_closes(self):
+    def test_every_response_reports_how_the_mesh_closes(self):
         _, meta = self.voxelize(off_file(FACES[:-2]), "size=20")
         mesh = meta["mesh"]
         self.assertEqual(mesh["open_edges"], 4)

@@ -95,7 +95,7 @@ class OneShotWithoutGl(OneShot):
     device = "cpu"
     pipelines = ("cpu",)
 
-    def test_what_ran_and_why_is_in_the_answer(self):
+    def test_the_response_names_pipeline_and_device(self):
         response = self.daemon.post("/v1/voxelize?size=32&filename=sample.ply&cache=no",
                                     self.fixture("sample.ply"))
         self.assertEqual(response.status, 200, response.body)

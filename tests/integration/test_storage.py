@@ -186,7 +186,7 @@ class FullDisk(Storage):
             os.unlink(self.disk + "/hog")
         for asset in assets[:3]:
             self.assertEqual(daemon.request("DELETE", "/v1/assets/" + asset).status, 204)
-        self.wait_ready(daemon, 200)  # files are removed after the answer
+        self.wait_ready(daemon, 200)  # files are removed after the response
         self.assertEqual(daemon.post("/v1/assets?filename=a.obj", self.mesh(1)).status, 201)
         self.assertEqual(daemon.get(f"/v1/jobs/{self.voxelize(daemon, 31)}/result").status, 200)
         for asset in assets[3:]:
@@ -280,8 +280,8 @@ class FullDisk(Storage):
         doomed = daemon.submit(kind="voxelize", asset=asset, options={"size": 9, "animation": "0"})
         self.take_the_rest()
         for job in (*queued, running):
-            answer = daemon.request("DELETE", f"/v1/jobs/{job}")
-            self.assertIn(answer.status, (200, 202), answer.body)
+            response = daemon.request("DELETE", f"/v1/jobs/{job}")
+            self.assertIn(response.status, (200, 202), response.body)
             self.assertEqual(daemon.wait(job)["state"], "cancelled")
         # The mesh has no animation: its job fails, and that is stored, too.
         status = daemon.wait(doomed)

@@ -32,7 +32,7 @@ def key_id(key):
 
 
 def seen(response, *ids):
-    """An answer as its receiver compares it, with the ids that were asked for written as ID."""
+    """A response as a receiver compares it, with the requested ids replaced by ID."""
     headers = {name.lower(): value for name, value in response.headers.items()
                if name.lower() not in VOLATILE}
     body = re.sub(r'"trace_id":"[0-9a-f]{32}"', '"trace_id":""', response.body.decode("latin-1"))
@@ -143,7 +143,7 @@ class Tenants(unittest.TestCase):
             headers["Content-Type"] = "application/vnd.voxeld.bundle+json"
         elif body is not None:
             headers["Content-Type"] = "application/json"
-        answers = []
+        responses = []
         for one in (thing, nothing):
             text = None if body is None else body.replace("{}", one)
             for prefer in ({}, {"Prefer": "wait=1", "If-None-Match": '"1"', "Range": "bytes=0-1"}):
@@ -151,9 +151,9 @@ class Tenants(unittest.TestCase):
                                                headers={**headers, **prefer})
                 self.assertEqual(response.status, 404, response.body)
                 self.assertEqual(response.json()["code"], "not-found")
-                answers.append(seen(response, one))
-        self.assertEqual(len(set(answers)), 1, answers)
-        # With its owner's key the request reaches the thing; else the answers above prove nothing.
+                responses.append(seen(response, one))
+        self.assertEqual(len(set(responses)), 1, responses)
+        # With its owner's key the request succeeds; otherwise the responses above would prove nothing.
         if method == "get" and not (kind == "job" and "/frames/" in path):
             owners = self.lab.get(path.replace("{}", thing))
             self.assertEqual(owners.status, 200, owners.body)
@@ -233,8 +233,8 @@ class Tenants(unittest.TestCase):
                     made["url"].replace(job, NO_JOB), made["url"].replace("key=", "key=a"),
                     image["url"].replace("width=16", "width=17"),
                     image["url"].replace("/render.png", "/tiles")):
-            answer = anyone.get(url)
-            self.assertEqual((answer.status, answer.json()["detail"]), (404, "no such link"), url)
+            response = anyone.get(url)
+            self.assertEqual((response.status, response.json()["detail"]), (404, "no such link"), url)
         self.assertEqual(anyone.post(made["url"].replace("/result", "/share")).status, 401)
         self.assertEqual(self.studio.post(f"/v1/jobs/{job}/share").status, 404)
 
@@ -288,7 +288,7 @@ class Tenants(unittest.TestCase):
         self.assertEqual(self.lab.get(f"/v1/assets/{asset}").status, 410)
         self.assertEqual(self.studio.get(f"/v1/assets/{asset}").status, 200)
         self.assertEqual(self.studio.request("DELETE", f"/v1/assets/{asset}").status, 204)
-        # Files are unlinked behind the answer: its time must not tell whether others have the bytes.
+        # Files are unlinked after the response: its time must not reveal whether others have the bytes.
         self.wait_for(lambda: not list(pathlib.Path(self.data_dir).rglob(asset)))
 
     def test_an_idempotency_key_is_each_tenants_own(self):
@@ -318,7 +318,7 @@ class Tenants(unittest.TestCase):
 
     # --- keys
 
-    def test_without_a_valid_key_every_route_answers_alike(self):
+    def test_without_a_valid_key_every_route_responds_alike(self):
         revoked = add_key(self.data_dir, "gone")
         keys(self.data_dir, "revoke", key_id(revoked))
         wrong = self.keys["lab"][:-1] + ("q" if self.keys["lab"].endswith("a") else "a")
@@ -326,11 +326,11 @@ class Tenants(unittest.TestCase):
         for template, operations in self.daemon.openapi.spec["paths"].items():
             path = template.replace("{id}", self.things["job"]).replace("{index}", "0")
             for method in set(operations) - {"parameters"}:
-                answers = {seen(self.daemon.holding(key).request(method.upper(), path))
+                responses = {seen(self.daemon.holding(key).request(method.upper(), path))
                            for key in (None, "", "x", wrong, unknown, revoked)}
                 with self.subTest(f"{method} {template}"):
-                    self.assertEqual(len(answers), 1, answers)
-                    status = json.loads(answers.pop())[0]
+                    self.assertEqual(len(responses), 1, responses)
+                    status = json.loads(responses.pop())[0]
                     self.assertEqual(status, 200 if template in ("/", "/openapi.json") else 401)
 
     def test_keys_count_and_end_while_the_daemon_runs(self):

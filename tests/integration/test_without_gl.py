@@ -19,10 +19,10 @@ class Auto(DaemonTest):
     def test_doctor_tells_why(self):
         done = subprocess.run([BIN / "voxeld", "doctor", "--json"], capture_output=True, text=True,
                               check=True)
-        answer = json.loads(done.stdout)
-        self.assertEqual(answer["auto"]["device"], "cpu")
-        self.assertIn("built without OpenGL", answer["auto"]["why"])
-        works = [one["device"] for one in answer["devices"] if one["works"]]
+        report = json.loads(done.stdout)
+        self.assertEqual(report["auto"]["device"], "cpu")
+        self.assertIn("built without OpenGL", report["auto"]["why"])
+        works = [one["device"] for one in report["devices"] if one["works"]]
         self.assertEqual(works, ["cpu"])
 
 

@@ -126,8 +126,8 @@ class JobService {
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;
   virtual int64_t queued_jobs() = 0;
-  // database answers, blob store writable, the disk's reserve is free, a worker connected, not
-  // draining; else why not.
+  // Ok if the database responds, the blob store is writable, the disk's reserve is free, a worker
+  // is connected, and the daemon does not drain; else the reason.
   virtual Status ready() = 0;
   // New work is refused from now on; running jobs go on.
   virtual void drain() = 0;
@@ -139,9 +139,9 @@ class JobService {
   // Newest first; those below `before_seq`, or all where that is 0.
   virtual Result<std::vector<KeptResult>> list_kept(const Caller& caller, KeptKind kind, int limit,
                                                     int64_t before_seq) = 0;
-  // A result goes as a whole: its bytes, grid, sequence and frames, for all equal jobs that it
-  // answered. It counts no more at once; live jobs that work on it go on. Errors: not-found, gone;
-  // conflict where the job has not ended, or the grid is a frame of others.
+  // Deletes a whole result: its bytes, grid, sequence and frames, for all equal jobs that share it.
+  // It stops counting at once; live jobs that use it continue. Errors: not-found, gone; conflict if
+  // the job has not ended, or the grid is a frame of others.
   virtual Status delete_result(const Caller& caller, std::string_view job) = 0;
   virtual Status delete_grid(const Caller& caller, std::string_view id) = 0;
   virtual Status delete_sequence(const Caller& caller, std::string_view id) = 0;

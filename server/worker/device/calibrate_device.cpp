@@ -62,11 +62,11 @@ CalibratedDevice in_table(const DeviceCalibration& calibration) {
 // Measures in a child process. Errors: device-unavailable with the child's reason.
 Result<DeviceCalibration> calibrate_in_child(const std::string& self_executable,
                                              const std::string& device) {
-  const ChildAnswer answer =
+  const ChildReply reply =
       run_child({self_executable, "calibrate-device", "--device", device}, kChildTimeout);
-  const std::string_view line = last_json_line(answer.text);
+  const std::string_view line = last_json_line(reply.text);
   const json object = json::parse(line, nullptr, /*allow_exceptions=*/false);
-  std::string reason = answer.failure;
+  std::string reason = reply.failure;
   if (object.is_object() && object.contains("reason") && object["reason"].is_string()) {
     reason = object["reason"].get<std::string>();
   }

@@ -119,8 +119,8 @@ TEST_F(WaitsTest, a_job_outlives_a_poll_whose_client_leaves) {
 TEST_F(WaitsTest, a_poll_ends_at_its_time_with_the_job_as_it_is) {
   const std::string id = submit();
   const auto begin = std::chrono::steady_clock::now();
-  const HttpResponse answer = get("/v1/jobs/" + id, "Prefer: wait=1\r\n");
-  EXPECT_EQ(json(answer).value("state", ""), "queued");
+  const HttpResponse response = get("/v1/jobs/" + id, "Prefer: wait=1\r\n");
+  EXPECT_EQ(json(response).value("state", ""), "queued");
   const auto took = std::chrono::steady_clock::now() - begin;
   EXPECT_GE(took, std::chrono::seconds(1));
 }
@@ -145,9 +145,9 @@ TEST_F(WaitsTest, a_one_shot_that_was_cached_does_not_wait) {
   ASSERT_TRUE(task && worker.complete(*task, "voxels"));
   EXPECT_EQ(first.receive().value_or(HttpResponse{}).body, "voxels");
   HttpClient second = one_shot("", "mesh");
-  const HttpResponse answer = second.receive().value_or(HttpResponse{});
-  EXPECT_EQ(answer.body, "voxels");
-  EXPECT_EQ(answer.header("cache-status"), "voxeld; hit");
+  const HttpResponse response = second.receive().value_or(HttpResponse{});
+  EXPECT_EQ(response.body, "voxels");
+  EXPECT_EQ(response.header("cache-status"), "voxeld; hit");
 }
 
 }  // namespace

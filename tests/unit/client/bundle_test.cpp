@@ -299,7 +299,7 @@ TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) 
   setenv("TMPDIR", temporary.c_str(), 1);
   put("my a.mtl", "map_Kd tex/bäume.png\n");
   put("tex/bäume.png", "PNG");
-  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
   {
     const MeshSource mesh = MeshSource::open(put("the a.obj", "mtllib my a.mtl\n"));
     EXPECT_FALSE(fs::is_empty(temporary));
@@ -316,7 +316,7 @@ TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) 
 TEST_F(Bundle, files_beside_the_mesh_are_sent_under_their_own_names) {
   const std::string mesh = put("a.md5mesh", kMd5Mesh);
   const std::string dance = put("moves/dance.md5anim", "hierarchy {\n}\n");
-  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
   client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{dance}).source());
   EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=a.zip");
   EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "dance.md5anim"));
@@ -326,7 +326,7 @@ TEST_F(Bundle, a_file_that_is_named_twice_is_sent_as_the_command_line_says) {
   put("walk.md5anim", "hierarchy {\n\"hip\" -1\n\"leg\" 0\n}\n");
   const std::string mesh = put("a.md5mesh", kMd5Mesh);
   const std::string other = put("b/walk.md5anim", "other");
-  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
   client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{other}).source());
   EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "walk.md5anim"));
   EXPECT_THAT(server.asked()[0].body, HasSubstr("other"));

@@ -11,10 +11,10 @@ namespace voxeld::client {
 namespace {
 
 using namespace std::chrono_literals;
-using test::Answer;
-using test::job_answer;
-using test::json_answer;
-using test::problem_answer;
+using test::CannedResponse;
+using test::job_response;
+using test::json_response;
+using test::problem_response;
 using test::ScriptedServer;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -22,18 +22,19 @@ using testing::SizeIs;
 
 const std::string kEtag = "\"sha256-r\"";
 
-Answer whole(const std::string& text, std::optional<size_t> cut_after = {}) {
-  return Answer{.body = text, .headers = {"ETag: " + kEtag}, .cut_after = cut_after};
+CannedResponse whole(const std::string& text, std::optional<size_t> cut_after = {}) {
+  return CannedResponse{.body = text, .headers = {"ETag: " + kEtag}, .cut_after = cut_after};
 }
 
 // The rest of `text` from `begin` on.
-Answer part(const std::string& text, size_t begin, std::optional<size_t> cut_after = {}) {
-  return Answer{.status = 206,
-                .body = text.substr(begin),
-                .headers = {"ETag: " + kEtag, "Content-Range: bytes " + std::to_string(begin) +
-                                                  "-" + std::to_string(text.size() - 1) + "/" +
-                                                  std::to_string(text.size())},
-                .cut_after = cut_after};
+CannedResponse part(const std::string& text, size_t begin, std::optional<size_t> cut_after = {}) {
+  return CannedResponse{
+      .status = 206,
+      .body = text.substr(begin),
+      .headers = {"ETag: " + kEtag, "Content-Range: bytes " + std::to_string(begin) + "-" +
+                                        std::to_string(text.size() - 1) + "/" +
+                                        std::to_string(text.size())},
+      .cut_after = cut_after};
 }
 
 // A sink that keeps what came.
@@ -71,7 +72,7 @@ TEST(Download, goes_on_where_the_connection_broke) {
 TEST(Download, goes_on_after_the_daemon_was_busy) {
   const std::string text = long_text(1000);
   ScriptedServer server({whole(text, 10),
-                         problem_answer(503, "shutting-down", "bye", {"Retry-After: 0"}),
+                         problem_response(503, "shutting-down", "bye", {"Retry-After: 0"}),
                          part(text, 10)});
   Kept kept;
   Client(server.url()).download("j-1", kept.sink());
@@ -89,8 +90,8 @@ TEST(Download, starts_anew_when_nothing_had_come) {
 
 TEST(Download, a_result_that_changed_meanwhile_is_an_error_and_gives_no_more_bytes) {
   const std::string text = long_text(1000);
-  ScriptedServer server({whole(text, 10), Answer{.body = std::string(1000, 'x'),
-                                                 .headers = {"ETag: \"sha256-other\""}}});
+  ScriptedServer server({whole(text, 10), CannedResponse{.body = std::string(1000, 'x'),
+                                                         .headers = {"ETag: \"sha256-other\""}}});
   Client client(server.url());
   Kept kept;
   const Error error = error_of([&] { client.download("j-1", kept.sink()); });
@@ -106,12 +107,12 @@ TEST(Download, a_result_that_changed_meanwhile_is_an_error_and_gives_no_more_byt
 
 TEST(Download, a_part_that_starts_elsewhere_or_is_of_another_result_is_an_error) {
   const std::string text = long_text(1000);
-  Answer other = part(text, 10);
+  CannedResponse other = part(text, 10);
   other.headers[0] = "ETag: \"sha256-other\"";
-  Answer unnamed = part(text, 10);
+  CannedResponse unnamed = part(text, 10);
   unnamed.headers.pop_back();
-  for (const Answer& answer : {part(text, 9), part(text, 100), other, unnamed}) {
-    ScriptedServer server({whole(text, 10), answer});
+  for (const CannedResponse& response : {part(text, 9), part(text, 100), other, unnamed}) {
+    ScriptedServer server({whole(text, 10), response});
     Client client(server.url());
     Kept kept;
     EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "bad-response");
@@ -120,7 +121,7 @@ TEST(Download, a_part_that_starts_elsewhere_or_is_of_another_result_is_an_error)
 }
 
 TEST(Download, without_an_etag_nothing_is_resumed) {
-  ScriptedServer server({Answer{.body = long_text(1000), .cut_after = 10}});
+  ScriptedServer server({CannedResponse{.body = long_text(1000), .cut_after = 10}});
   Client client(server.url());
   Kept kept;
   EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "unreachable");
@@ -130,8 +131,8 @@ TEST(Download, without_an_etag_nothing_is_resumed) {
 const std::string kIdOfGrid =
     "\"sha256-e7404b86c92a54396e9dd15862a83f6a0b14db06e51197abac985a4f9e83ccc0\"";  // of "GRID"
 
-Answer named(const std::string& text, const std::string& etag) {
-  return Answer{.body = text, .headers = {"ETag: " + etag}};
+CannedResponse named(const std::string& text, const std::string& etag) {
+  return CannedResponse{.body = text, .headers = {"ETag: " + etag}};
 }
 
 TEST(Download, bytes_that_are_not_what_their_id_says_are_an_error) {
@@ -149,9 +150,9 @@ TEST(Download, bytes_that_are_not_what_their_id_says_are_an_error) {
 TEST(Download, a_resumed_result_is_checked_as_a_whole) {
   const std::vector<std::string> etag = {"ETag: " + kIdOfGrid};
   const std::vector<std::string> rest = {"ETag: " + kIdOfGrid, "Content-Range: bytes 2-3/4"};
-  const Answer begin{.body = "GRID", .headers = etag, .cut_after = 2};
+  const CannedResponse begin{.body = "GRID", .headers = etag, .cut_after = 2};
   for (const std::string end : {"ID", "iD"}) {
-    ScriptedServer server({begin, Answer{.status = 206, .body = end, .headers = rest}});
+    ScriptedServer server({begin, CannedResponse{.status = 206, .body = end, .headers = rest}});
     Client client(server.url());
     Kept kept;
     if (end == "ID") {
@@ -180,7 +181,7 @@ TEST(Download, gives_up_after_the_tries) {
 }
 
 TEST(Download, a_problem_is_thrown_and_not_given_to_the_sink) {
-  ScriptedServer server({problem_answer(409, "conflict", "the job runs")});
+  ScriptedServer server({problem_response(409, "conflict", "the job runs")});
   Client client(server.url());
   Kept kept;
   EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "conflict");
@@ -201,7 +202,7 @@ TEST(Download, what_the_sink_throws_passes_through_and_ends_it) {
 }
 
 TEST(Download, the_client_is_usable_after_a_sink_threw) {
-  ScriptedServer server({whole(long_text(1'000'000)), job_answer("done")});
+  ScriptedServer server({whole(long_text(1'000'000)), job_response("done")});
   Client client(server.url());
   EXPECT_THROW(
       client.download("j-1", [](std::span<const std::byte>) { throw std::domain_error("no"); }),
@@ -241,8 +242,8 @@ TEST(WholeWay, voxelize_uploads_submits_waits_downloads_and_decodes) {
   header.voxel_size = {1, 1, 1};
   const auto container = encode_grid(header, {});
   ASSERT_TRUE(container.ok());
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"),
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"),
                          whole(std::string(container->begin(), container->end()), 50),
                          part(std::string(container->begin(), container->end()), 50)});
   Client client(server.url());
@@ -257,8 +258,8 @@ TEST(WholeWay, voxelize_uploads_submits_waits_downloads_and_decodes) {
 }
 
 TEST(WholeWay, render_gives_the_image_and_the_jobs_end) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done", R"("result":{"bytes":3,"media_type":"image/png"})"),
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done", R"("result":{"bytes":3,"media_type":"image/png"})"),
                          whole("PNG")});
   Kept kept;
   const JobInfo job =
@@ -270,9 +271,9 @@ TEST(WholeWay, render_gives_the_image_and_the_jobs_end) {
             R"({"asset":"sha256-a","kind":"render","options":{"width":"9"}})");
 }
 
-TEST(WholeWay, what_is_no_container_is_a_bad_answer) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"), whole("<html>")});
+TEST(WholeWay, a_result_that_is_no_container_is_a_bad_response) {
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"), whole("<html>")});
   Client client(server.url());
   const Error error = error_of([&] { client.voxelize(Source::memory(bytes_of("x"), "a"), {}); });
   EXPECT_EQ(error.code(), "bad-response");

@@ -92,7 +92,7 @@ TEST(TopView, names_cannot_steer_the_terminal) {
   }
 }
 
-TEST(TopView, a_look_at_the_same_answer_keeps_the_rate_and_a_new_stage_has_none) {
+TEST(TopView, the_same_response_shown_again_leaves_the_rate_and_a_new_stage_has_none) {
   TopView view("");
   const auto at = TopView::Clock::now();
   Queue queue = sample();

@@ -45,9 +45,9 @@ TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
   ASSERT_TRUE(slow.send_get("/large"));
   ASSERT_TRUE(comes_true([&] { return server_->state().requests_running == 0; }));
   EXPECT_EQ(get("/hello").body, "hello");
-  const auto answer = slow.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->body.size(), kLargeBytes);
+  const auto response = slow.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->body.size(), kLargeBytes);
   ASSERT_TRUE(slow.send_get("/hello"));
   EXPECT_EQ(slow.receive().value_or(HttpResponse{}).body, "hello");
   const auto seen = observed(3);
@@ -55,7 +55,7 @@ TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
   EXPECT_EQ(seen[1].bytes_out, static_cast<int64_t>(kLargeBytes));
 }
 
-TEST_F(CrowdTest, who_pipelines_is_behind_others_after_each_answer) {
+TEST_F(CrowdTest, a_pipelining_client_queues_behind_others_after_each_response) {
   std::latch held{1};
   std::atomic<bool> has_entered{false};
   on("GET", "/held", [&](Request&) {
@@ -83,7 +83,7 @@ TEST_F(CrowdTest, who_pipelines_is_behind_others_after_each_answer) {
   EXPECT_LE(at, 2) << "behind what runs and at most one more of the other's";
 }
 
-TEST_F(CrowdTest, what_was_pipelined_before_a_client_finished_sending_is_answered) {
+TEST_F(CrowdTest, requests_pipelined_before_a_client_shuts_its_side_get_responses) {
   start(/*threads=*/2);
   HttpClient client(port());
   ASSERT_TRUE(

@@ -19,8 +19,8 @@ constexpr int64_t kLargeBytes = int64_t{64} << 20;  // more than the buffers of 
 
 // How a client fared.
 struct Fate {
-  double seconds = 0;   // until the server answered or closed
-  HttpResponse answer;  // status 0: closed without one
+  double seconds = 0;     // until the server responded or closed
+  HttpResponse response;  // status 0: closed without one
 };
 
 double seconds_since(Clock::time_point start) {
@@ -28,7 +28,7 @@ double seconds_since(Clock::time_point start) {
 }
 
 // Sends `first`, then a byte of `filler` every `pause_seconds` (0: nothing) until there is an
-// answer or an end.
+// response or an end.
 Fate suffer(int port, const std::string& first, const std::string& filler, double pause_seconds) {
   const auto start = Clock::now();
   HttpClient client(port);
@@ -42,7 +42,7 @@ Fate suffer(int port, const std::string& first, const std::string& filler, doubl
     client.readable(kPatienceSeconds);
   }
   fate.seconds = seconds_since(start);
-  if (auto answer = client.receive()) fate.answer = *answer;
+  if (auto response = client.receive()) fate.response = *response;
   return fate;
 }
 
@@ -81,15 +81,15 @@ class SlowClients : public ::testing::Test {
   static void expect_deadline_exceeded(const Fate& fate) {
     EXPECT_GE(fate.seconds, kBodyGraceSeconds - 1);
     EXPECT_LT(fate.seconds, kPatienceSeconds);
-    EXPECT_EQ(fate.answer.status, 504);
-    EXPECT_EQ(fate.answer.code(), "deadline-exceeded");
-    EXPECT_EQ(fate.answer.detail(), "the body arrives too slowly");
-    EXPECT_EQ(fate.answer.header("connection"), "close");
+    EXPECT_EQ(fate.response.status, 504);
+    EXPECT_EQ(fate.response.code(), "deadline-exceeded");
+    EXPECT_EQ(fate.response.detail(), "the body arrives too slowly");
+    EXPECT_EQ(fate.response.header("connection"), "close");
   }
   static void expect_closed(const Fate& fate) {
     EXPECT_GE(fate.seconds, kHeadSecondsMax - 1);
     EXPECT_LT(fate.seconds, kPatienceSeconds);
-    EXPECT_EQ(fate.answer.status, 0);
+    EXPECT_EQ(fate.response.status, 0);
   }
 
   struct Suite {
@@ -122,7 +122,7 @@ TEST_F(SlowClients, a_chunked_body_that_comes_byte_by_byte_exceeds_the_deadline)
   expect_deadline_exceeded(suite_->slow_chunks.get());
 }
 
-TEST_F(SlowClients, an_answer_that_is_not_read_is_broken_off) {
+TEST_F(SlowClients, a_response_that_is_not_read_is_cut) {
   auto sent = suite_->large_sent.get_future();
   ASSERT_EQ(sent.wait_for(std::chrono::seconds(2 * kPatienceSeconds)), std::future_status::ready);
   EXPECT_GE(sent.get(), kWriteStallSeconds - 1);

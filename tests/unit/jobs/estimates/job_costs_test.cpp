@@ -147,7 +147,7 @@ TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {
   status.id = "j-1";
   queue.fill(status);
   EXPECT_FALSE(status.estimate);
-  // Answered from another one's result: it says nothing of what such work costs.
+  // It took another job's result, so its times say nothing about the cost of such work.
   queue.changed(record("j-2", "", 2), 1 << 20);
   ended.status.id = "j-2";
   ended.status.cached = true;

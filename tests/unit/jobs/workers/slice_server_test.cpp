@@ -142,7 +142,7 @@ TEST_F(SliceServerTest, needs_beyond_any_machine_end_the_connection) {
   EXPECT_FALSE(slices.socket().receive());
 }
 
-TEST_F(SliceServerTest, a_cancel_answers_a_task_that_waits_for_its_turn) {
+TEST_F(SliceServerTest, a_cancel_stops_a_task_that_waits_for_its_slice) {
   FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] {
