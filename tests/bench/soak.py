@@ -20,7 +20,7 @@ SLACK_PART = 1.1
 
 
 def grown(differences, before, after):
-    """What is more at the second rest, in words."""
+    """Texts of the resources that have grown at the second rest."""
     found = differences(before, after)
     for name, was, now in (("gateway", before["gateway"]["rss_kb"], after["gateway"]["rss_kb"]),
                            ("workers", max(before["workers_rss_kb"]), max(after["workers_rss_kb"])),

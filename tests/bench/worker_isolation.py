@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What isolation of workers costs: one-shots of a small mesh by tenants in turn, under none, tenant and task.
+"""The cost of worker isolation: one-shots of a small mesh by tenants in turn, under none, tenant and task.
 
   tests/bench/worker_isolation.py [--bin DIR] [--device D ...] [--rounds N] [--tenants N ...] [--pause SECONDS]
 

@@ -46,7 +46,7 @@ def sha256_id(data):
 
 
 class History:
-    """What clients were told. One lock: they write a line now and then."""
+    """Acknowledgements that clients received. One lock suffices, because writes are rare."""
 
     def __init__(self):
         self.lock = threading.Lock()

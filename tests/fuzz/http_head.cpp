@@ -1,5 +1,5 @@
-// The input is the head of a request. What is accepted must read the same when it is written again
-// from its parts, as a proxy would do it: else two readers could see two requests.
+// The input is the head of a request. An accepted head must read the same when it is written again
+// from its parts, as a proxy would do it; otherwise two readers could see two requests.
 #include <string>
 #include <string_view>
 

@@ -176,7 +176,7 @@ class Siege(TenantsDaemon):
                cancel_all, send_long_strings, send_nonsense, fill_the_disk)
 
     def prepare(self):
-        """What attackers have before the siege: assets, a grid of many tiles, a job that runs for long."""
+        """Creates the attackers' resources: assets, a grid of many tiles, a long job."""
         own = self.tenants[HOSTILE]
         self.own_asset = own.post("/v1/assets?filename=own.ply", self.mesh).json()["id"]
         self.worm_asset = own.post("/v1/assets?filename=worm.md5.zip", self.worm).json()["id"]

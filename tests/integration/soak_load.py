@@ -36,9 +36,9 @@ def descriptors(pid):
 
 
 def differences(before, after):
-    """What two rests differ by, in words. A worker connects once more at its first time slice of the device, and
-    the database keeps as many readers, of two files each, as were busy at a time within ten seconds: one for
-    each client and worker. What is left behind by requests would be thousands."""
+    """Texts of the differences between two rests. Two differences are allowed. A worker connects once more at its
+    first time slice. The database holds as many readers, of two files each, as were busy at a time within ten
+    seconds: one for each client and worker. A leak per request would be thousands."""
     found = []
     workers = len(after["workers_rss_kb"])
     may_differ = {"socket": workers, "file": 2 * (CLIENTS + workers)}
@@ -144,7 +144,7 @@ class Soak(TenantsDaemon):
                  f"{chance.randint(8, 40)}&fps=6&format=native", {200, 422}, body)
 
     def change_mind(self, tenant, chance):
-        # Nobody else's: it is deleted below.
+        # Unique bytes, because the asset is deleted below.
         body = (self.fixtures / "concave.obj").read_bytes() + b"# %d\n" % chance.getrandbits(64)
         asset = self.ask(tenant, "POST", "/v1/assets?filename=own.obj", {201}, body).json()["id"]
         job = self.ask(tenant, "POST", "/v1/jobs", {200, 202},
@@ -187,7 +187,7 @@ class Soak(TenantsDaemon):
         self.ask(tenant, "GET", "/v1/me", {200})
 
     def operate(self, chance):
-        """What happens to a daemon: scrapes, new keys, workers that die."""
+        """Events in the life of a daemon: scrapes, new keys, workers that die."""
         self.daemon.request("GET", "/metrics", port=self.daemon.admin_port)
         key_id = self.voxeld_keys("add", "guest", "--expires", "1d")[4:12]
         self.voxeld_keys("revoke", key_id)
@@ -234,7 +234,7 @@ class Soak(TenantsDaemon):
                 (line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))}
 
     def rest(self, seconds=120):
-        """Waits until nothing is queued, running, connected, or kept: all of it has expired by then."""
+        """Waits until nothing is queued, running, connected or stored; by then everything has expired."""
         deadline = time.monotonic() + seconds
         while True:
             gauges = self.gauges()

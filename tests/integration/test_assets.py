@@ -84,7 +84,7 @@ class Assets(DaemonTest):
         description = self.daemon.get(f"/v1/assets/{asset}").json()
         self.assertIn("gone.mtl", json.dumps(description["missing_files"]))
 
-    def test_a_broken_asset_tells_what_is_wrong_when_asked(self):
+    def test_a_broken_asset_reports_its_error_on_inspection(self):
         asset = self.daemon.post("/v1/assets?filename=a.obj", b"v 1 2\nf 1 2 3\n").json()["id"]
         self.assert_problem(self.daemon.get(f"/v1/assets/{asset}"), 422, "malformed-mesh", "line 1")
 

@@ -16,7 +16,7 @@ class ClientTexts(DaemonTest):
     device = "cpu"
 
     def database_bytes(self):
-        """Of the pages in use; the log is not counted, which is written over again and again."""
+        """Bytes of the pages in use. The log is not counted, because it is overwritten repeatedly."""
         path = pathlib.Path(self.daemon.data_dir) / "jobs.sqlite"
         with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as reader:
             pages, free, page_bytes = (reader.execute(f"PRAGMA {name}").fetchone()[0]

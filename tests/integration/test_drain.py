@@ -107,18 +107,18 @@ class Drain(unittest.TestCase):
         daemon, job, path = self.start("--drain-seconds", "60")
         whole = daemon.get(path).body
         download = self.slow_download(daemon, path)
-        kept = http.client.HTTPConnection("127.0.0.1", daemon.port, timeout=30)
-        self.addCleanup(kept.close)
-        kept.request("GET", f"/v1/jobs/{job}")
-        self.assertEqual(json.loads(kept.getresponse().read())["state"], "done")
+        persistent = http.client.HTTPConnection("127.0.0.1", daemon.port, timeout=30)
+        self.addCleanup(persistent.close)
+        persistent.request("GET", f"/v1/jobs/{job}")
+        self.assertEqual(json.loads(persistent.getresponse().read())["state"], "done")
         daemon.process.send_signal(signal.SIGTERM)
         self.wait_draining(daemon)
 
         work = {"kind": "voxelize", "asset": "sha256-" + "0" * 64}
         self.assert_refused(daemon.post("/v1/jobs", work))
         self.assert_refused(daemon.post("/v1/assets?filename=a.obj", b"v 0 0 0\n" * 100_000))
-        kept.request("POST", "/v1/jobs", json.dumps(work), {"Content-Type": "application/json"})
-        raw = kept.getresponse()
+        persistent.request("POST", "/v1/jobs", json.dumps(work), {"Content-Type": "application/json"})
+        raw = persistent.getresponse()
         self.assertEqual((raw.status, raw.headers["Connection"]), (503, "close"))
         raw.read()
         # An image would be work; what is there already is not.
@@ -172,7 +172,7 @@ class Drain(unittest.TestCase):
 
 
 class Stuck(unittest.TestCase):
-    """Whatever handlers, clients, workers and files do, the daemon is gone in --drain-seconds and two more."""
+    """The daemon ends in --drain-seconds and two more, whatever handlers, clients, workers and files do."""
     DRAIN_SECONDS, CLOSE_SECONDS_MAX = 1, 2
     SLACK_SECONDS = 2  # of a machine that does other things, too
     MESH = b"v 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n"

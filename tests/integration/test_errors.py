@@ -65,7 +65,7 @@ class Errors(DaemonTest):
             with self.subTest(query):
                 self.provoke(self.voxelize(query), 400, "invalid-option", *parts)
 
-    def test_impossible_sizes_are_told_with_the_limit(self):
+    def test_impossible_sizes_are_refused_with_the_limit(self):
         self.provoke(self.voxelize("voxel_size=0.00001"), 422, "grid-too-large", "16384")
         self.provoke(self.voxelize("size=2048&format=npy&bounds=-1,-1,-1,1,1,1"), 422,
                      "grid-too-large", "cells")
@@ -135,7 +135,7 @@ class Errors(DaemonTest):
         self.provoke(self.voxelize("size=16&filename=a.zip", buffer.getvalue()), 422,
                      "malformed-bundle")
 
-    def test_what_does_not_exist(self):
+    def test_unknown_paths_and_ids_are_not_found(self):
         self.provoke(self.daemon.get("/v1/nothing"), 404, "not-found")
         self.provoke(self.daemon.get("/v1/jobs/j-" + "0" * 32), 404, "not-found")
         self.provoke(self.daemon.get("/v1/assets/sha256-" + "0" * 64), 404, "not-found")

@@ -64,7 +64,7 @@ class Fills(DaemonTest):
         self.assertEqual(int((grid == 0).sum()), 12 ** 3)
         self.assertFalse(grid[4:16, 4:16, 4:16].any())
 
-    def test_an_open_mesh_is_told_apart(self):
+    def test_an_open_mesh_is_distinguished(self):
         grid, meta = self.voxelize(off_file(FACES[:-2]), "size=20&fill=solid&padding=4")
         solid = meta["solid"]
         self.assertEqual(solid["sign"], "majority")

@@ -266,7 +266,7 @@ class Formats(DaemonTest):
         self.assertEqual({tuple(c) for c in ours}, {tuple(c) for c in theirs})
 
     def frames(self, fmt):
-        """Of an animation of six frames, of which the last two are equal."""
+        """A sequence of six frames whose last two are equal."""
         query = f"animation=walk&size=40&channels=color,normal&format={fmt}"
         return self.voxelize(query, "worm.md5.zip").body
 

@@ -54,7 +54,7 @@ class Headers(DaemonTest):
             at += 1
         return name
 
-    def test_what_will_never_work_is_no_invitation_to_try_again(self):
+    def test_a_permanent_error_has_no_retry_after(self):
         mesh = self.fixture("sample.ply")
         for query in ("pipeline=compute", "pipeline=raster"):
             refused = self.daemon.post(f"/v1/voxelize?size=8&filename=a.ply&{query}", mesh)

@@ -28,7 +28,7 @@ class OneShot(DaemonTest):
         self.assertEqual(max(grid.shape), 64)
         self.assertEqual(int(grid.sum()), occupied)
 
-    def test_each_rule_gives_what_the_oracle_says_by_every_pipeline(self):
+    def test_each_rule_matches_the_oracle_by_every_pipeline(self):
         counts = {}
         for rule in ("touch", "thin", "center"):
             dims, occupied, sha256 = oracle(self.fixtures / "sample.ply", 48, rule)

@@ -1,4 +1,4 @@
-"""What the daemon tells of itself: metrics, traces, log lines that belong together, timings."""
+"""Observability: metrics, traces, log lines that belong together, timings."""
 import pathlib
 import re
 import shutil
@@ -155,7 +155,7 @@ class Observability(DaemonTest):
         self.assertTrue(self.log_lines("[worker llvmpipe]", f"trace={TRACE}"))
         self.assertEqual(len(self.log_lines("] request id=order-66", f"trace={TRACE}")), 1)
 
-    def test_what_is_no_traceparent_starts_a_new_trace(self):
+    def test_an_invalid_traceparent_starts_a_new_trace(self):
         for header in ("", "00-" + "0" * 32 + "-00f067aa0ba902b7-01", PARENT.upper(), PARENT + "-x",
                        "ff" + PARENT[2:], "nonsense"):
             headers = {"traceparent": header} if header else {}

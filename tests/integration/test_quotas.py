@@ -80,7 +80,7 @@ class Quotas(unittest.TestCase):
         self.assertEqual(lab.request("DELETE", f"/v1/assets/{asset}").status, 204)
         self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], status["result"]["bytes"])
 
-    def test_a_full_tenant_frees_what_it_has_with_the_command_line_client(self):
+    def test_a_full_tenant_frees_space_with_the_command_line_client(self):
         key, lab = self.tenant("full", "--bytes", "1M")
         mesh = (self.fixtures / "sample.ply").read_bytes()
         asset = lab.upload(self.fixtures / "sample.ply")

@@ -1,4 +1,4 @@
-"""What one tenant's 200 connections cost the gateway: lists, tiles and jobs with long texts, not read or read slowly."""
+"""Memory of the gateway for 200 connections of a tenant that read lists, tiles and long jobs slowly or not at all."""
 import json
 import random
 import resource

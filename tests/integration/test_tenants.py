@@ -115,7 +115,7 @@ class Tenants(unittest.TestCase):
                 on[method, template] = [(path, None, kind) for kind in kinds]
         return on
 
-    def test_every_route_hides_what_another_has(self):
+    def test_every_route_hides_the_resources_of_other_tenants(self):
         on = self.attacks()
         public = {("get", "/"), ("get", "/openapi.json")}
         # These routes list data of the caller alone.
@@ -158,7 +158,7 @@ class Tenants(unittest.TestCase):
             owners = self.lab.get(path.replace("{}", thing))
             self.assertEqual(owners.status, 200, owners.body)
 
-    def test_lists_show_what_is_ones_own(self):
+    def test_lists_show_only_the_callers_own_resources(self):
         for path, name in (("/v1/assets", "assets"), ("/v1/jobs", "jobs")):
             ours = {item["id"] for item in self.lab.get(path).json()[name]}
             theirs = {item["id"] for item in self.studio.get(path).json()[name]}
@@ -169,7 +169,7 @@ class Tenants(unittest.TestCase):
             self.assertNotIn(self.things["asset" if name == "assets" else "job"], theirs)
             self.assertLessEqual(ours, {item["id"] for item in self.boss.get(path).json()[name]})
 
-    def test_lists_of_results_show_what_is_ones_own_also_behind_anothers_page(self):
+    def test_lists_of_results_show_only_the_callers_own_after_any_cursor(self):
         for kind, thing in (("results", "job"), ("grids", "grid"), ("sequences", "sequence")):
             name = "job" if kind == "results" else "id"
             ours = self.lab.get(f"/v1/{kind}?limit=1000").json()[kind]
@@ -213,7 +213,7 @@ class Tenants(unittest.TestCase):
 
     # --- links
 
-    def test_a_link_opens_what_it_names_and_nothing_else(self):
+    def test_a_link_opens_its_resource_and_nothing_else(self):
         job, grid = self.things["job"], self.things["grid"]
         made = self.lab.post(f"/v1/jobs/{job}/share?seconds=60").json()
         anyone = self.daemon.holding(None)
@@ -304,7 +304,7 @@ class Tenants(unittest.TestCase):
 
     # --- admin
 
-    def test_an_admin_sees_and_cancels_what_others_have(self):
+    def test_an_admin_sees_and_cancels_jobs_of_other_tenants(self):
         asset = self.studio.upload(self.fixtures / "sample.glb")
         job = self.studio.submit(kind="voxelize", asset=asset,
                                  options={"size": 1500, "cache": "no", "fill": "solid"})
@@ -355,7 +355,7 @@ class Tenants(unittest.TestCase):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.05)
 
-    def test_mistakes_of_the_keys_command_are_told(self):
+    def test_mistakes_of_the_keys_command_are_reported(self):
         for arguments, part in ((("add", "Two Words"), "a-z"), (("add", "a", "--expires", "soon"), "30d"),
                                 (("add", "a", "--expires", "2001-01-01"), "to come"),
                                 (("revoke", "aaaaaaaa"), "no such key"), (("revoke", "x"), "list")):
@@ -400,7 +400,7 @@ class Tenants(unittest.TestCase):
 
 
 class Start(unittest.TestCase):
-    """What a daemon says of its keys when it starts, and how it changes."""
+    """Keys at the start of a daemon: refusals, and changes while it runs."""
 
     def setUp(self):
         self.directory = tempfile.TemporaryDirectory()

@@ -1,5 +1,4 @@
-"""What a web page can make a browser do to a daemon: DNS rebinding, requests across origins, and CORS for those
-that are allowed."""
+"""Requests that a web page can make a browser send: DNS rebinding, other origins, and CORS for allowed origins."""
 import json
 import unittest
 

@@ -16,7 +16,7 @@ class Auto(DaemonTest):
         workers = self.daemon.request("GET", "/readyz", port=self.daemon.admin_port).json()["workers"]
         self.assertEqual({one["device"] for one in workers}, {"cpu"})
 
-    def test_doctor_tells_why(self):
+    def test_doctor_reports_the_reason(self):
         done = subprocess.run([BIN / "voxeld", "doctor", "--json"], capture_output=True, text=True,
                               check=True)
         report = json.loads(done.stdout)

@@ -155,7 +155,7 @@ TEST_F(ClientTexts, headers_are_bounded) {
   EXPECT_LE(longest_stored(), 2000);
 }
 
-TEST_F(ClientTexts, what_a_request_names_is_not_echoed_whole) {
+TEST_F(ClientTexts, long_names_in_a_request_are_not_echoed_whole) {
   const std::string path = finished_job("0123456789");
   const std::string name(6000, 'A');
   for (const std::string& target : std::vector<std::string>{

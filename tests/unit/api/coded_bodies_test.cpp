@@ -29,7 +29,7 @@ TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
   EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, gzip(job)).status, 202);
 }
 
-TEST_F(CodedBodies, what_is_wrong_with_one_is_told) {
+TEST_F(CodedBodies, an_invalid_coded_body_is_refused_with_the_reason) {
   const HttpResponse other = request("POST", "/v1/assets", "Content-Encoding: br\r\n", "x");
   EXPECT_EQ(other.status, 415);
   EXPECT_EQ(other.header("accept-encoding"), "gzip, zstd");

@@ -21,7 +21,7 @@ class LimitsTest : public ServerTest {
   }
 };
 
-TEST_F(LimitsTest, who_asks_too_often_is_told_when_to_come_back) {
+TEST_F(LimitsTest, a_tenant_over_its_rate_gets_retry_after) {
   TenantLimits limits;
   limits.requests_per_minute = 60;
   const std::string lab = add("lab", limits), studio = add("studio", {});
@@ -70,7 +70,7 @@ TEST_F(LimitsTest, a_chunked_upload_is_refused_when_it_gets_too_long) {
   EXPECT_EQ(response->code(), "quota-exceeded");
 }
 
-TEST_F(LimitsTest, a_tenant_is_told_its_limits_and_what_it_uses) {
+TEST_F(LimitsTest, a_tenant_can_read_its_limits_and_usage) {
   TenantLimits limits = bytes(1000);
   limits.queued_jobs = 1;
   limits.cells = 5;

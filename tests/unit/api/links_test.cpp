@@ -36,7 +36,7 @@ TEST_F(LinksTest, a_link_gives_the_result_with_ranges_and_conditions) {
   EXPECT_EQ(head.header("content-length"), "10");
 }
 
-TEST_F(LinksTest, whatever_is_changed_in_a_link_makes_it_one_that_never_was) {
+TEST_F(LinksTest, a_link_with_any_change_is_no_such_link) {
   const std::string job = finished_job("0123456789");
   const std::string grid = json(get(job))["result"]["grid"];
   const std::string url = share("/v1/grids/" + grid + "/share?view=grid");

@@ -59,7 +59,7 @@ TEST(OriginGuard, an_origin_is_the_daemons_own_by_host_and_port) {
   EXPECT_NE(verdict(host + "Origin: https://app.example, https://app.example\r\n"), "taken");
 }
 
-TEST(OriginGuard, with_keys_only_the_browser_is_told_who_may_read) {
+TEST(OriginGuard, with_keys_other_origins_are_served_without_cors_headers) {
   const OriginGuard guard(kRules, "127.0.0.1:80");
   const auto respond = [&](const std::string& origin, bool is_preflight) {
     const std::string ask = is_preflight ? "Access-Control-Request-Method: POST\r\n" : "";

@@ -214,7 +214,7 @@ TEST_F(MetricsEndpoint, is_a_document_of_the_text_format_and_on_the_admin_port_a
   EXPECT_EQ(admin("/v1/jobs").status, 404);
 }
 
-TEST_F(MetricsEndpoint, what_no_route_matched_is_counted_as_other) {
+TEST_F(MetricsEndpoint, requests_that_match_no_route_are_counted_as_other) {
   ApiServerConfig config;
   config.request_threads = 1;  // the thread that served "/" meets the broken head
   start(config);

@@ -21,7 +21,7 @@ class ResultsTest : public ServerTest {
   std::string job_, result_;
 };
 
-TEST_F(ResultsTest, a_result_comes_with_what_made_it) {
+TEST_F(ResultsTest, a_result_comes_with_its_job_grid_and_meta) {
   const HttpResponse response = get(result_);
   EXPECT_EQ(response.status, 200);
   EXPECT_EQ(response.body, kResult);
@@ -37,7 +37,7 @@ TEST_F(ResultsTest, a_result_comes_with_what_made_it) {
   EXPECT_EQ(response.header("cache-status"), "voxeld; fwd=miss");
 }
 
-TEST_F(ResultsTest, head_tells_the_length_of_a_result) {
+TEST_F(ResultsTest, head_returns_the_length_of_a_result) {
   const HttpResponse response = request("HEAD", result_);
   EXPECT_EQ(response.status, 200);
   EXPECT_EQ(response.header("content-length"), std::to_string(kResult.size()));

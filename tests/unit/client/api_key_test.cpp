@@ -104,7 +104,7 @@ TEST(ApiKey, the_flag_comes_before_the_variable_and_that_before_the_file) {
   EXPECT_EQ(cli::api_key("flag"), "flag");
 }
 
-TEST(ApiKey, a_file_without_a_key_is_told_by_its_name) {
+TEST(ApiKey, a_file_without_a_key_is_named_in_the_error) {
   const testing::TemporaryDir dir;
   const std::string path = (dir.path() / "key").string();
   const Variable file("VOXELD_KEY_FILE", path);

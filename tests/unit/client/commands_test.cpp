@@ -74,7 +74,7 @@ TEST_F(Commands, voxelize_writes_the_result) {
   EXPECT_EQ(written(), "RESULT");
 }
 
-TEST_F(Commands, a_failure_leaves_no_file_and_keeps_the_old_one) {
+TEST_F(Commands, a_failure_leaves_no_new_file_and_the_old_one_unchanged) {
   ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
                          job_response("done"), CannedResponse{.body = "RESULT", .cut_after = 3}});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
@@ -88,7 +88,7 @@ TEST_F(Commands, a_failure_leaves_no_file_and_keeps_the_old_one) {
   EXPECT_EQ(written(), "old");
 }
 
-TEST_F(Commands, a_damaged_result_leaves_no_file_and_keeps_the_old_one) {
+TEST_F(Commands, a_damaged_result_leaves_no_new_file_and_the_old_one_unchanged) {
   const std::string id =
       "\"sha256-a67d2a6c9087c1bcb7e7cc96385d820b9264c5043aadb04c3e0efe0e6621a5ef\"";  // of "RESULT"
   for (const bool has_old : {false, true}) {

@@ -37,8 +37,8 @@ CannedResponse part(const std::string& text, size_t begin, std::optional<size_t>
       .cut_after = cut_after};
 }
 
-// A sink that keeps what came.
-struct Kept {
+// A sink that appends the received bytes to a text.
+struct Received {
   std::string text;
   Sink sink() {
     return [this](std::span<const std::byte> piece) { text += text_of(piece); };
@@ -48,9 +48,9 @@ struct Kept {
 TEST(Download, gives_the_whole_result_and_asks_for_no_range) {
   const std::string text = long_text(100'000);
   ScriptedServer server({whole(text)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_TRUE(kept.text == text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_TRUE(received.text == text);
   EXPECT_EQ(server.asked()[0].line(), "GET /v1/jobs/j-1/result");
   EXPECT_EQ(server.asked()[0].header("range"), "");
 }
@@ -58,9 +58,9 @@ TEST(Download, gives_the_whole_result_and_asks_for_no_range) {
 TEST(Download, goes_on_where_the_connection_broke) {
   const std::string text = long_text(100'000);
   ScriptedServer server({whole(text, 30'001), part(text, 30'001, 20'000), part(text, 50'001)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_TRUE(kept.text == text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_TRUE(received.text == text);
   const auto asked = server.asked();
   ASSERT_THAT(asked, SizeIs(3));
   EXPECT_EQ(asked[1].header("range"), "bytes=30001-");
@@ -74,17 +74,17 @@ TEST(Download, goes_on_after_the_daemon_was_busy) {
   ScriptedServer server({whole(text, 10),
                          problem_response(503, "shutting-down", "bye", {"Retry-After: 0"}),
                          part(text, 10)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_EQ(kept.text, text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_EQ(received.text, text);
 }
 
 TEST(Download, starts_anew_when_nothing_had_come) {
   const std::string text = long_text(1000);
   ScriptedServer server({whole("other", 0), whole(text)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_EQ(kept.text, text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_EQ(received.text, text);
   EXPECT_EQ(server.asked()[1].header("range"), "");
 }
 
@@ -93,9 +93,9 @@ TEST(Download, a_result_that_changed_meanwhile_is_an_error_and_gives_no_more_byt
   ScriptedServer server({whole(text, 10), CannedResponse{.body = std::string(1000, 'x'),
                                                          .headers = {"ETag: \"sha256-other\""}}});
   Client client(server.url());
-  Kept kept;
-  const Error error = error_of([&] { client.download("j-1", kept.sink()); });
-  EXPECT_EQ(kept.text, text.substr(0, 10));
+  Received received;
+  const Error error = error_of([&] { client.download("j-1", received.sink()); });
+  EXPECT_EQ(received.text, text.substr(0, 10));
   EXPECT_EQ(error.code(), "bad-response");
   EXPECT_EQ(error.http_status(), 200);
   EXPECT_STREQ(error.what(),
@@ -114,17 +114,17 @@ TEST(Download, a_part_that_starts_elsewhere_or_is_of_another_result_is_an_error)
   for (const CannedResponse& response : {part(text, 9), part(text, 100), other, unnamed}) {
     ScriptedServer server({whole(text, 10), response});
     Client client(server.url());
-    Kept kept;
-    EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "bad-response");
-    EXPECT_EQ(kept.text, text.substr(0, 10));
+    Received received;
+    EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "bad-response");
+    EXPECT_EQ(received.text, text.substr(0, 10));
   }
 }
 
 TEST(Download, without_an_etag_nothing_is_resumed) {
   ScriptedServer server({CannedResponse{.body = long_text(1000), .cut_after = 10}});
   Client client(server.url());
-  Kept kept;
-  EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "unreachable");
+  Received received;
+  EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "unreachable");
   EXPECT_THAT(server.asked(), SizeIs(1));
 }
 
@@ -135,11 +135,11 @@ CannedResponse named(const std::string& text, const std::string& etag) {
   return CannedResponse{.body = text, .headers = {"ETag: " + etag}};
 }
 
-TEST(Download, bytes_that_are_not_what_their_id_says_are_an_error) {
+TEST(Download, bytes_that_do_not_match_their_id_are_an_error) {
   ScriptedServer server({named("GR1D", kIdOfGrid)});
   Client client(server.url());
-  Kept kept;
-  const Error error = error_of([&] { client.download("j-1", kept.sink()); });
+  Received received;
+  const Error error = error_of([&] { client.download("j-1", received.sink()); });
   EXPECT_EQ(error.code(), "content-mismatch");
   EXPECT_STREQ(error.what(),
                "the result of the job j-1 was damaged on its way, or where it is stored: expected "
@@ -154,13 +154,14 @@ TEST(Download, a_resumed_result_is_checked_as_a_whole) {
   for (const std::string end : {"ID", "iD"}) {
     ScriptedServer server({begin, CannedResponse{.status = 206, .body = end, .headers = rest}});
     Client client(server.url());
-    Kept kept;
+    Received received;
     if (end == "ID") {
-      client.download("j-1", kept.sink());
+      client.download("j-1", received.sink());
     } else {
-      EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "content-mismatch");
+      EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(),
+                "content-mismatch");
     }
-    EXPECT_EQ(kept.text, "GR" + end);
+    EXPECT_EQ(received.text, "GR" + end);
   }
 }
 
@@ -174,21 +175,21 @@ TEST(Download, gives_up_after_the_tries) {
   const std::string text = long_text(1000);
   ScriptedServer server({whole(text, 10), part(text, 10, 10), part(text, 20, 10)});
   Client client(settings_for(server.url(), 2));
-  Kept kept;
-  EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "unreachable");
-  EXPECT_EQ(kept.text, text.substr(0, 30));
+  Received received;
+  EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "unreachable");
+  EXPECT_EQ(received.text, text.substr(0, 30));
   EXPECT_THAT(server.asked(), SizeIs(3));
 }
 
 TEST(Download, a_problem_is_thrown_and_not_given_to_the_sink) {
   ScriptedServer server({problem_response(409, "conflict", "the job runs")});
   Client client(server.url());
-  Kept kept;
-  EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "conflict");
-  EXPECT_EQ(kept.text, "");
+  Received received;
+  EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "conflict");
+  EXPECT_EQ(received.text, "");
 }
 
-TEST(Download, what_the_sink_throws_passes_through_and_ends_it) {
+TEST(Download, an_exception_of_the_sink_passes_through_and_ends_the_download) {
   ScriptedServer server({whole(long_text(1'000'000))});
   Client client(server.url());
   int calls = 0;
@@ -210,12 +211,12 @@ TEST(Download, the_client_is_usable_after_a_sink_threw) {
   EXPECT_EQ(client.job("j-1").state, "done");
 }
 
-TEST(Download, progress_tells_bytes_of_the_total_also_after_a_break) {
+TEST(Download, progress_reports_bytes_of_the_total_also_after_a_break) {
   const std::string text = long_text(200'000);
   ScriptedServer server({whole(text, 100'000), part(text, 100'000)});
-  Kept kept;
+  Received received;
   std::vector<Progress> told;
-  Client(server.url()).download("j-1", kept.sink(), [&](const Progress& now) {
+  Client(server.url()).download("j-1", received.sink(), [&](const Progress& now) {
     told.push_back(now);
     return true;
   });
@@ -228,9 +229,9 @@ TEST(Download, progress_tells_bytes_of_the_total_also_after_a_break) {
 TEST(Download, a_callback_that_returns_false_stops_it) {
   ScriptedServer server({whole(long_text(1'000'000), 10)});
   Client client(server.url());
-  Kept kept;
+  Received received;
   const Error error = error_of([&] {
-    client.download("j-1", kept.sink(), [](const Progress& now) { return now.done == 0; });
+    client.download("j-1", received.sink(), [](const Progress& now) { return now.done == 0; });
   });
   EXPECT_EQ(error.code(), "interrupted");
   EXPECT_THAT(server.asked(), SizeIs(1));
@@ -261,11 +262,11 @@ TEST(WholeWay, render_gives_the_image_and_the_jobs_end) {
   ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
                          job_response("done", R"("result":{"bytes":3,"media_type":"image/png"})"),
                          whole("PNG")});
-  Kept kept;
-  const JobInfo job =
-      Client(server.url())
-          .render_to(Source::memory(bytes_of("x"), ""), Options().set("width", "9"), kept.sink());
-  EXPECT_EQ(kept.text, "PNG");
+  Received received;
+  const JobInfo job = Client(server.url())
+                          .render_to(Source::memory(bytes_of("x"), ""), Options().set("width", "9"),
+                                     received.sink());
+  EXPECT_EQ(received.text, "PNG");
   EXPECT_EQ(job.media_type, "image/png");
   EXPECT_EQ(server.asked()[1].body,
             R"({"asset":"sha256-a","kind":"render","options":{"width":"9"}})");

@@ -86,7 +86,7 @@ TEST(Grid, for_each_visits_every_voxel_once_with_its_color_and_normal) {
   EXPECT_EQ(grid.voxel_count(), in.voxels.size());
 }
 
-TEST(Grid, every_voxel_has_what_its_channels_say) {
+TEST(Grid, every_voxel_has_the_values_of_its_channels) {
   std::mt19937 random(6);
   const auto voxels = test::random_voxels(random, {300, 40, 52}, 3000);
   GridHeader header = header_of({300, 40, 52}, true, true);

@@ -64,7 +64,7 @@ TEST(Submit, a_bundle_names_its_files_and_their_uploads) {
   EXPECT_EQ(error_of([&] { client.bundle(files); }).code(), "bad-response");
 }
 
-TEST(Frames, those_that_are_done_are_listed) {
+TEST(Frames, finished_frames_are_listed) {
   ScriptedServer server(
       {json_response(
            R"({"job":"j-1","sequence":null,"frames_total":3,"frames":[{"index":0,"time_s":0,)"
@@ -118,7 +118,7 @@ TEST(Submit, a_name_that_is_no_utf8_is_sent_as_text_that_is) {
   EXPECT_THAT(server.asked()[0].body, HasSubstr("\"filename\":\"b\xef\xbf\xbdume.ply\""));
 }
 
-TEST(JobInfo, holds_what_the_daemon_says) {
+TEST(JobInfo, holds_the_values_of_the_response) {
   ScriptedServer server({json_response(
       R"({"id":"j-7","kind":"render","state":"done","stage":"","tiles_done":3,"tiles_total":4,)"
       R"("queue_position":0,"result":{"bytes":99,"media_type":"image/png","grid":"sha256-g",)"
@@ -213,7 +213,7 @@ TEST(Wait, every_error_code_of_a_job_keeps_its_name_and_status) {
   }
 }
 
-TEST(Wait, an_end_without_an_error_document_is_told_by_the_state) {
+TEST(Wait, an_end_without_an_error_document_is_reported_by_the_state) {
   ScriptedServer server({job_response("cancelled"), job_response("failed", R"("error":7)")});
   Client client(server.url());
   const Error cancelled = error_of([&] { client.wait("j-1"); });

@@ -41,7 +41,7 @@ TEST(Retry, a_busy_daemon_is_asked_again_with_the_same_body) {
   EXPECT_EQ(asked[2].body, asked[0].body);
 }
 
-TEST(Retry, the_pause_is_what_retry_after_says) {
+TEST(Retry, the_pause_is_that_of_retry_after) {
   ScriptedServer server({busy(503, "1"), job_response("done")});
   Client client(server.url());
   const auto start = std::chrono::steady_clock::now();
@@ -85,7 +85,7 @@ TEST(Retry, a_refused_connection_is_tried_until_the_daemon_listens) {
   EXPECT_EQ(Client(server.url()).job("j-1").state, "done");
 }
 
-TEST(Retry, other_failures_are_told_at_once) {
+TEST(Retry, other_failures_are_reported_at_once) {
   for (const int status : {400, 404, 409, 500, 504, 507}) {
     ScriptedServer server({problem_response(status, "some-code", "no"), job_response("done")});
     Client client(server.url());
@@ -110,7 +110,7 @@ TEST(Errors, a_problem_document_becomes_an_error_with_all_its_parts) {
   EXPECT_STREQ(error.what(), "size: expected 1 to 2048, got 0");
 }
 
-TEST(Errors, the_text_leaves_out_what_the_problem_does_not_say) {
+TEST(Errors, the_text_leaves_out_members_that_the_problem_lacks) {
   EXPECT_STREQ(Error("c", 1, "a", "", "b").what(), "a: got b");
   EXPECT_STREQ(Error("c", 1, "a", "b", "").what(), "a: expected b");
   EXPECT_STREQ(Error("c", 1, "a").what(), "a");
@@ -144,7 +144,7 @@ TEST(Errors, a_bad_response_names_the_address_and_the_status) {
   EXPECT_EQ(error.what(), server.url() + ": status 404");
 }
 
-TEST(Errors, nobody_at_the_address_is_unreachable_and_told_with_the_address) {
+TEST(Errors, an_address_without_a_daemon_is_unreachable_and_named) {
   Client client(settings_for(test::url_of_nobody(), 1));
   const auto start = std::chrono::steady_clock::now();
   const Error error = error_of([&] { client.job("j-1"); });

@@ -62,7 +62,7 @@ TEST(Sequence, holds_the_header_of_the_container) {
   EXPECT_EQ(sequence.time_s(6), 0.25);
 }
 
-TEST(Sequence, frames_are_what_was_written_in_any_order) {
+TEST(Sequence, frames_read_in_any_order_equal_those_written) {
   const auto frames = written_frames();
   Sequence sequence = Sequence::decode(container());
   for (const size_t index : {0u, 1u, 2u, 11u, 5u, 5u, 10u}) {

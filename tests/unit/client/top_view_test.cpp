@@ -64,7 +64,7 @@ TEST(TopView, devices_with_their_jobs_stand_above_the_queue) {
   EXPECT_EQ(lines, expected);
 }
 
-TEST(TopView, a_job_that_was_preempted_tells_how_far_it_had_got) {
+TEST(TopView, a_preempted_job_shows_its_progress) {
   TopView view("http://host:8080");
   Queue queue = sample();
   queue.jobs[1].job.tiles_done = 9;

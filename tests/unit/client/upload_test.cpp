@@ -104,7 +104,7 @@ TEST(Upload, names_of_files_are_escaped) {
   }
 }
 
-TEST(Upload, without_a_name_the_daemon_is_told_none) {
+TEST(Upload, without_a_name_none_is_sent) {
   ScriptedServer server({json_response(kAsset)});
   Client(server.url()).upload(Source::memory(bytes_of("x"), ""));
   EXPECT_EQ(server.asked()[0].target, "/v1/assets");
@@ -140,7 +140,7 @@ TEST(Upload, a_stream_is_not_sent_again) {
   EXPECT_EQ(calls, 2);
 }
 
-TEST(Upload, a_refusal_that_comes_before_the_whole_body_was_sent_is_told) {
+TEST(Upload, a_refusal_before_the_whole_body_was_sent_is_reported) {
   CannedResponse refusal = problem_response(413, "payload-too-large", "the body is too large");
   refusal.reads_body = false;
   ScriptedServer server({refusal});
@@ -151,7 +151,7 @@ TEST(Upload, a_refusal_that_comes_before_the_whole_body_was_sent_is_told) {
   EXPECT_EQ(error.http_status(), 413);
 }
 
-TEST(Upload, a_file_that_is_missing_or_a_folder_is_told_before_anything_is_sent) {
+TEST(Upload, a_missing_file_or_a_folder_is_an_error_before_anything_is_sent) {
   ScriptedServer server({});
   Client client(server.url());
   const Error missing = error_of([&] { client.upload(Source::file("/nowhere/a.ply")); });
@@ -181,7 +181,7 @@ TEST(Upload, a_connection_that_breaks_is_unreachable) {
             "unreachable");
 }
 
-TEST(Upload, what_a_stream_throws_passes_through) {
+TEST(Upload, an_exception_of_the_stream_passes_through) {
   ScriptedServer server({json_response(kAsset)});
   Client client(server.url());
   const Source broken = Source::stream(
@@ -189,7 +189,7 @@ TEST(Upload, what_a_stream_throws_passes_through) {
   EXPECT_THROW(client.upload(broken), std::domain_error);
 }
 
-TEST(Upload, progress_tells_bytes_and_false_stops_it) {
+TEST(Upload, progress_reports_bytes_and_false_stops_it) {
   ScriptedServer server({CannedResponse{.delay = 10s}});
   Client client(server.url());
   Progress last;
@@ -221,7 +221,7 @@ TEST(Upload, a_stop_token_stops_it) {
   EXPECT_LT(since(start), 5s);
 }
 
-TEST(Upload, what_a_progress_callback_throws_passes_through) {
+TEST(Upload, an_exception_of_the_progress_callback_passes_through) {
   ScriptedServer server({json_response(kAsset)});
   Client client(server.url());
   EXPECT_THROW(client.upload(Source::memory(bytes_of("x"), "a"),

@@ -80,7 +80,7 @@ TEST(ProbeDevices, a_driver_that_hangs_is_killed) {
   EXPECT_EQ(probes[0].reason, "egl:0: the driver did not reply within 50 ms");
 }
 
-TEST(ProbeDevices, a_program_that_cannot_be_run_is_told) {
+TEST(ProbeDevices, a_program_that_cannot_be_run_is_reported) {
   const auto probes = probe_devices("/nonexistent/voxeld");
   ASSERT_GE(probes.size(), 4u);
   EXPECT_EQ(probes[0].reason, "egl:0: cannot run /nonexistent/voxeld: No such file or directory");

@@ -110,14 +110,14 @@ TEST_F(DrainTest, nobody_is_let_in_any_more) {
 TEST_F(DrainTest, new_work_is_refused_on_new_and_open_connections_and_other_requests_are_served) {
   start_refusing(/*threads=*/4);
   const std::string work = "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 2\r\n\r\nab";
-  HttpClient kept(port()), reading(port()), half(port());
-  ASSERT_TRUE(kept.send(work) && reading.send_get("/hello") && half.send(work.substr(0, 30)));
-  EXPECT_EQ(kept.receive().value_or(HttpResponse{}).body, "ab");
+  HttpClient persistent(port()), reading(port()), half(port());
+  ASSERT_TRUE(persistent.send(work) && reading.send_get("/hello") && half.send(work.substr(0, 30)));
+  EXPECT_EQ(persistent.receive().value_or(HttpResponse{}).body, "ab");
   EXPECT_EQ(reading.receive().value_or(HttpResponse{}).header("connection"), "keep-alive");
   while_draining([&] {
-    ASSERT_TRUE(kept.send(work) && half.send(work.substr(30)) && reading.send_get("/hello"));
-    expect_refused(kept.receive().value_or(HttpResponse{}));
-    EXPECT_EQ(kept.receive_to_end(), "");
+    ASSERT_TRUE(persistent.send(work) && half.send(work.substr(30)) && reading.send_get("/hello"));
+    expect_refused(persistent.receive().value_or(HttpResponse{}));
+    EXPECT_EQ(persistent.receive_to_end(), "");
     expect_refused(half.receive().value_or(HttpResponse{}));
     EXPECT_EQ(reading.receive().value_or(HttpResponse{}).body, "hello");
     EXPECT_EQ(reading.receive_to_end(), "");
@@ -139,7 +139,7 @@ TEST_F(DrainTest, a_refused_upload_is_not_asked_for_its_body) {
   });
 }
 
-TEST_F(DrainTest, who_asks_for_work_again_and_again_does_not_keep_it_from_ending) {
+TEST_F(DrainTest, clients_that_repeat_requests_for_work_do_not_prevent_the_end) {
   start_refusing(/*threads=*/4);
   std::atomic<bool> ended{false};
   std::vector<std::thread> clients;

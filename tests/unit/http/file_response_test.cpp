@@ -95,7 +95,7 @@ TEST(FileResponse, if_range_asks_for_the_part_of_this_very_content) {
   EXPECT_EQ(summary_with("Sun, 06 Nov 1994 08:49:37 GMT"), kWhole);
 }
 
-TEST(FileResponse, what_the_client_has_is_not_modified) {
+TEST(FileResponse, an_etag_that_matches_is_not_modified) {
   for (const char* tags : {"\"abc\"", "W/\"abc\"", "*", "\"x\", \"abc\"", "\"x\" ,W/\"abc\" "}) {
     const Response response = respond("If-None-Match: " + std::string(tags) + "\r\n");
     EXPECT_EQ(summary(response), "304") << tags;
@@ -107,7 +107,7 @@ TEST(FileResponse, what_the_client_has_is_not_modified) {
   }
 }
 
-TEST(FileResponse, what_the_client_has_goes_before_the_range_it_asks_for) {
+TEST(FileResponse, a_matching_etag_takes_precedence_over_a_range) {
   EXPECT_EQ(summary(respond("If-None-Match: \"abc\"\r\nRange: bytes=500-\r\n")), "304");
 }
 
@@ -117,7 +117,7 @@ TEST(ReasonPhrase, every_status_of_an_error_code_has_one) {
   }
 }
 
-TEST(HttpDate, is_what_the_standard_shows) {
+TEST(HttpDate, matches_the_example_of_the_standard) {
   EXPECT_EQ(http_date(784111777), "Sun, 06 Nov 1994 08:49:37 GMT");
   EXPECT_EQ(http_date(0), "Thu, 01 Jan 1970 00:00:00 GMT");
   EXPECT_EQ(http_date(1709210096), "Thu, 29 Feb 2024 12:34:56 GMT");

@@ -1,4 +1,4 @@
-// Exchanges over real sockets: framing, kept connections, and what is refused.
+// Exchanges over real sockets: framing, persistent connections and refusals.
 #include "server/http/http_server.h"
 
 #include <gtest/gtest.h>
@@ -240,7 +240,7 @@ TEST_F(HttpServerTest, a_body_larger_than_every_buffer_arrives_whole) {
   EXPECT_TRUE(client.receive().value_or(HttpResponse{}).body == body);
 }
 
-TEST_F(HttpServerTest, plain_request_ids_are_kept_and_others_replaced) {
+TEST_F(HttpServerTest, plain_request_ids_are_returned_and_others_replaced) {
   start();
   EXPECT_EQ(get("/hello", "X-Request-Id: a.B-9_\r\n").header("x-request-id"), "a.B-9_");
   for (const std::string& id : {std::string("a b"), std::string("a\"b"), std::string(65, 'a')}) {

@@ -151,7 +151,7 @@ TEST_F(PiecesTest, responses_over_the_budget_wait_without_a_thread_and_continue_
   EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
 }
 
-TEST_F(PiecesTest, those_that_wait_go_on_when_a_client_leaves) {
+TEST_F(PiecesTest, waiting_responses_continue_when_a_client_leaves) {
   add_pieces("/pieces", kPieces, kPieceBytes);
   HttpServerConfig config;
   config.memory = {kPieceBytesMax, kPieceBytesMax};
@@ -180,14 +180,14 @@ TEST(MemoryBudget, one_tenants_bytes_are_not_anothers) {
   EXPECT_EQ(budget.bytes(), 190);
 }
 
-TEST(MemoryBudget, who_has_nothing_gets_its_piece_however_large) {
+TEST(MemoryBudget, a_share_that_holds_nothing_gets_its_piece_however_large) {
   MemoryBudget budget({100, 200});
   MemoryShare first(budget, "lab", nullptr), other(budget, "studio", nullptr);
   EXPECT_TRUE(first.reserve(500));
   EXPECT_TRUE(other.reserve(500));
 }
 
-TEST(MemoryBudget, those_that_wait_are_served_in_their_order) {
+TEST(MemoryBudget, waiting_shares_are_served_in_their_order) {
   MemoryBudget budget({100, 100});
   int one = 1, two = 2;
   MemoryShare holder(budget, "lab", nullptr);

@@ -72,7 +72,7 @@ TEST_F(JobCostsTest, jobs_of_other_sorts_teach_nothing) {
   EXPECT_EQ(costs.estimate(work_of(JobKind::kVoxelize, solid, 1 << 20)).learned_from, 0);
 }
 
-TEST_F(JobCostsTest, what_was_learned_outlives_the_process) {
+TEST_F(JobCostsTest, learned_costs_outlive_the_process) {
   std::string before;
   {
     JobCosts costs(file());

@@ -166,14 +166,14 @@ TEST_F(TimeSlicesTest, fifo_goes_by_arrival_whatever_the_priority) {
   three.join();
 }
 
-TEST_F(TimeSlicesTest, devices_have_turns_of_their_own) {
+TEST_F(TimeSlicesTest, devices_have_slices_of_their_own) {
   begin("x", "a", 0, 0, "egl:0");
   begin("y", "a", 0, 0, "egl:1");
   EXPECT_EQ(take("x"), Outcome::kGranted);
   EXPECT_EQ(take("y"), Outcome::kGranted);
 }
 
-TEST_F(TimeSlicesTest, who_is_told_to_stop_waits_no_longer_and_holds_nobody_up) {
+TEST_F(TimeSlicesTest, a_stopped_task_ends_its_wait_and_delays_no_other) {
   begin("holder", "a");
   begin("cancelled", "b");
   begin("next", "c");
@@ -220,7 +220,7 @@ TEST_F(TimeSlicesTest, a_deadline_that_passes_ends_the_wait) {
   EXPECT_GE(unix_time_ms(), 0);
 }
 
-TEST_F(TimeSlicesTest, the_share_of_a_tenant_grows_while_it_has_its_turn) {
+TEST_F(TimeSlicesTest, the_share_of_a_tenant_grows_during_its_slice) {
   weights_ = {{"a", 2}};
   EXPECT_EQ(slices_->share("cpu", "a"), 0);
   begin("x", "a");
@@ -243,7 +243,7 @@ class SlicesMemory : public TimeSlicesTest {
   }
 };
 
-TEST_F(SlicesMemory, what_can_never_fit_is_refused_with_the_numbers) {
+TEST_F(SlicesMemory, a_request_that_can_never_fit_is_refused_with_the_numbers) {
   begin("x", "a");
   const auto outcome = slices_->take("x", 1, {9 * kGiga, 0}, {});
   ASSERT_FALSE(outcome);
@@ -257,7 +257,7 @@ TEST_F(SlicesMemory, what_can_never_fit_is_refused_with_the_numbers) {
   EXPECT_EQ(take("x", {8 * kGiga, kGiga}), Outcome::kGranted);  // alone it has all
 }
 
-TEST_F(SlicesMemory, who_does_not_fit_says_for_what_it_waits_and_holds_no_turn) {
+TEST_F(SlicesMemory, a_task_that_does_not_fit_reports_its_wait_and_holds_no_slice) {
   begin("large", "a");
   begin("other", "b");
   begin("small", "c");
@@ -274,7 +274,7 @@ TEST_F(SlicesMemory, who_does_not_fit_says_for_what_it_waits_and_holds_no_turn) 
   EXPECT_EQ(slices_->waiting_for("other"), "");
 }
 
-TEST_F(SlicesMemory, nobody_passes_who_would_then_wait_for_him) {
+TEST_F(SlicesMemory, no_task_overtakes_one_that_it_would_then_block_on) {
   begin("large", "a");
   begin("other", "b");
   begin("small", "c");
@@ -307,7 +307,7 @@ TEST_F(SlicesMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any
 }
 
 // Four seconds of one core are one second of a machine with four.
-TEST_F(TimeSlicesTest, cpu_time_beside_turns_counts_as_a_core_s_share_of_the_device) {
+TEST_F(TimeSlicesTest, cpu_time_outside_slices_counts_as_a_core_s_share_of_the_device) {
   pid_ = 7;
   begin("a1", "a");
   pid_ = 8;
@@ -322,7 +322,7 @@ TEST_F(TimeSlicesTest, cpu_time_beside_turns_counts_as_a_core_s_share_of_the_dev
   EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 1.5);
 }
 
-TEST_F(TimeSlicesTest, cpu_time_within_a_turn_is_not_charged_twice) {
+TEST_F(TimeSlicesTest, cpu_time_within_a_slice_is_not_charged_twice) {
   pid_ = 7;
   begin("a1", "a");
   slices_->set_queued("cpu", {"a"});
@@ -356,7 +356,7 @@ TEST_F(TimeSlicesTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
   b.join();
 }
 
-TEST_F(TimeSlicesTest, a_turn_that_is_taken_away_is_charged_and_the_next_one_is_granted) {
+TEST_F(TimeSlicesTest, a_revoked_slice_is_charged_and_the_next_one_is_granted) {
   begin("a1", "a");
   begin("b1", "b");
   slices_->set_queued("cpu", {"a", "b"});
