@@ -41,7 +41,7 @@ set(CPACK_COMPONENT_CLI_DEPENDS client)
 set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME libvoxeld-client${PROJECT_VERSION_MAJOR})
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_CLIENT_DESCRIPTION "client library of voxeld
- Uploads, jobs, grids and pictures of a voxeld, and the decoder of its containers.")
+ Uploads, jobs, grids and images of a voxeld, and the decoder of its containers.")
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libvoxeld-client-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)

@@ -243,9 +243,10 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->envname("VOXELD_DRAIN_SECONDS")
       ->capture_default_str();
   serve
-      ->add_option("--part-seconds", config.part_seconds,
-                   "How often the finished tiles of a long job are kept, for going on there after "
-                   "a restart")
+      ->add_option(
+          "--part-seconds", config.part_seconds,
+          "How often the finished tiles of a long job are stored, to continue from them after "
+          "a restart")
       ->check(CLI::Range(0.0, 3600.0))
       ->envname("VOXELD_PART_SECONDS")
       ->capture_default_str();

@@ -40,7 +40,7 @@ struct ServeConfig {
   bool adopts_store = false;    // --adopt
   bool forgets_keys = false;    // --forget-keys
   double drain_seconds = 10.0;  // how long running requests may continue after SIGTERM
-  double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
+  double part_seconds = 5.0;    // how often finished tiles of long jobs are stored
   std::string shader_dir;
   std::string sandbox = "auto";  // of workers: auto, require or off
   // auto (tenant where several tenants have keys, else none), tenant, task or none

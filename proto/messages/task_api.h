@@ -168,7 +168,7 @@ struct TaskPart {
 struct TaskPartReply {
   bool cancel = false;
   bool fenced = false;
-  std::string error;  // why the part was not kept; empty: it was
+  std::string error;  // why the part was not stored; empty: it was stored
 };
 
 struct TaskCompletion {

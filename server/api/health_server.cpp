@@ -98,7 +98,7 @@ class Responder final : public httplib::Server {
       fill(respond(std::move(head)), response);
       return HandlerResponse::Handled;
     });
-    // What cannot be parsed never came to the handler above.
+    // Requests that cannot be parsed do not reach the handler above.
     set_error_handler([](const httplib::Request&, httplib::Response& response) {
       if (!response.body.empty()) return;
       fill(Response::problem({ErrorCode::kBadRequest, "the request is not one of HTTP/1.1",

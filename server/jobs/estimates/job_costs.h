@@ -1,4 +1,4 @@
-// The cost of jobs of each kind on this machine, learned and kept in a file beside the database.
+// The cost of jobs of each kind on this machine, learned and stored in a file beside the database.
 #pragma once
 
 #include <cstdint>
