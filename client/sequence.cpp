@@ -7,7 +7,7 @@ namespace voxeld::client {
 struct Sequence::Impl {
   std::vector<std::byte> container;
   SequenceReader reader;
-  RawStreams kept;  // of the frame that was read last
+  RawStreams streams;  // of the last frame read
 
   explicit Impl(std::vector<std::byte> bytes)
       : container(std::move(bytes)),
@@ -70,7 +70,7 @@ std::uint64_t Sequence::voxel_count(std::size_t index) const {
 Grid Sequence::frame(std::size_t index) {
   check_frame(index);
   return Grid(Grid::Impl::of(impl_->reader.header(),
-                             checked(impl_->reader.decode_frame(index, &impl_->kept)),
+                             checked(impl_->reader.decode_frame(index, &impl_->streams)),
                              impl_->reader.voxel_count(index)));
 }
 

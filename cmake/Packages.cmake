@@ -19,9 +19,9 @@ set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS ON)
 set(CPACK_DEBIAN_SERVER_PACKAGE_NAME voxeld)
 set(CPACK_DEBIAN_SERVER_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_SERVER_DESCRIPTION "voxelization and ray marching over HTTP, on a GPU that many share
- POST a mesh or an animation and get a compressed voxel grid or a picture. Works on
+ POST a mesh or an animation and get a compressed voxel grid or an image. Works on
  OpenGL without a display, on Mesa's software drivers, and on the CPU alone, with the
- same bytes in the answer.")
+ same bytes in the response.")
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS adduser)
 # Loaded at run time: without them there is device cpu.
 set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "libegl1, libegl-mesa0, libgl1-mesa-dri")
@@ -41,7 +41,7 @@ set(CPACK_COMPONENT_CLI_DEPENDS client)
 set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME libvoxeld-client${PROJECT_VERSION_MAJOR})
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_CLIENT_DESCRIPTION "client library of voxeld
- Uploads, jobs, grids and pictures of a voxeld, and the decoder of its containers.")
+ Uploads, jobs, grids and images of a voxeld, and the decoder of its containers.")
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libvoxeld-client-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)

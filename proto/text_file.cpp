@@ -26,7 +26,7 @@ void append_utf8(uint32_t c, std::string& out) {
   }
 }
 
-// Converts by RFC 2781. A surrogate without its pair becomes U+FFFD. An odd last byte is kept as it
+// Converts by RFC 2781. A surrogate without its pair becomes U+FFFD. An odd last byte stays as it
 // is, because some programs append a single ^Z or NUL.
 std::string utf8_from_utf16(std::span<const uint8_t> bytes, bool big_endian) {
   const auto unit_at = [&](size_t i) {

@@ -167,7 +167,7 @@ void add_worker_limits(CLI::App& serve, ServeConfig& config) {
 
 CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   CLI::App* serve = app.add_subcommand(
-      "serve", "Answer HTTP and run jobs on worker processes of each device (the default)");
+      "serve", "Serve HTTP and run jobs on worker processes of each device (the default)");
   serve->add_option("--listen", config.listen, "HOST:PORT of the API; port 0 takes a free one")
       ->envname("VOXELD_LISTEN")
       ->capture_default_str();
@@ -202,7 +202,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->capture_default_str();
   serve
       ->add_option("--request-threads", config.request_threads,
-                   "Requests that are answered at a time")
+                   "Requests that are handled at a time")
       ->check(CLI::Range(1, 4096))
       ->envname("VOXELD_REQUEST_THREADS")
       ->capture_default_str();
@@ -238,14 +238,15 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->envname("VOXELD_CORS_ORIGIN");
   serve
       ->add_option("--drain-seconds", config.drain_seconds,
-                   "How long running answers may go on after SIGTERM, while new work gets 503")
+                   "How long running requests may continue after SIGTERM, while new work gets 503")
       ->check(CLI::NonNegativeNumber)
       ->envname("VOXELD_DRAIN_SECONDS")
       ->capture_default_str();
   serve
-      ->add_option("--part-seconds", config.part_seconds,
-                   "How often the finished tiles of a long job are kept, for going on there after "
-                   "a restart")
+      ->add_option(
+          "--part-seconds", config.part_seconds,
+          "How often the finished tiles of a long job are stored, to continue from them after "
+          "a restart")
       ->check(CLI::Range(0.0, 3600.0))
       ->envname("VOXELD_PART_SECONDS")
       ->capture_default_str();

@@ -27,7 +27,7 @@ struct ServeConfig {
   int connections_per_address = 256;         // neither loopback nor a trusted proxy; 0: any number
   std::vector<std::string> trusted_proxies;  // whose X-Forwarded-For is believed
   std::vector<std::string> public_hosts;     // names, beside loopback, that clients call it by
-  std::vector<std::string> cors_origins;     // whose web pages may read answers
+  std::vector<std::string> cors_origins;     // whose web pages may read responses
   int workers_per_device = 3;
   bool is_fair = true;           // --scheduler fair
   int64_t memory_bytes_max = 0;  // 0: three quarters of what the machine has
@@ -39,8 +39,8 @@ struct ServeConfig {
   double keep_orphans_days = 7;
   bool adopts_store = false;    // --adopt
   bool forgets_keys = false;    // --forget-keys
-  double drain_seconds = 10.0;  // how long running answers may go on after SIGTERM
-  double part_seconds = 5.0;    // how often finished tiles of long jobs are kept
+  double drain_seconds = 10.0;  // how long running requests may continue after SIGTERM
+  double part_seconds = 5.0;    // how often finished tiles of long jobs are stored
   std::string shader_dir;
   std::string sandbox = "auto";  // of workers: auto, require or off
   // auto (tenant where several tenants have keys, else none), tenant, task or none

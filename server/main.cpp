@@ -1,4 +1,4 @@
-// voxeld: serve, worker, doctor, keys, version. What each does stands in its own file.
+// voxeld: serve, worker, doctor, keys, version. Each command has its own file.
 #include <cstdio>
 #include <filesystem>
 #include <string>

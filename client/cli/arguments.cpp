@@ -209,7 +209,7 @@ std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
   add_common_flags(*share, arguments);
 
   CLI::App* list = app.add_subcommand("ls", "what the daemon keeps for you, newest first");
-  list->add_option("what", arguments.kept, "results (default), grids, sequences or assets")
+  list->add_option("what", arguments.list, "results (default), grids, sequences or assets")
       ->check(CLI::IsMember({"results", "grids", "sequences", "assets"}));
   list->add_option("--limit", arguments.limit, "how many (default 20)")->check(CLI::Range(1, 1000));
   add_common_flags(*list, arguments);

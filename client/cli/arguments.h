@@ -43,7 +43,7 @@ struct Arguments {
 
   std::string job;               // jobs: a single one; share
   std::vector<std::string> ids;  // rm: ids to delete
-  std::string kept = "results";  // ls: the list to show
+  std::string list = "results";  // ls: the list to show
   int seconds = 3600;            // share: lifetime of the link
   bool cancel = false;           // jobs: cancel it
   int limit = 20;                // jobs, ls: how many

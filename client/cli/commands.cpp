@@ -194,17 +194,17 @@ void run_share(const Arguments& arguments) {
 }
 
 // Prints a line of `voxel ls`: id, bytes, other names.
-void print_kept(const Json& kept) {
-  const auto text = [&](const char* name) { return kept.value(name, std::string()); };
-  const std::string id = kept.contains("id") ? text("id") : text("job");
-  const std::string note = kept.contains("filename") ? text("filename") : text("job");
-  std::printf("%-71s %12lld  %s\n", id.c_str(), kept.value("bytes", 0LL), note.c_str());
+void print_stored(const Json& stored) {
+  const auto text = [&](const char* name) { return stored.value(name, std::string()); };
+  const std::string id = stored.contains("id") ? text("id") : text("job");
+  const std::string note = stored.contains("filename") ? text("filename") : text("job");
+  std::printf("%-71s %12lld  %s\n", id.c_str(), stored.value("bytes", 0LL), note.c_str());
 }
 
 void run_list(const Arguments& arguments) {
   Client daemon(settings_of(arguments));
-  const Json page = parsed(daemon.list_json(arguments.kept, arguments.limit));
-  const auto list = page.find(arguments.kept);
+  const Json page = parsed(daemon.list_json(arguments.list, arguments.limit));
+  const auto list = page.find(arguments.list);
   if (list == page.end() || !list->is_array()) {
     throw Error("bad-response", 0, "the response is no list: is there a voxeld at this URL?");
   }
@@ -212,7 +212,7 @@ void run_list(const Arguments& arguments) {
     print_json(page);
     return;
   }
-  for (const Json& kept : *list) print_kept(kept);
+  for (const Json& stored : *list) print_stored(stored);
 }
 
 // Continues after an id that cannot be deleted. The first such error becomes the command's.

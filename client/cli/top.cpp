@@ -28,13 +28,13 @@ int64_t unix_now_ms() {
 void watch_queue(const Arguments& arguments, client::Client& daemon, const std::stop_token& stop) {
   TopView view(arguments.url);
   client::Queue queue = daemon.queue(kJobsShown);
-  auto answered = Clock::now();
+  auto received = Clock::now();
   if (arguments.json) {
     std::printf("%s\n", queue.json.c_str());
     return;
   }
   if (arguments.once || ::isatty(STDOUT_FILENO) == 0) {
-    for (const std::string& line : view.lines(queue, kPaper, unix_now_ms(), answered)) {
+    for (const std::string& line : view.lines(queue, kPaper, unix_now_ms(), received)) {
       std::printf("%s\n", line.c_str());
     }
     return;
@@ -43,7 +43,7 @@ void watch_queue(const Arguments& arguments, client::Client& daemon, const std::
   std::string trouble;
   auto next = Clock::now() + kRefresh;
   while (!stop.stop_requested()) {
-    auto lines = view.lines(queue, Terminal::size(), unix_now_ms(), answered);
+    auto lines = view.lines(queue, Terminal::size(), unix_now_ms(), received);
     if (!trouble.empty()) lines.front() = "voxel top  " + trouble;
     lines.front().resize(
         std::min(lines.front().size(), static_cast<size_t>(Terminal::size().columns)));
@@ -53,7 +53,7 @@ void watch_queue(const Arguments& arguments, client::Client& daemon, const std::
     next = Clock::now() + kRefresh;
     try {
       queue = daemon.queue(kJobsShown);
-      answered = Clock::now();
+      received = Clock::now();
       trouble.clear();
     } catch (const client::Error& error) {
       trouble = error.what();

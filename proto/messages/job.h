@@ -108,7 +108,7 @@ struct JobStatus {
   // time; 0: not known) with the queue as it is now.
   std::optional<JobEstimate> estimate;
   int64_t expected_start_ms = 0, expected_end_ms = 0;
-  bool cached = false;  // answered from an earlier job's result
+  bool cached = false;  // took an earlier job's result
 
   bool ended() const {
     return state == JobState::kDone || state == JobState::kFailed || state == JobState::kCancelled;

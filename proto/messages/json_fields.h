@@ -156,7 +156,7 @@ Tree fields_json(const Struct& value) {
 
 // ---- Reading ------------------------------------------------------------------------------------
 
-// What reading does with members that are not in the list.
+// Reading either ignores or refuses members that are not in the list.
 enum class Unlisted { kIgnore, kRefuse };
 
 // Reads an object into `value`. Errors: bad-request, "task.fence: expected an integer, got string".

@@ -1,6 +1,6 @@
 // The task API: how a worker asks the gateway for work and reports on it. Each message is one JSON
 // object in a frame: u32 little-endian byte count (at most kTaskFrameBytesMax), then the text. The
-// worker sends a request, the gateway answers with one reply; locally over a Unix socket, with
+// worker sends a request, the gateway sends one reply; locally over a Unix socket, with
 // blobs passed as file paths in the data directory.
 //
 //   worker                                gateway
@@ -168,7 +168,7 @@ struct TaskPart {
 struct TaskPartReply {
   bool cancel = false;
   bool fenced = false;
-  std::string error;  // why the part was not kept; empty: it was
+  std::string error;  // why the part was not stored; empty: it was stored
 };
 
 struct TaskCompletion {

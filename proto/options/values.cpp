@@ -19,7 +19,7 @@ std::optional<int> parse_int(std::string_view text) {
 }
 
 std::optional<double> parse_double(std::string_view text) {
-  // from_chars does not accept a plus sign. "+-1" must stay invalid, so the plus is kept there.
+  // from_chars does not accept a plus sign. "+-1" must stay invalid, so its plus is not removed.
   if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
   const auto value = parse_number<double>(text);
   if (!value || !std::isfinite(*value)) return std::nullopt;

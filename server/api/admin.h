@@ -1,4 +1,4 @@
-// What the admin port tells: /livez, /readyz and /metrics.
+// The resources of the admin port: /livez, /readyz and /metrics.
 #pragma once
 
 #include <functional>

@@ -28,7 +28,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// /livez is answered while a handler of /readyz or /metrics takes long.
+// Two, so that /livez responds while a handler of /readyz or /metrics takes long.
 constexpr int kThreads = 2;
 constexpr std::string_view kHeadEnd = "\r\n\r\n";
 // For what the client still sends once it has its response.
@@ -98,7 +98,7 @@ class Responder final : public httplib::Server {
       fill(respond(std::move(head)), response);
       return HandlerResponse::Handled;
     });
-    // What cannot be parsed never came to the handler above.
+    // Requests that cannot be parsed do not reach the handler above.
     set_error_handler([](const httplib::Request&, httplib::Response& response) {
       if (!response.body.empty()) return;
       fill(Response::problem({ErrorCode::kBadRequest, "the request is not one of HTTP/1.1",
@@ -186,7 +186,7 @@ class Responder final : public httplib::Server {
 
   const HealthServerConfig& config_;
   const HealthHandler& handler_;
-  http::Headers headers_;  // of the request that is answered
+  http::Headers headers_;  // of the current request
 };
 
 // One client: sends a head, gets a response, and is waited for until it closes.
@@ -195,10 +195,10 @@ struct Connection {
   Clock::time_point until;
   std::string head;
   std::string response;  // what is left of it, once the head is there
-  bool is_answered = false;
+  bool has_response = false;
   bool is_over = false;
 
-  bool sends() const { return is_answered && !response.empty(); }
+  bool sends() const { return has_response && !response.empty(); }
 };
 
 class PollingHealthServer final : public HealthServer {
@@ -289,7 +289,7 @@ class PollingHealthServer final : public HealthServer {
     if (count < 0 && (errno == EAGAIN || errno == EINTR)) return;
     connection.is_over = count <= 0;
     // Behind the head there is nothing of interest.
-    if (connection.is_over || connection.is_answered) return;
+    if (connection.is_over || connection.has_response) return;
     connection.head.append(bytes.data(), static_cast<size_t>(count));
     const size_t end = connection.head.find(kHeadEnd);
     if (end == std::string::npos && connection.head.size() <= kHealthHeadBytesMax) return;
@@ -298,7 +298,7 @@ class PollingHealthServer final : public HealthServer {
             ? responder.respond_to(std::string_view(connection.head).substr(0, end))
             : "HTTP/1.1 431 Request Header Fields Too Large\r\n"
               "Content-Length: 0\r\nConnection: close\r\n\r\n";
-    connection.is_answered = true;
+    connection.has_response = true;
     connection.until = Clock::now() + kHealthSendTime;
     send(connection);
   }

@@ -66,14 +66,14 @@ bool OriginGuard::is_allowed(std::string_view text) const {
 Status OriginGuard::check(const Head& head, bool is_open) const {
   if (is_open && !is_own_host(head.authority.host)) {
     return Error{ErrorCode::kForbidden,
-                 "this daemon needs no API key, so it answers only to its own names",
+                 "this daemon needs no API key, so it serves only its own names",
                  "as Host localhost, a loopback address or a name of --public-host",
                  quoted(head.header("Host"))};
   }
   if (head.path == "/") return {};
   const auto sent = head.headers.find("Origin");
   if (sent != head.headers.end()) {
-    if (!is_open && !is_preflight(head)) return {};  // the answer is not for the page to read
+    if (!is_open && !is_preflight(head)) return {};  // the page may not read the response
     const auto origin = parse_origin(sent->second);
     if ((origin && is_own(*origin, head.authority)) || is_allowed(sent->second)) return {};
     return foreign_page("Origin", sent->second);

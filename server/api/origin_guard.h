@@ -1,11 +1,11 @@
-// Which names a listener answers to, and which web pages may call it.
+// The host names that a listener serves, and the web pages that may call it.
 //
 // A browser reaches a daemon on loopback, or behind a firewall, for every page that it shows, and
-// sends what a page asks for before it asks whether that page may read the answer. Without API keys
+// sends a page's request before it checks whether that page may read the response. Without API keys
 // nothing else tells such a request from one of the machine's user. So a request must name the
 // daemon by a host that no stranger can point at it (DNS rebinding), and must not come from a page
 // of another origin. With keys a page has none of them unless somebody gives it one; then the
-// browser asks here whether the page's origin may read the answers (CORS, fetch.spec.whatwg.org).
+// browser asks here whether the page's origin may read the responses (CORS, fetch.spec.whatwg.org).
 #pragma once
 
 #include <optional>
@@ -19,7 +19,7 @@
 
 namespace voxeld::api {
 
-// Seconds for which a browser may remember the answer to a preflight.
+// Seconds for which a browser may cache the response to a preflight.
 inline constexpr int kPreflightSeconds = 600;
 
 struct OriginRules {
@@ -38,9 +38,9 @@ class OriginGuard {
   // Origin that is neither the daemon's own nor allowed, and for Sec-Fetch-Site: cross-site; with
   // keys for the preflight of an Origin that is not allowed alone. "/" takes links of any page.
   Status check(const Head& head, bool is_open) const;
-  // The answer to the preflight of an allowed origin (which brings no key); nullopt for others.
+  // The response to the preflight of an allowed origin, which has no key; nullopt for others.
   std::optional<Response> preflight(const Head& head) const;
-  // Allows the page that has asked to read the answer, and tells caches that it depends on that.
+  // Allows the requesting page to read the response, and adds Vary: Origin for caches.
   void add_headers(const Head& head, Response& response) const;
 
  private:

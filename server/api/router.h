@@ -1,5 +1,5 @@
-// Routes: one table says for each what it answers, who may ask, what work it brings and which body
-// it takes.
+// Routes: one table states for each its response, the callers allowed, its work and the body that
+// it accepts.
 #pragma once
 
 #include <cstdint>

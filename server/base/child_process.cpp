@@ -104,7 +104,7 @@ pid_t ChildProcess::pid() const {
 namespace {
 
 // A limit, because drivers that write to stdout must not fill the memory.
-constexpr size_t kAnswerBytesMax = size_t{1} << 20;
+constexpr size_t kReplyBytesMax = size_t{1} << 20;
 
 // Starts `program arguments...` with stdout on a pipe and stderr discarded, because drivers
 // complain there. Returns the pid, or -1 with errno.
@@ -127,10 +127,10 @@ pid_t start_child(const std::vector<std::string>& command, int stdout_fd) {
 }
 
 // Reads until the end of the pipe. Returns false on timeout.
-bool read_answer(int fd, std::chrono::milliseconds timeout, std::string& text) {
+bool read_reply(int fd, std::chrono::milliseconds timeout, std::string& text) {
   const Stopwatch clock;
   char buffer[4096];
-  while (text.size() < kAnswerBytesMax) {
+  while (text.size() < kReplyBytesMax) {
     const double left_ms = static_cast<double>(timeout.count()) - clock.ms();
     if (left_ms <= 0) return false;
     pollfd waiting{fd, POLLIN, 0};
@@ -145,34 +145,34 @@ bool read_answer(int fd, std::chrono::milliseconds timeout, std::string& text) {
 
 }  // namespace
 
-ChildAnswer run_child(const std::vector<std::string>& command, std::chrono::milliseconds timeout) {
-  ChildAnswer answer;
+ChildReply run_child(const std::vector<std::string>& command, std::chrono::milliseconds timeout) {
+  ChildReply reply;
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) {
-    answer.failure = std::string("pipe: ") + std::strerror(errno);
-    return answer;
+    reply.failure = std::string("pipe: ") + std::strerror(errno);
+    return reply;
   }
   const UniqueFd read_end(ends[0]);
   UniqueFd write_end(ends[1]);
   const pid_t pid = start_child(command, write_end.get());
   write_end.reset();
   if (pid < 0) {
-    answer.failure = "cannot run " + command[0] + ": " + std::strerror(errno);
-    return answer;
+    reply.failure = "cannot run " + command[0] + ": " + std::strerror(errno);
+    return reply;
   }
-  const bool in_time = read_answer(read_end.get(), timeout, answer.text);
+  const bool in_time = read_reply(read_end.get(), timeout, reply.text);
   if (!in_time) ::kill(pid, SIGKILL);
   int status = 0;
   while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
   }
   if (!in_time) {
-    answer.failure = "the driver did not answer within " + std::to_string(timeout.count()) + " ms";
+    reply.failure = "the driver did not reply within " + std::to_string(timeout.count()) + " ms";
   } else if (WIFSIGNALED(status)) {
-    answer.failure = std::string("the driver crashed: ") + ::strsignal(WTERMSIG(status));
+    reply.failure = std::string("the driver crashed: ") + ::strsignal(WTERMSIG(status));
   } else if (WEXITSTATUS(status) != 0) {
-    answer.failure = "the probe ended with status " + std::to_string(WEXITSTATUS(status));
+    reply.failure = "the probe ended with status " + std::to_string(WEXITSTATUS(status));
   }
-  return answer;
+  return reply;
 }
 
 std::string_view last_json_line(std::string_view text) {

@@ -48,26 +48,26 @@ ProbeOutcome probe_one(const std::string& self_executable, const DeviceId& devic
                        std::chrono::milliseconds timeout) {
   ProbeOutcome outcome;
   outcome.probe.device = device;
-  const ChildAnswer answer =
+  const ChildReply reply =
       run_child({self_executable, "probe-device", "--device", device_name(device)}, timeout);
-  const json object = json::parse(last_json_line(answer.text), nullptr, /*allow_exceptions=*/false);
+  const json object = json::parse(last_json_line(reply.text), nullptr, /*allow_exceptions=*/false);
   if (!object.is_object()) {
     outcome.probe.reason = device_name(device) + ": " +
-                           (answer.failure.empty() ? "the probe gave no answer" : answer.failure);
+                           (reply.failure.empty() ? "the probe gave no reply" : reply.failure);
     return outcome;
   }
   try {
     outcome.egl_device_count = object.value("egl_device_count", -1);
-    outcome.probe.works = object.value("works", false) && answer.failure.empty();
+    outcome.probe.works = object.value("works", false) && reply.failure.empty();
     outcome.probe.reason = object.value("reason", "");
     outcome.probe.context_ms = object.value("context_ms", 0.0);
     if (outcome.probe.works) outcome.probe.info = info_from_json(device, object.at("info"));
   } catch (const json::exception& error) {
     outcome.probe.works = false;
-    outcome.probe.reason = std::string("the probe's answer is not understood: ") + error.what();
+    outcome.probe.reason = std::string("the probe's reply is not understood: ") + error.what();
   }
-  if (!answer.failure.empty() && outcome.probe.reason.empty()) {
-    outcome.probe.reason = device_name(device) + ": " + answer.failure;
+  if (!reply.failure.empty() && outcome.probe.reason.empty()) {
+    outcome.probe.reason = device_name(device) + ": " + reply.failure;
   }
   return outcome;
 }

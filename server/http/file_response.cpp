@@ -14,7 +14,7 @@ struct Range {
   int64_t first = 0, last = 0;  // inclusive
 };
 
-// nullopt: no usable range, answer with the whole. An error: a range that lies outside.
+// nullopt: no usable range, send the whole file. An error: a range that lies outside.
 Result<std::optional<Range>> parse_range(std::string_view text, int64_t size) {
   if (!text.starts_with("bytes=") || text.find(',') != std::string_view::npos) {
     return std::optional<Range>();

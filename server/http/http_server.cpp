@@ -164,7 +164,7 @@ class EpollServer final : public HttpServer {
                std::min(deadline, from_now(kUnheardSecondsMax)));
     wait_while(is_busy, deadline);
     const size_t cut = in_flight();
-    if (cut > 0) log::warn("the time to drain is over: answers are cut", {{"answers", cut}});
+    if (cut > 0) log::warn("the time to drain is over: responses are cut", {{"responses", cut}});
     wait_while([this] { return is_lingering(); }, std::min(deadline, from_now(kLingerSecondsMax)));
   }
 

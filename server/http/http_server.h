@@ -85,10 +85,10 @@ class HttpServer {
   virtual HttpServerState state() const = 0;
   // Every waiting exchange looks again.
   virtual void wake_waiting() = 0;
-  // Drains for at most `seconds`, as long as anything runs that is not refused: new and kept
-  // connections are served, each response being their last. Then cuts what still runs, closes all.
-  // Returns the requests whose handlers have not come back kCutSecondsMax later; what they use has
-  // to stay, and the destructor waits for them.
+  // Drains for at most `seconds`, until only refused requests run. Meanwhile new and open
+  // connections are served, each with one last response. Then cuts running requests and closes all
+  // connections. Returns the requests whose handlers have not returned kCutSecondsMax later.
+  // Objects that they use must outlive them; the destructor waits for them.
   virtual std::vector<RunningRequest> stop(double seconds) = 0;
 };
 

@@ -178,7 +178,7 @@ struct Reply {
   Reply(std::unique_ptr<Wait> wait) : next(std::move(wait)) {}
 };
 
-// Adds a header's name to Vary, once: a cache keeps the answer for equal values of it alone.
+// Adds a header's name to Vary, once: a cache reuses the response only for equal values of it.
 void add_vary(Response& response, std::string_view header);
 
 // "inline" with the name of a file (RFC 6266): a quoted string, in which bytes that are not ASCII

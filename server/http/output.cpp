@@ -135,7 +135,7 @@ void Output::write_whole(const Response& response) {
   if (!bodiless && text != nullptr) bytes = static_cast<int64_t>(text->size());
   write_head(response, bytes);
   if (context_.method == "HEAD" || bodiless) return;
-  if (text != nullptr) text_ += *text;  // one segment for small answers
+  if (text != nullptr) text_ += *text;  // one segment for small responses
   if (file != nullptr && file->bytes > 0) add_file(*file);
 }
 
@@ -163,7 +163,7 @@ Output::State Output::next_piece() {
   }
   if (!piece) {
     has_pieces_ = false;
-    log::error("a piece of an answer failed",
+    log::error("a piece of a response failed",
                {{"id", context_.request_id}, {"error", piece.error().message()}});
     if (!is_first) return State::kBroken;
     Response problem = Response::problem(piece.error(), context_.path, context_.trace_id);

@@ -33,8 +33,8 @@ from suite_parts.programs import Daemon, Programs  # noqa: E402
 def call(url, body=None, headers=None):
     request = urllib.request.Request(url, data=body, headers=headers or {})
     try:
-        with urllib.request.urlopen(request, timeout=600) as answer:
-            return answer.read()
+        with urllib.request.urlopen(request, timeout=600) as response:
+            return response.read()
     except urllib.error.HTTPError as error:
         raise RuntimeError(f"{url}: {error.code}: {error.read()[:500].decode(errors='replace')}") from error
 

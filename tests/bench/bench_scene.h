@@ -23,7 +23,7 @@ Result<Scene> bench_scene(const std::string& name);
 // mean of its corners. Attributes are dropped.
 void close_holes(Scene& scene);
 
-// Another order of triangles and of their corners (winding kept) within every part.
+// Another order of triangles and of their corners (winding unchanged) within every part.
 void shuffle_triangles(Scene& scene, uint32_t seed);
 
 // Binary PLY of the positions, as floats, and triangles.

@@ -31,7 +31,7 @@ def server_timing(header):
 
 
 def request(url, mesh, query):
-    """Milliseconds at the client, those of the stages, and bytes of the answer.
+    """Milliseconds at the client, those of the stages, and bytes of the response.
 
     Raises RuntimeError with the daemon's words, OSError where there is no curl.
     """
@@ -45,8 +45,8 @@ def request(url, mesh, query):
             name, _, value = line.partition(":")
             headers[name.strip().lower()] = value.strip()
         if not out or out[0] != "200":
-            answer = open(body.name, errors="replace").read()[:500]
-            raise RuntimeError(f"{query}: {out[0] if out else 'no answer'}: {answer}")
+            text = open(body.name, errors="replace").read()[:500]
+            raise RuntimeError(f"{query}: {out[0] if out else 'no response'}: {text}")
         return float(out[1]) * 1e3, server_timing(headers.get("server-timing")), os.path.getsize(body.name)
 
 

@@ -6,7 +6,7 @@ throughput beside nginx's in the same run.
                             [--repeats N] [--no-held]
 
 Prints JSON. Needs a limit on open files (ulimit -Hn) of idle + slow + 600, and for the comparison
-nginx (nginx-light). The file of 100 MB and the answer of 64 bytes are parts of uploads' results.
+nginx (nginx-light). The file of 100 MB and the response of 64 bytes are parts of uploads' results.
 """
 import argparse
 import json

@@ -38,9 +38,9 @@ class Submitter:
             body = json.dumps({"kind": "voxelize", "asset": self.asset, "priority": -1,
                                "options": {"voxel_size": 1 + number * 1e-6, "cache": "no"}})
             connection.request("POST", "/v1/jobs", body, {"Content-Type": "application/json"})
-            answer = connection.getresponse()
-            text = answer.read()
-            assert answer.status == 202, (answer.status, text)
+            response = connection.getresponse()
+            text = response.read()
+            assert response.status == 202, (response.status, text)
             self.last = json.loads(text)["id"]
         connection.close()
 

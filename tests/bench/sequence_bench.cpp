@@ -155,9 +155,9 @@ Status measure_native(const char* name, const Frames& frames, Codec codec, uint3
   const Time written = writing.time();
   const Clock reading;
   VOXELD_ASSIGN(const SequenceReader reader, SequenceReader::open(out));
-  RawStreams kept;
+  RawStreams streams;
   for (size_t i = 0; i < reader.frame_count(); ++i) {
-    VOXELD_ASSIGN(const auto tiles, reader.decode_frame(i, &kept));
+    VOXELD_ASSIGN(const auto tiles, reader.decode_frame(i, &streams));
     if (tiles.empty()) return Error{ErrorCode::kInternal, "an empty frame", "", ""};
   }
   print(name, frames, out.size(), written, reading.time());

@@ -47,7 +47,7 @@ def main():
         for line in siege.wrong[:20]:
             print("WRONG", line)
         wrong = len(siege.wrong)
-    print(f"honest clients: {wrong} wrong answers; gateway: at most {most_kb} KB")
+    print(f"honest clients: {wrong} wrong responses; gateway: at most {most_kb} KB")
     return 1 if wrong or most_kb > GATEWAY_KB_MAX else 0
 
 

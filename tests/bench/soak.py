@@ -20,7 +20,7 @@ SLACK_PART = 1.1
 
 
 def grown(differences, before, after):
-    """What is more at the second rest, in words."""
+    """Texts of the resources that have grown at the second rest."""
     found = differences(before, after)
     for name, was, now in (("gateway", before["gateway"]["rss_kb"], after["gateway"]["rss_kb"]),
                            ("workers", max(before["workers_rss_kb"]), max(after["workers_rss_kb"])),
@@ -46,7 +46,7 @@ def main():
         for number in range(arguments.rounds):
             facts.append(soak.run_round(number, arguments.minutes * 60 / arguments.rounds))
             print(json.dumps(facts[-1]), flush=True)
-        print(json.dumps({"answers": soak.answers, "wrong": len(soak.wrong)}))
+        print(json.dumps({"responses": soak.responses, "wrong": len(soak.wrong)}))
         for line in soak.wrong[:20]:
             print("WRONG", line)
     found = grown(differences, facts[min(1, len(facts) - 1)], facts[-1])

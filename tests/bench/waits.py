@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What a crowd of waiting requests costs the gateway and another tenant.
+"""The cost of a crowd of waiting requests for the gateway and another tenant.
 
   tests/bench/waits.py [--bin DIR] [--rounds N] [--device D]
 

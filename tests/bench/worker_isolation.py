@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What isolation of workers costs: one-shots of a small mesh by tenants in turn, under none, tenant and task.
+"""The cost of worker isolation: one-shots of a small mesh by tenants in turn, under none, tenant and task.
 
   tests/bench/worker_isolation.py [--bin DIR] [--device D ...] [--rounds N] [--tenants N ...] [--pause SECONDS]
 
@@ -42,10 +42,10 @@ def measure(device, tenant_count, rounds, pause):
             for name in names:
                 for mode in MODES:
                     begin = time.monotonic()
-                    answer = daemons[mode].tenants[name].post(
+                    response = daemons[mode].tenants[name].post(
                         "/v1/voxelize?size=32&cache=no&filename=a.ply", mesh)
-                    if answer.status != 200:
-                        sys.exit(f"{mode}: {answer.status} {answer.body[:200]}")
+                    if response.status != 200:
+                        sys.exit(f"{mode}: {response.status} {response.body[:200]}")
                     if number > 0:  # the first round fills caches of files and pages
                         times_ms[mode].append((time.monotonic() - begin) * 1000)
                 time.sleep(pause)

@@ -106,7 +106,7 @@ FaultClass class_of(const char* name) {
   return FaultClass::kNone;
 }
 
-// Calls from outside alone: SQLite calls these itself, and knows what they can answer.
+// Only calls from outside fail: SQLite also calls these itself, and knows what they can return.
 __attribute__((tls_model("initial-exec"))) thread_local int sqlite_depth = 0;
 struct SqliteCall {
   SqliteCall() { ++sqlite_depth; }

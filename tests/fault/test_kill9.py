@@ -46,17 +46,17 @@ def sha256_id(data):
 
 
 class History:
-    """What clients were told. One lock: they write a line now and then."""
+    """Acknowledgements that clients received. One lock suffices, because writes are rare."""
 
     def __init__(self):
         self.lock = threading.Lock()
         self.assets = {}  # id -> bytes, acknowledged and not deleted
-        self.unsure_assets = set()  # a deletion was sent and not answered
+        self.unsure_assets = set()  # a deletion was sent and got no response
         self.deleted = set()
         self.jobs = {}  # idempotency key -> job id, acknowledged
         self.requests = {}  # key -> what was asked
         self.cancelled = set()  # keys; the cancel was sent
-        self.requests_sent = self.lost_answers = 0
+        self.requests_sent = self.lost_responses = 0
         self.problems = []
 
     def problem(self, text):
@@ -73,7 +73,7 @@ class Client(threading.Thread):
         self.count = 0
 
     def call(self, method, path, body=None, headers=None):
-        """Until there is an answer; a connection that breaks is tried again, with the same key."""
+        """Repeats the request with the same key until there is a response."""
         while not self.arena.ended.is_set():
             with self.history.lock:
                 self.history.requests_sent += 1
@@ -81,28 +81,28 @@ class Client(threading.Thread):
                 connection = http.client.HTTPConnection("127.0.0.1", self.arena.port, timeout=60)
                 connection.request(method, path, body=body, headers=headers or {})
                 response = connection.getresponse()
-                answer = response.read()
+                text = response.read()
                 connection.close()
                 if response.status != 503:
-                    return response.status, json.loads(answer) if answer else {}
+                    return response.status, json.loads(text) if text else {}
             except (OSError, http.client.HTTPException, ValueError):
                 with self.history.lock:
-                    self.history.lost_answers += 1
+                    self.history.lost_responses += 1
             time.sleep(0.02)
         return None, {}
 
     def upload(self):
         self.count += 1
         data = cube(self.number * 100_000 + self.count)
-        status, answer = self.call("POST", f"/v1/assets?filename=c{self.count}.obj", data)
+        status, body = self.call("POST", f"/v1/assets?filename=c{self.count}.obj", data)
         if status is None:
             return
-        if status not in (200, 201) or answer["id"] != sha256_id(data):
-            self.history.problem(f"upload: {status} {answer}")
+        if status not in (200, 201) or body["id"] != sha256_id(data):
+            self.history.problem(f"upload: {status} {body}")
             return
-        self.mine.append(answer["id"])
+        self.mine.append(body["id"])
         with self.history.lock:
-            self.history.assets[answer["id"]] = data
+            self.history.assets[body["id"]] = data
 
     def submit(self):
         asset = self.random.choice(self.mine)
@@ -113,32 +113,32 @@ class Client(threading.Thread):
                    "options": {"size": size, "format": "npy", "cache": self.random.choice(("yes", "no"))}}
         with self.history.lock:
             self.history.requests[key] = request
-        status, answer = self.call("POST", "/v1/jobs", json.dumps(request),
+        status, body = self.call("POST", "/v1/jobs", json.dumps(request),
                                    {"Content-Type": "application/json", "Idempotency-Key": key})
         if status is None:
             return
         if status not in (200, 202):
-            self.history.problem(f"submit: {status} {answer}")
+            self.history.problem(f"submit: {status} {body}")
             return
         with self.history.lock:
-            self.history.jobs[key] = answer["id"]
+            self.history.jobs[key] = body["id"]
         if self.random.random() < 0.15:
             with self.history.lock:
                 self.history.cancelled.add(key)
-            status, answer = self.call("DELETE", "/v1/jobs/" + self.history.jobs[key])
+            status, body = self.call("DELETE", "/v1/jobs/" + self.history.jobs[key])
             if status not in (None, 200, 202):
-                self.history.problem(f"cancel: {status} {answer}")
+                self.history.problem(f"cancel: {status} {body}")
 
     def delete(self):
         asset = self.mine.pop(self.random.randrange(len(self.mine)))
         with self.history.lock:
             self.history.unsure_assets.add(asset)
-        status, answer = self.call("DELETE", "/v1/assets/" + asset)
-        # Gone: the first try was done, and its answer lost.
+        status, body = self.call("DELETE", "/v1/assets/" + asset)
+        # Gone: the first try was done, and its response was lost.
         if status is None:
             return
         if status not in (200, 204, 410):
-            self.history.problem(f"delete: {status} {answer}")
+            self.history.problem(f"delete: {status} {body}")
         with self.history.lock:
             self.history.unsure_assets.discard(asset)
             self.history.assets.pop(asset, None)
@@ -228,16 +228,16 @@ class Arena:
             self.check_job(key, job)
             if by_key.setdefault(job, key) != key:
                 history.problem(f"two keys gave one job: {key} and {by_key[job]}")
-        # Every job that there is was asked for, and by one key alone. Those whose answer was lost
-        # and never sought again are at most the requests that were not acknowledged.
+        # Every existing job was requested, by one key only. Jobs whose response was lost and not
+        # requested again are at most as many as the requests that were not acknowledged.
         total = self.count_jobs()
-        unanswered = len(history.requests) - len(history.jobs)
-        if not len(history.jobs) <= total <= len(history.jobs) + unanswered:
-            history.problem(f"{total} jobs, {len(history.jobs)} acknowledged, {unanswered} unanswered")
+        unacknowledged = len(history.requests) - len(history.jobs)
+        if not len(history.jobs) <= total <= len(history.jobs) + unacknowledged:
+            history.problem(f"{total} jobs, {len(history.jobs)} acknowledged, {unacknowledged} not")
         for key, job in history.jobs.items():  # a key still means its job
-            answer = self.daemon.post("/v1/jobs", history.requests[key], headers={"Idempotency-Key": key})
-            if answer.status in (200, 202) and answer.json()["id"] != job:
-                history.problem(f"doubled: {key} gave {job}, then {answer.json()['id']}")
+            response = self.daemon.post("/v1/jobs", history.requests[key], headers={"Idempotency-Key": key})
+            if response.status in (200, 202) and response.json()["id"] != job:
+                history.problem(f"doubled: {key} gave {job}, then {response.json()['id']}")
         for asset in history.assets:
             expected = (200, 410) if asset in history.unsure_assets else (200,)
             if self.daemon.get("/v1/assets/" + asset).status not in expected:
@@ -311,8 +311,8 @@ def play(kills, seed, clients=4, disk=None):
     starts = sorted(arena.start_seconds)
     lost = sum(text.startswith("lost") for text in problems)
     doubled = sum(text.startswith(("doubled", "two keys")) for text in problems)
-    print(f"kills: {dict(arena.killed)}; {history.requests_sent} requests sent, {history.lost_answers} "
-          f"without an answer; acknowledged: {len(history.jobs)} jobs ({len(history.cancelled)} "
+    print(f"kills: {dict(arena.killed)}; {history.requests_sent} requests sent, {history.lost_responses} "
+          f"without a response; acknowledged: {len(history.jobs)} jobs ({len(history.cancelled)} "
           f"cancelled), {len(history.assets) + len(history.deleted)} uploads, {len(history.deleted)} "
           f"deletions; lost {lost}, doubled {doubled}, other problems "
           f"{len(problems) - lost - doubled}; start to ready: median {starts[len(starts) // 2]:.2f} s, "

@@ -1,8 +1,8 @@
-// The container of a sequence. The first byte says what the rest is: a container as it is; one
-// whose length in the header is made to agree, so that the checks behind it are reached; frames of
-// a small scene that must come back; or the container of a grid, whose streams become a frame.
+// The container of a sequence. The first byte selects what the rest is: a container; one whose
+// length in the header is corrected, so that later checks are reached; frames of a small scene that
+// must be decoded again; or the container of a grid, whose streams become a frame.
 // Seeds: the containers of write_sequence_sample DIR, each after a zero byte; a small one is in
-// corpus/fuzz_sequence_container. Those of write_sample DIR, each after a byte 3.
+// corpus/fuzz_sequence_container. The containers of write_sample DIR, each after a byte 3.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -51,9 +51,9 @@ void container(Bytes bytes) {
     return;
   }
   std::vector<std::vector<voxeld::SparseTile>> frames;
-  voxeld::RawStreams kept;
+  voxeld::RawStreams streams;
   for (size_t i = 0; i < std::min(reader->frame_count(), kFramesRead); ++i) {
-    auto tiles = reader->decode_frame(i, &kept);
+    auto tiles = reader->decode_frame(i, &streams);
     const auto alone = reader->decode_frame(i);
     VOXELD_CHECK(tiles.ok() == alone.ok(), "a frame is read alone as after others");
     if (!tiles) {

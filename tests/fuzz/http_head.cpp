@@ -1,5 +1,5 @@
-// The input is the head of a request. What is accepted must read the same when it is written again
-// from its parts, as a proxy would do it: else two readers could see two requests.
+// The input is the head of a request. An accepted head must read the same when it is written again
+// from its parts, as a proxy would do it; otherwise two readers could see two requests.
 #include <string>
 #include <string_view>
 
@@ -64,9 +64,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                    again->chunked == head->chunked && again->minor == head->minor,
                "it reads the same");
 
-  // Conditions and ranges, which read header values: the answer never leaves the file.
+  // Conditions and ranges, which read header values: the response stays within the file.
   const auto response = file_response(*head, {"/f", 1000, 100}, "\"e\"");
-  VOXELD_CHECK(response.ok(), "an answer");
+  VOXELD_CHECK(response.ok(), "a response");
   if (const auto* file = std::get_if<FileBody>(&response->body)) {
     VOXELD_CHECK(file->offset >= 1000 && file->bytes > 0 && file->offset + file->bytes <= 1100,
                  "within the file");

@@ -1,5 +1,6 @@
-// JSON from outside. What is taken must survive what overflows stacks on deep values: copy, compare
-// and dump; and it goes through the readers of requests, statuses and problems.
+// JSON from outside. Accepted values must survive operations that overflow the stack on deep
+// values: copy, compare and dump. They also pass through the readers of requests, statuses and
+// problems.
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>

@@ -1,6 +1,6 @@
-// Manifests of sequences, from a worker, and of bundles, from anybody. What is taken of a sequence
-// is written as a text that is taken again and gives the same bytes; a bundle's names stay inside
-// it.
+// Manifests of sequences, from a worker, and of bundles, from anybody. An accepted sequence
+// is written as a text that is accepted again and gives the same bytes. A bundle's names stay
+// inside it.
 #include <cstddef>
 #include <cstdint>
 #include <string>

@@ -1,5 +1,5 @@
-// A scope, then name=value pairs parted by '&', as the query string has them after decoding. What
-// is taken must have a canonical form that is taken again and gives the same bytes.
+// A scope, then name=value pairs parted by '&', as the query string has them after decoding.
+// Accepted options must have a canonical form that is accepted again and gives the same bytes.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>

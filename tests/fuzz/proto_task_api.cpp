@@ -1,5 +1,5 @@
-// Messages of the task API, from a worker or a gateway that went mad. What is taken is written as a
-// message that is taken again and gives the same message.
+// Messages of the task API, from a faulty worker or gateway. An accepted message is written as a
+// text that is accepted again and gives the same message.
 #include <cstddef>
 #include <cstdint>
 #include <nlohmann/json.hpp>

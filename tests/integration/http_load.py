@@ -39,7 +39,7 @@ class Holding:
 
 
 def measure(daemon, asset, job, idle, slow, queued, seconds):
-    """What clients meet while `idle` and `slow` connections are held and `queued` jobs wait."""
+    """Measures other clients while `idle` and `slow` connections are held and `queued` jobs wait."""
     giants = [daemon.submit(kind="voxelize", asset=asset,
                             options={"size": 1500 + i, "cache": "no", "fill": "solid"})
               for i in range(6)]  # one of them runs all the time

@@ -18,7 +18,7 @@ HOSTILE = "mallory"
 HOSTILE_LIMITS = ["--bytes", "200M", "--queued-jobs", "500"]
 HOLD_SECONDS = 3  # that an attacker keeps what it has opened
 HELD_CONNECTIONS = 50
-UNREAD_ANSWERS = 200
+UNREAD_RESPONSES = 200
 REFUSED = {400, 404, 408, 409, 410, 411, 413, 415, 422, 429, 503, 504, 507}
 
 
@@ -85,7 +85,7 @@ class Siege(TenantsDaemon):
         if isinstance(body, (dict, list)):
             body, headers = json.dumps(body), {"Content-Type": "application/json", **(headers or {})}
         connection = self.tenants[HOSTILE]
-        # The answers to what no client of ours would send are not held against openapi.yaml.
+        # Not checked against openapi.yaml: no client of ours would send these requests.
         response = connection.request(method, path, body, headers, port=self.daemon.port, timeout=60)
         self.count(attack, response.status)
         return response
@@ -110,12 +110,12 @@ class Siege(TenantsDaemon):
             client.close()
         self.count(attack, "held")
 
-    def take_no_answers(self):
+    def read_no_responses(self):
         paths = ["/v1/jobs?limit=1000", "/v1/assets?limit=1000", "/v1/queue", "/openapi.json"]
         if self.grid:
             paths.append(f"/v1/grids/{self.grid}/tiles")
-        self.hold("take_no_answers", [self.head_of("GET", paths[i % len(paths)])
-                                      for i in range(UNREAD_ANSWERS)])
+        self.hold("read_no_responses", [self.head_of("GET", paths[i % len(paths)])
+                                      for i in range(UNREAD_RESPONSES)])
 
     def send_half_bodies(self):
         self.hold("send_half_bodies",
@@ -172,11 +172,11 @@ class Siege(TenantsDaemon):
                 if asset["id"] not in (self.own_asset, self.worm_asset):
                     self.ask("fill_the_disk", "DELETE", f"/v1/assets/{asset['id']}")
 
-    ATTACKS = (take_no_answers, send_half_bodies, send_half_heads, watch_events, wait_for_jobs, fill_the_queue,
+    ATTACKS = (read_no_responses, send_half_bodies, send_half_heads, watch_events, wait_for_jobs, fill_the_queue,
                cancel_all, send_long_strings, send_nonsense, fill_the_disk)
 
     def prepare(self):
-        """What attackers have before the siege: assets, a grid of many tiles, a job that runs for long."""
+        """Creates the attackers' resources: assets, a grid of many tiles, a long job."""
         own = self.tenants[HOSTILE]
         self.own_asset = own.post("/v1/assets?filename=own.ply", self.mesh).json()["id"]
         self.worm_asset = own.post("/v1/assets?filename=worm.md5.zip", self.worm).json()["id"]

@@ -39,9 +39,9 @@ def descriptors(pid):
 
 
 def differences(before, after):
-    """What two rests differ by, in words. A worker connects once more at its first time slice of the device, and
-    the database keeps as many readers, of two files each, as were busy at a time within ten seconds: one for
-    each client and worker. What is left behind by requests would be thousands."""
+    """Texts of the differences between two rests. Two differences are allowed. A worker connects once more at its
+    first time slice. The database holds as many readers, of two files each, as were busy at a time within ten
+    seconds: one for each client and worker. A leak per request would be thousands."""
     found = []
     workers = len(after["workers_rss_kb"])
     may_differ = {"socket": workers, "file": 2 * (CLIENTS + workers)}
@@ -93,26 +93,26 @@ class Soak(TenantsDaemon):
         self.bad = sorted((self.fixtures / "bad").iterdir())
         self.stop = threading.Event()
         self.lock = threading.Lock()
-        self.answers, self.wrong = {}, []
+        self.responses, self.wrong = {}, []
 
     # --- what clients do; each returns when it has done one thing
 
     def ask(self, tenant, method, path, expected, body=None, headers=None):
-        """The answer, which has to be one of the statuses or a refusal that says when to come again."""
+        """The response. Its status must be in `expected`, or it is a refusal with Retry-After."""
         if isinstance(body, (dict, list)):
             body, headers = json.dumps(body), {"Content-Type": "application/json", **(headers or {})}
         response = self.tenants[tenant].request(method, path, body, headers)
         with self.lock:
-            self.answers[response.status] = self.answers.get(response.status, 0) + 1
+            self.responses[response.status] = self.responses.get(response.status, 0) + 1
             if response.status not in expected:
                 self.wrong.append(f"{method} {path}: {response.status} {response.body[:300]!r}")
         return response
 
     def upload(self, tenant, chance):
         path = chance.choice(self.meshes)
-        answer = self.ask(tenant, "POST", "/v1/assets?filename=" + path.name, {200, 201},
+        response = self.ask(tenant, "POST", "/v1/assets?filename=" + path.name, {200, 201},
                           path.read_bytes())
-        return answer.json()["id"]
+        return response.json()["id"]
 
     def convert(self, tenant, chance):
         """Upload, job, wait, result whole and in part, another format, an image."""
@@ -147,7 +147,7 @@ class Soak(TenantsDaemon):
                  f"{chance.randint(8, 40)}&fps=6&format=native", {200, 422}, body)
 
     def change_mind(self, tenant, chance):
-        # Nobody else's: it is deleted below.
+        # Unique bytes, because the asset is deleted below.
         body = (self.fixtures / "concave.obj").read_bytes() + b"# %d\n" % chance.getrandbits(64)
         asset = self.ask(tenant, "POST", "/v1/assets?filename=own.obj", {201}, body).json()["id"]
         job = self.ask(tenant, "POST", "/v1/jobs", {200, 202},
@@ -165,7 +165,7 @@ class Soak(TenantsDaemon):
         self.ask(tenant, "GET", "/v1/jobs/" + "%x" % chance.getrandbits(40), {400, 404})
 
     def be_rude(self, tenant, chance):
-        """Part of a request, or part of an answer, and away."""
+        """Closes within a request, or within a response."""
         key = self.tenants[tenant].key
         body = self.meshes[1].read_bytes()
         request = (f"POST /v1/voxelize?size=48&filename=a.glb HTTP/1.1\r\nHost: localhost\r\nAuthorization: "
@@ -190,7 +190,7 @@ class Soak(TenantsDaemon):
         self.ask(tenant, "GET", "/v1/me", {200})
 
     def operate(self, chance):
-        """What happens to a daemon: scrapes, new keys, workers that die."""
+        """Events in the life of a daemon: scrapes, new keys, workers that die."""
         self.daemon.request("GET", "/metrics", port=self.daemon.admin_port)
         key_id = self.voxeld_keys("add", "guest", "--expires", "1d")[4:12]
         self.voxeld_keys("revoke", key_id)
@@ -237,7 +237,7 @@ class Soak(TenantsDaemon):
                 (line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))}
 
     def rest(self, seconds=120):
-        """Waits until nothing is queued, running, connected, or kept: all of it has expired by then."""
+        """Waits until nothing is queued, running, connected or stored; by then everything has expired."""
         deadline = time.monotonic() + seconds
         while True:
             gauges = self.gauges()
@@ -256,4 +256,4 @@ class Soak(TenantsDaemon):
                 "workers_rss_kb": sorted(status_of(pid)["rss_kb"] for pid in children(gateway)),
                 "workers_descriptors": sorted(sum(descriptors(pid).values())
                                               for pid in children(gateway)),
-                "data_bytes": folder_bytes(self.data_dir), "requests": sum(self.answers.values())}
+                "data_bytes": folder_bytes(self.data_dir), "requests": sum(self.responses.values())}

@@ -63,7 +63,7 @@ class Animation(DaemonTest):
         job = self.daemon.submit(kind="voxelize", asset=asset, options=options)
         return job, self.finish(job)
 
-    def test_an_asset_tells_what_moves_it(self):
+    def test_an_asset_describes_its_animations(self):
         told = self.daemon.get(f"/v1/assets/{self.worm}").json()
         self.assertEqual([joint["name"] for joint in told["joints"]], ["root", "middle", "top"])
         self.assertEqual([a["name"] for a in told["animations"]], ["walk", "wave"])
@@ -197,7 +197,7 @@ class Animation(DaemonTest):
         self.finish(job)
         self.assertEqual(gif_size(self.daemon.get(f"/v1/jobs/{job}/result").body), (32, 32, 6))
 
-    def test_what_an_animation_does_not_have_is_refused(self):
+    def test_unknown_animations_frames_and_times_are_refused(self):
         def refused(asset, *parts, **options):
             job = self.daemon.submit(kind="voxelize", asset=asset, options=dict(options, size=16))
             status = self.daemon.wait(job)

@@ -43,10 +43,10 @@ class Assets(DaemonTest):
             self.assertEqual(told[0][member], told[1][member], member)
         hashes = []
         for asset in (bundle, packed):
-            answer = self.daemon.post(f"/v1/voxelize?size=24&animation=walk&asset={asset}")
-            self.assertEqual(answer.status, 200, answer.body)
-            self.assertEqual(json.loads(answer.headers["X-Voxeld-Meta"])["animation"]["name"], "walk")
-            frames = self.daemon.get(f"/v1/sequences/{answer.headers['X-Voxeld-Sequence']}/frames").json()
+            response = self.daemon.post(f"/v1/voxelize?size=24&animation=walk&asset={asset}")
+            self.assertEqual(response.status, 200, response.body)
+            self.assertEqual(json.loads(response.headers["X-Voxeld-Meta"])["animation"]["name"], "walk")
+            frames = self.daemon.get(f"/v1/sequences/{response.headers['X-Voxeld-Sequence']}/frames").json()
             hashes.append([frame["content_hash"] for frame in frames["frames"]])
         self.assertEqual(hashes[0], hashes[1])
         self.assertEqual(len(hashes[0]), 6)
@@ -63,9 +63,9 @@ class Assets(DaemonTest):
     def test_a_media_type_names_the_format_of_a_file_without_a_name(self):
         obj = b"# a type\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
         for media_type, status in (("model/stl", 422), ("model/obj", 200), ("", 200)):
-            answer = self.daemon.request("POST", "/v1/voxelize?size=8", body=obj,
+            response = self.daemon.request("POST", "/v1/voxelize?size=8", body=obj,
                                          headers={"Content-Type": media_type})
-            self.assertEqual(answer.status, status, media_type)
+            self.assertEqual(response.status, status, media_type)
 
     def test_descriptions_of_the_same_bytes_are_those_of_each_name(self):
         obj = b"# descriptions\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -84,7 +84,7 @@ class Assets(DaemonTest):
         description = self.daemon.get(f"/v1/assets/{asset}").json()
         self.assertIn("gone.mtl", json.dumps(description["missing_files"]))
 
-    def test_a_broken_asset_tells_what_is_wrong_when_asked(self):
+    def test_a_broken_asset_reports_its_error_on_inspection(self):
         asset = self.daemon.post("/v1/assets?filename=a.obj", b"v 1 2\nf 1 2 3\n").json()["id"]
         self.assert_problem(self.daemon.get(f"/v1/assets/{asset}"), 422, "malformed-mesh", "line 1")
 

@@ -35,7 +35,7 @@ class Calibration(unittest.TestCase):
         finally:
             daemon.stop()
 
-    def test_auto_decides_by_what_doctor_measured(self):
+    def test_auto_decides_by_the_measurements_of_doctor(self):
         table = self.doctor("--calibrate", "--device", "llvmpipe")
         for pipeline in ("cpu", "compute", "raster"):
             self.assertRegex(table, rf"llvmpipe +{pipeline} +occupancy +\d")
@@ -80,7 +80,7 @@ class Calibration(unittest.TestCase):
         pipeline, reason, _ = self.reason("cpu")
         self.assertRegex(reason, r"^cpu: predicted [0-9.e+-]+ ms \(calibrated [0-9-]+\)$")
 
-    def test_devices_that_do_not_open_are_told_and_the_others_are_measured(self):
+    def test_devices_that_do_not_open_are_reported_and_the_others_are_measured(self):
         table = self.doctor("--calibrate", "--device", "egl:15,cpu", status=1)
         self.assertRegex(table, r"egl:15 +could not be measured: .+")
         self.assertRegex(table, r"cpu +cpu +occupancy")

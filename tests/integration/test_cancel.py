@@ -57,7 +57,7 @@ def textured_mesh(images, side):
 
 
 class CancelLoad:
-    """What takes long in one stage: (name of the asset, its bytes, options, stage of which it takes most)."""
+    """Jobs that take long in one stage: (name of the asset, its bytes, options, that stage)."""
 
     def __init__(self, fixtures):
         self.cases = {
@@ -94,7 +94,7 @@ class Cancel(DaemonTest):
         workers = self.daemon.request("GET", "/readyz", port=self.daemon.admin_port).json()["workers"]
         return workers[0]["pid"], workers[0]["restarts"]
 
-    def test_it_ends_each_stage_and_costs_no_worker(self):
+    def test_a_cancel_ends_each_stage_and_costs_no_worker(self):
         load, before = CancelLoad(self.fixtures), self.worker()
         for case in load.cases:
             with self.subTest(case):
@@ -106,7 +106,7 @@ class Cancel(DaemonTest):
 
 
 class HungWorker(unittest.TestCase):
-    def test_its_turn_goes_to_others_and_it_goes_on_when_it_comes_back(self):
+    def test_its_slice_goes_to_others_and_it_continues_with_the_next(self):
         with Contention({"a": 1, "b": 1}) as load:
             giant = load.submit("a", GIANT)
             load.wait_for_device("a", giant)

@@ -9,14 +9,14 @@ import urllib.parse
 from harness import DaemonTest
 
 # No refusal is longer.
-ANSWER_BYTES_MAX = 2048
+RESPONSE_BYTES_MAX = 2048
 
 
 class ClientTexts(DaemonTest):
     device = "cpu"
 
     def database_bytes(self):
-        """Of the pages in use; the log is not counted, which is written over again and again."""
+        """Bytes of the pages in use. The log is not counted, because it is overwritten repeatedly."""
         path = pathlib.Path(self.daemon.data_dir) / "jobs.sqlite"
         with sqlite3.connect(f"file:{path}?mode=ro", uri=True) as reader:
             pages, free, page_bytes = (reader.execute(f"PRAGMA {name}").fetchone()[0]
@@ -25,7 +25,7 @@ class ClientTexts(DaemonTest):
 
     def refused(self, response, limit, sent):
         self.assertIn(response.status, (400, 413), response.body[:300])
-        self.assertLessEqual(len(response.body) + len(str(response.headers)), ANSWER_BYTES_MAX)
+        self.assertLessEqual(len(response.body) + len(str(response.headers)), RESPONSE_BYTES_MAX)
         problem = response.json()
         self.assertEqual((problem["expected"], problem["got"]), (f"at most {limit} bytes", str(sent)))
 
@@ -48,12 +48,12 @@ class ClientTexts(DaemonTest):
                     with self.subTest(f"{method} {path} {parameter['name']}"):
                         text = "A" * (limit + 1)
                         if parameter["in"] == "header":
-                            answer = self.daemon.post(path, {"kind": "inspect", "asset": "sha256-0"},
+                            response = self.daemon.post(path, {"kind": "inspect", "asset": "sha256-0"},
                                                       headers={parameter["name"]: text})
                         else:
                             query = urllib.parse.urlencode({parameter["name"]: text})
-                            answer = self.daemon.post(f"{path}?{query}", b"mesh")
-                        self.refused(answer, limit, limit + 1)
+                            response = self.daemon.post(f"{path}?{query}", b"mesh")
+                        self.refused(response, limit, limit + 1)
                         tried += 1
         self.assertGreater(tried, 20)
 
@@ -79,11 +79,11 @@ class ClientTexts(DaemonTest):
         before = self.database_bytes()
         for i in range(10):
             times = [(k + i) / 3e6 for k in range(4096)]
-            answer = self.daemon.post("/v1/jobs", {
+            response = self.daemon.post("/v1/jobs", {
                 "kind": "voxelize", "asset": asset, "filename": "n" * 251 + ".zip",
                 "options": {"size": 8, "animation": "walk", "times": times}})
-            self.assertEqual(answer.status, 202, answer.body[:300])
-            job = answer.json()["id"]
+            self.assertEqual(response.status, 202, response.body[:300])
+            job = response.json()["id"]
             self.daemon.request("DELETE", f"/v1/jobs/{job}")
             self.assertEqual(self.daemon.wait(job)["options"]["times"].count(","), 4095)
             # Its times are in its row alone: events name them as left out, as lists do.

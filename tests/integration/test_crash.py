@@ -37,7 +37,7 @@ class WorkerKilled(DaemonTest):
     def test_a_job_survives_the_death_of_its_worker(self):
         job = self.submit_and_wait_running(padding=1)
         killed = self.daemon.kill_worker()
-        self.assertEqual(self.daemon.get("/v1/jobs?limit=1").status, 200)  # it answers all the while
+        self.assertEqual(self.daemon.get("/v1/jobs?limit=1").status, 200)  # it keeps responding
         status = self.daemon.wait(job, 300)
         self.assertEqual(status["state"], "done", status)
         self.assertEqual(status["attempt"], 2)

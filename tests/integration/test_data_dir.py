@@ -1,4 +1,4 @@
-"""What a daemon does not start on: files that others could change, keys that went away, a folder in use."""
+"""Reasons why a daemon does not start: files that others could change, missing keys, a folder in use."""
 import os
 import pathlib
 import shutil

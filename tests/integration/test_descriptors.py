@@ -86,7 +86,7 @@ class FewDescriptors(unittest.TestCase):
         self.addCleanup(self.daemon.stop)
 
     def asked(self, ask):
-        """Its answer, once the daemon has a place for this client, too."""
+        """The result of ask(), once the daemon accepts a connection of this client."""
         deadline = time.monotonic() + 120
         while True:
             try:

@@ -1,4 +1,4 @@
-"""SIGTERM and what clients meet until the daemon is gone; clients that do not take their answers."""
+"""SIGTERM and what clients get until the daemon has ended; clients that do not read their responses."""
 import contextlib
 import fcntl
 import http.client
@@ -107,18 +107,18 @@ class Drain(unittest.TestCase):
         daemon, job, path = self.start("--drain-seconds", "60")
         whole = daemon.get(path).body
         download = self.slow_download(daemon, path)
-        kept = http.client.HTTPConnection("127.0.0.1", daemon.port, timeout=30)
-        self.addCleanup(kept.close)
-        kept.request("GET", f"/v1/jobs/{job}")
-        self.assertEqual(json.loads(kept.getresponse().read())["state"], "done")
+        persistent = http.client.HTTPConnection("127.0.0.1", daemon.port, timeout=30)
+        self.addCleanup(persistent.close)
+        persistent.request("GET", f"/v1/jobs/{job}")
+        self.assertEqual(json.loads(persistent.getresponse().read())["state"], "done")
         daemon.process.send_signal(signal.SIGTERM)
         self.wait_draining(daemon)
 
         work = {"kind": "voxelize", "asset": "sha256-" + "0" * 64}
         self.assert_refused(daemon.post("/v1/jobs", work))
         self.assert_refused(daemon.post("/v1/assets?filename=a.obj", b"v 0 0 0\n" * 100_000))
-        kept.request("POST", "/v1/jobs", json.dumps(work), {"Content-Type": "application/json"})
-        raw = kept.getresponse()
+        persistent.request("POST", "/v1/jobs", json.dumps(work), {"Content-Type": "application/json"})
+        raw = persistent.getresponse()
         self.assertEqual((raw.status, raw.headers["Connection"]), (503, "close"))
         raw.read()
         # An image would be work; what is there already is not.
@@ -130,7 +130,7 @@ class Drain(unittest.TestCase):
         self.assertEqual(daemon.request("DELETE", f"/v1/jobs/{job}").status, 200)
         admin = {name: daemon.request("GET", name, port=daemon.admin_port)
                  for name in ("/livez", "/readyz", "/metrics")}
-        self.assertEqual({name: answer.status for name, answer in admin.items()},
+        self.assertEqual({name: response.status for name, response in admin.items()},
                          {"/livez": 200, "/readyz": 503, "/metrics": 200})
         self.assertIn("shutting down", admin["/readyz"].json()["reason"])
         self.assertIn(b'status="503"', admin["/metrics"].body)
@@ -172,7 +172,7 @@ class Drain(unittest.TestCase):
 
 
 class Stuck(unittest.TestCase):
-    """Whatever handlers, clients, workers and files do, the daemon is gone in --drain-seconds and two more."""
+    """The daemon ends in --drain-seconds and two more, whatever handlers, clients, workers and files do."""
     DRAIN_SECONDS, CLOSE_SECONDS_MAX = 1, 2
     SLACK_SECONDS = 2  # of a machine that does other things, too
     MESH = b"v 0 0 0\nv 1 0 0\nv 0 1 1\nf 1 2 3\n"
@@ -223,13 +223,13 @@ class Stuck(unittest.TestCase):
 
     def test_a_handler_that_waits_for_a_job_whose_client_has_sent_more(self):
         client, _ = self.begin_long_work()
-        client.sendall(b"GET /")  # the daemon does not read this while it answers
+        client.sendall(b"GET /")  # the daemon does not read this during the request
         self.assert_ends("the time to drain is over")
 
     def test_a_handler_that_minds_nothing(self):
-        """A disk that does not answer, which is what opening a pipe looks like."""
-        answer = self.daemon.post("/v1/voxelize?size=8&filename=a.obj", self.MESH)
-        grid = answer.headers["X-Voxeld-Grid"]
+        """A disk that does not respond: opening a pipe blocks in the same way."""
+        response = self.daemon.post("/v1/voxelize?size=8&filename=a.obj", self.MESH)
+        grid = response.headers["X-Voxeld-Grid"]
         name = grid.removeprefix("sha256-")
         blob = next(path for path in pathlib.Path(self.daemon.data_dir, "blobs").rglob("*")
                     if path.is_file() and str(path).replace("/", "").endswith(name))
@@ -256,7 +256,7 @@ class Stuck(unittest.TestCase):
         time.sleep(0.5)  # the daemon has the head
         self.assert_ends("the time to drain is over")
 
-    def test_a_worker_that_does_not_answer(self):
+    def test_a_worker_that_does_not_respond_is_killed(self):
         _, worker = self.begin_long_work()
         os.kill(worker, signal.SIGSTOP)
         self.assert_ends("worker had to be killed")
@@ -300,7 +300,7 @@ class Stuck(unittest.TestCase):
 class Readers(DaemonTest):
     device = "cpu"
 
-    def test_who_takes_nothing_of_an_answer_is_cut_after_half_a_minute(self):
+    def test_a_client_that_reads_nothing_of_a_response_is_cut_after_half_a_minute(self):
         asset = self.daemon.upload(self.fixtures / "sample.glb")
         job = self.daemon.submit(kind="voxelize", asset=asset,
                                  options={"dims": [SIDE] * 3, "format": "npy"})

@@ -65,7 +65,7 @@ class Errors(DaemonTest):
             with self.subTest(query):
                 self.provoke(self.voxelize(query), 400, "invalid-option", *parts)
 
-    def test_impossible_sizes_are_told_with_the_limit(self):
+    def test_impossible_sizes_are_refused_with_the_limit(self):
         self.provoke(self.voxelize("voxel_size=0.00001"), 422, "grid-too-large", "16384")
         self.provoke(self.voxelize("size=2048&format=npy&bounds=-1,-1,-1,1,1,1"), 422,
                      "grid-too-large", "cells")
@@ -135,7 +135,7 @@ class Errors(DaemonTest):
         self.provoke(self.voxelize("size=16&filename=a.zip", buffer.getvalue()), 422,
                      "malformed-bundle")
 
-    def test_what_does_not_exist(self):
+    def test_unknown_paths_and_ids_are_not_found(self):
         self.provoke(self.daemon.get("/v1/nothing"), 404, "not-found")
         self.provoke(self.daemon.get("/v1/jobs/j-" + "0" * 32), 404, "not-found")
         self.provoke(self.daemon.get("/v1/assets/sha256-" + "0" * 64), 404, "not-found")
@@ -183,7 +183,7 @@ class Errors(DaemonTest):
             raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n"
                         b"Transfer-Encoding: chunked\r\n\r\n")
             chunk = b"100000\r\n" + b"x" * 0x100000 + b"\r\n"
-            answer = b""
+            response = b""
             try:
                 for _ in range(40):
                     raw.sendall(chunk)
@@ -191,18 +191,18 @@ class Errors(DaemonTest):
                 pass
             try:
                 while part := raw.recv(65536):
-                    answer += part
+                    response += part
             except OSError:
                 pass
-            if answer:
-                self.assertIn(b" 413 ", answer.split(b"\r\n")[0])
+            if response:
+                self.assertIn(b" 413 ", response.split(b"\r\n")[0])
         PROVOKED.add("payload-too-large")
 
     def test_a_post_without_length(self):
         with socket.create_connection(("127.0.0.1", self.daemon.port), timeout=30) as raw:
             raw.sendall(b"POST /v1/voxelize?size=8 HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            answer = raw.recv(65536)
-        self.assertIn(b" 411 ", answer.split(b"\r\n")[0])
+            response = raw.recv(65536)
+        self.assertIn(b" 411 ", response.split(b"\r\n")[0])
         PROVOKED.add("length-required")
 
     def test_a_grid_has_no_frames(self):

@@ -47,20 +47,20 @@ class Contended(unittest.TestCase):
         self.assertEqual(states.count("done"), 0, states)
         self.assertEqual(states.count("queued"), 1, states)  # the last worker is not theirs
 
-    def test_the_workers_of_a_device_are_told_apart(self):
+    def test_the_workers_of_a_device_are_distinguished(self):
         self.wait_for(lambda: len(self.workers()) == 4)  # one of them in reserve
         workers = self.workers()
         self.assertEqual([worker["slot"] for worker in workers], [0, 1, 2, 3])
         self.assertEqual(len({worker["pid"] for worker in workers}), 4)
         self.assertEqual({worker["device"] for worker in workers}, {"cpu"})
 
-    def test_who_waits_is_told_for_what(self):
+    def test_a_waiting_job_reports_its_resource(self):
         self.wait_for(lambda: "running" in [self.load.status("a", self.giants[1])["state"]])
         self.assertEqual(self.load.status("a", self.giants[2])["waiting_for"], "a worker")
         self.wait_for(lambda: self.load.status("a", self.giants[1])["waiting_for"]
                       == "a time slice on cpu: another job of the tenant before")
 
-    def test_a_cancel_reaches_a_job_that_waits_for_its_turn(self):
+    def test_a_cancel_reaches_a_job_that_waits_for_its_slice(self):
         self.load.wait_for_device("a", self.giants[0])
         job = self.load.submit("b", GIANT)
         self.load.wait_for_device("b", job)
@@ -91,11 +91,11 @@ class Contended(unittest.TestCase):
         self.assertEqual(newest["priority"], -7)
         for query, got in (("priority=101", "101"), ("priority=x", "x"), ("deadline_ms=0", "0"),
                            ("deadline_ms=99999999999999999999", "9999")):
-            answer = b.post("/v1/voxelize?size=20&" + query, body)
-            self.assertEqual((answer.status, answer.json()["code"]), (400, "invalid-option"))
-            self.assertIn(got, answer.json()["got"])
+            response = b.post("/v1/voxelize?size=20&" + query, body)
+            self.assertEqual((response.status, response.json()["code"]), (400, "invalid-option"))
+            self.assertIn(got, response.json()["got"])
 
-    def test_what_tenants_had_of_the_device_is_measured(self):
+    def test_device_time_of_each_tenant_is_measured(self):
         self.load.tenants["b"].wait(self.load.submit("b", SMALL))
         connection = http.client.HTTPConnection("127.0.0.1", self.load.daemon.admin_port)
         connection.request("GET", "/metrics")
@@ -107,7 +107,7 @@ class Contended(unittest.TestCase):
 
 
 class Memory(unittest.TestCase):
-    def test_what_can_never_fit_is_refused_with_the_numbers(self):
+    def test_a_job_that_can_never_fit_is_refused_with_the_numbers(self):
         with Contention({"a": 1}, arguments=["--memory-max", "400M"]) as load:
             job = load.submit("a", {"size": 1024, "format": "npy", "cache": "no"})
             status = load.tenants["a"].wait(job)

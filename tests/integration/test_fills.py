@@ -64,7 +64,7 @@ class Fills(DaemonTest):
         self.assertEqual(int((grid == 0).sum()), 12 ** 3)
         self.assertFalse(grid[4:16, 4:16, 4:16].any())
 
-    def test_an_open_mesh_is_told_apart(self):
+    def test_an_open_mesh_is_distinguished(self):
         grid, meta = self.voxelize(off_file(FACES[:-2]), "size=20&fill=solid&padding=4")
         solid = meta["solid"]
         self.assertEqual(solid["sign"], "majority")
@@ -157,7 +157,7 @@ class Fills(DaemonTest):
         _, meta = self.voxelize(off_file(FACES), "size=20")
         self.assertNotIn("solid", meta)
 
-    def test_every_answer_says_how_the_mesh_closes(self):
+    def test_every_response_reports_how_the_mesh_closes(self):
         _, meta = self.voxelize(off_file(FACES[:-2]), "size=20")
         mesh = meta["mesh"]
         self.assertEqual(mesh["open_edges"], 4)

@@ -78,7 +78,7 @@ class Formats(DaemonTest):
             response = self.daemon.post("/v1/voxelize?size=8&format=native&cache=no&filename=" +
                                         urllib.parse.quote(name), mesh)
             grids.add(response.headers["X-Voxeld-Grid"])
-            # The answer has the name, the container has not.
+            # The response has the name; the container does not.
             job = self.daemon.get(f"/v1/jobs/{response.headers['X-Voxeld-Job']}").json()
             details = [warning["detail"] for warning in job["result"]["warnings"]]
             self.assertEqual(len(details), 4)
@@ -211,7 +211,7 @@ class Formats(DaemonTest):
         self.assertIn("more than 65535", problem["got"])
         self.assertEqual(self.daemon.post(path + "material", body).status, 200)
 
-    def test_a_long_list_of_ids_is_whole_in_the_container_and_begun_in_the_answer(self):
+    def test_a_long_list_of_ids_is_complete_in_the_container_and_cut_in_the_response(self):
         import read_grid
         lines = []
         for i in range(40_000):
@@ -266,7 +266,7 @@ class Formats(DaemonTest):
         self.assertEqual({tuple(c) for c in ours}, {tuple(c) for c in theirs})
 
     def frames(self, fmt):
-        """Of an animation of six frames, of which the last two are equal."""
+        """A sequence of six frames whose last two are equal."""
         query = f"animation=walk&size=40&channels=color,normal&format={fmt}"
         return self.voxelize(query, "worm.md5.zip").body
 

@@ -13,15 +13,15 @@ class Headers(DaemonTest):
         job = self.daemon.submit(kind="voxelize", asset=asset, options={"size": 8, **options})
         return self.daemon.wait(job)
 
-    def test_an_answer_that_accept_chooses_says_so_to_caches(self):
+    def test_a_response_that_depends_on_accept_has_vary_accept(self):
         status = self.job()
         result, grid = f"/v1/jobs/{status['id']}/result", f"/v1/grids/{status['result']['grid']}"
         for path in (result, grid):
             for accept in (None, "*/*", "application/x-npy", "application/vnd.voxeld.grid", "text/html"):
                 with self.subTest(path=path, accept=accept):
-                    answer = self.daemon.get(path, headers={"Accept": accept} if accept else {})
-                    self.assertEqual(answer.status, 406 if accept == "text/html" else 200)
-                    self.assertIn("Accept", answer.headers.get("Vary", "").split(", "))
+                    response = self.daemon.get(path, headers={"Accept": accept} if accept else {})
+                    self.assertEqual(response.status, 406 if accept == "text/html" else 200)
+                    self.assertIn("Accept", response.headers.get("Vary", "").split(", "))
             # The format of the others depends on the URL alone.
             self.assertIsNone(self.daemon.get(path + "?format=npy", headers={"Accept": "text/html"}).headers["Vary"])
             tag = self.daemon.get(path).headers["ETag"]
@@ -32,10 +32,10 @@ class Headers(DaemonTest):
     def test_names_of_files_come_through_whole(self):
         for name in ('plain.obj', 'a "quoted".obj', 'back\\slash.obj', 'größe 100%.obj', '模型.obj'):
             with self.subTest(name):
-                answer = self.daemon.post("/v1/voxelize?size=8&format=npy&filename=" + urllib.parse.quote(name),
+                response = self.daemon.post("/v1/voxelize?size=8&format=npy&filename=" + urllib.parse.quote(name),
                                           b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-                self.assertEqual(answer.status, 200, answer.body)
-                given = self.filename(answer.headers["Content-Disposition"])
+                self.assertEqual(response.status, 200, response.body)
+                given = self.filename(response.headers["Content-Disposition"])
                 self.assertEqual(given.rsplit(".", 1)[0], name.rsplit(".", 1)[0])
 
     def filename(self, disposition):
@@ -54,7 +54,7 @@ class Headers(DaemonTest):
             at += 1
         return name
 
-    def test_what_will_never_work_is_no_invitation_to_try_again(self):
+    def test_a_permanent_error_has_no_retry_after(self):
         mesh = self.fixture("sample.ply")
         for query in ("pipeline=compute", "pipeline=raster"):
             refused = self.daemon.post(f"/v1/voxelize?size=8&filename=a.ply&{query}", mesh)

@@ -62,7 +62,7 @@ class ShutIn(unittest.TestCase):
         for name in ("in", "out", "taken"):
             self.assertEqual(list((folders[0] / name).iterdir()), [], name)
 
-    def test_off_is_off_and_doctor_tells_what_the_kernel_can(self):
+    def test_sandbox_off_is_off_and_doctor_reports_the_kernels_features(self):
         daemon = Daemon(device="cpu", arguments=["--sandbox", "off"])
         try:
             workers = daemon.request("GET", "/readyz", port=daemon.admin_port).json()["workers"]

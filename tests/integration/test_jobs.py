@@ -27,7 +27,7 @@ class Jobs(DaemonTest):
         self.assertEqual(result.status, 200)
         self.assertEqual(len(result.body), status["result"]["bytes"])
 
-    def test_prefer_wait_answers_with_the_finished_job(self):
+    def test_prefer_wait_returns_the_finished_job(self):
         response = self.daemon.post(
             "/v1/jobs", {"kind": "voxelize", "asset": self.asset, "options": {"size": 34}},
             headers={"Prefer": "wait=30"})

@@ -46,7 +46,7 @@ class Levels(DaemonTest):
         self.assertEqual(response.status, 200, response.body)
         return np.load(io.BytesIO(response.body)), json.loads(response.headers["X-Voxeld-Meta"])
 
-    def test_levels_are_what_numpy_makes_of_the_cells(self):
+    def test_levels_equal_those_of_numpy(self):
         for level in (1, 2, 3, 5):
             count = cubes(self.whole["occupancy"], 2 ** level).sum(axis=-1, dtype=int)
             for rule, least in (("any", 1), ("majority", 8 ** level // 2)):
@@ -116,7 +116,7 @@ class Levels(DaemonTest):
         self.assertEqual(drawn["level"], 0)
         self.assertLess(drawn["voxels"], int(self.whole["occupancy"].sum()))
 
-    def test_what_cannot_be_is_refused(self):
+    def test_invalid_levels_and_regions_are_refused(self):
         for query, words in (("level=15", "an integer from 0 to 14"),
                              ("level_rule=most", "any | majority"),
                              ("region=0,0,0,1", "each minimum below its maximum"),

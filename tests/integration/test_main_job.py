@@ -28,7 +28,7 @@ class OneShot(DaemonTest):
         self.assertEqual(max(grid.shape), 64)
         self.assertEqual(int(grid.sum()), occupied)
 
-    def test_each_rule_gives_what_the_oracle_says_by_every_pipeline(self):
+    def test_each_rule_matches_the_oracle_by_every_pipeline(self):
         counts = {}
         for rule in ("touch", "thin", "center"):
             dims, occupied, sha256 = oracle(self.fixtures / "sample.ply", 48, rule)
@@ -95,7 +95,7 @@ class OneShotWithoutGl(OneShot):
     device = "cpu"
     pipelines = ("cpu",)
 
-    def test_what_ran_and_why_is_in_the_answer(self):
+    def test_the_response_names_pipeline_and_device(self):
         response = self.daemon.post("/v1/voxelize?size=32&filename=sample.ply&cache=no",
                                     self.fixture("sample.ply"))
         self.assertEqual(response.status, 200, response.body)

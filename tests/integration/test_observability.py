@@ -1,4 +1,4 @@
-"""What the daemon tells of itself: metrics, traces, log lines that belong together, timings."""
+"""Observability: metrics, traces, log lines that belong together, timings."""
 import pathlib
 import re
 import shutil
@@ -78,7 +78,7 @@ class Observability(DaemonTest):
         self.assertEqual(self.daemon.wait(job)["state"], "done")
         bad = self.daemon.post("/v1/voxelize?filename=a.ply", b"ply\nnonsense")
         self.assertEqual(bad.status, 422)
-        # An answer may come a moment before it is counted.
+        # A response may come a moment before it is counted.
         deadline = time.monotonic() + 10
         samples = self.metrics()
         while (not any(labels.get("outcome") == "failed" for labels, _ in samples["voxeld_jobs_total"])
@@ -108,7 +108,7 @@ class Observability(DaemonTest):
         try:
             lab = daemon.holding(re.search(r"vxk_\S+", made)[0])
             lab.upload(self.fixtures / "sample.ply")
-            # The answer may come a moment before it is counted.
+            # The response may come a moment before it is counted.
             deadline = time.monotonic() + 10
             counted = []
             while not counted and time.monotonic() < deadline:
@@ -134,16 +134,16 @@ class Observability(DaemonTest):
         self.assertEqual(
             self.value(samples, "voxeld_worker_restarts_total", device="llvmpipe"), before + 1)
 
-    def test_a_trace_is_taken_on_answered_and_kept_with_the_job(self):
+    def test_a_trace_is_continued_returned_and_stored_with_the_job(self):
         asset = self.daemon.upload(self.fixtures / "sample.ply")
         response = self.daemon.post(
             "/v1/jobs", b'{"kind":"voxelize","asset":"%s","options":{"size":20,"cache":"no"}}'
             % asset.encode(), headers={"Content-Type": "application/json", "traceparent": PARENT,
                                        "X-Request-Id": "order-66"})
         self.assertIn(response.status, (200, 202), response.body)
-        answered = response.headers["traceresponse"]
-        self.assertRegex(answered, rf"^00-{TRACE}-[0-9a-f]{{16}}-01$")
-        self.assertNotEqual(answered, PARENT)
+        returned = response.headers["traceresponse"]
+        self.assertRegex(returned, rf"^00-{TRACE}-[0-9a-f]{{16}}-01$")
+        self.assertNotEqual(returned, PARENT)
         job = response.json()["id"]
         self.assertEqual(self.daemon.wait(job)["state"], "done")
         # One job from the request to the worker and back.
@@ -155,7 +155,7 @@ class Observability(DaemonTest):
         self.assertTrue(self.log_lines("[worker llvmpipe]", f"trace={TRACE}"))
         self.assertEqual(len(self.log_lines("] request id=order-66", f"trace={TRACE}")), 1)
 
-    def test_what_is_no_traceparent_starts_a_new_trace(self):
+    def test_an_invalid_traceparent_starts_a_new_trace(self):
         for header in ("", "00-" + "0" * 32 + "-00f067aa0ba902b7-01", PARENT.upper(), PARENT + "-x",
                        "ff" + PARENT[2:], "nonsense"):
             headers = {"traceparent": header} if header else {}

@@ -42,10 +42,10 @@ class Quotas(unittest.TestCase):
 
     def test_requests_per_second(self):
         key, lab = self.tenant("often", "--rate", "2/s")
-        answers = [lab.get("/v1/jobs") for _ in range(8)]
-        self.assertEqual(answers[0].headers["RateLimit-Policy"], '"requests";q=4;w=2')
-        self.assertRegex(answers[0].headers["RateLimit"], r'^"requests";r=3;t=\d+$')
-        refused = [answer for answer in answers if answer.status == 429]
+        responses = [lab.get("/v1/jobs") for _ in range(8)]
+        self.assertEqual(responses[0].headers["RateLimit-Policy"], '"requests";q=4;w=2')
+        self.assertRegex(responses[0].headers["RateLimit"], r'^"requests";r=3;t=\d+$')
+        refused = [response for response in responses if response.status == 429]
         self.assertTrue(refused)
         self.problem(refused[0], 429, "too-many-requests", "2/s")
         time.sleep(int(refused[0].headers["Retry-After"]) + 0.1)
@@ -80,7 +80,7 @@ class Quotas(unittest.TestCase):
         self.assertEqual(lab.request("DELETE", f"/v1/assets/{asset}").status, 204)
         self.assertEqual(lab.get("/v1/me").json()["usage"]["bytes"], status["result"]["bytes"])
 
-    def test_a_full_tenant_frees_what_it_has_with_the_command_line_client(self):
+    def test_a_full_tenant_frees_space_with_the_command_line_client(self):
         key, lab = self.tenant("full", "--bytes", "1M")
         mesh = (self.fixtures / "sample.ply").read_bytes()
         asset = lab.upload(self.fixtures / "sample.ply")
@@ -96,8 +96,8 @@ class Quotas(unittest.TestCase):
         # The same bytes cost nothing, though nothing is left.
         for headers in ({}, {"Content-Encoding": "gzip"}):
             body = gzip.compress(mesh) if headers else mesh
-            answer = lab.post("/v1/assets?filename=sample.ply", body, headers=headers)
-            self.assertEqual(answer.status, 200, answer.body)
+            response = lab.post("/v1/assets?filename=sample.ply", body, headers=headers)
+            self.assertEqual(response.status, 200, response.body)
 
         def voxel(*arguments, status=0):
             done = subprocess.run([BIN / "voxel", *arguments, "--url", self.daemon.url, "--key", key],
@@ -159,13 +159,13 @@ class Quotas(unittest.TestCase):
                 greedy, modest = (daemon.holding(key) for key in made)
                 asset = greedy.upload(self.fixtures / "sample.glb")
                 options = {"size": 4096, "cache": "no", "fill": "solid"}
-                answers = [greedy.post("/v1/jobs", {"kind": "voxelize", "asset": asset,
+                responses = [greedy.post("/v1/jobs", {"kind": "voxelize", "asset": asset,
                                                     "options": options}) for _ in range(14)]
-                self.problem(answers[-1], 429, "too-many-requests", "share of the queue", "places")
+                self.problem(responses[-1], 429, "too-many-requests", "share of the queue", "places")
                 mine = modest.upload(self.fixtures / "sample.glb")
-                answer = modest.post("/v1/jobs", {"kind": "voxelize", "asset": mine,
+                response = modest.post("/v1/jobs", {"kind": "voxelize", "asset": mine,
                                                   "options": options})
-                self.assertEqual(answer.status, 202, answer.body)
+                self.assertEqual(response.status, 202, response.body)
             finally:
                 daemon.kill_gateway()
 
@@ -184,14 +184,14 @@ class Quotas(unittest.TestCase):
         asset = lab.upload(self.fixtures / "sample.glb")
         options = {"size": 1500, "cache": "no", "fill": "solid"}
         jobs = []
-        answer = None
+        response = None
         for _ in range(6):  # the first ones may run
-            answer = lab.post("/v1/jobs", {"kind": "voxelize", "asset": asset, "options": options})
-            if answer.status == 429:
+            response = lab.post("/v1/jobs", {"kind": "voxelize", "asset": asset, "options": options})
+            if response.status == 429:
                 break
-            jobs.append(answer.json()["id"])
-        self.problem(answer, 429, "too-many-requests", "fewer than 2")
-        self.assertIn("Retry-After", answer.headers)
+            jobs.append(response.json()["id"])
+        self.problem(response, 429, "too-many-requests", "fewer than 2")
+        self.assertIn("Retry-After", response.headers)
         for job in jobs:
             lab.request("DELETE", f"/v1/jobs/{job}")
         for job in jobs:

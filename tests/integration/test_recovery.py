@@ -50,7 +50,7 @@ class Recovery(DaemonTest):
             pathlib.Path(self.data, name).unlink(missing_ok=True)
 
     def start_fails(self, *arguments):
-        """What it says. A daemon that starts has the time to look for files that nothing names."""
+        """The error text of a start that fails. A daemon that starts instead runs until it has looked for orphans."""
         process = subprocess.Popen(
             [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "127.0.0.1:0", "--data",
              self.data, "--device", "cpu", *arguments],
@@ -136,7 +136,7 @@ class Refused(Recovery):
 
 
 class Adopted(Recovery):
-    def test_what_the_database_does_not_know_waits_in_quarantine_for_the_right_one(self):
+    def test_blobs_unknown_to_the_database_are_quarantined_until_the_right_one_is_back(self):
         daemon = self.run_daemon()
         made = self.make(daemon)
         daemon.stop()

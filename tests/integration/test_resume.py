@@ -109,7 +109,7 @@ class Estimates(DaemonTest):
         self.assertEqual(response.status, 200, response.body)
         return response.json()
 
-    def test_a_dry_run_learns_what_jobs_cost(self):
+    def test_a_dry_run_learns_the_cost_of_jobs(self):
         daemon = Daemon(device="cpu")
         try:
             daemon.upload(self.fixtures / "sample.glb")

@@ -13,9 +13,9 @@ class SoakTest(unittest.TestCase):
     def test_memory_descriptors_and_threads_are_flat(self):
         with Soak() as soak:
             facts = [soak.run_round(number, SECONDS) for number in range(ROUNDS)]
-            print(*facts, soak.answers, sep="\n")
+            print(*facts, soak.responses, sep="\n")
             self.assertEqual(soak.wrong[:10], [])
-            self.assertGreater(soak.answers[200], 100)
+            self.assertGreater(soak.responses[200], 100)
             # The first round opens what stays: the database's readers, threads of the pool.
             before, after = facts[-2], facts[-1]
             self.assertEqual(differences(before, after), [])

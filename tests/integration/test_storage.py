@@ -1,4 +1,4 @@
-"""What is kept, for how long, and what a full or damaged disk does."""
+"""Retention of stored data, and behaviour with a full or damaged disk."""
 import json
 import os
 import pathlib
@@ -90,7 +90,7 @@ class Limits(Storage):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.1)
 
-    def test_what_was_not_used_for_long_expires(self):
+    def test_unused_results_and_assets_expire(self):
         daemon = self.start("--keep-results-days", "0.00002", "--keep-assets-days", "0.00002")
         job = self.voxelize(daemon, 20)
         status = daemon.get(f"/v1/jobs/{job}").json()
@@ -109,7 +109,7 @@ class Limits(Storage):
 
 
 class Damage(Storage):
-    def test_damaged_files_are_told_of_not_served_and_repaired(self):
+    def test_damaged_files_are_reported_not_served_and_repaired(self):
         daemon = self.daemon
         job = self.voxelize(daemon, 24)
         status = daemon.get(f"/v1/jobs/{job}").json()
@@ -186,7 +186,7 @@ class FullDisk(Storage):
             os.unlink(self.disk + "/hog")
         for asset in assets[:3]:
             self.assertEqual(daemon.request("DELETE", "/v1/assets/" + asset).status, 204)
-        self.wait_ready(daemon, 200)  # files are removed after the answer
+        self.wait_ready(daemon, 200)  # files are removed after the response
         self.assertEqual(daemon.post("/v1/assets?filename=a.obj", self.mesh(1)).status, 201)
         self.assertEqual(daemon.get(f"/v1/jobs/{self.voxelize(daemon, 31)}/result").status, 200)
         for asset in assets[3:]:
@@ -267,7 +267,7 @@ class FullDisk(Storage):
         self.wait_ready(daemon, 200)
         self.assertEqual(modest.post("/v1/assets?filename=b.obj", self.mesh(1)).status, 201)
 
-    def test_on_a_full_disk_jobs_can_be_cancelled_and_their_failure_is_kept(self):
+    def test_on_a_full_disk_jobs_can_be_cancelled_and_their_failure_is_stored(self):
         daemon = self.start("--disk-reserve", "0", "--workers-per-device", "1", data_dir=self.disk + "/data")
         asset = daemon.upload(self.fixtures / "sample.ply")
         running = daemon.submit(kind="voxelize", asset=asset,
@@ -280,8 +280,8 @@ class FullDisk(Storage):
         doomed = daemon.submit(kind="voxelize", asset=asset, options={"size": 9, "animation": "0"})
         self.take_the_rest()
         for job in (*queued, running):
-            answer = daemon.request("DELETE", f"/v1/jobs/{job}")
-            self.assertIn(answer.status, (200, 202), answer.body)
+            response = daemon.request("DELETE", f"/v1/jobs/{job}")
+            self.assertIn(response.status, (200, 202), response.body)
             self.assertEqual(daemon.wait(job)["state"], "cancelled")
         # The mesh has no animation: its job fails, and that is stored, too.
         status = daemon.wait(doomed)
@@ -316,7 +316,7 @@ class FullDisk(Storage):
     def test_uploads_are_refused_before_the_disk_is_full(self):
         self.check(self.start(data_dir=self.disk + "/data"), hog=False)
 
-    def test_a_full_disk_refuses_what_needs_space_and_recovers(self):
+    def test_a_full_disk_refuses_requests_that_need_space_and_recovers(self):
         self.check(self.start("--disk-reserve", "0", data_dir=self.disk + "/data"), hog=True)
 
 

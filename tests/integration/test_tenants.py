@@ -32,7 +32,7 @@ def key_id(key):
 
 
 def seen(response, *ids):
-    """An answer as its receiver compares it, with the ids that were asked for written as ID."""
+    """A response as a receiver compares it, with the requested ids replaced by ID."""
     headers = {name.lower(): value for name, value in response.headers.items()
                if name.lower() not in VOLATILE}
     body = re.sub(r'"trace_id":"[0-9a-f]{32}"', '"trace_id":""', response.body.decode("latin-1"))
@@ -115,7 +115,7 @@ class Tenants(unittest.TestCase):
                 on[method, template] = [(path, None, kind) for kind in kinds]
         return on
 
-    def test_every_route_hides_what_another_has(self):
+    def test_every_route_hides_the_resources_of_other_tenants(self):
         on = self.attacks()
         public = {("get", "/"), ("get", "/openapi.json")}
         # These routes list data of the caller alone.
@@ -143,7 +143,7 @@ class Tenants(unittest.TestCase):
             headers["Content-Type"] = "application/vnd.voxeld.bundle+json"
         elif body is not None:
             headers["Content-Type"] = "application/json"
-        answers = []
+        responses = []
         for one in (thing, nothing):
             text = None if body is None else body.replace("{}", one)
             for prefer in ({}, {"Prefer": "wait=1", "If-None-Match": '"1"', "Range": "bytes=0-1"}):
@@ -151,14 +151,14 @@ class Tenants(unittest.TestCase):
                                                headers={**headers, **prefer})
                 self.assertEqual(response.status, 404, response.body)
                 self.assertEqual(response.json()["code"], "not-found")
-                answers.append(seen(response, one))
-        self.assertEqual(len(set(answers)), 1, answers)
-        # With its owner's key the request reaches the thing; else the answers above prove nothing.
+                responses.append(seen(response, one))
+        self.assertEqual(len(set(responses)), 1, responses)
+        # With its owner's key the request succeeds; otherwise the responses above would prove nothing.
         if method == "get" and not (kind == "job" and "/frames/" in path):
             owners = self.lab.get(path.replace("{}", thing))
             self.assertEqual(owners.status, 200, owners.body)
 
-    def test_lists_show_what_is_ones_own(self):
+    def test_lists_show_only_the_callers_own_resources(self):
         for path, name in (("/v1/assets", "assets"), ("/v1/jobs", "jobs")):
             ours = {item["id"] for item in self.lab.get(path).json()[name]}
             theirs = {item["id"] for item in self.studio.get(path).json()[name]}
@@ -169,7 +169,7 @@ class Tenants(unittest.TestCase):
             self.assertNotIn(self.things["asset" if name == "assets" else "job"], theirs)
             self.assertLessEqual(ours, {item["id"] for item in self.boss.get(path).json()[name]})
 
-    def test_lists_of_results_show_what_is_ones_own_also_behind_anothers_page(self):
+    def test_lists_of_results_show_only_the_callers_own_after_any_cursor(self):
         for kind, thing in (("results", "job"), ("grids", "grid"), ("sequences", "sequence")):
             name = "job" if kind == "results" else "id"
             ours = self.lab.get(f"/v1/{kind}?limit=1000").json()[kind]
@@ -213,7 +213,7 @@ class Tenants(unittest.TestCase):
 
     # --- links
 
-    def test_a_link_opens_what_it_names_and_nothing_else(self):
+    def test_a_link_opens_its_resource_and_nothing_else(self):
         job, grid = self.things["job"], self.things["grid"]
         made = self.lab.post(f"/v1/jobs/{job}/share?seconds=60").json()
         anyone = self.daemon.holding(None)
@@ -233,8 +233,8 @@ class Tenants(unittest.TestCase):
                     made["url"].replace(job, NO_JOB), made["url"].replace("key=", "key=a"),
                     image["url"].replace("width=16", "width=17"),
                     image["url"].replace("/render.png", "/tiles")):
-            answer = anyone.get(url)
-            self.assertEqual((answer.status, answer.json()["detail"]), (404, "no such link"), url)
+            response = anyone.get(url)
+            self.assertEqual((response.status, response.json()["detail"]), (404, "no such link"), url)
         self.assertEqual(anyone.post(made["url"].replace("/result", "/share")).status, 401)
         self.assertEqual(self.studio.post(f"/v1/jobs/{job}/share").status, 404)
 
@@ -288,7 +288,7 @@ class Tenants(unittest.TestCase):
         self.assertEqual(self.lab.get(f"/v1/assets/{asset}").status, 410)
         self.assertEqual(self.studio.get(f"/v1/assets/{asset}").status, 200)
         self.assertEqual(self.studio.request("DELETE", f"/v1/assets/{asset}").status, 204)
-        # Files are unlinked behind the answer: its time must not tell whether others have the bytes.
+        # Files are unlinked after the response: its time must not reveal whether others have the bytes.
         self.wait_for(lambda: not list(pathlib.Path(self.data_dir).rglob(asset)))
 
     def test_an_idempotency_key_is_each_tenants_own(self):
@@ -304,7 +304,7 @@ class Tenants(unittest.TestCase):
 
     # --- admin
 
-    def test_an_admin_sees_and_cancels_what_others_have(self):
+    def test_an_admin_sees_and_cancels_jobs_of_other_tenants(self):
         asset = self.studio.upload(self.fixtures / "sample.glb")
         job = self.studio.submit(kind="voxelize", asset=asset,
                                  options={"size": 1500, "cache": "no", "fill": "solid"})
@@ -318,7 +318,7 @@ class Tenants(unittest.TestCase):
 
     # --- keys
 
-    def test_without_a_valid_key_every_route_answers_alike(self):
+    def test_without_a_valid_key_every_route_responds_alike(self):
         revoked = add_key(self.data_dir, "gone")
         keys(self.data_dir, "revoke", key_id(revoked))
         wrong = self.keys["lab"][:-1] + ("q" if self.keys["lab"].endswith("a") else "a")
@@ -326,11 +326,11 @@ class Tenants(unittest.TestCase):
         for template, operations in self.daemon.openapi.spec["paths"].items():
             path = template.replace("{id}", self.things["job"]).replace("{index}", "0")
             for method in set(operations) - {"parameters"}:
-                answers = {seen(self.daemon.holding(key).request(method.upper(), path))
+                responses = {seen(self.daemon.holding(key).request(method.upper(), path))
                            for key in (None, "", "x", wrong, unknown, revoked)}
                 with self.subTest(f"{method} {template}"):
-                    self.assertEqual(len(answers), 1, answers)
-                    status = json.loads(answers.pop())[0]
+                    self.assertEqual(len(responses), 1, responses)
+                    status = json.loads(responses.pop())[0]
                     self.assertEqual(status, 200 if template in ("/", "/openapi.json") else 401)
 
     def test_keys_count_and_end_while_the_daemon_runs(self):
@@ -355,7 +355,7 @@ class Tenants(unittest.TestCase):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.05)
 
-    def test_mistakes_of_the_keys_command_are_told(self):
+    def test_mistakes_of_the_keys_command_are_reported(self):
         for arguments, part in ((("add", "Two Words"), "a-z"), (("add", "a", "--expires", "soon"), "30d"),
                                 (("add", "a", "--expires", "2001-01-01"), "to come"),
                                 (("revoke", "aaaaaaaa"), "no such key"), (("revoke", "x"), "list")):
@@ -400,7 +400,7 @@ class Tenants(unittest.TestCase):
 
 
 class Start(unittest.TestCase):
-    """What a daemon says of its keys when it starts, and how it changes."""
+    """Keys at the start of a daemon: refusals, and changes while it runs."""
 
     def setUp(self):
         self.directory = tempfile.TemporaryDirectory()

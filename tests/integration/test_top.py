@@ -101,7 +101,7 @@ class Top(DaemonTest):
         self.assertEqual([line[0] for line in waiting], ["1", "2"])
         self.assertEqual(self.voxel().stdout.splitlines()[1:3], lines[1:3])  # no terminal: once, too
 
-    def test_json_is_the_answer_of_the_daemon(self):
+    def test_json_is_the_response_of_the_daemon(self):
         done = self.voxel("--json")
         self.assertEqual(done.returncode, 0, done.stderr)
         queue = json.loads(done.stdout)

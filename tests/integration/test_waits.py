@@ -41,7 +41,7 @@ class Waits(unittest.TestCase):
             crowd.small_things(5)
             self.assertGreater(500 - len(readable(clients, 0)), 400, "the crowd still waits")
 
-    def test_slow_uploads_polls_and_streams_of_one_tenant_hold_up_nobody(self):
+    def test_slow_uploads_polls_and_streams_of_one_tenant_delay_no_other(self):
         with Crowd(arguments=["--request-threads", "8"]) as crowd:
             crowd.small_things(2)
             blocker = crowd.one_shots(20)

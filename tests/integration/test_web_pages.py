@@ -1,5 +1,4 @@
-"""What a web page can make a browser do to a daemon: DNS rebinding, requests across origins, and CORS for those
-that are allowed."""
+"""Requests that a web page can make a browser send: DNS rebinding, other origins, and CORS for allowed origins."""
 import json
 import unittest
 
@@ -92,8 +91,8 @@ class Open(DaemonTest):
 
     def test_an_allowed_origin_may_call_and_read(self):
         self.assertNotIn(403, self.attack({"Origin": APP, "Sec-Fetch-Site": "cross-site"}).values())
-        answer = self.ask("GET", "/v1/jobs", {"Origin": APP})
-        self.assertEqual(answer.headers["Access-Control-Allow-Origin"], APP)
+        response = self.ask("GET", "/v1/jobs", {"Origin": APP})
+        self.assertEqual(response.headers["Access-Control-Allow-Origin"], APP)
 
     def test_jobs_come_as_json(self):
         job = json.dumps({"kind": "voxelize", "asset": self.daemon.upload(self.fixtures / "sample.ply"),
@@ -121,7 +120,7 @@ class WithKeys(unittest.TestCase):
                            APP + ":444", "null", "http://localhost:3001"):
                 with self.subTest(origin):
                     self.check_foreign(daemons.daemon, lab, origin)
-            # Without an Origin the answer says that with one it may be another.
+            # Without an Origin the response has Vary too, because it differs with one.
             self.assertEqual(lab.get("/v1/jobs").headers["Vary"], "Origin")
             self.assertEqual(lab.get("/openapi.json").headers["Vary"], "Origin")
 
@@ -136,11 +135,11 @@ class WithKeys(unittest.TestCase):
         wanted = preflight.headers["Access-Control-Allow-Headers"].lower().split(", ")
         self.assertLessEqual({"authorization", "content-type", "prefer", "range", "if-none-match"}, set(wanted))
         self.assertNotIn("Access-Control-Allow-Credentials", preflight.headers)
-        answer = lab.get("/v1/jobs", headers={"Origin": origin})
-        self.assertEqual((answer.status, answer.headers["Access-Control-Allow-Origin"]), (200, origin))
-        self.assertEqual(answer.headers["Vary"], "Origin")
-        self.assertIn("X-Voxeld-Meta", answer.headers["Access-Control-Expose-Headers"].split(", "))
-        self.assertNotIn("*", str(exposed(answer)) + str(exposed(preflight)))
+        response = lab.get("/v1/jobs", headers={"Origin": origin})
+        self.assertEqual((response.status, response.headers["Access-Control-Allow-Origin"]), (200, origin))
+        self.assertEqual(response.headers["Vary"], "Origin")
+        self.assertIn("X-Voxeld-Meta", response.headers["Access-Control-Expose-Headers"].split(", "))
+        self.assertNotIn("*", str(exposed(response)) + str(exposed(preflight)))
         # The page may read why it was refused, too.
         refused = anyone.get("/v1/jobs", headers={"Origin": origin})
         self.assertEqual((refused.status, refused.headers["Access-Control-Allow-Origin"]), (401, origin))
@@ -149,15 +148,15 @@ class WithKeys(unittest.TestCase):
         preflight = anyone.request("OPTIONS", "/v1/jobs", headers={
             "Origin": origin, "Access-Control-Request-Method": "POST"})
         self.assertEqual((preflight.status, exposed(preflight)), (403, {}))
-        answer = lab.get("/v1/jobs", headers={"Origin": origin})
+        response = lab.get("/v1/jobs", headers={"Origin": origin})
         # A request with a key is served; a browser does not let the page read it.
-        self.assertEqual((answer.status, exposed(answer)), (200, {}))
-        self.assertEqual(answer.headers["Vary"], "Origin")
+        self.assertEqual((response.status, exposed(response)), (200, {}))
+        self.assertEqual(response.headers["Vary"], "Origin")
 
     def test_without_the_flag_no_page_may_read_anything(self):
         with TenantsDaemon({"lab": 1}) as daemons:
-            answer = daemons.tenants["lab"].get("/v1/jobs", headers={"Origin": APP})
-            self.assertEqual((answer.status, exposed(answer)), (200, {}))
+            response = daemons.tenants["lab"].get("/v1/jobs", headers={"Origin": APP})
+            self.assertEqual((response.status, exposed(response)), (200, {}))
             # With keys any name will do: a rebound page has none.
             self.assertEqual(daemons.tenants["lab"].get("/v1/jobs", headers={"Host": "evil.example"}).status, 200)
             # But for the admin port, which never asks for one.

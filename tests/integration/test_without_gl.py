@@ -16,13 +16,13 @@ class Auto(DaemonTest):
         workers = self.daemon.request("GET", "/readyz", port=self.daemon.admin_port).json()["workers"]
         self.assertEqual({one["device"] for one in workers}, {"cpu"})
 
-    def test_doctor_tells_why(self):
+    def test_doctor_reports_the_reason(self):
         done = subprocess.run([BIN / "voxeld", "doctor", "--json"], capture_output=True, text=True,
                               check=True)
-        answer = json.loads(done.stdout)
-        self.assertEqual(answer["auto"]["device"], "cpu")
-        self.assertIn("built without OpenGL", answer["auto"]["why"])
-        works = [one["device"] for one in answer["devices"] if one["works"]]
+        report = json.loads(done.stdout)
+        self.assertEqual(report["auto"]["device"], "cpu")
+        self.assertIn("built without OpenGL", report["auto"]["why"])
+        works = [one["device"] for one in report["devices"] if one["works"]]
         self.assertEqual(works, ["cpu"])
 
 

@@ -42,7 +42,7 @@ class WorkerIsolation(unittest.TestCase):
         self.assertNotIn("voxeld_worker_restarts_total{", metrics)
         return metrics
 
-    def test_it_begins_with_the_key_of_a_second_tenant(self):
+    def test_isolation_begins_with_the_key_of_a_second_tenant(self):
         with TenantsDaemon({"ada": 1}, arguments=["--workers-per-device", "2"]) as lab:
             self.wait_for_workers(lab, 2)
             alone = {self.pid_of_job(lab, "ada") for _ in range(2)}

@@ -164,7 +164,7 @@ class Crowd(TenantsDaemon):
 
 
 def readable(clients, seconds):
-    """Those of the clients that have something to read, or have ended."""
+    """The clients that have data to read, or whose connection has ended."""
     poll = select.poll()
     by_fd = {client.fileno(): client for client in clients}
     for fd in by_fd:

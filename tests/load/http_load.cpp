@@ -6,10 +6,10 @@
 //     stdin ends, then prints {"idle_open": …, "slow_cut": …}.
 //   voxeld_http_load probe PORT PATH SECONDS [HEADER…]
 //     Asks again and again, 100 times a second at most, on one connection as long as the server
-//     keeps it, and prints how long answers took: {"count": …, "p50_ms": …, "p99_ms": …,
+//     leaves it open, and prints response times: {"count": …, "p50_ms": …, "p99_ms": …,
 //     "max_ms": …}.
 //   voxeld_http_load rate PORT PATH SECONDS CONNECTIONS [HEADER…]
-//     Asks as fast as it is answered on so many connections; prints {"per_second": …,
+//     Sends requests on so many connections, each after the last response; prints {"per_second": …,
 //     "mb_per_second": …}.
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -41,7 +41,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using voxeld::UniqueFd;
 
-constexpr int kAnswerMs = 120'000;
+constexpr int kResponseMs = 120'000;
 constexpr std::string_view kSlowHead =
     "GET /livez HTTP/1.1\r\nHost: localhost\r\nX-Slow: "
     "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa";
@@ -81,8 +81,8 @@ void send_all(int fd, std::string_view text) {
   }
 }
 
-// Takes an answer apart as far as to know where it ends.
-class AnswerReader {
+// Parses a response as far as needed to find its end.
+class ResponseReader {
  public:
   // More of it came; true when it is whole.
   bool take(std::string_view bytes) {
@@ -91,7 +91,7 @@ class AnswerReader {
       const size_t end = head_.find("\r\n\r\n");
       if (end == std::string::npos) return false;
       if (!head_.starts_with("HTTP/1.1 2")) {
-        std::fprintf(stderr, "http_load: answer %s\n", head_.substr(0, 400).c_str());
+        std::fprintf(stderr, "http_load: response %s\n", head_.substr(0, 400).c_str());
         std::exit(1);
       }
       const size_t length = head_.find("Content-Length: ");
@@ -116,11 +116,11 @@ class AnswerReader {
   bool closes_ = false;
 };
 
-void read_answer(int fd, AnswerReader& reader) {
+void read_response(int fd, ResponseReader& reader) {
   static std::array<char, 1 << 18> buffer;
   while (true) {
     pollfd entry{fd, POLLIN, 0};
-    if (::poll(&entry, 1, kAnswerMs) != 1) fail("no answer");
+    if (::poll(&entry, 1, kResponseMs) != 1) fail("no response");
     const ssize_t got = ::recv(fd, buffer.data(), buffer.size(), 0);
     if (got <= 0) fail("recv");
     if (reader.take({buffer.data(), static_cast<size_t>(got)})) return;
@@ -156,8 +156,8 @@ int hold(int port, int idle_count, int slow_count) {
   for (int i = 0; i < idle_count; ++i) {
     idle.push_back(connect_to(port));
     send_all(idle.back().get(), request);
-    AnswerReader reader;
-    read_answer(idle.back().get(), reader);
+    ResponseReader reader;
+    read_response(idle.back().get(), reader);
   }
   std::vector<SlowClient> slow(static_cast<size_t>(slow_count));
   for (SlowClient& client : slow) client.fd = connect_to(port);
@@ -183,13 +183,13 @@ int hold(int port, int idle_count, int slow_count) {
 int probe(int port, const std::string& request, double seconds) {
   UniqueFd fd;
   std::vector<double> took_ms;
-  AnswerReader reader;
+  ResponseReader reader;
   const auto end = Clock::now() + std::chrono::duration<double>(seconds);
   while (Clock::now() < end) {
     const auto start = Clock::now();
     if (!fd.valid()) fd = connect_to(port);
     send_all(fd.get(), request);
-    read_answer(fd.get(), reader);
+    read_response(fd.get(), reader);
     if (reader.closes()) fd.reset();
     took_ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
     std::this_thread::sleep_until(start + std::chrono::milliseconds(10));
@@ -204,7 +204,7 @@ int probe(int port, const std::string& request, double seconds) {
 int rate(int port, const std::string& request, double seconds, int connections) {
   const UniqueFd epoll(::epoll_create1(EPOLL_CLOEXEC));
   std::vector<UniqueFd> clients;
-  std::vector<AnswerReader> readers(static_cast<size_t>(connections));
+  std::vector<ResponseReader> readers(static_cast<size_t>(connections));
   for (int i = 0; i < connections; ++i) {
     clients.push_back(connect_to(port));
     epoll_event event{};
@@ -215,7 +215,7 @@ int rate(int port, const std::string& request, double seconds, int connections) 
   }
   static std::array<char, 1 << 18> buffer;
   std::array<epoll_event, 256> events{};
-  int64_t answers = 0;
+  int64_t responses = 0;
   const auto start = Clock::now(), end = start + std::chrono::duration_cast<Clock::duration>(
                                                      std::chrono::duration<double>(seconds));
   while (Clock::now() < end) {
@@ -225,15 +225,15 @@ int rate(int port, const std::string& request, double seconds, int connections) 
       const ssize_t got = ::recv(clients[client].get(), buffer.data(), buffer.size(), 0);
       if (got <= 0) fail("recv");
       if (!readers[client].take({buffer.data(), static_cast<size_t>(got)})) continue;
-      ++answers;
+      ++responses;
       send_all(clients[client].get(), request);
     }
   }
   const double took = std::chrono::duration<double>(Clock::now() - start).count();
   int64_t bytes = 0;
-  for (const AnswerReader& reader : readers) bytes += reader.bytes();
+  for (const ResponseReader& reader : readers) bytes += reader.bytes();
   std::printf("{\"per_second\": %.1f, \"mb_per_second\": %.1f}\n",
-              static_cast<double>(answers) / took, static_cast<double>(bytes) / took / 1e6);
+              static_cast<double>(responses) / took, static_cast<double>(bytes) / took / 1e6);
   return 0;
 }
 

@@ -10,19 +10,19 @@ using Polygon = std::vector<Point>;
 
 // The part of a polygon with side * (p[axis] - plane) >= 0.
 Polygon cut(const Polygon& polygon, int axis, double plane, double side) {
-  Polygon kept;
+  Polygon clipped;
   for (size_t i = 0; i < polygon.size(); ++i) {
     const Point& a = polygon[i];
     const Point& b = polygon[i + 1 == polygon.size() ? 0 : i + 1];
     const double above_a = side * (a[axis] - plane), above_b = side * (b[axis] - plane);
-    if (above_a >= 0) kept.push_back(a);
+    if (above_a >= 0) clipped.push_back(a);
     if ((above_a < 0) == (above_b < 0)) continue;
     const double t = above_a / (above_a - above_b);
     Point crossing;
     for (int c = 0; c < 3; ++c) crossing[c] = a[c] + t * (b[c] - a[c]);
-    kept.push_back(crossing);
+    clipped.push_back(crossing);
   }
-  return kept;
+  return clipped;
 }
 
 // Half the length of the sum of the cross products of the corners (the polygon is flat).

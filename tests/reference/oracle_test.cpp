@@ -51,7 +51,7 @@ TEST(TouchOracle, snapping_moves_by_at_most_half_a_sub_voxel) {
   }
 }
 
-TEST(LineOracle, a_plane_of_slope_one_half_is_thinner_than_what_it_touches) {
+TEST(LineOracle, a_plane_of_slope_one_half_is_thinner_than_the_cells_it_touches) {
   // z = 1/2 + x/2 over x, y in [0, 4]; snapping moves all corners alike.
   const std::vector<Triangle> quad = {
       Triangle{Point{0, 0, 0.5}, Point{4, 0, 2.5}, Point{4, 4, 2.5}},

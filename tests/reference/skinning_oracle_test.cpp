@@ -22,7 +22,7 @@ TEST(RigidMath, a_third_of_a_right_angle_is_thirty_degrees) {
   expect_near(mapped(between(right, right, 0.5), {1, 0, 0}), {0, 1, 0});
 }
 
-TEST(RigidMath, normals_stay_upright_on_what_is_stretched) {
+TEST(RigidMath, normals_of_stretched_surfaces_stay_upright) {
   const Mat3 stretch = {{{2, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
   const Vec3 along = mapped(stretch, {1, -1, 0});
   EXPECT_NEAR(dot(along, mapped(inverse_transposed(stretch), {1, 1, 0})), 0, 1e-12);

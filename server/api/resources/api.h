@@ -19,7 +19,7 @@ struct Api {
   const Access& access;
   WaitLimit waits;
   std::atomic<int> event_streams{0};
-  // The server drains: event streams end, and long polls are answered at once.
+  // The server drains: event streams end, and long polls return at once.
   std::atomic<bool> stopping{false};
 };
 

@@ -54,9 +54,9 @@ struct MetaHeaders {
   std::string content_hash, pipeline, device, brief;
 };
 
-// This thread's last one is remembered: who fetches a result in ranges asks for it again and again,
-// and to parse it takes longer than to look the job up. By job, so that nobody learns from the time
-// of an answer what others have; its meta does not change once it has ended.
+// The meta of this thread's last job is cached: a client that fetches a result in ranges requests
+// it repeatedly, and parsing takes longer than finding the job. The key is the job, so that
+// response times reveal nothing about other tenants. The meta of a job that has ended is final.
 Result<const MetaHeaders*> meta_headers(const Request& request, Api& api, const JobStatus& status) {
   thread_local std::string last_job;
   thread_local MetaHeaders headers;

@@ -1,5 +1,5 @@
-// Lists as answers: pages by `limit` and `after`, read from their source row by row while they are
-// sent, so that a list costs one piece of memory, however long it is.
+// Lists as responses: pages by `limit` and `after`. Rows are read from their source while the list
+// is sent, so a list of any length needs the memory of one piece.
 #pragma once
 
 #include <cstdint>

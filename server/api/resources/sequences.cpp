@@ -104,7 +104,7 @@ Status add_frames_of_job(Api& api, const Caller& caller, const std::string& job,
   }
 }
 
-// The manifest is read again for each piece: to keep it takes more memory than the answer does.
+// The manifest is read again for each piece, because it is larger in memory than the response.
 Status add_frames_of_sequence(Api& api, const Caller& caller, const std::string& id,
                               const std::string& after, ListRows& rows) {
   VOXELD_ASSIGN(const int64_t last, cursor_number(after));

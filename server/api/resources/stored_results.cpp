@@ -10,26 +10,26 @@ namespace {
 
 constexpr ListLimits kListLimits{100, 1000};
 
-std::string kept_text(const KeptResult& kept, KeptKind kind) {
+std::string result_text(const KeptResult& result, KeptKind kind) {
   std::string text;
   JsonWriter json(text);
   json.begin_object()
-      .member("job", kept.job)
-      .member("bytes", kept.bytes)
-      .member("created_ms", kept.created_ms);
+      .member("job", result.job)
+      .member("bytes", result.bytes)
+      .member("created_ms", result.created_ms);
   switch (kind) {
     case KeptKind::kResult:
-      json.member("blob", kept.blob)
-          .member("media_type", kept.media_type)
-          .member("filename", kept.filename)
-          .member("grid", kept.grid)
-          .member("sequence", kept.sequence);
+      json.member("blob", result.blob)
+          .member("media_type", result.media_type)
+          .member("filename", result.filename)
+          .member("grid", result.grid)
+          .member("sequence", result.sequence);
       break;
     case KeptKind::kGrid:
-      json.member("id", kept.grid);
+      json.member("id", result.grid);
       break;
     case KeptKind::kSequence:
-      json.member("id", kept.sequence).member("frames", kept.frames);
+      json.member("id", result.sequence).member("frames", result.frames);
       break;
   }
   json.end_object();
@@ -37,8 +37,8 @@ std::string kept_text(const KeptResult& kept, KeptKind kind) {
 }
 
 // The rows below the number of a result, read from the database in batches of about a piece.
-Status add_kept(Api& api, const Caller& caller, KeptKind kind, const std::string& after,
-                ListRows& rows) {
+Status add_results(Api& api, const Caller& caller, KeptKind kind, const std::string& after,
+                   ListRows& rows) {
   constexpr int kBatch = 128;
   VOXELD_ASSIGN(int64_t before_seq, cursor_number(after));
   if (before_seq == 0) return bad_cursor(after);
@@ -46,21 +46,21 @@ Status add_kept(Api& api, const Caller& caller, KeptKind kind, const std::string
   while (true) {
     VOXELD_ASSIGN(const std::vector<KeptResult> batch,
                   api.jobs.list_kept(caller, kind, kBatch, before_seq));
-    for (const KeptResult& kept : batch) {
-      if (!rows.add(kept_text(kept, kind), std::to_string(kept.seq))) return {};
-      before_seq = kept.seq;
+    for (const KeptResult& result : batch) {
+      if (!rows.add(result_text(result, kind), std::to_string(result.seq))) return {};
+      before_seq = result.seq;
     }
     if (std::ssize(batch) < kBatch) return {};
   }
 }
 
-Response list_kept(Request& request, Api& api, KeptKind kind, const char* name) {
+Response list_stored(Request& request, Api& api, KeptKind kind, const char* name) {
   auto page = requested_page(request, kListLimits);
   if (!page) return problem(request, page.error());
   return list_response(
       "", name, *std::move(page),
       [&api, caller = request.caller, kind](const std::string& after, ListRows& rows) {
-        return add_kept(api, caller, kind, after, rows);
+        return add_results(api, caller, kind, after, rows);
       });
 }
 
@@ -74,15 +74,15 @@ Response deleted(const Request& request, const Status& status) {
 }  // namespace
 
 Reply list_results(Request& request, Api& api) {
-  return list_kept(request, api, KeptKind::kResult, "results");
+  return list_stored(request, api, KeptKind::kResult, "results");
 }
 
 Reply list_grids(Request& request, Api& api) {
-  return list_kept(request, api, KeptKind::kGrid, "grids");
+  return list_stored(request, api, KeptKind::kGrid, "grids");
 }
 
 Reply list_sequences(Request& request, Api& api) {
-  return list_kept(request, api, KeptKind::kSequence, "sequences");
+  return list_stored(request, api, KeptKind::kSequence, "sequences");
 }
 
 Reply delete_result(Request& request, Api& api) {

@@ -38,9 +38,9 @@ class Database {
   // use the database.
   virtual void set_make_way(std::function<bool()> make_way) = 0;
 
-  // `told` hears the store's generation after each commit that changed rows, on the thread that
-  // committed (store_identity.h). The database raises `generation` in the row of the table `store`
-  // within that commit; where there is no row, nothing is told. What `told` throws is logged.
+  // Calls `told` with the store's generation after each commit that changed rows, on the thread
+  // that committed (store_identity.h). The database raises `generation` in the row of the table
+  // `store` within that commit. Without a row, `told` is not called. Its exceptions are logged.
   virtual void tell_generation(std::function<void(int64_t)> told) = 0;
 
   // A reading connection for the caller alone, given back when the lease goes away. Each statement

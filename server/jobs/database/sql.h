@@ -7,7 +7,7 @@
 //   - Truth is 0 or 1. A condition is not a number: CASE WHEN … THEN 1 ELSE 0 END.
 //   - LENGTH counts characters, OCTET_LENGTH counts bytes.
 //   - RETURNING, ON CONFLICT and partial indexes; no data-modifying CTEs.
-// What differs between databases stands in the files of each implementation (sqlite_*).
+// Differences between databases are in the files of each implementation (sqlite_*).
 #pragma once
 
 #include <cstdint>

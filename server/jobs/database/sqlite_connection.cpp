@@ -167,7 +167,7 @@ bool SqliteConnection::in_transaction() const {
 Result<std::string> SqliteConnection::integrity() {
   VOXELD_ASSIGN(SqlStatement check, query("PRAGMA integrity_check(1)"));
   VOXELD_ASSIGN(const bool row, check.step());
-  return row ? check.text(0) : "no answer";
+  return row ? check.text(0) : "no result";
 }
 
 Status SqliteConnection::checkpoint() {

@@ -14,10 +14,10 @@ namespace voxeld {
 namespace {
 
 Status check_integrity(SqliteConnection& connection) {
-  VOXELD_ASSIGN(std::string answer, connection.integrity());
-  if (answer == "ok") return {};
+  VOXELD_ASSIGN(std::string result, connection.integrity());
+  if (result == "ok") return {};
   return Error{ErrorCode::kInternal, std::string(kCorruptDatabase) + ". Integrity check", "ok",
-               std::move(answer)};
+               std::move(result)};
 }
 
 // 0 where the database is not tied to a store.

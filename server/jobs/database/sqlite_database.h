@@ -29,17 +29,16 @@ class SqliteDatabase final : public Database {
       std::chrono::milliseconds reader_idle_max = kReaderIdleMax);
 
   Status write(const Operation& operation) override EXCLUDES(mutex_, writer_mutex_);
-  // Where the disk is full, the WAL is checkpointed, so that SQLite writes over it instead of
-  // behind it.
+  // On a full disk the WAL is checkpointed, so that SQLite overwrites it instead of appending.
   Status write_freeing(const Operation& operation) override EXCLUDES(mutex_, writer_mutex_);
   void set_make_way(std::function<bool()> make_way) override { make_way_ = std::move(make_way); }
   void tell_generation(std::function<void(int64_t)> told) override EXCLUDES(writer_mutex_);
   Result<Lease> read() override EXCLUDES(mutex_);
 
-  // A reader that nobody used for so long is closed at the next chance: what a crowd of clients
-  // needed for a moment. Opening one takes longer than most of what they are used for, so those in
-  // use stay. Of a closed one SQLite keeps the descriptor of the file for the next, since closing
-  // it would drop the process's locks.
+  // A reader that is unused for this long is closed: many clients at a time need it only briefly.
+  // Readers in use stay open, because opening one takes longer than most reads. SQLite holds the
+  // file descriptor of a closed reader for the next one, because closing it would drop the
+  // process's locks.
   static constexpr std::chrono::milliseconds kReaderIdleMax{10'000};
 
  private:

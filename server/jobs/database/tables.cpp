@@ -14,7 +14,7 @@ constexpr std::string_view kRowNumber = "ROW_NUMBER";
 //   results ┼─ jobs ─┬─ job_events       rows: a deleted asset keeps its row (deleted_ms), so that
 //   frames ─┘        └─ idempotency_keys asking for it says `gone`.
 //
-// Every row has a tenant, '' where the daemon has no keys. Indexes that answer tenants end in
+// Every row has a tenant, '' if the daemon has no keys. Indexes for the queries of tenants end in
 // `tenant`, so that rows of others are not even read. Times (…_ms) are Unix time in milliseconds;
 // 0: not yet.
 constexpr std::string_view kAssets = R"sql(

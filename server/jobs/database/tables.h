@@ -22,7 +22,7 @@ std::string tables_sql(std::string_view row_number);
 // sqlite_schema.cpp). Both queries give the same rows at any time, ordered by all their columns.
 struct DerivedRows {
   std::string_view name;
-  std::string_view kept;      // what the database keeps
+  std::string_view stored;    // the stored value
   std::string_view computed;  // the same from the rows that it follows from
 };
 std::span<const DerivedRows> derived_rows();

@@ -35,7 +35,7 @@ class CostModel {
   };
   explicit CostModel(const Guess& guess);
 
-  // `cost` of all frames together. What is not positive is left aside.
+  // `cost` of all frames together. Costs that are not positive are ignored.
   void observe(const CostFeatures& features, double cost);
   CostRange predict(const CostFeatures& features) const;
   int64_t observations() const { return observations_; }

@@ -1,4 +1,4 @@
-// The cost of jobs of each kind on this machine, learned and kept in a file beside the database.
+// The cost of jobs of each kind on this machine, learned and stored in a file beside the database.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +38,7 @@ class JobCosts {
   ~JobCosts();
 
   JobEstimate estimate(const JobWork& work) const EXCLUDES(mutex_);
-  // A job that was done, not answered from another one's result.
+  // A job that ran; jobs that got another one's result do not count.
   void learn(const JobWork& work, const JobStatus& done) EXCLUDES(mutex_);
 
  private:

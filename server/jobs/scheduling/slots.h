@@ -37,17 +37,17 @@ struct StartedJob {
   double device_seconds = 0;          // of all attempts
 };
 
-// The tenant's head who has had the least, at equal shares the one that arrived first.
-// The last free slot is kept from tenants that have started jobs on the device, unless the head is
-// more urgent than all of them: however many long jobs one has, the others find a worker.
+// The head of the tenant with the least device time; at equal shares the one that arrived first.
+// The last free slot is reserved for tenants without started jobs on the device, unless the head is
+// more urgent than all started jobs. However many long jobs a tenant has, others find a worker.
 std::optional<size_t> pick_head(const std::vector<QueueHead>& heads, size_t free_slots,
                                 const std::vector<StartedJob>& started,
                                 const std::function<double(const std::string&)>& share);
 
 struct HeadChoice {
   std::optional<size_t> head;  // the one to claim, of which an idle worker may run the task
-  // Heads before it that no idle worker may run: as many places are kept for them until there are
-  // fresh workers.
+  // Heads before it that no idle worker may run. As many places are reserved for them until there
+  // are fresh workers.
   int blocked = 0;
 };
 

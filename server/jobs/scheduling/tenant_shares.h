@@ -1,10 +1,10 @@
-// How much of a device tenants have had while they wanted it: who gets a worker next, and who gives
-// one up.
+// The device time of tenants while they had jobs. It decides which tenant gets a worker next, and
+// which gives one up.
 //
-// Time slices (time_slices.h) divide the device among those that have a worker. Where there are
-// more tenants than workers, these shares say who is to have one, over minutes: seconds of the
-// device over the tenant's weight, counted as long as the tenant has jobs. Who comes anew begins
-// with the least that others have who are there, so that nobody saves up time by being away.
+// Time slices (time_slices.h) divide the device among tenants that have a worker. If there are more
+// tenants than workers, these shares assign the workers, over minutes. A share is the seconds of
+// the device divided by the tenant's weight, counted while the tenant has jobs. A new tenant starts
+// at the lowest share of the active ones, so an absent tenant saves up no time.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ namespace voxeld {
 // The shares of one device. Not thread-safe.
 class TenantShares {
  public:
-  // Seconds of the device by which a tenant can be ahead: of more, as those had who were there with
-  // jobs that cannot be preempted, it need not pay back.
+  // Caps a tenant's accumulated lead, in seconds of the device. The excess, which jobs that cannot
+  // be preempted may cause, is forgiven.
   static constexpr double kAheadSecondsMax = 10;
 
   // The tenants that have jobs now, queued or started. Between two calls nobody comes or goes.

@@ -88,11 +88,11 @@ double TimeSlices::share(const std::string& device, const std::string& tenant) c
   return had + held.count() / static_cast<double>(weight_of(tenant));
 }
 
-Result<TimeSlices::Answer> TimeSlices::take(std::string_view id, int64_t fence,
-                                            const SliceNeed& need, const Stop& stop) {
+Result<TimeSlices::Outcome> TimeSlices::take(std::string_view id, int64_t fence,
+                                             const SliceNeed& need, const Stop& stop) {
   MutexLock lock(mutex_);
   const Task task = find(id, fence);
-  if (task == nullptr) return Answer::kFenced;
+  if (task == nullptr) return Outcome::kFenced;
   end_slice(*task);
   if (!task->has_memory) {
     task->need = need;
@@ -101,10 +101,10 @@ Result<TimeSlices::Answer> TimeSlices::take(std::string_view id, int64_t fence,
   return wait(task, lock, stop);
 }
 
-TimeSlices::Answer TimeSlices::renew(std::string_view id, int64_t fence, const Stop& stop) {
+TimeSlices::Outcome TimeSlices::renew(std::string_view id, int64_t fence, const Stop& stop) {
   MutexLock lock(mutex_);
   const Task task = find(id, fence);
-  if (task == nullptr) return Answer::kFenced;
+  if (task == nullptr) return Outcome::kFenced;
   end_slice(*task);
   return wait(task, lock, stop);
 }
@@ -185,14 +185,14 @@ Status TimeSlices::check_fits(const Started& task) const {
   return {};
 }
 
-TimeSlices::Answer TimeSlices::wait(const Task& task, MutexLock& lock, const Stop& stop) {
+TimeSlices::Outcome TimeSlices::wait(const Task& task, MutexLock& lock, const Stop& stop) {
   const auto stops = [&] {
     const int64_t deadline = task->task.deadline_at_ms;
     return (deadline != 0 && unix_time_ms() >= deadline) || (stop && stop());
   };
   if (stops()) {
     grant_free();
-    return Answer::kStopped;
+    return Outcome::kStopped;
   }
   task->is_waiting = true;
   task->waits_since = ++events_;
@@ -201,11 +201,11 @@ TimeSlices::Answer TimeSlices::wait(const Task& task, MutexLock& lock, const Sto
     if (task->has_ended || stops()) {
       task->is_waiting = false;
       grant_free();  // those who could not pass it
-      return task->has_ended ? Answer::kFenced : Answer::kStopped;
+      return task->has_ended ? Outcome::kFenced : Outcome::kStopped;
     }
     task->changed.wait_for(lock, kPoll);
   }
-  return Answer::kGranted;
+  return Outcome::kGranted;
 }
 
 void TimeSlices::charge_cpu(Started& task) {

@@ -74,7 +74,7 @@ struct TimeSlicesConfig {
 // Thread-safe.
 class TimeSlices {
  public:
-  enum class Answer {
+  enum class Outcome {
     kGranted,
     kStopped,  // `stop` said so, or the deadline has passed
     kFenced,   // no such task, or not with this fence, or it ended meanwhile
@@ -87,7 +87,7 @@ class TimeSlices {
 
   // --- the gateway's side
   void begin_task(const SliceTask& task) EXCLUDES(mutex_);
-  // Gives back what it has and answers whoever waits on its behalf.
+  // Gives back its time slice and memory, and ends its waiting calls with kFenced.
   void end_task(std::string_view id, int64_t fence) EXCLUDES(mutex_);
   // Ends the time slice of a task whose worker is silent, and charges it. False: it has none.
   bool take_away(std::string_view id) EXCLUDES(mutex_);
@@ -104,10 +104,10 @@ class TimeSlices {
 
   // --- a worker's side
   // Blocks. Errors: grid-too-large for what never fits.
-  Result<Answer> take(std::string_view id, int64_t fence, const SliceNeed& need, const Stop& stop)
+  Result<Outcome> take(std::string_view id, int64_t fence, const SliceNeed& need, const Stop& stop)
       EXCLUDES(mutex_);
   // Gives the time slice back and takes the next one, which may be at once.
-  Answer renew(std::string_view id, int64_t fence, const Stop& stop) EXCLUDES(mutex_);
+  Outcome renew(std::string_view id, int64_t fence, const Stop& stop) EXCLUDES(mutex_);
   void give(std::string_view id, int64_t fence) EXCLUDES(mutex_);
 
   // --- for the status of a task
@@ -144,7 +144,7 @@ class TimeSlices {
 
   Task find(std::string_view id, int64_t fence) const REQUIRES(mutex_);
   Status check_fits(const Started& task) const REQUIRES(mutex_);
-  Answer wait(const Task& task, MutexLock& lock, const Stop& stop) REQUIRES(mutex_);
+  Outcome wait(const Task& task, MutexLock& lock, const Stop& stop) REQUIRES(mutex_);
   // Charges the CPU time since the last call; within a time slice it is part of the time slice.
   void charge_cpu(Started& task) REQUIRES(mutex_);
   // Ends the time slice of a task that has one, and charges it.

@@ -116,8 +116,8 @@ Status Service::delete_asset(const Caller& caller, std::string_view id) {
   return {};
 }
 
-// A result that a job is answered from is read first, where that does not hold up all writers:
-// what is known to be damaged is not used again, but made anew.
+// Verifies the stored result that a job would reuse, where that does not hold up all writers. A
+// damaged result is not reused but made again.
 void Service::verify_reusable(const Caller& caller, const JobRequest& request) {
   const auto ids = jobs_.reusable(caller, request);
   if (!ids) return;  // submit() says why
@@ -257,7 +257,7 @@ Result<JobFrames> Service::frames(const Caller& caller, std::string_view job,
   VOXELD_ASSIGN(frames.frames, frames_.of_job(job, range));
   const bool is_asked = range.count > 0 && frames.frames.empty();
   if (!is_asked || frames.sequence.empty()) return frames;
-  // Answered from another job's result.
+  // The job got another job's result.
   VOXELD_ASSIGN(SequenceManifest manifest, frames_.read(caller, frames.sequence));
   const auto count = std::ssize(manifest.frames);
   for (int64_t i = range.first; i < std::min(count, range.first + range.count); ++i) {

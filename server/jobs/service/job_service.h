@@ -1,8 +1,8 @@
 // The service that the HTTP API calls: assets, jobs, events, results. A facade over the job store
 // (SQLite), the blob store and the task server. Thread-safe; no call waits for a job.
 //
-// Every call on something that a tenant owns says in whose name (caller.h). What the caller may not
-// see is not-found, with the very words for what never was.
+// Every call on a resource that a tenant owns names its caller (caller.h). A resource that the
+// caller may not see is not-found, with the same text as an id that never existed.
 #pragma once
 
 #include <chrono>
@@ -48,10 +48,10 @@ class JobService {
   // --- assets
   // Begins an upload of at most `bytes_max` bytes. Errors: storage-full.
   virtual Result<BlobWriter> begin_upload(int64_t bytes_max) = 0;
-  // How many bytes an upload of the caller may have beside what its tenant keeps; `asked` of them,
-  // or 0 where that is not known. What the tenant has already costs nothing, so an upload that can
-  // be one of its blobs, by its length, is let in; put_asset() knows by its hash. Errors:
-  // quota-exceeded, payload-too-large.
+  // The bytes that an upload of the caller may have within its tenant's quota. `asked`: its length,
+  // 0 if unknown. Blobs that the tenant has already cost nothing. An upload of the length of one of
+  // them is therefore accepted here; put_asset() decides by its hash. Errors: quota-exceeded,
+  // payload-too-large.
   virtual Result<int64_t> upload_room(const Caller& caller, int64_t asked) = 0;
   // Registers what a writer of begin_upload() finished. Errors: as upload_room().
   virtual Result<Asset> put_asset(const Caller& caller, const BlobInfo& blob, std::string filename,
@@ -61,8 +61,8 @@ class JobService {
   virtual Result<Asset> put_bundle(const Caller& caller, const BlobInfo& blob, std::string filename,
                                    const std::vector<BundleFile>& files) = 0;
   virtual Result<Asset> get_asset(const Caller& caller, std::string_view id) = 0;
-  // Calls `take` with one asset after the other, newest first, until it gives false. Those of
-  // several tenants with the same bytes are several; descriptions are left out.
+  // Calls `take` with one asset after the other, newest first, until it returns false. Assets of
+  // several tenants with the same bytes are separate. Descriptions are left out.
   virtual Status list_assets(const Caller& caller, const AssetCursor& after,
                              const std::function<bool(const Asset&)>& take) = 0;
   // Results and grids stay; live jobs that need the asset, or a bundle with it, keep its blob until
@@ -126,8 +126,8 @@ class JobService {
   // --- state of the daemon, for readyz, metrics
   virtual std::vector<WorkerState> workers() = 0;
   virtual int64_t queued_jobs() = 0;
-  // database answers, blob store writable, the disk's reserve is free, a worker connected, not
-  // draining; else why not.
+  // Ok if the database responds, the blob store is writable, the disk's reserve is free, a worker
+  // is connected, and the daemon does not drain; else the reason.
   virtual Status ready() = 0;
   // New work is refused from now on; running jobs go on.
   virtual void drain() = 0;
@@ -139,9 +139,9 @@ class JobService {
   // Newest first; those below `before_seq`, or all where that is 0.
   virtual Result<std::vector<KeptResult>> list_kept(const Caller& caller, KeptKind kind, int limit,
                                                     int64_t before_seq) = 0;
-  // A result goes as a whole: its bytes, grid, sequence and frames, for all equal jobs that it
-  // answered. It counts no more at once; live jobs that work on it go on. Errors: not-found, gone;
-  // conflict where the job has not ended, or the grid is a frame of others.
+  // Deletes a whole result: its bytes, grid, sequence and frames, for all equal jobs that share it.
+  // It stops counting at once; live jobs that use it continue. Errors: not-found, gone; conflict if
+  // the job has not ended, or the grid is a frame of others.
   virtual Status delete_result(const Caller& caller, std::string_view job) = 0;
   virtual Status delete_grid(const Caller& caller, std::string_view id) = 0;
   virtual Status delete_sequence(const Caller& caller, std::string_view id) = 0;

@@ -50,7 +50,7 @@ Status Service::start() {
   if (auto removed = assets_.remove_unneeded(); !removed) {  // the disk may be full just now
     log::warn("cannot remove deleted assets", {{"error", removed.error().message()}});
   }
-  // Before anybody asks for them. What cannot be read stays where it is.
+  // Before any request needs them. Unreadable files stay in the quarantine.
   if (auto restored = retention_.restore_quarantined(); !restored) {
     log::warn("cannot look into the quarantine", {{"error", restored.error().message()}});
   }

@@ -211,9 +211,9 @@ bool Dispatcher::put_back_unassigned() {
   return true;
 }
 
-// Where memory or the disk fails at the wrong moment, a claim may be committed and its caller told
-// that it failed. Without this the job would be running until the daemon restarts. A job that ends
-// between the two looks has another fence or state by then, and is left alone.
+// A failure of memory or disk may report a claim as failed although it was committed. Without this
+// function the job would be running until the daemon restarts. A job that ends between the two
+// reads has another fence or state by then and is not changed.
 void Dispatcher::put_back_lost() {
   const auto running = context_.jobs.running();
   if (!running) {

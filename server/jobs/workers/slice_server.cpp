@@ -21,7 +21,7 @@ class SliceConnection {
   SliceConnection(const SliceConnection&) = delete;
   SliceConnection& operator=(const SliceConnection&) = delete;
 
-  Status answer(const std::string& frame) {
+  Status handle(const std::string& frame) {
     VOXELD_TRY(rate_.take());
     VOXELD_ASSIGN(const json message, parse_worker_message(frame));
     VOXELD_ASSIGN(SliceRequest request, parse_slice_request(message));
@@ -45,20 +45,20 @@ class SliceConnection {
              socket_.peer_closed();
     };
     SliceReply reply;
-    Result<TimeSlices::Answer> answer = TimeSlices::Answer::kFenced;
+    Result<TimeSlices::Outcome> outcome = TimeSlices::Outcome::kFenced;
     if (last_.action == SliceAction::kRenew) {
-      answer = context_.slices.renew(last_.task, last_.fence, stop);
+      outcome = context_.slices.renew(last_.task, last_.fence, stop);
     } else {
-      answer = context_.slices.take(last_.task, last_.fence, {last_.host_bytes, last_.device_bytes},
-                                    stop);
+      outcome = context_.slices.take(last_.task, last_.fence,
+                                     {last_.host_bytes, last_.device_bytes}, stop);
     }
-    if (!answer) {
-      reply.error = answer.error();
+    if (!outcome) {
+      reply.error = outcome.error();
       return reply;
     }
-    reply.granted = *answer == TimeSlices::Answer::kGranted;
-    reply.cancel = *answer == TimeSlices::Answer::kStopped;
-    reply.fenced = *answer == TimeSlices::Answer::kFenced;
+    reply.granted = *outcome == TimeSlices::Outcome::kGranted;
+    reply.cancel = *outcome == TimeSlices::Outcome::kStopped;
+    reply.fenced = *outcome == TimeSlices::Outcome::kFenced;
     return reply;
   }
 
@@ -81,7 +81,7 @@ Status serve_slices(FrameSocket& socket, const SlicesHello& worker,
   VOXELD_TRY(connection.send({{"ok", true}}));
   while (!context.stopping) {
     VOXELD_ASSIGN(const std::string frame, socket.receive());
-    VOXELD_TRY(connection.answer(frame));
+    VOXELD_TRY(connection.handle(frame));
   }
   return {};
 }

@@ -17,8 +17,8 @@ struct SliceServerContext {
   const std::atomic<bool>& stopping;
 };
 
-// Answers until the worker closes the connection or breaks the protocol; then what it had is given
-// back. Errors: gone, bad-request.
+// Serves requests until the worker closes the connection or breaks the protocol. Its time slice is
+// then given back. Errors: gone, bad-request.
 Status serve_slices(FrameSocket& socket, const SlicesHello& worker,
                     const SliceServerContext& context);
 

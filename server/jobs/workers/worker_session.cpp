@@ -142,7 +142,7 @@ Status WorkerSession::converse() {
   while (!context_.stopping) {
     VOXELD_ASSIGN(const std::string frame, receive());
     VOXELD_TRY(rate_.take());
-    VOXELD_TRY(answer(frame));
+    VOXELD_TRY(handle(frame));
   }
   return {};
 }
@@ -243,7 +243,7 @@ void WorkerSession::blame(const Error& error) {
   kill(pid_);
 }
 
-Status WorkerSession::answer(const std::string& frame) {
+Status WorkerSession::handle(const std::string& frame) {
   VOXELD_ASSIGN(const json message, parse_worker_message(frame));
   const std::string type = type_of(message);
   if (type == "claim") return give_task();

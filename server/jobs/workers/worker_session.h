@@ -44,8 +44,8 @@ class WorkerSession {
   WorkerSession(int64_t number, UniqueFd connection, std::filesystem::path folder,
                 const WorkerSessionContext& context);
 
-  // Answers the worker until it leaves, breaks the protocol or the gateway stops. Whatever happens
-  // ends this session alone, and its task is put back.
+  // Serves the worker until it leaves, breaks the protocol or the gateway stops. Any failure ends
+  // only this session, and its task is put back.
   void run() noexcept;
   bool has_ended() const { return has_ended_; }
   // Ends the connection, and so the session.
@@ -71,7 +71,7 @@ class WorkerSession {
   void enter(const WorkerHello& hello) EXCLUDES(mutex_);  // it has opened its device
   void leave() noexcept EXCLUDES(mutex_);
   Result<std::string> receive() EXCLUDES(mutex_);
-  Status answer(const std::string& frame);
+  Status handle(const std::string& frame);
   Status send(const Json& message);
   // Logs why the session ends, and kills a worker that breaks the protocol.
   void blame(const Error& error);

@@ -52,12 +52,12 @@ void WorkerWatch::run() {
 
 void WorkerWatch::look_at_workers() const {
   const std::vector<WatchedWorker> workers = calls_.workers();
-  std::vector<Measured> kept;
+  std::vector<Measured> remaining;
   for (const WatchedWorker& worker : workers) {
     const Measured measured{&worker, private_bytes(worker.pid)};
-    if (look(measured)) kept.push_back(measured);
+    if (look(measured)) remaining.push_back(measured);
   }
-  look_at_all(kept);
+  look_at_all(remaining);
 }
 
 bool WorkerWatch::look(const Measured& measured) const {

@@ -40,10 +40,10 @@ class WorkerWatch {
   struct Calls {
     std::function<std::vector<WatchedWorker>()> workers;
     std::function<void(const WatchedWorker&, int64_t memory_bytes)> measured;
-    // The worker has to go, and its job ends with this.
+    // The worker must be ended, and its job fails with this error.
     std::function<void(const WatchedWorker&, const Error&)> condemned;
-    // The worker has to go, for all of them together take too much and this one the most beyond
-    // what it asked for; its job may do better another time.
+    // The worker must be ended, because all workers together exceed the limit and this one exceeds
+    // its request the most. Its job is retried.
     std::function<void(const WatchedWorker&, const std::string& reason)> displaced;
     // The worker gives no sign of life: others have the device. Each period, until it does.
     std::function<void(const WatchedWorker&)> silent;

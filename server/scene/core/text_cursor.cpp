@@ -32,7 +32,7 @@ bool equals_ignoring_case(std::string_view a, std::string_view b) {
 
 std::optional<double> parse_number(std::string_view token) {
   if (token.empty()) return std::nullopt;
-  // from_chars does not accept a plus sign. "+-1" must stay invalid, so the plus is kept there.
+  // from_chars does not accept a plus sign. "+-1" must stay invalid, so its plus is not removed.
   if (token.size() > 1 && token[0] == '+' && token[1] != '-') token.remove_prefix(1);
   double value = 0.0;
   const char* end = token.data() + token.size();

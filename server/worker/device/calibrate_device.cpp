@@ -62,11 +62,11 @@ CalibratedDevice in_table(const DeviceCalibration& calibration) {
 // Measures in a child process. Errors: device-unavailable with the child's reason.
 Result<DeviceCalibration> calibrate_in_child(const std::string& self_executable,
                                              const std::string& device) {
-  const ChildAnswer answer =
+  const ChildReply reply =
       run_child({self_executable, "calibrate-device", "--device", device}, kChildTimeout);
-  const std::string_view line = last_json_line(answer.text);
+  const std::string_view line = last_json_line(reply.text);
   const json object = json::parse(line, nullptr, /*allow_exceptions=*/false);
-  std::string reason = answer.failure;
+  std::string reason = reply.failure;
   if (object.is_object() && object.contains("reason") && object["reason"].is_string()) {
     reason = object["reason"].get<std::string>();
   }
@@ -74,9 +74,9 @@ Result<DeviceCalibration> calibrate_in_child(const std::string& self_executable,
   return Error{ErrorCode::kDeviceUnavailable, reason, "", ""};
 }
 
-void replace_entry(std::vector<DeviceCalibration>& kept, DeviceCalibration calibration) {
-  std::erase_if(kept, [&](const auto& one) { return one.device == calibration.device; });
-  kept.push_back(std::move(calibration));
+void replace_entry(std::vector<DeviceCalibration>& entries, DeviceCalibration calibration) {
+  std::erase_if(entries, [&](const auto& one) { return one.device == calibration.device; });
+  entries.push_back(std::move(calibration));
 }
 
 }  // namespace
@@ -97,7 +97,8 @@ Result<CalibrationReport> calibrate_devices(const std::string& self_executable,
   CalibrationReport report{data_dir / kCalibrationFileName, "", {}};
   auto read = read_calibrations(report.path);
   if (!read) report.warning = read.error().message() + "; the file is replaced";
-  std::vector<DeviceCalibration> kept = read ? std::move(*read) : std::vector<DeviceCalibration>();
+  std::vector<DeviceCalibration> entries =
+      read ? std::move(*read) : std::vector<DeviceCalibration>();
   for (const gpu::DeviceId& device : devices) {
     const std::string name = gpu::device_name(device);
     auto calibration = calibrate_in_child(self_executable, name);
@@ -106,9 +107,9 @@ Result<CalibrationReport> calibrate_devices(const std::string& self_executable,
       continue;
     }
     report.devices.push_back(in_table(*calibration));
-    replace_entry(kept, *std::move(calibration));
+    replace_entry(entries, *std::move(calibration));
     // Written after each device, so a later one that hangs does not lose the measurements.
-    VOXELD_TRY(write_calibrations(report.path, kept));
+    VOXELD_TRY(write_calibrations(report.path, entries));
   }
   return report;
 }

@@ -16,8 +16,8 @@ namespace voxeld {
 // parts [{name, triangles, vertices, material, mesh, node, group}], materials [{name, base_color,
 // texture, found}], missing_files [{name, needed_by}], watertight, open_edges, non_manifold_edges,
 // flipped_edges, degenerate_triangles, components, enclosed_components, inner_walls}. vertices, of
-// all and of each part, are distinct positions that triangles use. What is counted is null for
-// meshes above kTopologyTrianglesMax.
+// all and of each part, are distinct positions that triangles use. Counts are null for meshes
+// above kTopologyTrianglesMax.
 // For animations: joints [{name, parent}] (parent: an index, null for a root), joint_count,
 // meshes [{name, material, vertices, triangles, influences_max, morph_targets}], animations [{name,
 // frames, frame_rate, duration_s, unusable}] (frames and rate: null where keys are at times of

@@ -82,7 +82,7 @@ struct SerialQueue::State : std::enable_shared_from_this<State> {
     changed.notify_all();
   }
 
-  // Leaves the first item to the pool. Where it takes none, run_until() does all.
+  // Leaves the first item to the pool. If the pool takes none, run_until() runs all.
   void post() REQUIRES(mutex) {
     if (is_posted || is_running) return;
     try {

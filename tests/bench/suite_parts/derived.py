@@ -1,4 +1,4 @@
-"""What follows from the times: the thesis's table, and the distance to floors.
+"""Tables derived from the times: the thesis's table, and the distance to floors.
 
 Bytes that no voxelizer can do without, on the memory bandwidth measured in the same run:
 - dense: triangles read once as nine floats (36 B), one bit per cell cleared and written;

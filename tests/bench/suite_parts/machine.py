@@ -1,4 +1,4 @@
-"""What the numbers were measured on."""
+"""The machine that the numbers were measured on."""
 import datetime
 import json
 import os
@@ -17,9 +17,9 @@ def processor():
 
 
 def revision(root):
-    answer = subprocess.run(["git", "-C", str(root), "describe", "--always", "--dirty"],
+    described = subprocess.run(["git", "-C", str(root), "describe", "--always", "--dirty"],
                             capture_output=True, text=True, check=False)
-    return answer.stdout.strip() or "unknown"
+    return described.stdout.strip() or "unknown"
 
 
 def describe(programs, root):

@@ -90,7 +90,7 @@ TEST(Context, opening_a_device_leaves_the_environment_as_it_was) {
   EXPECT_EQ(std::getenv("ZINK_INLINE_UNIFORMS"), nullptr);
 }
 
-TEST(Context, an_error_is_told_once_with_its_name_and_place) {
+TEST(Context, an_error_is_reported_once_with_its_name_and_place) {
   Context& context = test_context();
   context.gl().Enable(0xdead);
   context.gl().NamedBufferSubData(123456, 0, 4, nullptr);

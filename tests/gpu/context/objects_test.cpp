@@ -14,7 +14,7 @@ namespace {
 using ::testing::Each;
 using ::testing::ElementsAre;
 
-TEST(Buffer, is_zeroed_then_holds_what_was_uploaded) {
+TEST(Buffer, is_zeroed_then_holds_the_uploaded_bytes) {
   auto buffer = Buffer::create(test_context(), 64, "test");
   ASSERT_TRUE(buffer.ok()) << buffer.error().message();
   std::vector<uint32_t> words(16, 7);

@@ -1,5 +1,5 @@
 // Small images against stored ones. VOXELD_UPDATE_GOLDEN=1 renews them (look at each before it is
-// committed); on failure the actual and the difference are kept in the build folder.
+// committed); on failure the actual and the difference are written to the build folder.
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
@@ -71,11 +71,11 @@ void expect_golden(const std::string& name, const RenderImage& actual) {
   const double mean = sum / static_cast<double>(actual.rgba.size());
   if (level_max <= kLevelMax && mean <= kMeanMax) return;
   const std::string device = gpu::device_name(gpu::test_context().info().device);
-  const auto kept = kOutDir / (name + "." + device + ".actual.png");
-  write_image(kept, actual);
+  const auto actual_path = kOutDir / (name + "." + device + ".actual.png");
+  write_image(actual_path, actual);
   write_image(kOutDir / (name + "." + device + ".difference.png"), difference);
   ADD_FAILURE() << name << ": max " << level_max << " (limit " << kLevelMax << "), mean " << mean
-                << " (limit " << kMeanMax << "), see " << kept;
+                << " (limit " << kMeanMax << "), see " << actual_path;
 }
 
 struct GoldenCase {

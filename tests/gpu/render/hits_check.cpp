@@ -11,7 +11,7 @@ namespace {
 // what is measured is below 0.05%.
 constexpr double kTiesMax = 0.002;
 
-// Both answers are right: the ray only grazes the cell that one of them hit.
+// Both results are right: the ray only grazes the cell that one of them hit.
 bool is_tie(const OracleRay& ray, const Hit& wanted, const Hit& got, double edge) {
   if (wanted.cell == got.cell) return chord(ray, got.cell, edge) > 0;  // through an edge: the face
   if (wanted.face >= 0 && chord(ray, wanted.cell, 0) < edge) return true;

@@ -12,7 +12,7 @@
 namespace voxeld {
 namespace {
 
-TEST(RayMarch, hits_what_a_dda_in_double_precision_hits_from_random_cameras) {
+TEST(RayMarch, hits_the_cells_of_a_dda_in_double_precision_from_random_cameras) {
   constexpr uint32_t kSeed = 20161;
   std::mt19937 random(kSeed);
   std::uniform_real_distribution<double> unit;
@@ -67,7 +67,7 @@ TEST(RayMarch, rays_that_run_in_a_grid_plane_hit_one_of_its_two_sides) {
   }
 }
 
-TEST(RayMarch, a_camera_inside_the_grid_sees_what_is_around_it) {
+TEST(RayMarch, a_camera_inside_the_grid_sees_the_voxels_around_it) {
   const Grid grid = noise_grid(spec_of({48, 48, 48}, {1, 1, 1}), 0.03, 11);
   ASSERT_TRUE(hits_renderer().set_grid(grid).ok());
   const glm::dvec3 eye = grid.spec.world_from_grid({24.3, 22.9, 25.1});

@@ -77,7 +77,7 @@ TEST(Attributes, a_mirroring_transform_keeps_normals_outwards) {
   EXPECT_EQ(cells.at({4, 4, 6}).normal, (Normal{0, 0, 127}));
 }
 
-TEST(Attributes, the_base_colour_is_kept_to_the_last_bit) {
+TEST(Attributes, the_base_colour_is_exact_to_the_last_bit) {
   MeshPart part;
   add_box(part, {1, 1, 1}, {7, 7, 7});
   part.material = 0;

@@ -19,7 +19,7 @@ VoxelizeOptions labelled(LabelKind kind, int size) {
   return options;
 }
 
-TEST(Ids, of_each_kind_are_the_same_by_each_pipeline_and_the_largest_by_the_oracle) {
+TEST(Ids, each_kind_is_the_same_by_each_pipeline_and_the_largest_by_the_oracle) {
   const Scene scene = test::gored_balls();
   for (const LabelKind kind : {LabelKind::kMesh, LabelKind::kMaterial, LabelKind::kGroup}) {
     const std::string what = "kind " + std::to_string(static_cast<int>(kind));
@@ -55,7 +55,7 @@ TEST(Ids, beside_all_other_channels_and_over_tiles_are_the_same_by_each_pipeline
   }
 }
 
-TEST(Ids, of_solids_are_the_same_by_each_pipeline) {
+TEST(Ids, solids_have_the_same_ids_by_each_pipeline) {
   VoxelizeOptions options = labelled(LabelKind::kGroup, 40);
   options.fill = Fill::kSolid;
   options.interior = Interior::kNearest;

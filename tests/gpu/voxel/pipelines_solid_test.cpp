@@ -77,15 +77,15 @@ std::vector<size_t> expect_equal(const Scene& scene, const VoxelizeOptions& plac
 
 Scene without(Scene scene, double z_max) {
   for (MeshPart& part : scene.parts) {
-    std::vector<uint32_t> kept;
+    std::vector<uint32_t> indices;
     for (size_t i = 0; i + 2 < part.indices.size(); i += 3) {
       const uint32_t* corner = &part.indices[i];
       const double z = (part.positions[corner[0]].z + part.positions[corner[1]].z +
                         part.positions[corner[2]].z) /
                        3;
-      if (z < z_max) kept.insert(kept.end(), corner, corner + 3);
+      if (z < z_max) indices.insert(indices.end(), corner, corner + 3);
     }
-    part.indices = std::move(kept);
+    part.indices = std::move(indices);
   }
   return scene;
 }

@@ -360,7 +360,7 @@ TEST(Skin, a_vertex_at_no_finite_place_is_the_error_of_the_cpu) {
   EXPECT_EQ(frames.error(), expected.error().message());
 }
 
-TEST(Skin, topology_and_what_vertices_follow_are_uploaded_once) {
+TEST(Skin, topology_and_rig_are_uploaded_once) {
   const Worm worm(true, 200);
   const auto triangle_bytes = static_cast<int64_t>(worm.scene.triangle_count() * 16);
   const auto pair_bytes = static_cast<int64_t>(worm.scene.triangle_count() * 4);
@@ -394,7 +394,7 @@ TEST(Skin, topology_and_what_vertices_follow_are_uploaded_once) {
 }
 
 // Two sequences on one device: neither is given what was uploaded for the other.
-TEST(Skin, sequences_do_not_share_what_they_uploaded) {
+TEST(Skin, sequences_do_not_share_uploads) {
   const Worm one(true), other(true, 31);
   gpu::ShaderLibrary shaders(gpu::test_context());
   Voxelizer voxelizer(

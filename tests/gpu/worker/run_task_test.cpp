@@ -113,7 +113,7 @@ TEST_F(RunTaskTest, a_mesh_becomes_a_container_and_the_format_asked_for) {
   EXPECT_EQ(read_file(output(*done, "result").path).value()[1], 'N');
 }
 
-TEST_F(RunTaskTest, an_image_says_what_drew_it) {
+TEST_F(RunTaskTest, an_image_names_its_renderer) {
   const auto image = [&](const std::string& renderer) {
     return run(task(JobKind::kRender, kCube,
                     R"({"size":8,"width":16,"height":16,"renderer":")" + renderer + "\"}"));
@@ -245,7 +245,7 @@ TEST_F(RunTaskTest, the_estimate_of_memory_bounds_the_peak) {
   }
 }
 
-TEST_F(RunTaskTest, what_does_not_fit_is_drawn_in_part_or_coarser_and_looks_the_same) {
+TEST_F(RunTaskTest, a_grid_that_does_not_fit_is_drawn_in_part_or_coarser_and_looks_the_same) {
   const auto made = run(task(JobKind::kVoxelize, kCube, R"({"size":1000,"format":"native"})"));
   ASSERT_TRUE(made) << made.error().message();
   const auto draw = [&](const std::string& more, size_t bytes_max) {

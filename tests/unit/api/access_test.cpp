@@ -27,15 +27,15 @@ class AccessTest : public ServerTest {
     }));
   }
   // Everything that a client sees but what differs from request to request.
-  static std::string seen(const HttpResponse& answer) {
-    std::string text = std::to_string(answer.status) + "\n";
-    for (const auto& [name, value] : answer.headers) {
+  static std::string seen(const HttpResponse& response) {
+    std::string text = std::to_string(response.status) + "\n";
+    for (const auto& [name, value] : response.headers) {
       const bool is_new = name == "x-request-id" || name == "X-Request-Id" ||
                           name == "traceresponse" || name == "date";  // with each request
       if (!is_new) text += name + ": " + value + "\n";
     }
     static const std::regex trace("\"trace_id\":\"[0-9a-f]{32}\"");
-    return text + std::regex_replace(answer.body, trace, "\"trace_id\":\"\"");
+    return text + std::regex_replace(response.body, trace, "\"trace_id\":\"\"");
   }
 };
 
@@ -60,7 +60,7 @@ TEST_F(AccessTest, with_keys_every_route_needs_one_but_the_start_page_and_the_sp
   EXPECT_EQ(request("HEAD", "/v1/jobs").status, 401);
 }
 
-TEST_F(AccessTest, whatever_is_wrong_with_a_key_the_answer_is_the_same) {
+TEST_F(AccessTest, every_invalid_key_gets_the_same_response) {
   const std::string good = add("lab"), revoked = add("lab"), expired = add("lab", false, 1);
   revoke(revoked);
   std::string wrong = good;
@@ -133,7 +133,7 @@ TEST_F(AccessTest, keys_that_cannot_be_read_any_more_make_the_daemon_not_ready) 
   EXPECT_NE(json(ready).value("reason", "").find("keys is gone"), std::string::npos);
 }
 
-TEST_F(AccessTest, an_upload_of_what_another_has_answers_as_a_first_one) {
+TEST_F(AccessTest, an_upload_of_another_tenants_bytes_gets_the_response_of_a_first_upload) {
   const std::string lab = bearer(add("lab")), studio = bearer(add("studio"));
   const std::string target = "/v1/assets?filename=bunny.ply";
   const HttpResponse first = request("POST", target, lab, "mesh");

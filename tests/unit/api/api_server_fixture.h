@@ -101,13 +101,13 @@ class ServerTest : public ::testing::Test {
     EXPECT_TRUE(client.send(head + "\r\n" + body));
     return client.receive(method != "HEAD").value_or(HttpResponse{});
   }
-  static nlohmann::json json(const HttpResponse& answer) {
-    return nlohmann::json::parse(answer.body, nullptr, false);
+  static nlohmann::json json(const HttpResponse& response) {
+    return nlohmann::json::parse(response.body, nullptr, false);
   }
   std::string post_asset(const std::string& text = "mesh") {
     return json(request("POST", "/v1/assets?filename=bunny.ply", "", text)).value("id", "");
   }
-  // The answer to a voxelize job for a new asset.
+  // The response to a voxelize job for a new asset.
   HttpResponse post_job(const std::string& lines = "") {
     return request("POST", "/v1/jobs", lines,
                    R"({"kind":"voxelize","asset":")" + post_asset() + R"("})");

@@ -14,16 +14,16 @@ namespace {
 
 constexpr size_t kLongBytes = 200'000;
 // No refusal is longer than this, whatever was sent.
-constexpr size_t kAnswerBytesMax = 2048;
+constexpr size_t kResponseBytesMax = 2048;
 
 const std::string& long_text() {
   static const std::string text(kLongBytes, 'A');
   return text;
 }
 
-size_t bytes_of(const HttpResponse& answer) {
-  size_t bytes = answer.body.size();
-  for (const auto& [name, value] : answer.headers) bytes += name.size() + value.size();
+size_t bytes_of(const HttpResponse& response) {
+  size_t bytes = response.body.size();
+  for (const auto& [name, value] : response.headers) bytes += name.size() + value.size();
   return bytes;
 }
 
@@ -67,14 +67,14 @@ class ClientTexts : public ServerTest {
         status.value("/options/times"_json_pointer, nlohmann::json("")).get<std::string>();
     return std::ranges::count(text, ',') + 1;
   }
-  void expect_refused(const HttpResponse& answer, int status, std::string_view code,
+  void expect_refused(const HttpResponse& response, int status, std::string_view code,
                       std::string_view limit, const std::string& what) {
-    EXPECT_EQ(answer.status, status) << what << ": " << answer.body.substr(0, 300);
-    EXPECT_EQ(answer.code(), code) << what;
-    EXPECT_NE(answer.body.find(limit), std::string::npos)
-        << what << ": " << answer.body.substr(0, 300);
-    EXPECT_LE(bytes_of(answer), kAnswerBytesMax) << what;
-    EXPECT_EQ(answer.body.find(std::string(300, 'A')), std::string::npos) << what;
+    EXPECT_EQ(response.status, status) << what << ": " << response.body.substr(0, 300);
+    EXPECT_EQ(response.code(), code) << what;
+    EXPECT_NE(response.body.find(limit), std::string::npos)
+        << what << ": " << response.body.substr(0, 300);
+    EXPECT_LE(bytes_of(response), kResponseBytesMax) << what;
+    EXPECT_EQ(response.body.find(std::string(300, 'A')), std::string::npos) << what;
   }
 };
 
@@ -146,40 +146,40 @@ TEST_F(ClientTexts, headers_are_bounded) {
   for (const char* header :
        {"X-Request-Id", "traceparent", "Prefer", "Last-Event-ID", "If-None-Match", "Accept",
         "X-Forwarded-For", "User-Agent", "Authorization"}) {
-    const HttpResponse answer = post_json(job(), std::string(header) + ": " + name + "\r\n");
-    EXPECT_EQ(answer.status, 202) << header;
-    EXPECT_EQ((answer.body + answer.header("x-request-id")).find(std::string(300, 'A')),
+    const HttpResponse response = post_json(job(), std::string(header) + ": " + name + "\r\n");
+    EXPECT_EQ(response.status, 202) << header;
+    EXPECT_EQ((response.body + response.header("x-request-id")).find(std::string(300, 'A')),
               std::string::npos)
         << header;
   }
   EXPECT_LE(longest_stored(), 2000);
 }
 
-TEST_F(ClientTexts, what_a_request_names_is_not_echoed_whole) {
+TEST_F(ClientTexts, long_names_in_a_request_are_not_echoed_whole) {
   const std::string path = finished_job("0123456789");
   const std::string name(6000, 'A');
   for (const std::string& target : std::vector<std::string>{
            "/v1/" + name, "/v1/jobs/" + name, "/v1/grids/" + name, "/v1/sequences/" + name,
            "/v1/assets/" + name, "/v1/jobs?state=" + name, "/v1/jobs?" + name + "=1",
            path + "/frames/" + name, path + "/result?format=" + name}) {
-    const HttpResponse answer = get(target);
-    EXPECT_GE(answer.status, 400) << target.substr(0, 30);
-    EXPECT_LE(bytes_of(answer), kAnswerBytesMax) << target.substr(0, 30);
+    const HttpResponse response = get(target);
+    EXPECT_GE(response.status, 400) << target.substr(0, 30);
+    EXPECT_LE(bytes_of(response), kResponseBytesMax) << target.substr(0, 30);
   }
   const HttpResponse range =
       get(path + "/result", "Range: bytes=" + std::string(30'000, '9') + "-\r\n");
-  EXPECT_LE(bytes_of(range), kAnswerBytesMax);
+  EXPECT_LE(bytes_of(range), kResponseBytesMax);
   const HttpResponse beyond =
       get(path + "/result", "Range: bytes=" + std::string(30'000, '0') + "99-\r\n");
   EXPECT_EQ(beyond.status, 416);
-  EXPECT_LE(bytes_of(beyond), kAnswerBytesMax);
+  EXPECT_LE(bytes_of(beyond), kResponseBytesMax);
 }
 
 TEST_F(ClientTexts, a_link_that_no_request_can_hold_is_not_made) {
   const std::string path = finished_job("0123456789");
   // A blank is one byte of the request and three of the link.
-  const HttpResponse answer = request("POST", path + "/share?format=" + std::string(4000, '+'));
-  expect_refused(answer, 400, "invalid-option", "at most 8192 bytes", "a link");
+  const HttpResponse response = request("POST", path + "/share?format=" + std::string(4000, '+'));
+  expect_refused(response, 400, "invalid-option", "at most 8192 bytes", "a link");
   EXPECT_EQ(request("POST", path + "/share?format=npy").status, 201);
 }
 
@@ -189,10 +189,11 @@ TEST_F(ClientTexts, the_longest_that_are_taken_are_stored_once) {
   nlohmann::json body = job();
   body["filename"] = std::string(251, 'b') + ".ply";
   body["options"] = {{"animation", std::string(255, 'w')}, {"times", times}};
-  const HttpResponse answer = post_json(body, "Idempotency-Key: " + std::string(255, 'k') + "\r\n");
-  ASSERT_EQ(answer.status, 202) << answer.body.substr(0, 500);
-  const std::string id = json(answer).value("id", "");
-  EXPECT_EQ(times_in(json(answer)), 4096);
+  const HttpResponse response =
+      post_json(body, "Idempotency-Key: " + std::string(255, 'k') + "\r\n");
+  ASSERT_EQ(response.status, 202) << response.body.substr(0, 500);
+  const std::string id = json(response).value("id", "");
+  EXPECT_EQ(times_in(json(response)), 4096);
   ASSERT_EQ(request("DELETE", "/v1/jobs/" + id).status, 200);
   // In the job's own row, and in none of its events.
   EXPECT_GT(number("SELECT LENGTH(options_json) FROM jobs WHERE id = '" + id + "'"), 50'000);

@@ -19,16 +19,17 @@ class CodedBodies : public ServerTest {
 TEST_F(CodedBodies, an_upload_is_stored_as_it_inflates) {
   const std::string plain = json(request("POST", "/v1/assets", "", "a mesh")).value("id", "");
   for (const std::string& name : {std::string("gzip"), std::string("zstd")}) {
-    const HttpResponse answer = request("POST", "/v1/assets", "Content-Encoding: " + name + "\r\n",
-                                        name == "gzip" ? gzip("a mesh") : zstd("a mesh"));
-    EXPECT_EQ(answer.status, 200) << name << answer.body;
-    EXPECT_EQ(json(answer).value("id", ""), plain);
+    const HttpResponse response =
+        request("POST", "/v1/assets", "Content-Encoding: " + name + "\r\n",
+                name == "gzip" ? gzip("a mesh") : zstd("a mesh"));
+    EXPECT_EQ(response.status, 200) << name << response.body;
+    EXPECT_EQ(json(response).value("id", ""), plain);
   }
   const std::string job = R"({"kind":"voxelize","asset":")" + plain + R"("})";
   EXPECT_EQ(request("POST", "/v1/jobs", kGzippedJson, gzip(job)).status, 202);
 }
 
-TEST_F(CodedBodies, what_is_wrong_with_one_is_told) {
+TEST_F(CodedBodies, an_invalid_coded_body_is_refused_with_the_reason) {
   const HttpResponse other = request("POST", "/v1/assets", "Content-Encoding: br\r\n", "x");
   EXPECT_EQ(other.status, 415);
   EXPECT_EQ(other.header("accept-encoding"), "gzip, zstd");

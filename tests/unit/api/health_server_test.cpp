@@ -51,12 +51,12 @@ class HealthServerTest : public ::testing::Test {
   std::unique_ptr<HealthServer> server_;
 };
 
-TEST_F(HealthServerTest, gets_are_answered_by_the_handler_and_the_connection_is_closed) {
-  const HttpResponse answer = livez();
-  EXPECT_EQ(answer.status, 200);
-  EXPECT_EQ(answer.body, "ok\n");
-  EXPECT_EQ(answer.header("connection"), "close");
-  EXPECT_FALSE(answer.header("date").empty());
+TEST_F(HealthServerTest, gets_are_passed_to_the_handler_and_the_connection_is_closed) {
+  const HttpResponse response = livez();
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.body, "ok\n");
+  EXPECT_EQ(response.header("connection"), "close");
+  EXPECT_FALSE(response.header("date").empty());
   EXPECT_EQ(calls_, 1);
 }
 
@@ -92,9 +92,9 @@ TEST_F(HealthServerTest, a_body_is_not_read_and_the_response_arrives) {
 TEST_F(HealthServerTest, ranges_are_not_honoured) {
   std::string ranges = "Range: bytes=0-";
   for (int i = 0; i < 1000; ++i) ranges += ",0-";
-  const HttpResponse answer = livez("GET", ranges + "\r\n");
-  EXPECT_EQ(answer.status, 200);
-  EXPECT_EQ(answer.body, "ok\n");
+  const HttpResponse response = livez("GET", ranges + "\r\n");
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.body, "ok\n");
 }
 
 TEST_F(HealthServerTest, a_head_over_the_limit_is_refused_with_and_without_its_end) {
@@ -105,7 +105,7 @@ TEST_F(HealthServerTest, a_head_over_the_limit_is_refused_with_and_without_its_e
   EXPECT_EQ(calls_, 0);
 }
 
-TEST_F(HealthServerTest, a_crowd_of_silent_connections_holds_nobody_up) {
+TEST_F(HealthServerTest, many_silent_connections_delay_no_other) {
   std::vector<std::unique_ptr<HttpClient>> crowd;
   for (int i = 0; i < 300; ++i) {
     crowd.push_back(std::make_unique<HttpClient>(server_->port()));
@@ -120,7 +120,7 @@ TEST_F(HealthServerTest, a_head_that_does_not_come_ends_the_connection) {
   EXPECT_GE(std::chrono::steady_clock::now() - begin, kHealthHeadTime);
 }
 
-TEST_F(HealthServerTest, one_handler_that_hangs_does_not_keep_livez_from_being_told) {
+TEST_F(HealthServerTest, a_handler_that_hangs_does_not_delay_livez) {
   std::promise<void> gate, begun;
   slow_ = [&] {
     begun.set_value();
@@ -135,13 +135,13 @@ TEST_F(HealthServerTest, one_handler_that_hangs_does_not_keep_livez_from_being_t
   EXPECT_EQ(late.receive().value_or(HttpResponse{}).body, "late\n");
 }
 
-TEST_F(HealthServerTest, an_exception_of_the_handler_is_told_without_its_text) {
+TEST_F(HealthServerTest, an_exception_of_the_handler_is_reported_without_its_text) {
   slow_ = []() -> Response { throw std::runtime_error("secret"); };
-  const HttpResponse answer = ask("GET /readyz HTTP/1.1\r\nHost: localhost\r\n\r\n");
-  EXPECT_EQ(answer.status, 500);
-  EXPECT_EQ(answer.body, "it failed\n");
-  EXPECT_EQ(answer.body.find("secret"), std::string::npos);
-  for (const auto& [name, value] : answer.headers) EXPECT_EQ(value.find("secret"), value.npos);
+  const HttpResponse response = ask("GET /readyz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_EQ(response.status, 500);
+  EXPECT_EQ(response.body, "it failed\n");
+  EXPECT_EQ(response.body.find("secret"), std::string::npos);
+  for (const auto& [name, value] : response.headers) EXPECT_EQ(value.find("secret"), value.npos);
   EXPECT_EQ(livez().status, 200);
 }
 
@@ -153,7 +153,7 @@ TEST_F(HealthServerTest, stopping_closes_the_connections_of_clients_that_wait) {
   EXPECT_FALSE(silent.receive().has_value());
 }
 
-TEST(HealthServer, an_address_that_is_taken_is_told) {
+TEST(HealthServer, an_address_in_use_is_an_error) {
   auto first = start_health_server({"127.0.0.1:0", 4, {}}, [](const Head&) { return Response(); });
   ASSERT_TRUE(first);
   const std::string address = "127.0.0.1:" + std::to_string((*first)->port());

@@ -74,9 +74,9 @@ TEST_F(JobsApi, a_poll_that_waits_ends_with_the_job) {
   FakeWorker worker = connect_worker();
   const auto task = worker.claim();
   ASSERT_TRUE(task && worker.complete(*task, "bytes"));
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(json(*answer).value("state", ""), "done");
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(json(*response).value("state", ""), "done");
 }
 
 TEST_F(JobsApi, a_poll_for_the_next_change_ends_with_it) {
@@ -87,11 +87,11 @@ TEST_F(JobsApi, a_poll_for_the_next_change_ends_with_it) {
   FakeWorker worker = connect_worker();
   const auto task = worker.claim();
   ASSERT_TRUE(task);
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 200);
-  EXPECT_EQ(json(*answer).value("state", ""), "running");
-  EXPECT_NE(answer->header("etag"), sent.header("etag"));
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->status, 200);
+  EXPECT_EQ(json(*response).value("state", ""), "running");
+  EXPECT_NE(response->header("etag"), sent.header("etag"));
 }
 
 TEST_F(JobsApi, a_poll_that_missed_a_change_does_not_wait_for_the_next_one) {
@@ -116,15 +116,15 @@ TEST_F(JobsApi, stopping_does_not_wait_for_a_poll_to_end) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
 }
 
-TEST_F(JobsApi, a_poll_is_answered_when_the_daemon_stops) {
+TEST_F(JobsApi, a_long_poll_returns_when_the_daemon_stops) {
   const HttpResponse sent = post_job();
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send_get(sent.header("location"), "Prefer: wait=60\r\n"));
   ASSERT_TRUE(requests_waiting(1));
   server_->stop(3600);
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(json(*answer).value("state", ""), "queued");
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(json(*response).value("state", ""), "queued");
 }
 
 TEST_F(JobsApi, waits_are_clamped_and_nonsense_is_no_wait) {
@@ -154,7 +154,7 @@ TEST_F(JobsApi, a_one_shot_job_is_cancelled_when_its_client_leaves) {
   }));
 }
 
-TEST_F(JobsApi, a_one_shot_job_answers_with_its_result) {
+TEST_F(JobsApi, a_one_shot_job_returns_its_result) {
   HttpClient client(server_->port());
   ASSERT_TRUE(
       client.send("POST /v1/voxelize?size=16 HTTP/1.1\r\nHost: h\r\n"
@@ -162,11 +162,11 @@ TEST_F(JobsApi, a_one_shot_job_answers_with_its_result) {
   FakeWorker worker = connect_worker();
   const auto task = worker.claim();
   ASSERT_TRUE(task && worker.complete(*task, "voxels"));
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 200);
-  EXPECT_EQ(answer->body, "voxels");
-  EXPECT_EQ(answer->header("x-voxeld-job"), task->id);
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->status, 200);
+  EXPECT_EQ(response->body, "voxels");
+  EXPECT_EQ(response->header("x-voxeld-job"), task->id);
 }
 
 TEST_F(JobsApi, uploads_over_the_limit_are_payload_too_large_with_and_without_a_length) {

@@ -21,7 +21,7 @@ class LimitsTest : public ServerTest {
   }
 };
 
-TEST_F(LimitsTest, who_asks_too_often_is_told_when_to_come_back) {
+TEST_F(LimitsTest, a_tenant_over_its_rate_gets_retry_after) {
   TenantLimits limits;
   limits.requests_per_minute = 60;
   const std::string lab = add("lab", limits), studio = add("studio", {});
@@ -49,11 +49,11 @@ TEST_F(LimitsTest, an_upload_over_the_quota_is_refused_before_its_body) {
     HttpClient client(server_->port());
     ASSERT_TRUE(client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nContent-Length: " +
                             std::string(length) + "\r\n" + lab + "\r\n"));  // and no body
-    const auto answer = client.receive();
-    ASSERT_TRUE(answer);
-    EXPECT_EQ(answer->status, status);
-    EXPECT_EQ(answer->code(), status == 507 ? "quota-exceeded" : "payload-too-large");
-    EXPECT_NE(answer->body.find("beside 70000 used"), std::string::npos) << answer->body;
+    const auto response = client.receive();
+    ASSERT_TRUE(response);
+    EXPECT_EQ(response->status, status);
+    EXPECT_EQ(response->code(), status == 507 ? "quota-exceeded" : "payload-too-large");
+    EXPECT_NE(response->body.find("beside 70000 used"), std::string::npos) << response->body;
   }
   EXPECT_EQ(request("POST", "/v1/assets", lab, std::string(30'000, 'y')).status, 201);
 }
@@ -64,13 +64,13 @@ TEST_F(LimitsTest, a_chunked_upload_is_refused_when_it_gets_too_long) {
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send("POST /v1/assets HTTP/1.1\r\nHost: h\r\nTransfer-Encoding: chunked\r\n" +
                           lab + "\r\n3\r\nabc\r\n5\r\ndefgh\r\n"));
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 507);
-  EXPECT_EQ(answer->code(), "quota-exceeded");
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->status, 507);
+  EXPECT_EQ(response->code(), "quota-exceeded");
 }
 
-TEST_F(LimitsTest, a_tenant_is_told_its_limits_and_what_it_uses) {
+TEST_F(LimitsTest, a_tenant_can_read_its_limits_and_usage) {
   TenantLimits limits = bytes(1000);
   limits.queued_jobs = 1;
   limits.cells = 5;

@@ -12,9 +12,9 @@ namespace {
 class LinksTest : public ServerTest {
  protected:
   std::string share(const std::string& target, int status = 201) {
-    const HttpResponse answer = request("POST", target);
-    EXPECT_EQ(answer.status, status) << answer.body;
-    return json(answer).value("url", "");
+    const HttpResponse response = request("POST", target);
+    EXPECT_EQ(response.status, status) << response.body;
+    return json(response).value("url", "");
   }
   std::string made(const std::string& path, int64_t expires_s, const std::string& key = "") {
     return SignedLinks(*secrets_).make(path, {}, key, expires_s).value();
@@ -36,7 +36,7 @@ TEST_F(LinksTest, a_link_gives_the_result_with_ranges_and_conditions) {
   EXPECT_EQ(head.header("content-length"), "10");
 }
 
-TEST_F(LinksTest, whatever_is_changed_in_a_link_makes_it_one_that_never_was) {
+TEST_F(LinksTest, a_link_with_any_change_is_no_such_link) {
   const std::string job = finished_job("0123456789");
   const std::string grid = json(get(job))["result"]["grid"];
   const std::string url = share("/v1/grids/" + grid + "/share?view=grid");
@@ -54,9 +54,9 @@ TEST_F(LinksTest, whatever_is_changed_in_a_link_makes_it_one_that_never_was) {
         replaced("?", "?format=vox&"), replaced(grid, grid + "/tiles"), url + "&expires=1",
         replaced("/v1/grids/" + grid, job + "/result"),
         std::string("/v1/grids/x?expires=9999999999&key=&signature=")}) {
-    const HttpResponse answer = get(changed);
-    EXPECT_EQ(answer.status, 404) << changed;
-    EXPECT_EQ(answer.detail(), "no such link") << changed;
+    const HttpResponse response = get(changed);
+    EXPECT_EQ(response.status, 404) << changed;
+    EXPECT_EQ(response.detail(), "no such link") << changed;
   }
   EXPECT_EQ(request("POST", url).status, 405);
 }
@@ -64,9 +64,9 @@ TEST_F(LinksTest, whatever_is_changed_in_a_link_makes_it_one_that_never_was) {
 TEST_F(LinksTest, a_link_that_expired_says_so) {
   const std::string job = finished_job("0123456789");
   EXPECT_EQ(get(made(job + "/result", now_s() + 60)).status, 200);
-  const HttpResponse answer = get(made(job + "/result", now_s()));
-  EXPECT_EQ(answer.status, 410);
-  EXPECT_EQ(answer.code(), "gone");
+  const HttpResponse response = get(made(job + "/result", now_s()));
+  EXPECT_EQ(response.status, 410);
+  EXPECT_EQ(response.code(), "gone");
 }
 
 TEST_F(LinksTest, options_are_part_of_a_link) {

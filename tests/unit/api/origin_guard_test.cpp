@@ -26,7 +26,7 @@ std::string verdict(const std::string& lines, bool is_open = true,
 
 TEST(OriginGuard, an_open_daemon_says_which_hosts_it_expects) {
   EXPECT_EQ(verdict("Host: evil.example:8080\r\n"),
-            "this daemon needs no API key, so it answers only to its own names: expected as Host "
+            "this daemon needs no API key, so it serves only its own names: expected as Host "
             "localhost, a loopback address or a name of --public-host, got \"evil.example:8080\"");
   EXPECT_EQ(verdict("Host: evil.example:8080\r\n", /*is_open=*/false), "taken");
   EXPECT_EQ(verdict("Host: voxels.EXAMPLE\r\n"), "taken");
@@ -59,9 +59,9 @@ TEST(OriginGuard, an_origin_is_the_daemons_own_by_host_and_port) {
   EXPECT_NE(verdict(host + "Origin: https://app.example, https://app.example\r\n"), "taken");
 }
 
-TEST(OriginGuard, with_keys_only_the_browser_is_told_who_may_read) {
+TEST(OriginGuard, with_keys_other_origins_are_served_without_cors_headers) {
   const OriginGuard guard(kRules, "127.0.0.1:80");
-  const auto answer = [&](const std::string& origin, bool is_preflight) {
+  const auto respond = [&](const std::string& origin, bool is_preflight) {
     const std::string ask = is_preflight ? "Access-Control-Request-Method: POST\r\n" : "";
     const Head head = head_of("Host: h\r\nOrigin: " + origin + "\r\n" + ask,
                               is_preflight ? "OPTIONS /v1/jobs HTTP/1.1" : "GET /v1/jobs HTTP/1.1");
@@ -71,19 +71,19 @@ TEST(OriginGuard, with_keys_only_the_browser_is_told_who_may_read) {
     guard.add_headers(head, response);
     return response;
   };
-  EXPECT_EQ(answer("https://app.example", true).status, 204);
-  EXPECT_EQ(answer("https://app.example", true).headers["Access-Control-Allow-Origin"],
+  EXPECT_EQ(respond("https://app.example", true).status, 204);
+  EXPECT_EQ(respond("https://app.example", true).headers["Access-Control-Allow-Origin"],
             "https://app.example");
-  EXPECT_EQ(answer("https://evil.example", true).status, 403);
+  EXPECT_EQ(respond("https://evil.example", true).status, 403);
   for (const bool is_preflight : {false, true}) {
-    Response foreign = answer("https://evil.example", is_preflight);
+    Response foreign = respond("https://evil.example", is_preflight);
     EXPECT_EQ(foreign.headers.count("Access-Control-Allow-Origin"), 0U);
     EXPECT_EQ(foreign.headers["Vary"], "Origin");
   }
-  EXPECT_EQ(answer("http://localhost:3000", false).headers["Access-Control-Allow-Origin"],
+  EXPECT_EQ(respond("http://localhost:3000", false).headers["Access-Control-Allow-Origin"],
             "http://localhost:3000");
-  EXPECT_EQ(answer("https://evil.example", false).status, 200);
-  EXPECT_EQ(answer("http://app.example", false).headers.count("Access-Control-Allow-Origin"), 0U);
+  EXPECT_EQ(respond("https://evil.example", false).status, 200);
+  EXPECT_EQ(respond("http://app.example", false).headers.count("Access-Control-Allow-Origin"), 0U);
 }
 
 }  // namespace

@@ -199,14 +199,14 @@ class MetricsEndpoint : public ServerTest {};
 
 TEST_F(MetricsEndpoint, is_a_document_of_the_text_format_and_on_the_admin_port_alone) {
   submit();
-  HttpResponse answer;
-  ASSERT_TRUE(comes_true([&] {  // an exchange is counted after its answer has been sent
-    answer = admin("/metrics");
-    return answer.body.find(requests("/v1/jobs", 202)) != std::string::npos;
+  HttpResponse response;
+  ASSERT_TRUE(comes_true([&] {  // an exchange is counted after its response has been sent
+    response = admin("/metrics");
+    return response.body.find(requests("/v1/jobs", 202)) != std::string::npos;
   }));
-  EXPECT_EQ(answer.status, 200);
-  EXPECT_EQ(answer.header("content-type"), "text/plain; version=0.0.4; charset=utf-8");
-  const Samples samples = parse(answer.body);
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.header("content-type"), "text/plain; version=0.0.4; charset=utf-8");
+  const Samples samples = parse(response.body);
   EXPECT_EQ(samples.at(requests("/v1/jobs", 202)), 1);
   EXPECT_EQ(samples.at(requests("/v1/assets", 201)), 1);
   EXPECT_EQ(samples.at("voxeld_http_state{what=\"event_streams\"}"), 0);
@@ -214,7 +214,7 @@ TEST_F(MetricsEndpoint, is_a_document_of_the_text_format_and_on_the_admin_port_a
   EXPECT_EQ(admin("/v1/jobs").status, 404);
 }
 
-TEST_F(MetricsEndpoint, what_no_route_matched_is_counted_as_other) {
+TEST_F(MetricsEndpoint, requests_that_match_no_route_are_counted_as_other) {
   ApiServerConfig config;
   config.request_threads = 1;  // the thread that served "/" meets the broken head
   start(config);

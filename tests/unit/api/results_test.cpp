@@ -21,26 +21,26 @@ class ResultsTest : public ServerTest {
   std::string job_, result_;
 };
 
-TEST_F(ResultsTest, a_result_comes_with_what_made_it) {
-  const HttpResponse answer = get(result_);
-  EXPECT_EQ(answer.status, 200);
-  EXPECT_EQ(answer.body, kResult);
-  EXPECT_EQ(answer.header("content-type"), "application/x-npy");
-  EXPECT_EQ(answer.header("content-disposition"), "inline; filename=\"result.npy\"");
-  EXPECT_EQ("/v1/jobs/" + answer.header("x-voxeld-job"), job_);
-  EXPECT_EQ("\"" + answer.header("x-voxeld-grid") + "\"", answer.header("etag"));
-  EXPECT_EQ(answer.header("x-voxeld-meta"), R"({"voxel_count":7})");
-  EXPECT_EQ(answer.header("x-voxeld-warnings"), "missing-texture");
-  EXPECT_NE(answer.header("server-timing").find("parse;dur=1.500, voxelize;dur=2.500"),
+TEST_F(ResultsTest, a_result_comes_with_its_job_grid_and_meta) {
+  const HttpResponse response = get(result_);
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.body, kResult);
+  EXPECT_EQ(response.header("content-type"), "application/x-npy");
+  EXPECT_EQ(response.header("content-disposition"), "inline; filename=\"result.npy\"");
+  EXPECT_EQ("/v1/jobs/" + response.header("x-voxeld-job"), job_);
+  EXPECT_EQ("\"" + response.header("x-voxeld-grid") + "\"", response.header("etag"));
+  EXPECT_EQ(response.header("x-voxeld-meta"), R"({"voxel_count":7})");
+  EXPECT_EQ(response.header("x-voxeld-warnings"), "missing-texture");
+  EXPECT_NE(response.header("server-timing").find("parse;dur=1.500, voxelize;dur=2.500"),
             std::string::npos)
-      << answer.header("server-timing");
-  EXPECT_EQ(answer.header("cache-status"), "voxeld; fwd=miss");
+      << response.header("server-timing");
+  EXPECT_EQ(response.header("cache-status"), "voxeld; fwd=miss");
 }
 
-TEST_F(ResultsTest, head_tells_the_length_of_a_result) {
-  const HttpResponse answer = request("HEAD", result_);
-  EXPECT_EQ(answer.status, 200);
-  EXPECT_EQ(answer.header("content-length"), std::to_string(kResult.size()));
+TEST_F(ResultsTest, head_returns_the_length_of_a_result) {
+  const HttpResponse response = request("HEAD", result_);
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.header("content-length"), std::to_string(kResult.size()));
 }
 
 TEST_F(ResultsTest, ranges_are_parts_of_the_result) {
@@ -55,10 +55,10 @@ TEST_F(ResultsTest, ranges_are_parts_of_the_result) {
 }
 
 TEST_F(ResultsTest, a_range_outside_is_not_satisfiable) {
-  const HttpResponse answer = get(result_, "Range: bytes=20-\r\n");
-  EXPECT_EQ(answer.status, 416);
-  EXPECT_EQ(answer.code(), "range-not-satisfiable");
-  EXPECT_EQ(answer.header("content-range"), "bytes */20");
+  const HttpResponse response = get(result_, "Range: bytes=20-\r\n");
+  EXPECT_EQ(response.status, 416);
+  EXPECT_EQ(response.code(), "range-not-satisfiable");
+  EXPECT_EQ(response.header("content-range"), "bytes */20");
 }
 
 TEST_F(ResultsTest, a_download_goes_on_only_with_the_same_content) {
@@ -72,29 +72,29 @@ TEST_F(ResultsTest, a_client_that_has_the_result_gets_304_and_no_bytes) {
   const std::string etag = get(result_).header("etag");
   HttpClient client(server_->port());
   ASSERT_TRUE(client.send_get(result_, "If-None-Match: " + etag + "\r\n"));
-  const auto answer = client.receive(/*has_body=*/false);
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 304);
-  EXPECT_EQ(answer->header("etag"), etag);
-  EXPECT_EQ(answer->header("content-length"), "");
+  const auto response = client.receive(/*has_body=*/false);
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->status, 304);
+  EXPECT_EQ(response->header("etag"), etag);
+  EXPECT_EQ(response->header("content-length"), "");
   ASSERT_TRUE(client.send_get(result_, "If-None-Match: \"other\"\r\n"));
   EXPECT_EQ(client.receive()->body, kResult);
 }
 
 TEST_F(ResultsTest, a_format_that_is_not_known_is_an_invalid_option) {
-  const HttpResponse answer = get(result_ + "?format=stl");
-  EXPECT_EQ(answer.status, 400);
-  EXPECT_EQ(answer.code(), "invalid-option");
+  const HttpResponse response = get(result_ + "?format=stl");
+  EXPECT_EQ(response.status, 400);
+  EXPECT_EQ(response.code(), "invalid-option");
 }
 
 TEST_F(ResultsTest, a_type_that_no_format_has_is_not_acceptable) {
-  const HttpResponse answer = get(result_, "Accept: text/html\r\n");
-  EXPECT_EQ(answer.status, 406);
-  EXPECT_EQ(answer.code(), "not-acceptable");
-  EXPECT_EQ(answer.detail(), "Accept names no format of this result");
+  const HttpResponse response = get(result_, "Accept: text/html\r\n");
+  EXPECT_EQ(response.status, 406);
+  EXPECT_EQ(response.code(), "not-acceptable");
+  EXPECT_EQ(response.detail(), "Accept names no format of this result");
 }
 
-TEST_F(ResultsTest, equal_work_is_answered_from_the_cache) {
+TEST_F(ResultsTest, equal_work_is_served_from_the_cache) {
   const HttpResponse again = post_job();
   EXPECT_EQ(again.status, 200);
   EXPECT_EQ(json(again).value("cached", false), true);
@@ -108,9 +108,9 @@ TEST_F(ResultsTest, a_result_that_vanished_from_the_store_is_gone) {
 
 TEST_F(ResultsTest, a_grid_that_is_no_container_is_told_so_and_its_bytes_still_come) {
   const std::string grid = "/v1/grids/" + get(result_).header("x-voxeld-grid");
-  const HttpResponse answer = get(grid, "Range: bytes=0-3\r\n");
-  EXPECT_EQ(answer.status, 206);
-  EXPECT_EQ(answer.body, "0123");
+  const HttpResponse response = get(grid, "Range: bytes=0-3\r\n");
+  EXPECT_EQ(response.status, 206);
+  EXPECT_EQ(response.body, "0123");
   EXPECT_EQ(get(grid + "/tiles").status / 100, 4);
   EXPECT_EQ(get(grid + "/tiles/0").status / 100, 4);
   EXPECT_EQ(get("/v1/grids/sha256-0/tiles").code(), "not-found");
@@ -119,17 +119,17 @@ TEST_F(ResultsTest, a_grid_that_is_no_container_is_told_so_and_its_bytes_still_c
 class UnfinishedTest : public ServerTest {};
 
 TEST_F(UnfinishedTest, the_result_of_a_job_that_waits_is_a_conflict) {
-  const HttpResponse answer = get("/v1/jobs/" + submit() + "/result");
-  EXPECT_EQ(answer.status, 409);
-  EXPECT_EQ(answer.code(), "conflict");
+  const HttpResponse response = get("/v1/jobs/" + submit() + "/result");
+  EXPECT_EQ(response.status, 409);
+  EXPECT_EQ(response.code(), "conflict");
 }
 
 TEST_F(UnfinishedTest, the_result_of_a_cancelled_job_is_its_problem) {
   const std::string path = "/v1/jobs/" + submit();
   EXPECT_EQ(request("DELETE", path).status, 200);
-  const HttpResponse answer = get(path + "/result");
-  EXPECT_EQ(answer.status, 409);
-  EXPECT_EQ(answer.code(), "cancelled");
+  const HttpResponse response = get(path + "/result");
+  EXPECT_EQ(response.status, 409);
+  EXPECT_EQ(response.code(), "cancelled");
 }
 
 TEST_F(UnfinishedTest, the_result_of_a_failed_job_is_its_problem) {
@@ -138,10 +138,10 @@ TEST_F(UnfinishedTest, the_result_of_a_failed_job_is_its_problem) {
   const auto task = worker.claim();
   ASSERT_TRUE(task);
   ASSERT_TRUE(worker.fail(*task, {ErrorCode::kMalformedMesh, "bunny.ply line 3", "a", "b"}));
-  const HttpResponse answer = get(path + "/result");
-  EXPECT_EQ(answer.status, 422);
-  EXPECT_EQ(answer.code(), "malformed-mesh");
-  EXPECT_EQ(answer.detail(), "bunny.ply line 3");
+  const HttpResponse response = get(path + "/result");
+  EXPECT_EQ(response.status, 422);
+  EXPECT_EQ(response.code(), "malformed-mesh");
+  EXPECT_EQ(response.detail(), "bunny.ply line 3");
 }
 
 }  // namespace

@@ -56,7 +56,7 @@ TEST(Router, a_segment_in_braces_takes_any_text_that_is_not_empty) {
   }
 }
 
-TEST(Router, what_does_not_exist_is_not_found) {
+TEST(Router, an_unknown_path_is_not_found) {
   const Response response = dispatch("GET", "/nothing");
   EXPECT_EQ(response.status, 404);
   const auto body = nlohmann::json::parse(text_of(response));
@@ -64,7 +64,7 @@ TEST(Router, what_does_not_exist_is_not_found) {
   EXPECT_EQ(body["instance"], "/nothing");
 }
 
-TEST(Router, another_method_is_told_the_allowed_ones) {
+TEST(Router, a_wrong_method_gets_the_allowed_ones) {
   const Response refused = dispatch("PUT", "/v1/jobs/j-1");
   EXPECT_EQ(refused.status, 405);
   EXPECT_EQ(refused.headers.at("Allow"), "OPTIONS, GET, HEAD, DELETE");
@@ -130,7 +130,7 @@ TEST_F(Table, has_the_operations_of_openapi_yaml_and_no_others) {
   EXPECT_EQ(in_table, documented);
 }
 
-TEST_F(Table, says_who_may_ask_as_openapi_yaml_does) {
+TEST_F(Table, states_the_required_rights_as_openapi_yaml_does) {
   for (const Route& route : routes) {
     const auto& documented = operation(route);
     const bool is_public = documented.contains("security") && documented["security"].empty();

@@ -34,9 +34,9 @@ class SequencesApi : public ServerTest {
     EXPECT_TRUE(worker.complete_sequence(task, {"a", "b", "a"}, "whole").value("ok", false));
     return json(get(job_))["result"].value("sequence", "");
   }
-  // Sends a request that needs a job, plays its worker, and returns the answer; the task is kept.
-  HttpResponse answered(const std::string& method, const std::string& target,
-                        const std::string& lines = "") {
+  // Sends a request that needs a job, acts as its worker, stores the task, returns the response.
+  HttpResponse respond_with_worker(const std::string& method, const std::string& target,
+                                   const std::string& lines = "") {
     HttpClient client(server_->port());
     const std::string length = method == "POST" ? "Content-Length: 0\r\n" : "";
     EXPECT_TRUE(
@@ -91,10 +91,10 @@ TEST_F(SequencesApi, a_frame_that_is_not_there_yet_says_how_many_are) {
   EXPECT_EQ(get(job_ + "/frames/1").detail(), "1 frames are done");
   worker.call(to_json_message(TaskProgress{task.id, task.fence, "voxelize", 0, 8, 1, 140, {}}));
   for (const char* index : {"1", "140", "-1", "x", "0x0", "99999999999999999999"}) {
-    const HttpResponse answer = get(job_ + "/frames/" + index);
-    EXPECT_EQ(answer.status, 404) << index;
-    EXPECT_EQ(answer.code(), "not-found");
-    EXPECT_EQ(answer.detail(), "1 of 140 frames are done");
+    const HttpResponse response = get(job_ + "/frames/" + index);
+    EXPECT_EQ(response.status, 404) << index;
+    EXPECT_EQ(response.code(), "not-found");
+    EXPECT_EQ(response.detail(), "1 of 140 frames are done");
     EXPECT_EQ(get(job_ + "/frames/" + index + "/render.png").detail(), "1 of 140 frames are done");
   }
   EXPECT_EQ(get("/v1/jobs/j-0/frames").detail(), "no such job");
@@ -117,11 +117,11 @@ TEST_F(SequencesApi, a_frame_is_exported_and_drawn_as_any_grid) {
   FakeWorker worker = connect_worker();
   const Task running = claim(worker);
   worker.frame(running, 0, "a");
-  EXPECT_EQ(answered("GET", job_ + "/frames/0?format=npy&axes=xyz").body, "made");
+  EXPECT_EQ(respond_with_worker("GET", job_ + "/frames/0?format=npy&axes=xyz").body, "made");
   EXPECT_EQ(task_.kind, JobKind::kExport);
   EXPECT_EQ(task_.input_hash, sha256_id("a"));
   EXPECT_EQ(option("axes"), "\"xyz\"");
-  EXPECT_EQ(answered("GET", job_ + "/frames/0/render.png?width=64").body, "made");
+  EXPECT_EQ(respond_with_worker("GET", job_ + "/frames/0/render.png?width=64").body, "made");
   EXPECT_EQ(task_.kind, JobKind::kRender);
   EXPECT_TRUE(task_.input_is_grid);
   EXPECT_EQ(option("width"), "64");
@@ -155,15 +155,15 @@ TEST_F(SequencesApi, a_sequence_lists_its_frames_and_place) {
 TEST_F(SequencesApi, a_sequence_is_exported_by_parameter_and_by_accept) {
   const std::string sequence = finished();
   const std::string path = "/v1/sequences/" + sequence;
-  EXPECT_EQ(answered("GET", path).body, "made");
+  EXPECT_EQ(respond_with_worker("GET", path).body, "made");
   EXPECT_TRUE(task_.input_is_sequence);
   EXPECT_EQ(task_.input_hash, sequence);
   EXPECT_EQ(task_.frame_paths.size(), 3u);
   EXPECT_EQ(option("format"), "\"native\"");
-  EXPECT_EQ(answered("GET", path + "?format=vox&frames=0..1").body, "made");
+  EXPECT_EQ(respond_with_worker("GET", path + "?format=vox&frames=0..1").body, "made");
   EXPECT_EQ(option("format"), "\"vox\"");
   EXPECT_EQ(option("frames"), "\"0..1\"");
-  answered("GET", path, "Accept: application/x-npz\r\n");
+  respond_with_worker("GET", path, "Accept: application/x-npz\r\n");
   EXPECT_EQ(option("format"), "\"npz\"");
   EXPECT_EQ(get(path, "Accept: application/vnd.voxeld.sequence\r\n").header("cache-status"),
             "voxeld; hit");
@@ -174,26 +174,27 @@ TEST_F(SequencesApi, a_sequence_is_exported_by_parameter_and_by_accept) {
 
 TEST_F(SequencesApi, a_sequence_is_drawn_as_a_gif_where_nothing_else_is_said) {
   const std::string path = "/v1/sequences/" + finished();
-  EXPECT_EQ(answered("GET", path + "/render?width=100").body, "made");
+  EXPECT_EQ(respond_with_worker("GET", path + "/render?width=100").body, "made");
   EXPECT_EQ(task_.kind, JobKind::kRender);
   EXPECT_EQ(option("image"), "\"gif\"");
   EXPECT_EQ(option("width"), "100");
-  answered("GET", path + "/render?image=sheet&columns=2");
+  respond_with_worker("GET", path + "/render?image=sheet&columns=2");
   EXPECT_EQ(option("image"), "\"sheet\"");
   EXPECT_EQ(option("width"), "160");
-  answered("GET", path + "/render?image=png&frame=2");
+  respond_with_worker("GET", path + "/render?image=png&frame=2");
   EXPECT_EQ(option("frame"), "2");
   const HttpResponse turned = get(path + "/render?turntable=9");
   EXPECT_EQ(turned.code(), "invalid-option");
   EXPECT_EQ(json(turned)["expected"], "a grid as input");
-  answered("GET", path + "/frames/1/render.png");
+  respond_with_worker("GET", path + "/frames/1/render.png");
   EXPECT_EQ(task_.input_hash, sha256_id("b"));
 }
 
 TEST_F(SequencesApi, a_grid_turns_and_has_no_frames) {
   finished();
   const std::string path = "/v1/grids/" + sha256_id("a");
-  EXPECT_EQ(answered("GET", path + "/render?image=apng&turntable=36&rate=12").body, "made");
+  EXPECT_EQ(respond_with_worker("GET", path + "/render?image=apng&turntable=36&rate=12").body,
+            "made");
   EXPECT_EQ(option("turntable"), "36");
   EXPECT_EQ(option("rate"), "\"12\"");
   EXPECT_EQ(get(path + "/render?image=gif").code(), "invalid-option");
@@ -208,14 +209,14 @@ TEST_F(SequencesApi, the_result_of_a_sequence_comes_in_other_formats) {
   EXPECT_EQ(whole.header("content-type"), "application/vnd.voxeld.sequence");
   EXPECT_EQ(whole.header("x-voxeld-sequence"), sequence);
   EXPECT_EQ(get(job_ + "/result?format=native").body, "whole");
-  EXPECT_EQ(answered("GET", job_ + "/result?format=npz").body, "made");
+  EXPECT_EQ(respond_with_worker("GET", job_ + "/result?format=npz").body, "made");
   EXPECT_EQ(task_.input_hash, sequence);
   EXPECT_TRUE(task_.input_is_sequence);
 }
 
 TEST_F(SequencesApi, one_shot_images_take_a_sequence_and_only_one_input) {
   const std::string sequence = finished();
-  EXPECT_EQ(answered("POST", "/v1/render?image=gif&sequence=" + sequence).body, "made");
+  EXPECT_EQ(respond_with_worker("POST", "/v1/render?image=gif&sequence=" + sequence).body, "made");
   EXPECT_EQ(task_.input_hash, sequence);
   const HttpResponse two = request("POST", "/v1/render?grid=x&sequence=" + sequence);
   EXPECT_EQ(two.code(), "invalid-option");
@@ -304,9 +305,9 @@ TEST_F(BundlesApi, work_on_a_bundle_without_one_of_its_files_names_it) {
   const std::string mesh = post_asset("mesh");
   const std::string bundle = json(post_bundle(manifest({{"bob.md5mesh", mesh}})))["id"];
   EXPECT_EQ(request("DELETE", "/v1/assets/" + mesh).status, 204);
-  const HttpResponse answer = request("POST", "/v1/voxelize?asset=" + bundle);
-  EXPECT_EQ(answer.status, 410);
-  EXPECT_EQ(answer.detail(), "bundle file \"bob.md5mesh\": asset " + mesh + " was deleted");
+  const HttpResponse response = request("POST", "/v1/voxelize?asset=" + bundle);
+  EXPECT_EQ(response.status, 410);
+  EXPECT_EQ(response.detail(), "bundle file \"bob.md5mesh\": asset " + mesh + " was deleted");
 }
 
 }  // namespace

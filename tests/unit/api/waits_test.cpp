@@ -59,7 +59,7 @@ TEST_F(WaitsTest, every_one_shot_is_a_queued_job_at_once_and_others_are_served_b
   EXPECT_EQ(other.receive().value_or(HttpResponse{}).body, "voxels");
 }
 
-TEST_F(WaitsTest, slow_uploads_polls_and_streams_of_one_tenant_hold_up_nobody) {
+TEST_F(WaitsTest, slow_uploads_polls_and_streams_of_one_tenant_delay_no_other) {
   const std::string lab = add("lab"), studio = add("studio");
   const std::string asset =
       json(request("POST", "/v1/assets?filename=a.ply", lab, "mesh")).value("id", "");
@@ -88,7 +88,7 @@ TEST_F(WaitsTest, slow_uploads_polls_and_streams_of_one_tenant_hold_up_nobody) {
   EXPECT_EQ(other.receive().value_or(HttpResponse{}).body, "voxels");
 }
 
-TEST_F(WaitsTest, a_tenant_over_its_share_of_waits_is_told_and_others_are_not) {
+TEST_F(WaitsTest, a_tenant_over_its_share_of_waits_is_refused_and_others_are_not) {
   const std::string lab = add("lab"), studio = add("studio");
   std::vector<HttpClient> clients;
   for (int i = 0; i < 200; ++i) clients.push_back(one_shot(lab, "mesh " + std::to_string(i)));
@@ -119,13 +119,13 @@ TEST_F(WaitsTest, a_job_outlives_a_poll_whose_client_leaves) {
 TEST_F(WaitsTest, a_poll_ends_at_its_time_with_the_job_as_it_is) {
   const std::string id = submit();
   const auto begin = std::chrono::steady_clock::now();
-  const HttpResponse answer = get("/v1/jobs/" + id, "Prefer: wait=1\r\n");
-  EXPECT_EQ(json(answer).value("state", ""), "queued");
+  const HttpResponse response = get("/v1/jobs/" + id, "Prefer: wait=1\r\n");
+  EXPECT_EQ(json(response).value("state", ""), "queued");
   const auto took = std::chrono::steady_clock::now() - begin;
   EXPECT_GE(took, std::chrono::seconds(1));
 }
 
-TEST_F(WaitsTest, a_key_that_expires_ends_what_waits_in_its_name) {
+TEST_F(WaitsTest, a_key_that_expires_ends_its_waiting_requests) {
   const std::string id = submit();
   ApiKey key;
   key.is_admin = true;
@@ -145,9 +145,9 @@ TEST_F(WaitsTest, a_one_shot_that_was_cached_does_not_wait) {
   ASSERT_TRUE(task && worker.complete(*task, "voxels"));
   EXPECT_EQ(first.receive().value_or(HttpResponse{}).body, "voxels");
   HttpClient second = one_shot("", "mesh");
-  const HttpResponse answer = second.receive().value_or(HttpResponse{});
-  EXPECT_EQ(answer.body, "voxels");
-  EXPECT_EQ(answer.header("cache-status"), "voxeld; hit");
+  const HttpResponse response = second.receive().value_or(HttpResponse{});
+  EXPECT_EQ(response.body, "voxels");
+  EXPECT_EQ(response.header("cache-status"), "voxeld; hit");
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ TEST(ParseAuthority, takes_names_and_addresses_with_and_without_a_port) {
   EXPECT_EQ(parse_authority(std::string(kHostBytesMax, 'a'))->host.size(), kHostBytesMax);
 }
 
-TEST(ParseAuthority, refuses_what_no_host_looks_like) {
+TEST(ParseAuthority, refuses_texts_that_are_no_host) {
   for (const char* text : {"a b",
                            "a,b",
                            "a/b",
@@ -48,7 +48,7 @@ TEST(ParseAuthority, refuses_what_no_host_looks_like) {
   EXPECT_FALSE(parse_authority(std::string(kHostBytesMax + 1, 'a')));
 }
 
-TEST(ParseOrigin, takes_what_browsers_send_and_nothing_else) {
+TEST(ParseOrigin, accepts_only_the_form_that_browsers_send) {
   EXPECT_EQ(parse_origin("http://localhost:3000"), (Origin{"http", {"localhost", 3000}}));
   EXPECT_EQ(parse_origin("https://App.example.org"), (Origin{"https", {"app.example.org", 0}}));
   EXPECT_EQ(parse_origin("http://h")->port(), 80);

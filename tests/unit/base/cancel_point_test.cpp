@@ -19,7 +19,7 @@ TEST(CancelPoint, throws_once_the_scope_s_flag_is_set_and_not_without_a_scope) {
   EXPECT_NO_THROW(cancel_point());
 }
 
-TEST(CancelPoint, passes_handlers_of_what_libraries_throw) {
+TEST(CancelPoint, passes_through_handlers_of_library_exceptions) {
   const std::atomic<bool> flag{true};
   const CancelScope scope(flag);
   const auto decode = [] {

@@ -36,7 +36,7 @@ TEST(Directory, a_tree_is_removed_and_links_are_not_followed) {
   remove_tree(dir.path() / "nowhere");
 }
 
-TEST(Guard, an_exception_ends_what_was_guarded_alone) {
+TEST(Guard, an_exception_ends_only_the_guarded_call) {
   EXPECT_TRUE(guarded("a test", [] {}));
   EXPECT_FALSE(guarded("a test", [] { throw std::bad_alloc(); }));
   EXPECT_EQ(exception_error(std::bad_alloc()).detail, "std::bad_alloc");

@@ -11,7 +11,7 @@
 namespace voxeld {
 namespace {
 
-TEST(File, what_is_written_is_read_back) {
+TEST(File, written_bytes_are_read_back) {
   testing::TemporaryDir dir;
   const std::vector<uint8_t> bytes = {1, 2, 3, 0, 255};
   ASSERT_TRUE(write_file(dir.path() / "a", bytes));

@@ -50,7 +50,7 @@ TEST(FrameSocket, a_closed_connection_is_gone) {
   EXPECT_EQ(right.send("anybody there?").error().code, ErrorCode::kGone);
 }
 
-TEST(FrameSocket, an_end_inside_a_frame_is_told_apart) {
+TEST(FrameSocket, an_end_inside_a_frame_is_distinguished) {
   auto [a, b] = socket_pair();
   FrameSocket right(std::move(b), 100);
   const std::array<char, 6> partial = {10, 0, 0, 0, 'a', 'b'};
@@ -102,7 +102,7 @@ TEST(FrameSocket, a_peer_that_is_not_trusted_has_a_time_for_each_frame_and_no_mo
   ASSERT_EQ(::send(a.get(), head.data(), head.size(), 0), 4);
   EXPECT_EQ(right.receive().error().message(),
             "task message has a bad length: expected at most 100, got 101");
-  // Nobody reads the other end.
+  // The other end is not read.
   const Error stuck = right.send(std::string(1 << 20, 'x')).error();
   EXPECT_EQ(stuck.code, ErrorCode::kBadRequest);
   EXPECT_TRUE(stuck.message().starts_with(

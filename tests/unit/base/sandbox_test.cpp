@@ -251,7 +251,7 @@ TEST_F(SandboxTest, other_processes_are_out_of_reach) {
             kDenied);
 }
 
-TEST_F(SandboxTest, the_kernel_keeps_its_doors_shut) {
+TEST_F(SandboxTest, the_kernel_refuses_forbidden_calls) {
   const std::vector<std::pair<const char*, std::function<long()>>> attempts = {
       {"mount", [] { return ::mount("none", "/mnt", "tmpfs", 0, nullptr); }},
       {"chroot", [] { return ::chroot("/"); }},

@@ -8,7 +8,7 @@ namespace voxeld {
 namespace {
 
 // FIPS 180-4, examples.
-TEST(Sha256, known_answers_hold) {
+TEST(Sha256, known_digests_match) {
   EXPECT_EQ(sha256_id("abc"),
             "sha256-ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(sha256_id(""),

@@ -16,7 +16,7 @@ TEST(TraceContext, a_traceparent_comes_back) {
   EXPECT_EQ(traceparent_text(*trace), kGood);
 }
 
-TEST(TraceContext, what_is_no_traceparent_starts_a_new_trace) {
+TEST(TraceContext, an_invalid_traceparent_starts_a_new_trace) {
   const std::string id = "4bf92f3577b34da6a3ce929d0e0e4736", span = "00f067aa0ba902b7";
   for (const std::string& text :
        {std::string(), std::string("00"), "00-" + id + "-" + span, "00-" + id + "-" + span + "-1",

@@ -16,9 +16,9 @@
 namespace voxeld::client {
 namespace {
 
-using test::Answer;
-using test::job_answer;
-using test::problem_answer;
+using test::CannedResponse;
+using test::job_response;
+using test::problem_response;
 using test::ScriptedServer;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -45,8 +45,8 @@ Settings with_key(const std::string& url, const std::string& key) {
 }
 
 TEST(ApiKey, goes_with_every_request) {
-  ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"), Answer{200, "bytes"}});
+  ScriptedServer server({test::json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"), CannedResponse{200, "bytes"}});
   Client client(with_key(server.url(), kKey));
   client.upload(Source::memory(bytes_of("mesh"), "a.ply"));
   client.submit("voxelize", Input::of_asset("sha256-a"), {});
@@ -59,22 +59,23 @@ TEST(ApiKey, goes_with_every_request) {
 }
 
 TEST(ApiKey, without_one_no_request_has_an_authorization) {
-  ScriptedServer server({job_answer("done")});
+  ScriptedServer server({job_response("done")});
   Client client(server.url());
   client.job("j-1");
   EXPECT_EQ(server.asked().at(0).header("authorization"), "");
 }
 
 TEST(ApiKey, a_redirect_is_not_followed_to_another_server) {
-  ScriptedServer other({job_answer("done")});
-  ScriptedServer server({Answer{302, "", {"Location: " + other.url() + "/v1/jobs/j-1"}}});
+  ScriptedServer other({job_response("done")});
+  ScriptedServer server({CannedResponse{302, "", {"Location: " + other.url() + "/v1/jobs/j-1"}}});
   Client client(with_key(server.url(), kKey));
   error_of([&] { client.job("j-1"); });
   EXPECT_THAT(other.asked(), SizeIs(0));
 }
 
 TEST(ApiKey, a_refused_one_is_an_error_that_does_not_show_it) {
-  ScriptedServer server({problem_answer(401, "unauthorized", "this daemon needs a valid API key")});
+  ScriptedServer server(
+      {problem_response(401, "unauthorized", "this daemon needs a valid API key")});
   Client client(with_key(server.url(), kKey));
   const Error error = error_of([&] { client.job("j-1"); });
   EXPECT_EQ(error.code(), "unauthorized");
@@ -103,7 +104,7 @@ TEST(ApiKey, the_flag_comes_before_the_variable_and_that_before_the_file) {
   EXPECT_EQ(cli::api_key("flag"), "flag");
 }
 
-TEST(ApiKey, a_file_without_a_key_is_told_by_its_name) {
+TEST(ApiKey, a_file_without_a_key_is_named_in_the_error) {
   const testing::TemporaryDir dir;
   const std::string path = (dir.path() / "key").string();
   const Variable file("VOXELD_KEY_FILE", path);

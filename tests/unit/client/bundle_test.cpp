@@ -231,7 +231,7 @@ TEST_F(Bundle, an_md5mesh_gives_the_animations_of_its_joints) {
               ElementsAre("run.MD5ANIM", "walk.md5anim"));
 }
 
-// Somebody else made the folder: what its links reach is not theirs to send.
+// Another user may have made the folder. Its links must not reach files outside of it.
 TEST_F(Bundle, symbolic_links_out_of_the_folder_are_not_followed) {
   std::ofstream(outer_ / "secret.png") << "SECRET";
   std::ofstream(outer_ / "secret.mtl") << "map_Kd skin.png\n";
@@ -295,17 +295,17 @@ TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) 
   const fs::path temporary = outer_ / "temporary";
   fs::create_directory(temporary);
   const char* before = std::getenv("TMPDIR");
-  const std::string kept = before == nullptr ? "" : before;
+  const std::string old_value = before == nullptr ? "" : before;
   setenv("TMPDIR", temporary.c_str(), 1);
   put("my a.mtl", "map_Kd tex/bäume.png\n");
   put("tex/bäume.png", "PNG");
-  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
   {
     const MeshSource mesh = MeshSource::open(put("the a.obj", "mtllib my a.mtl\n"));
     EXPECT_FALSE(fs::is_empty(temporary));
     client::Client(server.url()).upload(mesh.source());
   }
-  before == nullptr ? unsetenv("TMPDIR") : setenv("TMPDIR", kept.c_str(), 1);
+  before == nullptr ? unsetenv("TMPDIR") : setenv("TMPDIR", old_value.c_str(), 1);
   EXPECT_TRUE(fs::is_empty(temporary));
   ASSERT_EQ(server.asked().size(), 1u);
   EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=the%20a.zip");
@@ -316,7 +316,7 @@ TEST_F(Bundle, a_mesh_with_files_is_sent_as_one_zip_that_is_removed_afterwards) 
 TEST_F(Bundle, files_beside_the_mesh_are_sent_under_their_own_names) {
   const std::string mesh = put("a.md5mesh", kMd5Mesh);
   const std::string dance = put("moves/dance.md5anim", "hierarchy {\n}\n");
-  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
   client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{dance}).source());
   EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=a.zip");
   EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "dance.md5anim"));
@@ -326,7 +326,7 @@ TEST_F(Bundle, a_file_that_is_named_twice_is_sent_as_the_command_line_says) {
   put("walk.md5anim", "hierarchy {\n\"hip\" -1\n\"leg\" 0\n}\n");
   const std::string mesh = put("a.md5mesh", kMd5Mesh);
   const std::string other = put("b/walk.md5anim", "other");
-  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})")});
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})")});
   client::Client(server.url()).upload(MeshSource::open(mesh, std::vector{other}).source());
   EXPECT_THAT(names_in(server.asked()[0].body), ElementsAre("a.md5mesh", "walk.md5anim"));
   EXPECT_THAT(server.asked()[0].body, HasSubstr("other"));

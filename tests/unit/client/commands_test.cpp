@@ -19,9 +19,9 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using client::error_of;
-using test::Answer;
-using test::job_answer;
-using test::json_answer;
+using test::CannedResponse;
+using test::job_response;
+using test::json_response;
 using test::ScriptedServer;
 using testing::ElementsAre;
 
@@ -66,17 +66,17 @@ class Commands : public testing::Test {
 };
 
 TEST_F(Commands, voxelize_writes_the_result) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"), Answer{.body = "RESULT"}});
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"), CannedResponse{.body = "RESULT"}});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
   voxelize.input = mesh();
   run_command(voxelize, {});
   EXPECT_EQ(written(), "RESULT");
 }
 
-TEST_F(Commands, a_failure_leaves_no_file_and_keeps_the_old_one) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"), Answer{.body = "RESULT", .cut_after = 3}});
+TEST_F(Commands, a_failure_leaves_no_new_file_and_the_old_one_unchanged) {
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"), CannedResponse{.body = "RESULT", .cut_after = 3}});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
   voxelize.input = mesh();
   EXPECT_EQ(error_of([&] { run_command(voxelize, {}); }).code(), "unreachable");
@@ -88,13 +88,13 @@ TEST_F(Commands, a_failure_leaves_no_file_and_keeps_the_old_one) {
   EXPECT_EQ(written(), "old");
 }
 
-TEST_F(Commands, a_damaged_result_leaves_no_file_and_keeps_the_old_one) {
+TEST_F(Commands, a_damaged_result_leaves_no_new_file_and_the_old_one_unchanged) {
   const std::string id =
       "\"sha256-a67d2a6c9087c1bcb7e7cc96385d820b9264c5043aadb04c3e0efe0e6621a5ef\"";  // of "RESULT"
   for (const bool has_old : {false, true}) {
-    ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                           job_answer("done"),
-                           Answer{.body = "RESVLT", .headers = {"ETag: " + id}}});
+    ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                           job_response("done"),
+                           CannedResponse{.body = "RESVLT", .headers = {"ETag: " + id}}});
     Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
     voxelize.input = mesh();
     if (has_old) std::ofstream(output()) << "old";
@@ -110,8 +110,8 @@ TEST_F(Commands, a_damaged_result_leaves_no_file_and_keeps_the_old_one) {
 }
 
 TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         CannedResponse{.status = 304, .delay = 20s}, job_response("cancelled")});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
   voxelize.input = mesh();
   EXPECT_EQ(stopped_after(server, 3, voxelize).code(), "interrupted");
@@ -120,8 +120,8 @@ TEST_F(Commands, an_interrupt_cancels_the_job_of_a_mesh) {
 }
 
 TEST_F(Commands, an_interrupt_cancels_the_image_of_a_grid) {
-  ScriptedServer server(
-      {job_answer("queued"), Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  ScriptedServer server({job_response("queued"), CannedResponse{.status = 304, .delay = 20s},
+                         job_response("cancelled")});
   Arguments render = arguments(Arguments::Command::kRender, server);
   render.grid = "sha256-g";
   EXPECT_EQ(stopped_after(server, 2, render).code(), "interrupted");
@@ -131,7 +131,8 @@ TEST_F(Commands, an_interrupt_cancels_the_image_of_a_grid) {
 }
 
 TEST_F(Commands, a_stored_sequence_is_drawn) {
-  ScriptedServer server({job_answer("queued"), job_answer("done"), Answer{.body = "GIF89a"}});
+  ScriptedServer server(
+      {job_response("queued"), job_response("done"), CannedResponse{.body = "GIF89a"}});
   Arguments render = arguments(Arguments::Command::kRender, server);
   render.sequence = "sha256-s";
   render.options.set("image", "gif");
@@ -143,8 +144,8 @@ TEST_F(Commands, a_stored_sequence_is_drawn) {
 
 TEST_F(Commands, files_beside_the_mesh_go_with_it) {
   std::ofstream(folder_ / "b.md5anim") << "MD5Version 10\n";
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"), Answer{.body = "RESULT"}});
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"), CannedResponse{.body = "RESULT"}});
   Arguments voxelize = arguments(Arguments::Command::kVoxelize, server);
   voxelize.input = mesh();
   voxelize.beside = {folder_ / "b.md5anim"};
@@ -154,8 +155,8 @@ TEST_F(Commands, files_beside_the_mesh_go_with_it) {
 }
 
 TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         CannedResponse{.status = 304, .delay = 20s}, job_response("cancelled")});
   Arguments info = arguments(Arguments::Command::kInfo, server);
   info.input = mesh();
   EXPECT_EQ(stopped_after(server, 3, info).code(), "interrupted");
@@ -163,7 +164,7 @@ TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {
 }
 
 TEST_F(Commands, an_interrupt_while_another_ones_job_is_waited_for_leaves_it_alone) {
-  ScriptedServer server({Answer{.status = 304, .delay = 20s}, job_answer("cancelled")});
+  ScriptedServer server({CannedResponse{.status = 304, .delay = 20s}, job_response("cancelled")});
   Arguments jobs = arguments(Arguments::Command::kJobs, server);
   jobs.job = "j-1";
   EXPECT_EQ(stopped_after(server, 1, jobs).code(), "interrupted");

@@ -11,10 +11,10 @@ namespace voxeld::client {
 namespace {
 
 using namespace std::chrono_literals;
-using test::Answer;
-using test::job_answer;
-using test::json_answer;
-using test::problem_answer;
+using test::CannedResponse;
+using test::job_response;
+using test::json_response;
+using test::problem_response;
 using test::ScriptedServer;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -22,22 +22,23 @@ using testing::SizeIs;
 
 const std::string kEtag = "\"sha256-r\"";
 
-Answer whole(const std::string& text, std::optional<size_t> cut_after = {}) {
-  return Answer{.body = text, .headers = {"ETag: " + kEtag}, .cut_after = cut_after};
+CannedResponse whole(const std::string& text, std::optional<size_t> cut_after = {}) {
+  return CannedResponse{.body = text, .headers = {"ETag: " + kEtag}, .cut_after = cut_after};
 }
 
 // The rest of `text` from `begin` on.
-Answer part(const std::string& text, size_t begin, std::optional<size_t> cut_after = {}) {
-  return Answer{.status = 206,
-                .body = text.substr(begin),
-                .headers = {"ETag: " + kEtag, "Content-Range: bytes " + std::to_string(begin) +
-                                                  "-" + std::to_string(text.size() - 1) + "/" +
-                                                  std::to_string(text.size())},
-                .cut_after = cut_after};
+CannedResponse part(const std::string& text, size_t begin, std::optional<size_t> cut_after = {}) {
+  return CannedResponse{
+      .status = 206,
+      .body = text.substr(begin),
+      .headers = {"ETag: " + kEtag, "Content-Range: bytes " + std::to_string(begin) + "-" +
+                                        std::to_string(text.size() - 1) + "/" +
+                                        std::to_string(text.size())},
+      .cut_after = cut_after};
 }
 
-// A sink that keeps what came.
-struct Kept {
+// A sink that appends the received bytes to a text.
+struct Received {
   std::string text;
   Sink sink() {
     return [this](std::span<const std::byte> piece) { text += text_of(piece); };
@@ -47,9 +48,9 @@ struct Kept {
 TEST(Download, gives_the_whole_result_and_asks_for_no_range) {
   const std::string text = long_text(100'000);
   ScriptedServer server({whole(text)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_TRUE(kept.text == text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_TRUE(received.text == text);
   EXPECT_EQ(server.asked()[0].line(), "GET /v1/jobs/j-1/result");
   EXPECT_EQ(server.asked()[0].header("range"), "");
 }
@@ -57,9 +58,9 @@ TEST(Download, gives_the_whole_result_and_asks_for_no_range) {
 TEST(Download, goes_on_where_the_connection_broke) {
   const std::string text = long_text(100'000);
   ScriptedServer server({whole(text, 30'001), part(text, 30'001, 20'000), part(text, 50'001)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_TRUE(kept.text == text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_TRUE(received.text == text);
   const auto asked = server.asked();
   ASSERT_THAT(asked, SizeIs(3));
   EXPECT_EQ(asked[1].header("range"), "bytes=30001-");
@@ -71,30 +72,30 @@ TEST(Download, goes_on_where_the_connection_broke) {
 TEST(Download, goes_on_after_the_daemon_was_busy) {
   const std::string text = long_text(1000);
   ScriptedServer server({whole(text, 10),
-                         problem_answer(503, "shutting-down", "bye", {"Retry-After: 0"}),
+                         problem_response(503, "shutting-down", "bye", {"Retry-After: 0"}),
                          part(text, 10)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_EQ(kept.text, text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_EQ(received.text, text);
 }
 
 TEST(Download, starts_anew_when_nothing_had_come) {
   const std::string text = long_text(1000);
   ScriptedServer server({whole("other", 0), whole(text)});
-  Kept kept;
-  Client(server.url()).download("j-1", kept.sink());
-  EXPECT_EQ(kept.text, text);
+  Received received;
+  Client(server.url()).download("j-1", received.sink());
+  EXPECT_EQ(received.text, text);
   EXPECT_EQ(server.asked()[1].header("range"), "");
 }
 
 TEST(Download, a_result_that_changed_meanwhile_is_an_error_and_gives_no_more_bytes) {
   const std::string text = long_text(1000);
-  ScriptedServer server({whole(text, 10), Answer{.body = std::string(1000, 'x'),
-                                                 .headers = {"ETag: \"sha256-other\""}}});
+  ScriptedServer server({whole(text, 10), CannedResponse{.body = std::string(1000, 'x'),
+                                                         .headers = {"ETag: \"sha256-other\""}}});
   Client client(server.url());
-  Kept kept;
-  const Error error = error_of([&] { client.download("j-1", kept.sink()); });
-  EXPECT_EQ(kept.text, text.substr(0, 10));
+  Received received;
+  const Error error = error_of([&] { client.download("j-1", received.sink()); });
+  EXPECT_EQ(received.text, text.substr(0, 10));
   EXPECT_EQ(error.code(), "bad-response");
   EXPECT_EQ(error.http_status(), 200);
   EXPECT_STREQ(error.what(),
@@ -106,39 +107,39 @@ TEST(Download, a_result_that_changed_meanwhile_is_an_error_and_gives_no_more_byt
 
 TEST(Download, a_part_that_starts_elsewhere_or_is_of_another_result_is_an_error) {
   const std::string text = long_text(1000);
-  Answer other = part(text, 10);
+  CannedResponse other = part(text, 10);
   other.headers[0] = "ETag: \"sha256-other\"";
-  Answer unnamed = part(text, 10);
+  CannedResponse unnamed = part(text, 10);
   unnamed.headers.pop_back();
-  for (const Answer& answer : {part(text, 9), part(text, 100), other, unnamed}) {
-    ScriptedServer server({whole(text, 10), answer});
+  for (const CannedResponse& response : {part(text, 9), part(text, 100), other, unnamed}) {
+    ScriptedServer server({whole(text, 10), response});
     Client client(server.url());
-    Kept kept;
-    EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "bad-response");
-    EXPECT_EQ(kept.text, text.substr(0, 10));
+    Received received;
+    EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "bad-response");
+    EXPECT_EQ(received.text, text.substr(0, 10));
   }
 }
 
 TEST(Download, without_an_etag_nothing_is_resumed) {
-  ScriptedServer server({Answer{.body = long_text(1000), .cut_after = 10}});
+  ScriptedServer server({CannedResponse{.body = long_text(1000), .cut_after = 10}});
   Client client(server.url());
-  Kept kept;
-  EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "unreachable");
+  Received received;
+  EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "unreachable");
   EXPECT_THAT(server.asked(), SizeIs(1));
 }
 
 const std::string kIdOfGrid =
     "\"sha256-e7404b86c92a54396e9dd15862a83f6a0b14db06e51197abac985a4f9e83ccc0\"";  // of "GRID"
 
-Answer named(const std::string& text, const std::string& etag) {
-  return Answer{.body = text, .headers = {"ETag: " + etag}};
+CannedResponse named(const std::string& text, const std::string& etag) {
+  return CannedResponse{.body = text, .headers = {"ETag: " + etag}};
 }
 
-TEST(Download, bytes_that_are_not_what_their_id_says_are_an_error) {
+TEST(Download, bytes_that_do_not_match_their_id_are_an_error) {
   ScriptedServer server({named("GR1D", kIdOfGrid)});
   Client client(server.url());
-  Kept kept;
-  const Error error = error_of([&] { client.download("j-1", kept.sink()); });
+  Received received;
+  const Error error = error_of([&] { client.download("j-1", received.sink()); });
   EXPECT_EQ(error.code(), "content-mismatch");
   EXPECT_STREQ(error.what(),
                "the result of the job j-1 was damaged on its way, or where it is stored: expected "
@@ -149,17 +150,18 @@ TEST(Download, bytes_that_are_not_what_their_id_says_are_an_error) {
 TEST(Download, a_resumed_result_is_checked_as_a_whole) {
   const std::vector<std::string> etag = {"ETag: " + kIdOfGrid};
   const std::vector<std::string> rest = {"ETag: " + kIdOfGrid, "Content-Range: bytes 2-3/4"};
-  const Answer begin{.body = "GRID", .headers = etag, .cut_after = 2};
+  const CannedResponse begin{.body = "GRID", .headers = etag, .cut_after = 2};
   for (const std::string end : {"ID", "iD"}) {
-    ScriptedServer server({begin, Answer{.status = 206, .body = end, .headers = rest}});
+    ScriptedServer server({begin, CannedResponse{.status = 206, .body = end, .headers = rest}});
     Client client(server.url());
-    Kept kept;
+    Received received;
     if (end == "ID") {
-      client.download("j-1", kept.sink());
+      client.download("j-1", received.sink());
     } else {
-      EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "content-mismatch");
+      EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(),
+                "content-mismatch");
     }
-    EXPECT_EQ(kept.text, "GR" + end);
+    EXPECT_EQ(received.text, "GR" + end);
   }
 }
 
@@ -173,21 +175,21 @@ TEST(Download, gives_up_after_the_tries) {
   const std::string text = long_text(1000);
   ScriptedServer server({whole(text, 10), part(text, 10, 10), part(text, 20, 10)});
   Client client(settings_for(server.url(), 2));
-  Kept kept;
-  EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "unreachable");
-  EXPECT_EQ(kept.text, text.substr(0, 30));
+  Received received;
+  EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "unreachable");
+  EXPECT_EQ(received.text, text.substr(0, 30));
   EXPECT_THAT(server.asked(), SizeIs(3));
 }
 
 TEST(Download, a_problem_is_thrown_and_not_given_to_the_sink) {
-  ScriptedServer server({problem_answer(409, "conflict", "the job runs")});
+  ScriptedServer server({problem_response(409, "conflict", "the job runs")});
   Client client(server.url());
-  Kept kept;
-  EXPECT_EQ(error_of([&] { client.download("j-1", kept.sink()); }).code(), "conflict");
-  EXPECT_EQ(kept.text, "");
+  Received received;
+  EXPECT_EQ(error_of([&] { client.download("j-1", received.sink()); }).code(), "conflict");
+  EXPECT_EQ(received.text, "");
 }
 
-TEST(Download, what_the_sink_throws_passes_through_and_ends_it) {
+TEST(Download, an_exception_of_the_sink_passes_through_and_ends_the_download) {
   ScriptedServer server({whole(long_text(1'000'000))});
   Client client(server.url());
   int calls = 0;
@@ -201,7 +203,7 @@ TEST(Download, what_the_sink_throws_passes_through_and_ends_it) {
 }
 
 TEST(Download, the_client_is_usable_after_a_sink_threw) {
-  ScriptedServer server({whole(long_text(1'000'000)), job_answer("done")});
+  ScriptedServer server({whole(long_text(1'000'000)), job_response("done")});
   Client client(server.url());
   EXPECT_THROW(
       client.download("j-1", [](std::span<const std::byte>) { throw std::domain_error("no"); }),
@@ -209,12 +211,12 @@ TEST(Download, the_client_is_usable_after_a_sink_threw) {
   EXPECT_EQ(client.job("j-1").state, "done");
 }
 
-TEST(Download, progress_tells_bytes_of_the_total_also_after_a_break) {
+TEST(Download, progress_reports_bytes_of_the_total_also_after_a_break) {
   const std::string text = long_text(200'000);
   ScriptedServer server({whole(text, 100'000), part(text, 100'000)});
-  Kept kept;
+  Received received;
   std::vector<Progress> told;
-  Client(server.url()).download("j-1", kept.sink(), [&](const Progress& now) {
+  Client(server.url()).download("j-1", received.sink(), [&](const Progress& now) {
     told.push_back(now);
     return true;
   });
@@ -227,9 +229,9 @@ TEST(Download, progress_tells_bytes_of_the_total_also_after_a_break) {
 TEST(Download, a_callback_that_returns_false_stops_it) {
   ScriptedServer server({whole(long_text(1'000'000), 10)});
   Client client(server.url());
-  Kept kept;
+  Received received;
   const Error error = error_of([&] {
-    client.download("j-1", kept.sink(), [](const Progress& now) { return now.done == 0; });
+    client.download("j-1", received.sink(), [](const Progress& now) { return now.done == 0; });
   });
   EXPECT_EQ(error.code(), "interrupted");
   EXPECT_THAT(server.asked(), SizeIs(1));
@@ -241,8 +243,8 @@ TEST(WholeWay, voxelize_uploads_submits_waits_downloads_and_decodes) {
   header.voxel_size = {1, 1, 1};
   const auto container = encode_grid(header, {});
   ASSERT_TRUE(container.ok());
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"),
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"),
                          whole(std::string(container->begin(), container->end()), 50),
                          part(std::string(container->begin(), container->end()), 50)});
   Client client(server.url());
@@ -257,22 +259,22 @@ TEST(WholeWay, voxelize_uploads_submits_waits_downloads_and_decodes) {
 }
 
 TEST(WholeWay, render_gives_the_image_and_the_jobs_end) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done", R"("result":{"bytes":3,"media_type":"image/png"})"),
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done", R"("result":{"bytes":3,"media_type":"image/png"})"),
                          whole("PNG")});
-  Kept kept;
-  const JobInfo job =
-      Client(server.url())
-          .render_to(Source::memory(bytes_of("x"), ""), Options().set("width", "9"), kept.sink());
-  EXPECT_EQ(kept.text, "PNG");
+  Received received;
+  const JobInfo job = Client(server.url())
+                          .render_to(Source::memory(bytes_of("x"), ""), Options().set("width", "9"),
+                                     received.sink());
+  EXPECT_EQ(received.text, "PNG");
   EXPECT_EQ(job.media_type, "image/png");
   EXPECT_EQ(server.asked()[1].body,
             R"({"asset":"sha256-a","kind":"render","options":{"width":"9"}})");
 }
 
-TEST(WholeWay, what_is_no_container_is_a_bad_answer) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-a"})"), job_answer("queued"),
-                         job_answer("done"), whole("<html>")});
+TEST(WholeWay, a_result_that_is_no_container_is_a_bad_response) {
+  ScriptedServer server({json_response(R"({"id":"sha256-a"})"), job_response("queued"),
+                         job_response("done"), whole("<html>")});
   Client client(server.url());
   const Error error = error_of([&] { client.voxelize(Source::memory(bytes_of("x"), "a"), {}); });
   EXPECT_EQ(error.code(), "bad-response");

@@ -86,7 +86,7 @@ TEST(Grid, for_each_visits_every_voxel_once_with_its_color_and_normal) {
   EXPECT_EQ(grid.voxel_count(), in.voxels.size());
 }
 
-TEST(Grid, every_voxel_has_what_its_channels_say) {
+TEST(Grid, every_voxel_has_the_values_of_its_channels) {
   std::mt19937 random(6);
   const auto voxels = test::random_voxels(random, {300, 40, 52}, 3000);
   GridHeader header = header_of({300, 40, 52}, true, true);
@@ -164,7 +164,7 @@ TEST(Grid, for_each_goes_in_morton_order_within_a_tile) {
   });
 }
 
-TEST(Grid, occupied_and_color_answer_for_every_cell_as_written) {
+TEST(Grid, occupied_and_color_return_every_cell_as_written) {
   const std::array<int, 3> dims = {270, 21, 33};
   const Written in = written(header_of(dims, true, false), scattered(dims, 3));
   const Grid grid = Grid::decode(in.container);
@@ -241,7 +241,7 @@ TEST(Grid, the_container_may_go_after_decode) {
   EXPECT_EQ(grid.color(1, 0, 0), (Color{1, 0, 0, 255}));
 }
 
-TEST(Grid, every_truncated_container_is_a_bad_answer) {
+TEST(Grid, every_truncated_container_is_a_bad_response) {
   const auto container =
       written(header_of({300, 40, 20}, true, true), test::box_voxels({250, 0, 0}, {260, 3, 3}))
           .container;
@@ -255,7 +255,7 @@ TEST(Grid, every_truncated_container_is_a_bad_answer) {
   EXPECT_EQ(error_of([&] { Grid::decode(longer); }).code(), "bad-response");
 }
 
-TEST(Grid, a_container_with_a_flipped_bit_decodes_or_is_a_bad_answer) {
+TEST(Grid, a_container_with_a_flipped_bit_decodes_or_is_a_bad_response) {
   const auto container =
       written(header_of({300, 40, 20}, true, true), test::box_voxels({250, 0, 0}, {260, 3, 3}))
           .container;

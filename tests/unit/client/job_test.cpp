@@ -11,29 +11,29 @@ namespace voxeld::client {
 namespace {
 
 using namespace std::chrono_literals;
-using test::Answer;
-using test::job_answer;
-using test::json_answer;
-using test::problem_answer;
+using test::CannedResponse;
+using test::job_response;
+using test::json_response;
+using test::problem_response;
 using test::ScriptedServer;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
-const Answer kUploaded = json_answer(R"({"id":"sha256-a"})");
+const CannedResponse kUploaded = json_response(R"({"id":"sha256-a"})");
 
-Answer unchanged(std::chrono::milliseconds delay = 0ms) {
-  return Answer{.status = 304, .delay = delay};
+CannedResponse unchanged(std::chrono::milliseconds delay = 0ms) {
+  return CannedResponse{.status = 304, .delay = delay};
 }
 
-Answer running(int done, const std::string& etag) {
-  return job_answer("running",
-                    R"("stage":"voxelize","tiles_total":4,"tiles_done":)" + std::to_string(done),
-                    {"ETag: " + etag});
+CannedResponse running(int done, const std::string& etag) {
+  return job_response("running",
+                      R"("stage":"voxelize","tiles_total":4,"tiles_done":)" + std::to_string(done),
+                      {"ETag: " + etag});
 }
 
 TEST(Submit, kind_input_options_and_filename_are_sent) {
-  ScriptedServer server({job_answer("queued"), job_answer("queued")});
+  ScriptedServer server({job_response("queued"), job_response("queued")});
   Client client(server.url());
   client.submit("voxelize", Input::of_asset("sha256-a"),
                 Options().set("size", "7").set("filename", "a.ply").set("size", "8"));
@@ -45,7 +45,7 @@ TEST(Submit, kind_input_options_and_filename_are_sent) {
 }
 
 TEST(Submit, a_sequence_may_be_the_input) {
-  ScriptedServer server({job_answer("queued")});
+  ScriptedServer server({job_response("queued")});
   Client(server.url())
       .submit("export", Input::of_sequence("sha256-s"), Options().set("frames", "3..5"));
   EXPECT_EQ(server.asked()[0].body,
@@ -53,7 +53,7 @@ TEST(Submit, a_sequence_may_be_the_input) {
 }
 
 TEST(Submit, a_bundle_names_its_files_and_their_uploads) {
-  ScriptedServer server({json_answer(R"({"id":"sha256-b"})"), json_answer("{}")});
+  ScriptedServer server({json_response(R"({"id":"sha256-b"})"), json_response("{}")});
   Client client(server.url());
   const std::vector<BundleFile> files = {{"bob.md5mesh", "sha256-a"}, {"walk.md5anim", "sha256-c"}};
   EXPECT_EQ(client.bundle(files), "sha256-b");
@@ -64,14 +64,14 @@ TEST(Submit, a_bundle_names_its_files_and_their_uploads) {
   EXPECT_EQ(error_of([&] { client.bundle(files); }).code(), "bad-response");
 }
 
-TEST(Frames, those_that_are_done_are_listed) {
+TEST(Frames, finished_frames_are_listed) {
   ScriptedServer server(
-      {json_answer(
+      {json_response(
            R"({"job":"j-1","sequence":null,"frames_total":3,"frames":[{"index":0,"time_s":0,)"
            R"("grid":"sha256-g","voxel_count":17,"content_hash":"sha256-h"},{"index":2,)"
            R"("time_s":0.25,"grid":"sha256-i","voxel_count":5,"content_hash":"sha256-j"}]})"),
-       json_answer(R"({"sequence":"sha256-s","frames_total":0,"frames":[]})"),
-       json_answer(R"({"frames_total":0})")});
+       json_response(R"({"sequence":"sha256-s","frames_total":0,"frames":[]})"),
+       json_response(R"({"frames_total":0})")});
   Client client(server.url());
   const JobFrames frames = client.frames("j-1");
   EXPECT_EQ(frames.sequence, "");
@@ -88,19 +88,19 @@ TEST(Frames, those_that_are_done_are_listed) {
 }
 
 TEST(Frames, one_that_is_not_done_yet_is_not_found) {
-  ScriptedServer server({problem_answer(404, "not-found", "frame 7: 3 of 140 frames are done")});
+  ScriptedServer server({problem_response(404, "not-found", "frame 7: 3 of 140 frames are done")});
   Client client(server.url());
   EXPECT_EQ(error_of([&] { client.frame("j-1", 7); }).code(), "not-found");
   EXPECT_EQ(server.lines()[0], "GET /v1/jobs/j-1/frames/7");
 }
 
 TEST(Frames, progress_of_a_sequence_counts_frames) {
-  ScriptedServer server({job_answer("running",
-                                    R"("stage":"voxelize","tiles_total":4,"tiles_done":1,)"
-                                    R"("frames_total":140,"frames_done":12)",
-                                    {"ETag: \"1\""}),
-                         job_answer("done", R"("frames_total":140,"frames_done":140,)"
-                                            R"("result":{"sequence":"sha256-s"})")});
+  ScriptedServer server({job_response("running",
+                                      R"("stage":"voxelize","tiles_total":4,"tiles_done":1,)"
+                                      R"("frames_total":140,"frames_done":12)",
+                                      {"ETag: \"1\""}),
+                         job_response("done", R"("frames_total":140,"frames_done":140,)"
+                                              R"("result":{"sequence":"sha256-s"})")});
   std::vector<std::string> told;
   const JobInfo job = Client(server.url()).wait("j-1", [&](const Progress& now) {
     told.push_back(std::to_string(now.done) + "/" + std::to_string(now.total) + " " + now.unit);
@@ -112,14 +112,14 @@ TEST(Frames, progress_of_a_sequence_counts_frames) {
 }
 
 TEST(Submit, a_name_that_is_no_utf8_is_sent_as_text_that_is) {
-  ScriptedServer server({job_answer("queued")});
+  ScriptedServer server({job_response("queued")});
   Client(server.url())
       .submit("inspect", Input::of_asset("a"), Options().set("filename", "b\xe4ume.ply"));
   EXPECT_THAT(server.asked()[0].body, HasSubstr("\"filename\":\"b\xef\xbf\xbdume.ply\""));
 }
 
-TEST(JobInfo, holds_what_the_daemon_says) {
-  ScriptedServer server({json_answer(
+TEST(JobInfo, holds_the_values_of_the_response) {
+  ScriptedServer server({json_response(
       R"({"id":"j-7","kind":"render","state":"done","stage":"","tiles_done":3,"tiles_total":4,)"
       R"("queue_position":0,"result":{"bytes":99,"media_type":"image/png","grid":"sha256-g",)"
       R"("meta":{"dims":[1,2,3]},"warnings":[{"code":"missing-texture","detail":"skin.png"}]}})")});
@@ -138,9 +138,9 @@ TEST(JobInfo, holds_what_the_daemon_says) {
 }
 
 TEST(JobInfo, members_of_the_wrong_type_are_left_out) {
-  ScriptedServer server({json_answer(R"({"id":"j","state":"done","kind":[],"tiles_done":"x",)"
-                                     R"("result":{"bytes":{},"warnings":[7,null]}})"),
-                         json_answer(R"({"id":"j","state":"done","result":[1]})")});
+  ScriptedServer server({json_response(R"({"id":"j","state":"done","kind":[],"tiles_done":"x",)"
+                                       R"("result":{"bytes":{},"warnings":[7,null]}})"),
+                         json_response(R"({"id":"j","state":"done","result":[1]})")});
   Client client(server.url());
   EXPECT_EQ(client.job("j").kind, "");
   EXPECT_EQ(client.job("j").bytes, 0);
@@ -148,8 +148,8 @@ TEST(JobInfo, members_of_the_wrong_type_are_left_out) {
 
 TEST(Jobs, a_list_is_asked_for_with_its_limit) {
   ScriptedServer server(
-      {json_answer(R"({"jobs":[{"id":"j-2","state":"done"},{"id":"j-1","state":"failed"}]})"),
-       json_answer(R"({"jobs":[]})")});
+      {json_response(R"({"jobs":[{"id":"j-2","state":"done"},{"id":"j-1","state":"failed"}]})"),
+       json_response(R"({"jobs":[]})")});
   Client client(server.url());
   const auto jobs = client.jobs(2);
   ASSERT_THAT(jobs, SizeIs(2));
@@ -158,18 +158,18 @@ TEST(Jobs, a_list_is_asked_for_with_its_limit) {
   EXPECT_THAT(server.lines(), ElementsAre("GET /v1/jobs?limit=2", "GET /v1/jobs?limit=100"));
 }
 
-TEST(Jobs, a_list_that_is_none_is_a_bad_answer) {
+TEST(Jobs, a_list_of_the_wrong_type_is_a_bad_response) {
   for (const char* body : {"{}", R"({"jobs":7})", R"({"jobs":"x"})", R"({"jobs":[1]})"}) {
-    ScriptedServer server({json_answer(body)});
+    ScriptedServer server({json_response(body)});
     Client client(server.url());
     EXPECT_EQ(error_of([&] { client.jobs(); }).code(), "bad-response") << body;
   }
 }
 
 TEST(Wait, asks_for_the_next_change_by_etag_until_the_end) {
-  ScriptedServer server({job_answer("queued", R"("queue_position":2)", {"ETag: \"1\""}),
+  ScriptedServer server({job_response("queued", R"("queue_position":2)", {"ETag: \"1\""}),
                          running(1, "\"2\""), unchanged(), running(3, "\"3\""),
-                         job_answer("done", "", {"ETag: \"4\""})});
+                         job_response("done", "", {"ETag: \"4\""})});
   Client client(server.url());
   std::vector<std::string> stages;
   const JobInfo job = client.wait("j-1", [&](const Progress& progress) {
@@ -192,7 +192,7 @@ TEST(Wait, asks_for_the_next_change_by_etag_until_the_end) {
 }
 
 TEST(Wait, a_failed_job_throws_its_own_error) {
-  ScriptedServer server({job_answer(
+  ScriptedServer server({job_response(
       "failed",
       R"("error":{"code":"malformed-mesh","detail":"a.ply line 3","expected":"1","got":"2"})")});
   Client client(server.url());
@@ -204,7 +204,7 @@ TEST(Wait, a_failed_job_throws_its_own_error) {
 
 TEST(Wait, every_error_code_of_a_job_keeps_its_name_and_status) {
   for (const ErrorCodeInfo& info : all_error_codes()) {
-    ScriptedServer server({job_answer(
+    ScriptedServer server({job_response(
         "failed", R"("error":{"detail":"d","code":")" + std::string(info.name) + "\"}")});
     Client client(server.url());
     const Error error = error_of([&] { client.wait("j-1"); });
@@ -213,8 +213,8 @@ TEST(Wait, every_error_code_of_a_job_keeps_its_name_and_status) {
   }
 }
 
-TEST(Wait, an_end_without_an_error_document_is_told_by_the_state) {
-  ScriptedServer server({job_answer("cancelled"), job_answer("failed", R"("error":7)")});
+TEST(Wait, an_end_without_an_error_document_is_reported_by_the_state) {
+  ScriptedServer server({job_response("cancelled"), job_response("failed", R"("error":7)")});
   Client client(server.url());
   const Error cancelled = error_of([&] { client.wait("j-1"); });
   EXPECT_EQ(cancelled.code(), "cancelled");
@@ -223,44 +223,44 @@ TEST(Wait, an_end_without_an_error_document_is_told_by_the_state) {
 }
 
 TEST(Wait, goes_on_over_a_daemon_that_restarts_while_the_job_stands_still) {
-  Answer cut = running(1, "\"1\"");
+  CannedResponse cut = running(1, "\"1\"");
   cut.cut_after = 5;
-  ScriptedServer server({running(1, "\"1\""), problem_answer(503, "shutting-down", "bye"), cut,
-                         unchanged(), job_answer("done")});
+  ScriptedServer server({running(1, "\"1\""), problem_response(503, "shutting-down", "bye"), cut,
+                         unchanged(), job_response("done")});
   EXPECT_EQ(Client(server.url()).wait("j-1").state, "done");
   EXPECT_THAT(server.asked(), SizeIs(5));
 }
 
 TEST(Wait, gives_up_on_a_daemon_that_stays_away) {
-  ScriptedServer server({running(1, "\"1\""), problem_answer(503, "shutting-down", "bye"),
-                         problem_answer(503, "shutting-down", "bye")});
+  ScriptedServer server({running(1, "\"1\""), problem_response(503, "shutting-down", "bye"),
+                         problem_response(503, "shutting-down", "bye")});
   Client client(settings_for(server.url(), 1));
   EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "shutting-down");
   EXPECT_THAT(server.asked(), SizeIs(3));
 }
 
-TEST(Wait, a_304_that_nobody_asked_for_is_a_bad_answer) {
+TEST(Wait, a_304_without_a_condition_is_a_bad_response) {
   ScriptedServer server({unchanged()});
   Client client(server.url());
   EXPECT_EQ(error_of([&] { client.wait("j-1"); }).code(), "bad-response");
 }
 
 TEST(Wait, a_short_timeout_does_not_count_the_time_that_the_daemon_was_asked_to_hold) {
-  ScriptedServer server({running(1, "\"1\""), unchanged(1500ms), job_answer("done")});
+  ScriptedServer server({running(1, "\"1\""), unchanged(1500ms), job_response("done")});
   Settings settings = settings_for(server.url(), 0);
   settings.timeout = 1s;
   EXPECT_EQ(Client(settings).wait("j-1").state, "done");
 }
 
 TEST(Cancel, is_a_delete) {
-  ScriptedServer server({job_answer("cancelled")});
+  ScriptedServer server({job_response("cancelled")});
   EXPECT_EQ(Client(server.url()).cancel("j-1").state, "cancelled");
   EXPECT_THAT(server.lines(), ElementsAre("DELETE /v1/jobs/j-1"));
 }
 
 TEST(Cancel, a_stop_token_deletes_the_job_that_voxelize_waits_for) {
-  ScriptedServer server({kUploaded, job_answer("queued"), Answer{.status = 304, .delay = 20s},
-                         job_answer("cancelled")});
+  ScriptedServer server({kUploaded, job_response("queued"),
+                         CannedResponse{.status = 304, .delay = 20s}, job_response("cancelled")});
   Client client(server.url());
   std::stop_source stop;
   std::jthread stopper([&] {
@@ -277,8 +277,8 @@ TEST(Cancel, a_stop_token_deletes_the_job_that_voxelize_waits_for) {
 }
 
 TEST(Cancel, a_callback_that_returns_false_deletes_the_job_even_while_it_stands_still) {
-  ScriptedServer server({kUploaded, job_answer("queued"), running(2, "\"1\""), unchanged(),
-                         unchanged(), job_answer("cancelled")});
+  ScriptedServer server({kUploaded, job_response("queued"), running(2, "\"1\""), unchanged(),
+                         unchanged(), job_response("cancelled")});
   Client client(server.url());
   int calls = 0;
   const Error error = error_of([&] {
@@ -292,7 +292,7 @@ TEST(Cancel, a_callback_that_returns_false_deletes_the_job_even_while_it_stands_
 
 TEST(Cancel, a_callback_that_throws_deletes_the_job_and_its_exception_passes_through) {
   ScriptedServer server(
-      {kUploaded, job_answer("queued"), running(2, "\"1\""), job_answer("cancelled")});
+      {kUploaded, job_response("queued"), running(2, "\"1\""), job_response("cancelled")});
   Client client(server.url());
   const auto progress = [](const Progress& now) {
     if (now.stage == "voxelize") throw std::domain_error("no");
@@ -304,7 +304,7 @@ TEST(Cancel, a_callback_that_throws_deletes_the_job_and_its_exception_passes_thr
 }
 
 TEST(Cancel, a_job_that_failed_by_itself_is_not_deleted) {
-  ScriptedServer server({kUploaded, job_answer("queued"), job_answer("failed")});
+  ScriptedServer server({kUploaded, job_response("queued"), job_response("failed")});
   Client client(server.url());
   EXPECT_EQ(error_of([&] { client.voxelize(Source::memory(bytes_of("x"), "a.ply"), {}); }).code(),
             "failed");
@@ -312,7 +312,7 @@ TEST(Cancel, a_job_that_failed_by_itself_is_not_deleted) {
 }
 
 TEST(Cancel, a_stop_ends_the_pause_before_another_try) {
-  ScriptedServer server({problem_answer(503, "queue-full", "full", {"Retry-After: 9"})});
+  ScriptedServer server({problem_response(503, "queue-full", "full", {"Retry-After: 9"})});
   Client client(server.url());
   std::stop_source stop;
   std::jthread stopper([&] {

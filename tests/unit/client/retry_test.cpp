@@ -12,21 +12,22 @@ namespace voxeld::client {
 namespace {
 
 using namespace std::chrono_literals;
-using test::Answer;
-using test::job_answer;
-using test::json_answer;
-using test::problem_answer;
+using test::CannedResponse;
+using test::job_response;
+using test::json_response;
+using test::problem_response;
 using test::ScriptedServer;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
-Answer busy(int status, const std::string& retry_after) {
-  return problem_answer(status, "queue-full", "the queue is full", {"Retry-After: " + retry_after});
+CannedResponse busy(int status, const std::string& retry_after) {
+  return problem_response(status, "queue-full", "the queue is full",
+                          {"Retry-After: " + retry_after});
 }
 
 TEST(Retry, a_busy_daemon_is_asked_again_with_the_same_body) {
-  ScriptedServer server({busy(503, "0"), busy(429, "0"), job_answer("queued")});
+  ScriptedServer server({busy(503, "0"), busy(429, "0"), job_response("queued")});
   Client client(server.url());
   const JobInfo job =
       client.submit("voxelize", Input::of_asset("sha256-a"), Options().set("size", "9"));
@@ -40,8 +41,8 @@ TEST(Retry, a_busy_daemon_is_asked_again_with_the_same_body) {
   EXPECT_EQ(asked[2].body, asked[0].body);
 }
 
-TEST(Retry, the_pause_is_what_retry_after_says) {
-  ScriptedServer server({busy(503, "1"), job_answer("done")});
+TEST(Retry, the_pause_is_that_of_retry_after) {
+  ScriptedServer server({busy(503, "1"), job_response("done")});
   Client client(server.url());
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(client.job("j-1").state, "done");
@@ -49,8 +50,8 @@ TEST(Retry, the_pause_is_what_retry_after_says) {
 }
 
 TEST(Retry, without_retry_after_the_pause_doubles_from_200_ms) {
-  ScriptedServer server({problem_answer(503, "shutting-down", "x"),
-                         problem_answer(503, "shutting-down", "x"), job_answer("done")});
+  ScriptedServer server({problem_response(503, "shutting-down", "x"),
+                         problem_response(503, "shutting-down", "x"), job_response("done")});
   Client client(server.url());
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(client.job("j-1").state, "done");
@@ -59,12 +60,12 @@ TEST(Retry, without_retry_after_the_pause_doubles_from_200_ms) {
 }
 
 TEST(Retry, a_retry_after_that_is_a_date_is_not_waited_for) {
-  ScriptedServer server({busy(503, "Wed, 21 Oct 2015 07:28:00 GMT"), job_answer("done")});
+  ScriptedServer server({busy(503, "Wed, 21 Oct 2015 07:28:00 GMT"), job_response("done")});
   EXPECT_EQ(Client(server.url()).job("j-1").state, "done");
 }
 
-TEST(Retry, it_gives_up_after_the_tries_and_tells_the_last_answer) {
-  ScriptedServer server({busy(503, "0"), busy(503, "0"), busy(429, "0"), job_answer("done")});
+TEST(Retry, it_gives_up_after_the_tries_and_reports_the_last_response) {
+  ScriptedServer server({busy(503, "0"), busy(503, "0"), busy(429, "0"), job_response("done")});
   Client client(settings_for(server.url(), 2));
   const Error error = error_of([&] { client.job("j-1"); });
   EXPECT_EQ(error.code(), "queue-full");
@@ -73,20 +74,20 @@ TEST(Retry, it_gives_up_after_the_tries_and_tells_the_last_answer) {
 }
 
 TEST(Retry, zero_retries_ask_once) {
-  ScriptedServer server({busy(503, "0"), job_answer("done")});
+  ScriptedServer server({busy(503, "0"), job_response("done")});
   Client client(settings_for(server.url(), 0));
   EXPECT_EQ(error_of([&] { client.job("j-1"); }).http_status(), 503);
   EXPECT_THAT(server.asked(), SizeIs(1));
 }
 
 TEST(Retry, a_refused_connection_is_tried_until_the_daemon_listens) {
-  ScriptedServer server({job_answer("done")}, 300ms);
+  ScriptedServer server({job_response("done")}, 300ms);
   EXPECT_EQ(Client(server.url()).job("j-1").state, "done");
 }
 
-TEST(Retry, other_failures_are_told_at_once) {
+TEST(Retry, other_failures_are_reported_at_once) {
   for (const int status : {400, 404, 409, 500, 504, 507}) {
-    ScriptedServer server({problem_answer(status, "some-code", "no"), job_answer("done")});
+    ScriptedServer server({problem_response(status, "some-code", "no"), job_response("done")});
     Client client(server.url());
     EXPECT_EQ(error_of([&] { client.job("j-1"); }).http_status(), status);
     EXPECT_THAT(server.asked(), SizeIs(1));
@@ -94,7 +95,7 @@ TEST(Retry, other_failures_are_told_at_once) {
 }
 
 TEST(Errors, a_problem_document_becomes_an_error_with_all_its_parts) {
-  ScriptedServer server({Answer{
+  ScriptedServer server({CannedResponse{
       .status = 400,
       .body = R"({"type":"urn:voxeld:error:invalid-option","title":"T","status":400,)"
               R"("code":"invalid-option","detail":"size","expected":"1 to 2048","got":"0"})",
@@ -109,22 +110,25 @@ TEST(Errors, a_problem_document_becomes_an_error_with_all_its_parts) {
   EXPECT_STREQ(error.what(), "size: expected 1 to 2048, got 0");
 }
 
-TEST(Errors, the_text_leaves_out_what_the_problem_does_not_say) {
+TEST(Errors, the_text_leaves_out_members_that_the_problem_lacks) {
   EXPECT_STREQ(Error("c", 1, "a", "", "b").what(), "a: got b");
   EXPECT_STREQ(Error("c", 1, "a", "b", "").what(), "a: expected b");
   EXPECT_STREQ(Error("c", 1, "a").what(), "a");
 }
 
-TEST(Errors, an_answer_of_another_service_is_a_bad_answer) {
-  for (const Answer& answer :
-       {Answer{.body = "<html>Welcome to nginx</html>"}, Answer{.body = ""}, Answer{.body = "[1]"},
-        Answer{.body = "\"text\""}, Answer{.body = R"({"hello":"world"})"},
-        Answer{.body = R"({"id":7,"state":null})"}, Answer{.body = "{\"id\":\"\xff\"}"},
-        Answer{.status = 404, .body = "<html>no</html>"}, Answer{.status = 404, .body = "{}"},
-        Answer{.status = 404, .body = R"({"code":7})"},
-        Answer{.status = 302, .headers = {"Location: http://127.0.0.1:1/"}}}) {
-    SCOPED_TRACE(answer.body);
-    ScriptedServer server({answer});
+TEST(Errors, a_response_of_another_service_is_a_bad_response) {
+  for (const CannedResponse& response :
+       {CannedResponse{.body = "<html>Welcome to nginx</html>"}, CannedResponse{.body = ""},
+        CannedResponse{.body = "[1]"}, CannedResponse{.body = "\"text\""},
+        CannedResponse{.body = R"({"hello":"world"})"},
+        CannedResponse{.body = R"({"id":7,"state":null})"},
+        CannedResponse{.body = "{\"id\":\"\xff\"}"},
+        CannedResponse{.status = 404, .body = "<html>no</html>"},
+        CannedResponse{.status = 404, .body = "{}"},
+        CannedResponse{.status = 404, .body = R"({"code":7})"},
+        CannedResponse{.status = 302, .headers = {"Location: http://127.0.0.1:1/"}}}) {
+    SCOPED_TRACE(response.body);
+    ScriptedServer server({response});
     Client client(server.url());
     const Error error = error_of([&] { client.job("j-1"); });
     EXPECT_EQ(error.code(), "bad-response");
@@ -132,15 +136,15 @@ TEST(Errors, an_answer_of_another_service_is_a_bad_answer) {
   }
 }
 
-TEST(Errors, a_bad_answer_names_the_address_and_the_status) {
-  ScriptedServer server({Answer{.status = 404, .body = "<html>no</html>"}});
+TEST(Errors, a_bad_response_names_the_address_and_the_status) {
+  ScriptedServer server({CannedResponse{.status = 404, .body = "<html>no</html>"}});
   Client client(server.url());
   const Error error = error_of([&] { client.job("j-1"); });
   EXPECT_EQ(error.http_status(), 404);
   EXPECT_EQ(error.what(), server.url() + ": status 404");
 }
 
-TEST(Errors, nobody_at_the_address_is_unreachable_and_told_with_the_address) {
+TEST(Errors, an_address_without_a_daemon_is_unreachable_and_named) {
   Client client(settings_for(test::url_of_nobody(), 1));
   const auto start = std::chrono::steady_clock::now();
   const Error error = error_of([&] { client.job("j-1"); });
@@ -158,8 +162,8 @@ TEST(Errors, an_address_that_is_none_is_unreachable) {
   }
 }
 
-TEST(Errors, a_daemon_that_does_not_answer_in_time_is_a_timeout) {
-  ScriptedServer server({Answer{.delay = 10s}});
+TEST(Errors, a_daemon_that_does_not_respond_in_time_is_a_timeout) {
+  ScriptedServer server({CannedResponse{.delay = 10s}});
   Settings settings = settings_for(server.url(), 3);
   settings.timeout = 1s;
   Client client(settings);
@@ -171,13 +175,14 @@ TEST(Errors, a_daemon_that_does_not_answer_in_time_is_a_timeout) {
 }
 
 TEST(Client, slashes_at_the_end_of_the_address_do_not_count) {
-  ScriptedServer server({job_answer("done")});
+  ScriptedServer server({job_response("done")});
   EXPECT_EQ(Client(server.url() + "//").job("j-1").state, "done");
   EXPECT_THAT(server.lines(), ElementsAre("GET /v1/jobs/j-1"));
 }
 
 TEST(Client, ids_are_escaped_in_paths) {
-  ScriptedServer server({job_answer("done"), job_answer("cancelled"), json_answer("{\"a\":1}")});
+  ScriptedServer server(
+      {job_response("done"), job_response("cancelled"), json_response("{\"a\":1}")});
   Client client(server.url());
   client.job("../x?y=1");
   client.cancel("a/b");
@@ -187,7 +192,7 @@ TEST(Client, ids_are_escaped_in_paths) {
 }
 
 TEST(Client, a_moved_client_goes_on) {
-  ScriptedServer server({job_answer("done")});
+  ScriptedServer server({job_response("done")});
   Client first(server.url());
   Client second(std::move(first));
   EXPECT_EQ(second.job("j-1").state, "done");

@@ -64,11 +64,11 @@ std::optional<std::string> take_line(std::string& buffer) {
   return line;
 }
 
-std::string head_of(const Answer& answer) {
-  std::string head = "HTTP/1.1 " + std::to_string(answer.status) + " Canned\r\n";
-  for (const std::string& header : answer.headers) head += header + "\r\n";
-  if (answer.status != 304) {
-    head += "Content-Length: " + std::to_string(answer.body.size()) + "\r\n";
+std::string head_of(const CannedResponse& response) {
+  std::string head = "HTTP/1.1 " + std::to_string(response.status) + " Canned\r\n";
+  for (const std::string& header : response.headers) head += header + "\r\n";
+  if (response.status != 304) {
+    head += "Content-Length: " + std::to_string(response.body.size()) + "\r\n";
   }
   return head + "Connection: close\r\n\r\n";
 }
@@ -80,7 +80,8 @@ std::string Asked::header(const std::string& name) const {
   return it == headers.end() ? "" : it->second;
 }
 
-ScriptedServer::ScriptedServer(std::vector<Answer> script, std::chrono::milliseconds refuse_for)
+ScriptedServer::ScriptedServer(std::vector<CannedResponse> script,
+                               std::chrono::milliseconds refuse_for)
     : script_(std::move(script)) {
   std::tie(listener_, port_) = bound_socket();
   if (pipe(wake_) != 0) throw std::runtime_error("no pipe");
@@ -126,15 +127,16 @@ void ScriptedServer::serve_one(int connection) {
   auto asked = read_head(connection, buffer);
   if (!asked) return;
   const size_t number = this->asked().size();
-  const Answer answer = number < script_.size() ? script_[number] : Answer{.status = 500};
-  if (answer.reads_body) read_body(connection, buffer, *asked);
+  const CannedResponse response =
+      number < script_.size() ? script_[number] : CannedResponse{.status = 500};
+  if (response.reads_body) read_body(connection, buffer, *asked);
   {
     const std::lock_guard lock(mutex_);
     asked_.push_back(*std::move(asked));
   }
-  hold(connection, answer.delay);
-  send_all(connection, head_of(answer));
-  send_all(connection, std::string_view(answer.body).substr(0, answer.cut_after.value_or(-1)));
+  hold(connection, response.delay);
+  send_all(connection, head_of(response));
+  send_all(connection, std::string_view(response.body).substr(0, response.cut_after.value_or(-1)));
   shutdown(connection, SHUT_WR);
   drain(connection);
 }
@@ -196,7 +198,7 @@ void ScriptedServer::hold(int connection, std::chrono::milliseconds delay) const
   if (delay > 0ms) wait_for(connection, POLLRDHUP, wake_[0], delay);
 }
 
-// Closing with bytes unread would reset the connection, and the client might lose the answer.
+// Closing with bytes unread would reset the connection, and the client might lose the response.
 void ScriptedServer::drain(int connection) const {
   std::string ignored;
   while (fill(connection, ignored)) ignored.clear();
@@ -208,13 +210,13 @@ std::string url_of_nobody() {
   return "http://127.0.0.1:" + std::to_string(port);
 }
 
-Answer json_answer(std::string body, std::vector<std::string> headers) {
+CannedResponse json_response(std::string body, std::vector<std::string> headers) {
   headers.push_back("Content-Type: application/json");
   return {.body = std::move(body), .headers = std::move(headers)};
 }
 
-Answer problem_answer(int status, std::string_view code, std::string_view detail,
-                      std::vector<std::string> headers) {
+CannedResponse problem_response(int status, std::string_view code, std::string_view detail,
+                                std::vector<std::string> headers) {
   headers.push_back("Content-Type: application/problem+json");
   std::string body = R"({"type":"urn:voxeld:error:)" + std::string(code) + R"(","title":"T",)" +
                      R"("status":)" + std::to_string(status) + R"(,"code":")" + std::string(code) +
@@ -222,10 +224,11 @@ Answer problem_answer(int status, std::string_view code, std::string_view detail
   return {.status = status, .body = std::move(body), .headers = std::move(headers)};
 }
 
-Answer job_answer(std::string_view state, std::string_view more, std::vector<std::string> headers) {
+CannedResponse job_response(std::string_view state, std::string_view more,
+                            std::vector<std::string> headers) {
   std::string body = R"({"id":"j-1","kind":"voxelize","state":")" + std::string(state) + "\"";
   if (!more.empty()) body += "," + std::string(more);
-  return json_answer(body + "}", std::move(headers));
+  return json_response(body + "}", std::move(headers));
 }
 
 }  // namespace voxeld::test

@@ -1,4 +1,4 @@
-// An HTTP server that says what a test tells it to: one canned answer per request, in order. It can
+// An HTTP server that follows a script: one canned response per request, in order. It can
 // be slow, refuse connections at first, leave a body unread and cut its own body in the middle.
 #pragma once
 
@@ -13,13 +13,13 @@
 
 namespace voxeld::test {
 
-struct Answer {
+struct CannedResponse {
   int status = 200;
   std::string body{};
   std::vector<std::string> headers{};  // "Name: value"
   std::optional<size_t> cut_after{};   // closes the connection after so many bytes of the body
-  std::chrono::milliseconds delay{0};  // before the answer; ends early when the client is gone
-  bool reads_body = true;              // false: answers after the head of the request
+  std::chrono::milliseconds delay{0};  // before the response; ends early when the client is gone
+  bool reads_body = true;              // false: responds after the head of the request
 };
 
 // A request that the server received.
@@ -31,12 +31,12 @@ struct Asked {
   std::string line() const { return method + " " + target; }
 };
 
-// Serves on loopback until destroyed, one connection at a time, each for one request. What comes
-// after the last answer gets status 500.
+// Serves on loopback until destroyed, one connection at a time, each for one request. Requests
+// after the last response get status 500.
 class ScriptedServer {
  public:
   // Connections are refused until `refuse_for` has passed.
-  explicit ScriptedServer(std::vector<Answer> script,
+  explicit ScriptedServer(std::vector<CannedResponse> script,
                           std::chrono::milliseconds refuse_for = std::chrono::milliseconds(0));
   ~ScriptedServer();
   ScriptedServer(const ScriptedServer&) = delete;
@@ -56,7 +56,7 @@ class ScriptedServer {
   void hold(int connection, std::chrono::milliseconds delay) const;
   void drain(int connection) const;
 
-  const std::vector<Answer> script_;
+  const std::vector<CannedResponse> script_;
   int listener_ = -1;
   int port_ = 0;
   int wake_[2] = {-1, -1};  // a pipe: its writing end is closed to end the thread
@@ -68,12 +68,12 @@ class ScriptedServer {
 // A port on which nothing listens.
 std::string url_of_nobody();
 
-Answer json_answer(std::string body, std::vector<std::string> headers = {});
+CannedResponse json_response(std::string body, std::vector<std::string> headers = {});
 // application/problem+json.
-Answer problem_answer(int status, std::string_view code, std::string_view detail,
-                      std::vector<std::string> headers = {});
+CannedResponse problem_response(int status, std::string_view code, std::string_view detail,
+                                std::vector<std::string> headers = {});
 // A job's status document with the members that the client reads.
-Answer job_answer(std::string_view state, std::string_view more = "",
-                  std::vector<std::string> headers = {});
+CannedResponse job_response(std::string_view state, std::string_view more = "",
+                            std::vector<std::string> headers = {});
 
 }  // namespace voxeld::test

@@ -62,7 +62,7 @@ TEST(Sequence, holds_the_header_of_the_container) {
   EXPECT_EQ(sequence.time_s(6), 0.25);
 }
 
-TEST(Sequence, frames_are_what_was_written_in_any_order) {
+TEST(Sequence, frames_read_in_any_order_equal_those_written) {
   const auto frames = written_frames();
   Sequence sequence = Sequence::decode(container());
   for (const size_t index : {0u, 1u, 2u, 11u, 5u, 5u, 10u}) {
@@ -83,7 +83,7 @@ TEST(Sequence, there_is_no_frame_after_the_last) {
   EXPECT_EQ(error_of([&] { (void)sequence.time_s(kFrames); }).code(), "not-found");
 }
 
-TEST(Sequence, a_broken_container_is_a_bad_answer) {
+TEST(Sequence, a_broken_container_is_a_bad_response) {
   auto bytes = container();
   bytes[8] = std::byte{9};
   const Error error = error_of([&] { Sequence::decode(bytes); });
@@ -94,9 +94,9 @@ TEST(Sequence, a_broken_container_is_a_bad_answer) {
 
 TEST(Sequence, an_animation_is_voxelized_in_one_call) {
   const auto bytes = container();
-  test::ScriptedServer server({test::json_answer(R"({"id":"sha256-a"})"),
-                               test::job_answer("queued"), test::job_answer("done"),
-                               test::Answer{.body = text_of(bytes)}});
+  test::ScriptedServer server({test::json_response(R"({"id":"sha256-a"})"),
+                               test::job_response("queued"), test::job_response("done"),
+                               test::CannedResponse{.body = text_of(bytes)}});
   Client client(server.url());
   const Sequence sequence = client.voxelize_sequence(Source::memory(bytes_of("zip"), "bob.zip"),
                                                      Options().set("animation", "0"));

@@ -64,7 +64,7 @@ TEST(TopView, devices_with_their_jobs_stand_above_the_queue) {
   EXPECT_EQ(lines, expected);
 }
 
-TEST(TopView, a_job_that_was_preempted_tells_how_far_it_had_got) {
+TEST(TopView, a_preempted_job_shows_its_progress) {
   TopView view("http://host:8080");
   Queue queue = sample();
   queue.jobs[1].job.tiles_done = 9;
@@ -92,7 +92,7 @@ TEST(TopView, names_cannot_steer_the_terminal) {
   }
 }
 
-TEST(TopView, a_look_at_the_same_answer_keeps_the_rate_and_a_new_stage_has_none) {
+TEST(TopView, the_same_response_shown_again_leaves_the_rate_and_a_new_stage_has_none) {
   TopView view("");
   const auto at = TopView::Clock::now();
   Queue queue = sample();

@@ -15,9 +15,9 @@ namespace voxeld::client {
 namespace {
 
 using namespace std::chrono_literals;
-using test::Answer;
-using test::json_answer;
-using test::problem_answer;
+using test::CannedResponse;
+using test::json_response;
+using test::problem_response;
 using test::ScriptedServer;
 using testing::HasSubstr;
 using testing::SizeIs;
@@ -55,7 +55,7 @@ Source stream_of(std::string text, size_t piece, int* calls, const std::string& 
 TEST(Upload, a_file_is_sent_with_its_length_and_its_own_name) {
   const std::string text = long_text(300'000);
   const TemporaryFile file(text);
-  ScriptedServer server({json_answer(kAsset)});
+  ScriptedServer server({json_response(kAsset)});
   EXPECT_EQ(Client(server.url()).upload(Source::file(file.path())), "sha256-a");
   ASSERT_THAT(server.asked(), SizeIs(1));
   const auto asked = server.asked()[0];
@@ -66,21 +66,21 @@ TEST(Upload, a_file_is_sent_with_its_length_and_its_own_name) {
 }
 
 TEST(Upload, memory_is_sent_with_its_length) {
-  ScriptedServer server({json_answer(kAsset)});
+  ScriptedServer server({json_response(kAsset)});
   Client(server.url()).upload(Source::memory(bytes_of("solid"), "a.stl"));
   EXPECT_EQ(server.asked()[0].header("content-length"), "5");
   EXPECT_EQ(server.asked()[0].body, "solid");
 }
 
 TEST(Upload, an_empty_body_is_sent_as_one) {
-  ScriptedServer server({json_answer(kAsset)});
+  ScriptedServer server({json_response(kAsset)});
   Client(server.url()).upload(Source::memory({}, "a.stl"));
   EXPECT_EQ(server.asked()[0].header("content-length"), "0");
 }
 
 TEST(Upload, a_stream_is_sent_in_chunks) {
   const std::string text = long_text(200'000);
-  ScriptedServer server({json_answer(kAsset)});
+  ScriptedServer server({json_response(kAsset)});
   int calls = 0;
   Client(server.url()).upload(stream_of(text, 1000, &calls, "a.obj"));
   const auto asked = server.asked()[0];
@@ -98,14 +98,14 @@ TEST(Upload, names_of_files_are_escaped) {
                                   {"a\r\nX: y.ply", "a%0D%0AX%3A%20y.ply"},
                                   {"\xff.ply", "%FF.ply"}};
   for (const auto& [name, escaped] : names) {
-    ScriptedServer server({json_answer(kAsset)});
+    ScriptedServer server({json_response(kAsset)});
     Client(server.url()).upload(Source::memory(bytes_of("x"), name));
     EXPECT_EQ(server.asked()[0].target, "/v1/assets?filename=" + escaped);
   }
 }
 
-TEST(Upload, without_a_name_the_daemon_is_told_none) {
-  ScriptedServer server({json_answer(kAsset)});
+TEST(Upload, without_a_name_none_is_sent) {
+  ScriptedServer server({json_response(kAsset)});
   Client(server.url()).upload(Source::memory(bytes_of("x"), ""));
   EXPECT_EQ(server.asked()[0].target, "/v1/assets");
 }
@@ -121,7 +121,7 @@ TEST(Upload, files_and_memory_are_sent_again_from_their_start) {
   const TemporaryFile file(text);
   for (const Source& source : {Source::file(file.path()), Source::memory(bytes_of(text), "a")}) {
     ScriptedServer server(
-        {problem_answer(503, "queue-full", "full", {"Retry-After: 0"}), json_answer(kAsset)});
+        {problem_response(503, "queue-full", "full", {"Retry-After: 0"}), json_response(kAsset)});
     EXPECT_EQ(Client(server.url()).upload(source), "sha256-a");
     ASSERT_THAT(server.asked(), SizeIs(2));
     EXPECT_TRUE(server.asked()[0].body == text);
@@ -131,7 +131,7 @@ TEST(Upload, files_and_memory_are_sent_again_from_their_start) {
 
 TEST(Upload, a_stream_is_not_sent_again) {
   ScriptedServer server(
-      {problem_answer(503, "queue-full", "full", {"Retry-After: 0"}), json_answer(kAsset)});
+      {problem_response(503, "queue-full", "full", {"Retry-After: 0"}), json_response(kAsset)});
   int calls = 0;
   Client client(server.url());
   const Error error = error_of([&] { client.upload(stream_of("abc", 3, &calls, "a.obj")); });
@@ -140,8 +140,8 @@ TEST(Upload, a_stream_is_not_sent_again) {
   EXPECT_EQ(calls, 2);
 }
 
-TEST(Upload, a_refusal_that_comes_before_the_whole_body_was_sent_is_told) {
-  Answer refusal = problem_answer(413, "payload-too-large", "the body is too large");
+TEST(Upload, a_refusal_before_the_whole_body_was_sent_is_reported) {
+  CannedResponse refusal = problem_response(413, "payload-too-large", "the body is too large");
   refusal.reads_body = false;
   ScriptedServer server({refusal});
   Client client(server.url());
@@ -151,7 +151,7 @@ TEST(Upload, a_refusal_that_comes_before_the_whole_body_was_sent_is_told) {
   EXPECT_EQ(error.http_status(), 413);
 }
 
-TEST(Upload, a_file_that_is_missing_or_a_folder_is_told_before_anything_is_sent) {
+TEST(Upload, a_missing_file_or_a_folder_is_an_error_before_anything_is_sent) {
   ScriptedServer server({});
   Client client(server.url());
   const Error missing = error_of([&] { client.upload(Source::file("/nowhere/a.ply")); });
@@ -164,8 +164,8 @@ TEST(Upload, a_file_that_is_missing_or_a_folder_is_told_before_anything_is_sent)
   EXPECT_THAT(server.asked(), SizeIs(0));
 }
 
-TEST(Upload, an_answer_without_an_id_is_a_bad_answer) {
-  ScriptedServer server({json_answer("{}")});
+TEST(Upload, a_response_without_an_id_is_a_bad_response) {
+  ScriptedServer server({json_response("{}")});
   Client client(server.url());
   const Error error = error_of([&] { client.upload(Source::memory(bytes_of("x"), "a")); });
   EXPECT_EQ(error.code(), "bad-response");
@@ -173,7 +173,7 @@ TEST(Upload, an_answer_without_an_id_is_a_bad_answer) {
 }
 
 TEST(Upload, a_connection_that_breaks_is_unreachable) {
-  Answer cut = json_answer(kAsset);
+  CannedResponse cut = json_response(kAsset);
   cut.cut_after = 3;
   ScriptedServer server({cut});
   Client client(server.url());
@@ -181,16 +181,16 @@ TEST(Upload, a_connection_that_breaks_is_unreachable) {
             "unreachable");
 }
 
-TEST(Upload, what_a_stream_throws_passes_through) {
-  ScriptedServer server({json_answer(kAsset)});
+TEST(Upload, an_exception_of_the_stream_passes_through) {
+  ScriptedServer server({json_response(kAsset)});
   Client client(server.url());
   const Source broken = Source::stream(
       [](std::span<std::byte>) -> size_t { throw std::domain_error("disk on fire"); }, "a.obj");
   EXPECT_THROW(client.upload(broken), std::domain_error);
 }
 
-TEST(Upload, progress_tells_bytes_and_false_stops_it) {
-  ScriptedServer server({Answer{.delay = 10s}});
+TEST(Upload, progress_reports_bytes_and_false_stops_it) {
+  ScriptedServer server({CannedResponse{.delay = 10s}});
   Client client(server.url());
   Progress last;
   const auto progress = [&](const Progress& now) {
@@ -207,7 +207,7 @@ TEST(Upload, progress_tells_bytes_and_false_stops_it) {
 }
 
 TEST(Upload, a_stop_token_stops_it) {
-  ScriptedServer server({Answer{.delay = 10s}});
+  ScriptedServer server({CannedResponse{.delay = 10s}});
   Client client(server.url());
   std::stop_source stop;
   std::jthread stopper([&] {
@@ -221,8 +221,8 @@ TEST(Upload, a_stop_token_stops_it) {
   EXPECT_LT(since(start), 5s);
 }
 
-TEST(Upload, what_a_progress_callback_throws_passes_through) {
-  ScriptedServer server({json_answer(kAsset)});
+TEST(Upload, an_exception_of_the_progress_callback_passes_through) {
+  ScriptedServer server({json_response(kAsset)});
   Client client(server.url());
   EXPECT_THROW(client.upload(Source::memory(bytes_of("x"), "a"),
                              [](const Progress&) -> bool { throw std::domain_error("no"); }),

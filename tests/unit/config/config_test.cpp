@@ -60,7 +60,7 @@ TEST(Config, devices_come_repeated_or_with_commas) {
       both);
 }
 
-TEST(Config, doctor_calibrates_what_is_named_in_the_data_directory_of_serve) {
+TEST(Config, doctor_calibrates_the_named_devices_in_the_data_directory_of_serve) {
   Variable data("VOXELD_DATA", "/state/elsewhere");
   const auto plain = std::get<DoctorCommand>(parse({"doctor"}));
   EXPECT_FALSE(plain.calibrate);
@@ -84,7 +84,7 @@ TEST(Config, variables_stand_in_for_flags_and_flags_win) {
             "127.0.0.1:2");
 }
 
-TEST(Config, names_and_origins_are_lists_of_what_they_can_be) {
+TEST(Config, public_hosts_and_cors_origins_are_lists_of_valid_values) {
   const auto config = std::get<ServeConfig>(
       parse({"--public-host", "a.example,b.example", "--public-host", "c", "--cors-origin",
              "https://app.example", "--cors-origin", "http://localhost:3000"}));
@@ -118,7 +118,7 @@ TEST(Config, the_other_commands_take_their_arguments) {
   EXPECT_TRUE(std::holds_alternative<VersionCommand>(parse({"--version"})));
 }
 
-TEST(Config, what_is_not_understood_ends_with_the_usage_status_and_help_with_0) {
+TEST(Config, unknown_arguments_exit_with_the_usage_status_and_help_with_0) {
   EXPECT_EQ(std::get<ExitCommand>(parse({"dance"})).status, 64);
   EXPECT_EQ(std::get<ExitCommand>(parse({"serve", "--lisen", "x"})).status, 64);
   EXPECT_EQ(std::get<ExitCommand>(parse({"worker"})).status, 64);
@@ -161,7 +161,7 @@ TEST(Config, keys_are_added_listed_and_revoked_in_a_data_directory) {
   }
 }
 
-TEST(Config, other_addresses_than_loopback_need_keys_or_a_flag_and_the_reason_is_told) {
+TEST(Config, other_addresses_than_loopback_need_keys_or_a_flag_and_the_error_says_why) {
   for (const char* address : {"127.0.0.1:8080", "127.1.2.3:0", "localhost:80", "[::1]:8080"}) {
     EXPECT_TRUE(check_listen_address("--listen", address, false, Guard::kNoKeys)) << address;
   }

@@ -14,11 +14,11 @@ int64_t used(const DescriptorPlan& plan, int workers) {
          kDescriptorsOfThread * plan.request_threads + kDescriptorsOfConnection * plan.connections;
 }
 
-TEST(FitDescriptors, takes_what_is_wanted_where_there_is_room_for_it) {
+TEST(FitDescriptors, grants_the_requested_counts_if_they_fit) {
   EXPECT_EQ(fit_descriptors(wanted(65536), 3).value(), wanted(65536));
 }
 
-TEST(FitDescriptors, never_gives_away_more_than_the_limit_and_keeps_what_jobs_need) {
+TEST(FitDescriptors, never_exceeds_the_limit_and_reserves_the_descriptors_of_jobs) {
   for (int64_t limit = 200; limit < 40'000; limit += 37) {
     for (const int workers : {1, 3, 8}) {
       const auto plan = fit_descriptors(wanted(limit), workers);

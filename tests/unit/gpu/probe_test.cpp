@@ -1,4 +1,4 @@
-// probe_devices() against programs that answer, crash, hang and babble as drivers do.
+// probe_devices() against programs that reply, crash, hang and print noise as drivers do.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -63,10 +63,10 @@ esac)");
   ASSERT_EQ(probes.size(), 5u);
   EXPECT_EQ(probes[1].reason, "llvmpipe: the driver crashed: Segmentation fault");
   EXPECT_EQ(probes[2].reason, "lavapipe: the probe ended with status 7");
-  EXPECT_EQ(probes[3].reason, "osmesa: the probe gave no answer");
+  EXPECT_EQ(probes[3].reason, "osmesa: the probe gave no reply");
 }
 
-TEST(ProbeDevices, a_driver_that_crashes_after_its_answer_does_not_work) {
+TEST(ProbeDevices, a_driver_that_crashes_after_its_reply_does_not_work) {
   const FakeProbe fake(R"(echo '{"works":true,"egl_device_count":0,"info":{}}'; kill -ABRT $$)");
   const auto probes = probe_devices(fake.path());
   EXPECT_FALSE(probes[0].works);
@@ -77,20 +77,20 @@ TEST(ProbeDevices, a_driver_that_hangs_is_killed) {
   const FakeProbe fake("exec sleep 60");
   const auto probes = probe_devices(fake.path(), std::chrono::milliseconds(50));
   ASSERT_GE(probes.size(), 4u);
-  EXPECT_EQ(probes[0].reason, "egl:0: the driver did not answer within 50 ms");
+  EXPECT_EQ(probes[0].reason, "egl:0: the driver did not reply within 50 ms");
 }
 
-TEST(ProbeDevices, a_program_that_cannot_be_run_is_told) {
+TEST(ProbeDevices, a_program_that_cannot_be_run_is_reported) {
   const auto probes = probe_devices("/nonexistent/voxeld");
   ASSERT_GE(probes.size(), 4u);
   EXPECT_EQ(probes[0].reason, "egl:0: cannot run /nonexistent/voxeld: No such file or directory");
 }
 
-TEST(ProbeDevices, an_answer_of_the_wrong_types_is_not_understood) {
+TEST(ProbeDevices, a_reply_of_the_wrong_types_is_not_understood) {
   const FakeProbe fake(R"(echo '{"works":"perhaps","egl_device_count":0}')");
   const auto probes = probe_devices(fake.path());
   EXPECT_FALSE(probes[0].works);
-  EXPECT_NE(probes[0].reason.find("the probe's answer is not understood"), std::string::npos);
+  EXPECT_NE(probes[0].reason.find("the probe's reply is not understood"), std::string::npos);
 }
 
 }  // namespace

@@ -63,7 +63,7 @@ TEST(ResolveShader, includes_each_file_once_and_in_cycles) {
   EXPECT_THAT(shader->files, ElementsAre("a.comp", "lib/b.glsl", "lib/c.glsl"));
 }
 
-TEST(ResolveShader, shared_headers_drop_what_is_for_cpp) {
+TEST(ResolveShader, shared_headers_drop_the_parts_for_cpp) {
   const auto shader = resolve(
       {{"a.comp", "#include \"shaders/shared/p.h\"\n"},
        {"shared/p.h", "#pragma once\n#include <cstdint>\n  #  include \"shaders/shared/q.h\"\np\n"},
@@ -73,7 +73,7 @@ TEST(ResolveShader, shared_headers_drop_what_is_for_cpp) {
   EXPECT_THAT(shader->text, EndsWith("require\n\n\nq\np\n"));
 }
 
-TEST(ResolveShader, mistakes_are_told_with_file_and_line) {
+TEST(ResolveShader, mistakes_are_reported_with_file_and_line) {
   const struct {
     Files files;
     const char* message;

@@ -31,7 +31,7 @@ TEST(Workarounds, are_on_until_the_list_turns_them_off_by_their_whole_name) {
   EXPECT_FALSE(workaround_enabled(loop, "-timer_query_zero,-loop_iterations_65535,"));
 }
 
-TEST(ScopedEnvironment, puts_back_what_was_there) {
+TEST(ScopedEnvironment, restores_the_previous_values) {
   ::setenv("VOXELD_TEST_A", "before", 1);
   ::unsetenv("VOXELD_TEST_B");
   {

@@ -86,7 +86,7 @@ TEST(ChunkDecoder, takes_an_empty_body_and_sizes_in_both_cases) {
   EXPECT_EQ(decode({"a\r\n0123456789\r\nA\r\n0123456789\r\n0\r\n\r\n"}).body.size(), 20u);
 }
 
-TEST(ChunkDecoder, refuses_what_is_no_size) {
+TEST(ChunkDecoder, refuses_invalid_sizes) {
   const char* message = "chunked body: a chunk's size is not hexadecimal";
   for (const char* line : {"", ";a", "g", "0x5", "+5", "-5", " 5", "5 ", "5 ;a", "5,5", "0.5",
                            "fffffffffffffffff", "0000000000000005", "1000000000000000"}) {
@@ -199,7 +199,7 @@ void expect_error(const Received& received, ErrorCode code, const std::string& m
   EXPECT_EQ(received.error->message(), message);
 }
 
-TEST(BodyDecoder, a_body_of_known_length_leaves_what_follows_it) {
+TEST(BodyDecoder, a_body_of_known_length_leaves_the_bytes_after_it) {
   const Received received = receive("Content-Length: 5\r\n", {"he", "lloGET /"});
   EXPECT_TRUE(received.is_whole);
   EXPECT_EQ(received.body, "hello");
@@ -207,7 +207,7 @@ TEST(BodyDecoder, a_body_of_known_length_leaves_what_follows_it) {
   EXPECT_EQ(received.bytes_read, 5);
 }
 
-TEST(BodyDecoder, a_chunked_body_leaves_what_follows_it) {
+TEST(BodyDecoder, a_chunked_body_leaves_the_bytes_after_it) {
   const Received received = receive("Transfer-Encoding: chunked\r\n",
                                     {kChunks.substr(0, 9), kChunks.substr(9) + "GET /"});
   EXPECT_TRUE(received.is_whole);

@@ -20,7 +20,7 @@ UniqueFd some_fd() {
   return UniqueFd(::eventfd(0, EFD_CLOEXEC));
 }
 
-TEST(ClientTable, who_waits_for_longest_comes_first) {
+TEST(ClientTable, the_client_that_waits_longest_comes_first) {
   ClientTable table;
   Client& first = table.add(some_fd(), "10.0.0.1", true);
   Client& second = table.add(some_fd(), "10.0.0.1", true);
@@ -33,7 +33,7 @@ TEST(ClientTable, who_waits_for_longest_comes_first) {
   EXPECT_EQ(table.longest(Client::State::kHead), nullptr);
 }
 
-TEST(ClientTable, late_is_who_has_been_there_for_longer_than_that) {
+TEST(ClientTable, a_client_in_a_state_for_longer_than_the_limit_is_late) {
   ClientTable table;
   Client& client = table.add(some_fd(), "10.0.0.1", true);
   const auto now = client.since;
@@ -41,7 +41,7 @@ TEST(ClientTable, late_is_who_has_been_there_for_longer_than_that) {
   EXPECT_EQ(table.late(Client::State::kIdle, 5, now + std::chrono::seconds(6)), &client);
 }
 
-TEST(ClientTable, who_is_taken_is_not_late_but_who_comes_after) {
+TEST(ClientTable, a_taken_client_is_not_late_but_the_next_one_is) {
   ClientTable table;
   Client& first = table.add(some_fd(), "10.0.0.1", true);
   Client& second = table.add(some_fd(), "10.0.0.1", true);
@@ -52,7 +52,7 @@ TEST(ClientTable, who_is_taken_is_not_late_but_who_comes_after) {
   EXPECT_EQ(table.late(Client::State::kIdle, 5, later), nullptr);
 }
 
-TEST(ClientTable, in_flight_is_what_has_begun_and_was_not_refused) {
+TEST(ClientTable, requests_that_have_begun_and_were_not_refused_are_in_flight) {
   ClientTable table;
   Client& client = table.add(some_fd(), "10.0.0.1", true);
   Client& refused = table.add(some_fd(), "10.0.0.1", true);

@@ -83,7 +83,7 @@ TEST_P(ContentCodings, garbage_is_refused_before_and_after) {
   EXPECT_EQ(decoded(GetParam(), bytes + "garbage!", 100).error().code, ErrorCode::kBadRequest);
 }
 
-TEST_P(ContentCodings, the_limit_is_on_what_it_inflates_to) {
+TEST_P(ContentCodings, the_limit_is_on_the_inflated_size) {
   const std::string text = noise(1000);
   EXPECT_TRUE(decoded(GetParam(), coded(GetParam(), text), 100, 1000));
   const auto out = decoded(GetParam(), coded(GetParam(), text), 100, 999);

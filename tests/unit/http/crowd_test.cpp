@@ -39,15 +39,15 @@ TEST_F(CrowdTest, idle_and_slow_connections_hold_no_thread) {
   EXPECT_EQ(clients[2].receive().value_or(HttpResponse{}).body, "abcdefghi");
 }
 
-TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
+TEST_F(CrowdTest, a_slow_reader_holds_no_thread_and_gets_everything) {
   start(/*threads=*/1);
   HttpClient slow(port());
   ASSERT_TRUE(slow.send_get("/large"));
   ASSERT_TRUE(comes_true([&] { return server_->state().requests_running == 0; }));
   EXPECT_EQ(get("/hello").body, "hello");
-  const auto answer = slow.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->body.size(), kLargeBytes);
+  const auto response = slow.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->body.size(), kLargeBytes);
   ASSERT_TRUE(slow.send_get("/hello"));
   EXPECT_EQ(slow.receive().value_or(HttpResponse{}).body, "hello");
   const auto seen = observed(3);
@@ -55,7 +55,7 @@ TEST_F(CrowdTest, who_reads_slowly_holds_no_thread_and_gets_everything) {
   EXPECT_EQ(seen[1].bytes_out, static_cast<int64_t>(kLargeBytes));
 }
 
-TEST_F(CrowdTest, who_pipelines_is_behind_others_after_each_answer) {
+TEST_F(CrowdTest, a_pipelining_client_queues_behind_others_after_each_response) {
   std::latch held{1};
   std::atomic<bool> has_entered{false};
   on("GET", "/held", [&](Request&) {
@@ -83,7 +83,7 @@ TEST_F(CrowdTest, who_pipelines_is_behind_others_after_each_answer) {
   EXPECT_LE(at, 2) << "behind what runs and at most one more of the other's";
 }
 
-TEST_F(CrowdTest, what_was_pipelined_before_a_client_finished_sending_is_answered) {
+TEST_F(CrowdTest, requests_pipelined_before_a_client_shuts_its_side_get_responses) {
   start(/*threads=*/2);
   HttpClient client(port());
   ASSERT_TRUE(
@@ -129,7 +129,7 @@ TEST_F(CrowdTest, requests_that_wait_hold_no_thread) {
   EXPECT_EQ(server_->state().requests_waiting, 0);
 }
 
-TEST_F(CrowdTest, who_has_been_idle_for_longest_gives_way_when_all_places_are_taken) {
+TEST_F(CrowdTest, the_longest_idle_connection_is_closed_when_all_places_are_taken) {
   start(2, /*connections_max=*/2);
   HttpClient first(port());
   ASSERT_TRUE(first.send_get("/hello") && first.receive());
@@ -137,7 +137,7 @@ TEST_F(CrowdTest, who_has_been_idle_for_longest_gives_way_when_all_places_are_ta
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   HttpClient second(port());
   ASSERT_TRUE(second.send_get("/hello") && second.receive());
-  // Nobody has been idle for long enough yet, and then somebody has.
+  // At first no connection has been idle for long enough.
   ASSERT_TRUE(comes_true([&] {
     HttpClient third(port());
     return third.send_get("/hello") && third.receive().has_value();
@@ -147,7 +147,8 @@ TEST_F(CrowdTest, who_has_been_idle_for_longest_gives_way_when_all_places_are_ta
   EXPECT_TRUE(second.receive());
 }
 
-TEST_F(CrowdTest, half_a_head_gives_way_when_all_places_are_taken_and_nobody_is_idle) {
+TEST_F(CrowdTest,
+       a_connection_with_half_a_head_is_closed_when_all_places_are_taken_and_none_is_idle) {
   start(2, /*connections_max=*/1);
   HttpClient half(port());
   ASSERT_TRUE(half.send("GET /hello HTTP/1.1\r\n"));
@@ -167,7 +168,7 @@ TEST_F(CrowdTest, loopback_and_trusted_proxies_have_no_cap_by_address) {
   EXPECT_TRUE(first.receive() && second.receive());
 }
 
-TEST_F(CrowdTest, what_clients_say_of_their_address_is_believed_of_trusted_proxies_alone) {
+TEST_F(CrowdTest, address_headers_are_trusted_only_from_trusted_proxies) {
   on("GET", "/headers", [](Request& request) {
     std::string names;
     for (const auto& [name, value] : request.head.headers) names += name + " ";

@@ -1,4 +1,4 @@
-// How a server ends: what runs or waits is answered, what is late is cut, nothing hangs.
+// How a server ends: running and waiting requests are served, late ones are cut, nothing hangs.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -45,7 +45,7 @@ class DrainTest : public HttpServerTest {
     ASSERT_TRUE(running.send_get("/held"));
     ASSERT_TRUE(comes_true([&] { return entered_ == 1; }));
     std::thread stopper([&] { server_->stop(kPatienceSeconds); });
-    // An answer that is the connection's last one says that the front has begun to drain.
+    // `Connection: close` shows that the server has begun to drain.
     EXPECT_TRUE(comes_true([&] { return get("/hello").header("connection") == "close"; }));
     work();
     held_.count_down();
@@ -53,12 +53,12 @@ class DrainTest : public HttpServerTest {
     running.close();
     stopper.join();
   }
-  static void expect_refused(const HttpResponse& answer) {
-    EXPECT_EQ(answer.status, 503);
-    EXPECT_EQ(answer.code(), "shutting-down");
-    EXPECT_EQ(answer.header("content-type"), "application/problem+json");
-    EXPECT_EQ(answer.header("retry-after"), "2");
-    EXPECT_EQ(answer.header("connection"), "close");
+  static void expect_refused(const HttpResponse& response) {
+    EXPECT_EQ(response.status, 503);
+    EXPECT_EQ(response.code(), "shutting-down");
+    EXPECT_EQ(response.header("content-type"), "application/problem+json");
+    EXPECT_EQ(response.header("retry-after"), "2");
+    EXPECT_EQ(response.header("connection"), "close");
   }
   double stop_seconds(double grace) {
     const auto start = Clock::now();
@@ -71,7 +71,7 @@ class DrainTest : public HttpServerTest {
   std::vector<HttpClient> fillers_;
 };
 
-TEST_F(DrainTest, running_and_waiting_requests_are_answered_and_then_idle_connections_closed) {
+TEST_F(DrainTest, running_and_waiting_requests_are_served_and_then_idle_connections_closed) {
   start(/*threads=*/1);
   HttpClient idle(port()), running(port()), waiting(port()), half(port());
   ASSERT_TRUE(idle.send_get("/hello") && idle.receive());
@@ -107,17 +107,17 @@ TEST_F(DrainTest, nobody_is_let_in_any_more) {
   EXPECT_FALSE(HttpClient(port_before).is_open());
 }
 
-TEST_F(DrainTest, new_work_is_refused_on_new_and_kept_connections_and_the_rest_answered) {
+TEST_F(DrainTest, new_work_is_refused_on_new_and_open_connections_and_other_requests_are_served) {
   start_refusing(/*threads=*/4);
   const std::string work = "POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 2\r\n\r\nab";
-  HttpClient kept(port()), reading(port()), half(port());
-  ASSERT_TRUE(kept.send(work) && reading.send_get("/hello") && half.send(work.substr(0, 30)));
-  EXPECT_EQ(kept.receive().value_or(HttpResponse{}).body, "ab");
+  HttpClient persistent(port()), reading(port()), half(port());
+  ASSERT_TRUE(persistent.send(work) && reading.send_get("/hello") && half.send(work.substr(0, 30)));
+  EXPECT_EQ(persistent.receive().value_or(HttpResponse{}).body, "ab");
   EXPECT_EQ(reading.receive().value_or(HttpResponse{}).header("connection"), "keep-alive");
   while_draining([&] {
-    ASSERT_TRUE(kept.send(work) && half.send(work.substr(30)) && reading.send_get("/hello"));
-    expect_refused(kept.receive().value_or(HttpResponse{}));
-    EXPECT_EQ(kept.receive_to_end(), "");
+    ASSERT_TRUE(persistent.send(work) && half.send(work.substr(30)) && reading.send_get("/hello"));
+    expect_refused(persistent.receive().value_or(HttpResponse{}));
+    EXPECT_EQ(persistent.receive_to_end(), "");
     expect_refused(half.receive().value_or(HttpResponse{}));
     EXPECT_EQ(reading.receive().value_or(HttpResponse{}).body, "hello");
     EXPECT_EQ(reading.receive_to_end(), "");
@@ -139,7 +139,7 @@ TEST_F(DrainTest, a_refused_upload_is_not_asked_for_its_body) {
   });
 }
 
-TEST_F(DrainTest, who_asks_for_work_again_and_again_does_not_keep_it_from_ending) {
+TEST_F(DrainTest, clients_that_repeat_requests_for_work_do_not_prevent_the_end) {
   start_refusing(/*threads=*/4);
   std::atomic<bool> ended{false};
   std::vector<std::thread> clients;
@@ -220,30 +220,30 @@ TEST_F(DrainTest, a_handler_that_minds_nothing_is_named_and_left_behind) {
   server_.reset();
 }
 
-TEST_F(DrainTest, stopping_under_load_loses_no_answer_that_was_begun) {
+TEST_F(DrainTest, stopping_under_load_completes_every_response_that_has_begun) {
   start(/*threads=*/4);
   constexpr int kClients = 8;
-  std::atomic<int> answered{0}, broken{0};
+  std::atomic<int> complete{0}, broken{0};
   std::vector<std::thread> threads;
   for (int i = 0; i < kClients; ++i) {
     threads.emplace_back([&] {
-      // Until the connection ends: between two answers, never within one.
+      // Until the connection ends: between two responses, never within one.
       HttpClient client(port());
       while (client.send_get("/hello")) {
-        const auto answer = client.receive_head();
-        if (!answer) return;
+        const auto response = client.receive_head();
+        if (!response) return;
         std::string body;
         while (body.size() < 5) {
           const std::string more = client.receive_some();
           if (more.empty()) break;
           body += more;
         }
-        ++(body == "hello" ? answered : broken);
-        if (answer->header("connection") == "close") return;
+        ++(body == "hello" ? complete : broken);
+        if (response->header("connection") == "close") return;
       }
     });
   }
-  EXPECT_TRUE(comes_true([&] { return answered > 500; }));
+  EXPECT_TRUE(comes_true([&] { return complete > 500; }));
   server_->stop(kPatienceSeconds);
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(broken, 0);

@@ -1,4 +1,4 @@
-// Conditional and partial answers (RFC 9110, sections 13 and 14).
+// Conditional and partial responses (RFC 9110, sections 13 and 14).
 
 #include "server/http/file_response.h"
 
@@ -13,8 +13,8 @@
 namespace voxeld::http {
 namespace {
 
-// The answer for 100 bytes that begin at byte 1000 of a file, with the entity tag "abc".
-Response answer(const std::string& lines) {
+// The response for 100 bytes that begin at byte 1000 of a file, with the entity tag "abc".
+Response respond(const std::string& lines) {
   const auto head = parse_head("GET /x HTTP/1.1\r\nHost: h\r\n" + lines + "\r\n");
   EXPECT_TRUE(head) << lines;
   auto response = file_response(*head, {"/file", 1000, 100}, "\"abc\"");
@@ -32,13 +32,13 @@ std::string summary(const Response& response) {
   return range == response.headers.end() ? text : text + " " + range->second;
 }
 std::string range(const std::string& value) {
-  return summary(answer("Range: " + value + "\r\n"));
+  return summary(respond("Range: " + value + "\r\n"));
 }
 
 const char* const kWhole = "200: 1000+100";
 
 TEST(FileResponse, the_whole_names_its_tag_and_that_it_takes_ranges) {
-  const Response response = answer("");
+  const Response response = respond("");
   EXPECT_EQ(summary(response), kWhole);
   EXPECT_EQ(response.headers.at("ETag"), "\"abc\"");
   EXPECT_EQ(response.headers.at("Accept-Ranges"), "bytes");
@@ -63,7 +63,7 @@ TEST(FileResponse, a_suffix_is_counted_from_the_end) {
 TEST(FileResponse, a_range_outside_is_not_satisfiable) {
   for (const char* value : {"bytes=100-", "bytes=100-200", "bytes=-0",
                             "bytes=9223372036854775807-9223372036854775807"}) {
-    const Response response = answer("Range: " + std::string(value) + "\r\n");
+    const Response response = respond("Range: " + std::string(value) + "\r\n");
     EXPECT_EQ(summary(response), "416 bytes */100") << value;
     EXPECT_EQ(response.headers.at("Content-Type"), "application/problem+json");
     const auto& body = std::get<std::string>(response.body);
@@ -72,7 +72,7 @@ TEST(FileResponse, a_range_outside_is_not_satisfiable) {
   }
 }
 
-TEST(FileResponse, what_is_no_single_range_of_bytes_is_answered_with_the_whole) {
+TEST(FileResponse, a_header_that_is_not_a_single_byte_range_gets_the_whole_file) {
   for (const char* value : {"bytes=", "bytes=-", "bytes=5", "bytes=5-4", "bytes=a-5", "bytes=5-a",
                             "bytes=0--0", "bytes=--5", "bytes=+1-5", "bytes= 1-5", "bytes=0-1,5-6",
                             "lines=0-1", "0-1", "bytes=18446744073709551616-", "bytes=0x1-5"}) {
@@ -87,7 +87,7 @@ TEST(FileResponse, nothing_of_an_empty_file_can_be_asked_for) {
 
 TEST(FileResponse, if_range_asks_for_the_part_of_this_very_content) {
   const auto summary_with = [](const std::string& tag) {
-    return summary(answer("Range: bytes=0-0\r\nIf-Range: " + tag + "\r\n"));
+    return summary(respond("Range: bytes=0-0\r\nIf-Range: " + tag + "\r\n"));
   };
   EXPECT_EQ(summary_with("\"abc\""), "206: 1000+1 bytes 0-0/100");
   EXPECT_EQ(summary_with("\"other\""), kWhole);
@@ -95,20 +95,20 @@ TEST(FileResponse, if_range_asks_for_the_part_of_this_very_content) {
   EXPECT_EQ(summary_with("Sun, 06 Nov 1994 08:49:37 GMT"), kWhole);
 }
 
-TEST(FileResponse, what_the_client_has_is_not_modified) {
+TEST(FileResponse, an_etag_that_matches_is_not_modified) {
   for (const char* tags : {"\"abc\"", "W/\"abc\"", "*", "\"x\", \"abc\"", "\"x\" ,W/\"abc\" "}) {
-    const Response response = answer("If-None-Match: " + std::string(tags) + "\r\n");
+    const Response response = respond("If-None-Match: " + std::string(tags) + "\r\n");
     EXPECT_EQ(summary(response), "304") << tags;
     EXPECT_EQ(std::get<std::string>(response.body), "");
     EXPECT_EQ(response.headers.at("ETag"), "\"abc\"");
   }
   for (const char* tags : {"\"x\"", "abc", "\"abc", "\"ab\", \"c\""}) {
-    EXPECT_EQ(summary(answer("If-None-Match: " + std::string(tags) + "\r\n")), kWhole) << tags;
+    EXPECT_EQ(summary(respond("If-None-Match: " + std::string(tags) + "\r\n")), kWhole) << tags;
   }
 }
 
-TEST(FileResponse, what_the_client_has_goes_before_the_range_it_asks_for) {
-  EXPECT_EQ(summary(answer("If-None-Match: \"abc\"\r\nRange: bytes=500-\r\n")), "304");
+TEST(FileResponse, a_matching_etag_takes_precedence_over_a_range) {
+  EXPECT_EQ(summary(respond("If-None-Match: \"abc\"\r\nRange: bytes=500-\r\n")), "304");
 }
 
 TEST(ReasonPhrase, every_status_of_an_error_code_has_one) {
@@ -117,7 +117,7 @@ TEST(ReasonPhrase, every_status_of_an_error_code_has_one) {
   }
 }
 
-TEST(HttpDate, is_what_the_standard_shows) {
+TEST(HttpDate, matches_the_example_of_the_standard) {
   EXPECT_EQ(http_date(784111777), "Sun, 06 Nov 1994 08:49:37 GMT");
   EXPECT_EQ(http_date(0), "Thu, 01 Jan 1970 00:00:00 GMT");
   EXPECT_EQ(http_date(1709210096), "Thu, 29 Feb 2024 12:34:56 GMT");

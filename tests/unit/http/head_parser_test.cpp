@@ -57,7 +57,7 @@ TEST(HeadParser, an_empty_header_value_adds_nothing_to_a_list) {
   EXPECT_EQ(parse_head(with_lines("A:\r\nA: b\r\nA: c\r\n"))->header("A"), "b, c");
 }
 
-TEST(HeadParser, an_empty_header_value_is_kept) {
+TEST(HeadParser, an_empty_header_value_is_preserved) {
   EXPECT_EQ(parse_head(kGood)->headers.count("x-empty"), 1u);
 }
 
@@ -141,7 +141,7 @@ TEST(HeadParser, broken_header_lines_are_refused) {
   });
 }
 
-TEST(HeadParser, what_frames_the_body_must_be_unambiguous) {
+TEST(HeadParser, the_framing_of_a_body_must_be_unambiguous) {
   const auto length = [](const std::string& value) {
     return with_lines("Content-Length: " + value + "\r\n");
   };
@@ -297,7 +297,7 @@ TEST(PercentDecode, does_as_its_switches_say) {
   EXPECT_EQ(percent_decode("", true, true).value(), "");
 }
 
-TEST(Head, connections_are_kept_by_default_in_1_1_and_on_demand_in_1_0) {
+TEST(Head, connections_persist_by_default_in_1_1_and_on_request_in_1_0) {
   EXPECT_TRUE(parse_head(with_lines(""))->keep_alive());
   EXPECT_FALSE(parse_head(with_lines("Connection: Close\r\n"))->keep_alive());
   EXPECT_FALSE(parse_head(with_lines("Connection: a\r\nConnection: close\r\n"))->keep_alive());

@@ -84,10 +84,10 @@ std::optional<HttpResponse> HttpClient::receive_head() {
   while ((end = buffer_.find("\r\n\r\n")) == std::string::npos) {
     if (!fill()) return std::nullopt;
   }
-  HttpResponse answer;
+  HttpResponse response;
   std::string_view head = std::string_view(buffer_).substr(0, end + 2);
   if (!head.starts_with("HTTP/1.1 ")) return std::nullopt;
-  answer.status = std::atoi(head.data() + 9);
+  response.status = std::atoi(head.data() + 9);
   while (!head.empty()) {
     const std::string_view line = head.substr(0, head.find("\r\n"));
     head.remove_prefix(line.size() + 2);
@@ -95,27 +95,27 @@ std::optional<HttpResponse> HttpClient::receive_head() {
     if (colon == std::string_view::npos) continue;  // the status line
     std::string name(line.substr(0, colon));
     std::ranges::transform(name, name.begin(), [](unsigned char c) { return std::tolower(c); });
-    answer.headers[name] = line.substr(colon + 2);
+    response.headers[name] = line.substr(colon + 2);
   }
   buffer_.erase(0, end + 4);
-  if (answer.status / 100 == 1) return receive_head();
-  return answer;
+  if (response.status / 100 == 1) return receive_head();
+  return response;
 }
 
 std::optional<HttpResponse> HttpClient::receive(bool has_body) {
-  auto answer = receive_head();
-  if (!answer || !has_body) return answer;
-  if (answer->header("transfer-encoding") == "chunked") {
-    if (!receive_chunks(answer->body)) return std::nullopt;
-    return answer;
+  auto response = receive_head();
+  if (!response || !has_body) return response;
+  if (response->header("transfer-encoding") == "chunked") {
+    if (!receive_chunks(response->body)) return std::nullopt;
+    return response;
   }
-  const auto bytes = std::strtoull(answer->header("content-length").c_str(), nullptr, 10);
+  const auto bytes = std::strtoull(response->header("content-length").c_str(), nullptr, 10);
   while (buffer_.size() < bytes) {
     if (!fill()) return std::nullopt;
   }
-  answer->body = buffer_.substr(0, bytes);
+  response->body = buffer_.substr(0, bytes);
   buffer_.erase(0, bytes);
-  return answer;
+  return response;
 }
 
 // Up to the last chunk; what sizes and ends do not fit is none.

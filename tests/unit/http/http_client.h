@@ -36,10 +36,10 @@ class HttpClient {
   bool send(std::string_view text);
   // "GET target" with a Host, and `lines` (each with its CRLF).
   bool send_get(std::string_view target, std::string_view lines = "");
-  // One whole answer, put together where it comes in chunks; interim 1xx answers are skipped.
-  // nullopt when the connection ends before. `has_body` is false for answers to HEAD.
+  // A whole response, with its chunks joined; interim 1xx responses are skipped.
+  // nullopt when the connection ends before. `has_body` is false for responses to HEAD.
   std::optional<HttpResponse> receive(bool has_body = true);
-  // The head of an answer that goes on; the rest by receive_some().
+  // The head of a response; receive_some() returns its body.
   std::optional<HttpResponse> receive_head();
   // At least one more byte of what goes on; empty at the end.
   std::string receive_some();

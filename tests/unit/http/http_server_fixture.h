@@ -58,7 +58,7 @@ class HttpServerTest : public ::testing::Test {
           1 << 20, [](Request&, std::string text) { return Response::text(200, std::move(text)); }};
     });
     on("POST", "/ignore", [](Request&) { return Response::text(200, "ignored"); });
-    // Waits for ever; answered when `waits_.ends` is set and it is woken.
+    // Waits for ever; responds when `waits_.ends` is set and it is woken.
     on("GET", "/endless", [this](Request& request) -> Reply {
       const std::lock_guard lock(wakers_mutex_);
       wakers_.push_back(request.waker);

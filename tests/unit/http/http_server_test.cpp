@@ -1,4 +1,4 @@
-// Exchanges over real sockets: framing, kept connections, and what is refused.
+// Exchanges over real sockets: framing, persistent connections and refusals.
 #include "server/http/http_server.h"
 
 #include <gtest/gtest.h>
@@ -22,15 +22,15 @@ std::string post(const std::string& target, const std::string& body) {
          body;
 }
 
-TEST_F(HttpServerTest, an_answer_has_its_length_an_id_and_keeps_the_connection) {
+TEST_F(HttpServerTest, a_response_has_its_length_and_an_id_and_leaves_the_connection_open) {
   start();
-  const HttpResponse answer = get("/hello");
-  EXPECT_EQ(answer.status, 200);
-  EXPECT_EQ(answer.body, "hello");
-  EXPECT_EQ(answer.header("content-length"), "5");
-  EXPECT_EQ(answer.header("connection"), "keep-alive");
-  EXPECT_EQ(answer.header("x-content-type-options"), "nosniff");
-  EXPECT_EQ(answer.header("x-request-id").substr(0, 2), "r-");
+  const HttpResponse response = get("/hello");
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.body, "hello");
+  EXPECT_EQ(response.header("content-length"), "5");
+  EXPECT_EQ(response.header("connection"), "keep-alive");
+  EXPECT_EQ(response.header("x-content-type-options"), "nosniff");
+  EXPECT_EQ(response.header("x-request-id").substr(0, 2), "r-");
 }
 
 TEST_F(HttpServerTest, a_connection_serves_many_requests) {
@@ -39,14 +39,14 @@ TEST_F(HttpServerTest, a_connection_serves_many_requests) {
   for (int i = 0; i < 100; ++i) {
     const std::string body = "body " + std::to_string(i);
     ASSERT_TRUE(client.send(post("/echo", body)));
-    const auto answer = client.receive();
-    ASSERT_TRUE(answer) << i;
-    EXPECT_EQ(answer->body, body);
+    const auto response = client.receive();
+    ASSERT_TRUE(response) << i;
+    EXPECT_EQ(response->body, body);
   }
   EXPECT_EQ(server_->state().connections, 1);
 }
 
-TEST_F(HttpServerTest, pipelined_requests_are_answered_in_their_order) {
+TEST_F(HttpServerTest, pipelined_requests_get_responses_in_order) {
   start();
   HttpClient client(port());
   std::string all;
@@ -55,9 +55,9 @@ TEST_F(HttpServerTest, pipelined_requests_are_answered_in_their_order) {
   }
   ASSERT_TRUE(client.send(all));
   for (int i = 0; i < 50; ++i) {
-    const auto answer = client.receive();
-    ASSERT_TRUE(answer) << i;
-    EXPECT_EQ(answer->body, i % 2 == 0 ? std::to_string(i) : "hello");
+    const auto response = client.receive();
+    ASSERT_TRUE(response) << i;
+    EXPECT_EQ(response->body, i % 2 == 0 ? std::to_string(i) : "hello");
   }
 }
 
@@ -79,9 +79,9 @@ TEST_F(HttpServerTest, a_request_is_the_same_at_every_split) {
       "2\r\nab\r\n1;x=y\r\nc\r\n0\r\n\r\n";
   for (size_t at = 1; at < text.size(); ++at) {
     ASSERT_TRUE(client.send(text.substr(0, at)) && client.send(text.substr(at)));
-    const auto answer = client.receive();
-    ASSERT_TRUE(answer) << "split at " << at;
-    EXPECT_EQ(answer->body, "abc") << "split at " << at;
+    const auto response = client.receive();
+    ASSERT_TRUE(response) << "split at " << at;
+    EXPECT_EQ(response->body, "abc") << "split at " << at;
   }
   for (const char c : text) ASSERT_TRUE(client.send(std::string(1, c)));
   EXPECT_EQ(client.receive()->body, "abc");
@@ -106,9 +106,9 @@ TEST_F(HttpServerTest, connections_close_when_the_client_says_so_or_speaks_1_0) 
                            "GET /hello HTTP/1.0\r\n\r\n"}) {
     HttpClient client(port());
     ASSERT_TRUE(client.send(text));
-    const auto answer = client.receive();
-    ASSERT_TRUE(answer);
-    EXPECT_EQ(answer->header("connection"), "close");
+    const auto response = client.receive();
+    ASSERT_TRUE(response);
+    EXPECT_EQ(response->header("connection"), "close");
     EXPECT_EQ(client.receive_to_end(), "");
   }
 }
@@ -132,12 +132,12 @@ TEST_F(HttpServerTest, a_broken_head_is_a_bad_request_and_closes) {
                            "Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"}) {
     HttpClient client(port());
     ASSERT_TRUE(client.send(text));
-    const auto answer = client.receive();
-    ASSERT_TRUE(answer) << text;
-    EXPECT_EQ(answer->status, 400);
-    EXPECT_EQ(answer->code(), "bad-request");
-    EXPECT_EQ(answer->header("connection"), "close");
-    EXPECT_NE(answer->header("x-request-id"), "");
+    const auto response = client.receive();
+    ASSERT_TRUE(response) << text;
+    EXPECT_EQ(response->status, 400);
+    EXPECT_EQ(response->code(), "bad-request");
+    EXPECT_EQ(response->header("connection"), "close");
+    EXPECT_NE(response->header("x-request-id"), "");
     EXPECT_EQ(client.receive_to_end(), "");
   }
 }
@@ -159,21 +159,21 @@ TEST_F(HttpServerTest, a_head_over_the_limit_is_refused_with_and_without_its_end
   for (const char* end : {"\r\n", ""}) {
     HttpClient client(port());
     ASSERT_TRUE(client.send(filled(kHeadBytesMax + 10) + end));
-    const auto answer = client.receive();
-    ASSERT_TRUE(answer);
-    EXPECT_EQ(answer->status, 400);
-    EXPECT_EQ(answer->detail(), "the head of the request is too long");
+    const auto response = client.receive();
+    ASSERT_TRUE(response);
+    EXPECT_EQ(response->status, 400);
+    EXPECT_EQ(response->detail(), "the head of the request is too long");
   }
 }
 
-TEST_F(HttpServerTest, an_unread_body_closes_the_connection_but_not_before_the_answer_arrived) {
+TEST_F(HttpServerTest, an_unread_body_closes_the_connection_but_not_before_the_response_arrived) {
   start();
   HttpClient client(port());
   ASSERT_TRUE(client.send(post("/ignore", std::string(3'000'000, 'x'))));
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->body, "ignored");
-  EXPECT_EQ(answer->header("connection"), "close");
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->body, "ignored");
+  EXPECT_EQ(response->header("connection"), "close");
   EXPECT_EQ(client.receive_to_end(), "");
 }
 
@@ -181,13 +181,13 @@ TEST_F(HttpServerTest, a_body_over_the_limit_is_payload_too_large) {
   start();
   HttpClient client(port());
   ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\nContent-Length: 1048577\r\n\r\n"));
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 413);
-  EXPECT_EQ(answer->code(), "payload-too-large");
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->status, 413);
+  EXPECT_EQ(response->code(), "payload-too-large");
 }
 
-TEST_F(HttpServerTest, a_client_that_waits_for_100_gets_it_and_then_its_answer) {
+TEST_F(HttpServerTest, a_client_that_waits_for_100_gets_it_and_then_its_response) {
   start();
   HttpClient client(port());
   ASSERT_TRUE(
@@ -224,10 +224,10 @@ TEST_F(HttpServerTest, bodies_that_end_early_are_a_bad_request) {
     HttpClient client(port());
     ASSERT_TRUE(client.send("POST /echo HTTP/1.1\r\nHost: h\r\n" + std::string(head)));
     client.finish_sending();
-    const HttpResponse answer = client.receive().value_or(HttpResponse{});
-    EXPECT_EQ(answer.status, 400);
-    EXPECT_EQ(answer.detail(), "the body ends early");
-    EXPECT_EQ(answer.header("connection"), "close");
+    const HttpResponse response = client.receive().value_or(HttpResponse{});
+    EXPECT_EQ(response.status, 400);
+    EXPECT_EQ(response.detail(), "the body ends early");
+    EXPECT_EQ(response.header("connection"), "close");
   }
 }
 
@@ -240,7 +240,7 @@ TEST_F(HttpServerTest, a_body_larger_than_every_buffer_arrives_whole) {
   EXPECT_TRUE(client.receive().value_or(HttpResponse{}).body == body);
 }
 
-TEST_F(HttpServerTest, plain_request_ids_are_kept_and_others_replaced) {
+TEST_F(HttpServerTest, plain_request_ids_are_returned_and_others_replaced) {
   start();
   EXPECT_EQ(get("/hello", "X-Request-Id: a.B-9_\r\n").header("x-request-id"), "a.B-9_");
   for (const std::string& id : {std::string("a b"), std::string("a\"b"), std::string(65, 'a')}) {
@@ -260,13 +260,13 @@ TEST_F(HttpServerTest, an_exception_of_a_handler_is_an_internal_error_and_the_ne
   start();
   HttpClient client(port());
   ASSERT_TRUE(client.send_get("/throw"));
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_EQ(answer->status, 500);
-  EXPECT_EQ(answer->code(), "internal");
-  EXPECT_NE(answer->detail().find("unexpected failure"), std::string::npos);
-  EXPECT_EQ(answer->body.find("oh no"), std::string::npos);
-  for (const auto& [name, value] : answer->headers)
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_EQ(response->status, 500);
+  EXPECT_EQ(response->code(), "internal");
+  EXPECT_NE(response->detail().find("unexpected failure"), std::string::npos);
+  EXPECT_EQ(response->body.find("oh no"), std::string::npos);
+  for (const auto& [name, value] : response->headers)
     EXPECT_EQ(value.find("oh no"), std::string::npos);
   ASSERT_TRUE(client.send_get("/hello"));
   EXPECT_EQ(client.receive()->status, 200);
@@ -290,27 +290,27 @@ TEST_F(HttpServerTest, the_observer_sees_every_exchange) {
   EXPECT_EQ(all[1].status, 400);
 }
 
-TEST_F(HttpServerTest, header_values_of_an_answer_cannot_break_out_of_their_line) {
+TEST_F(HttpServerTest, header_values_of_a_response_cannot_break_out_of_their_line) {
   on("GET", "/inject", [](Request& request) {
     Response response = Response::text(200, "");
     response.headers["X-Name"] = "a\r\nX-Evil: " + request.query("x").value_or("");
     return response;
   });
   start();
-  const HttpResponse answer = get("/inject?x=1");
-  EXPECT_EQ(answer.header("x-name"), "a??X-Evil: 1");
-  EXPECT_EQ(answer.header("x-evil"), "");
+  const HttpResponse response = get("/inject?x=1");
+  EXPECT_EQ(response.header("x-name"), "a??X-Evil: 1");
+  EXPECT_EQ(response.header("x-evil"), "");
 }
 
-TEST_F(HttpServerTest, a_large_answer_arrives_whole) {
+TEST_F(HttpServerTest, a_large_response_arrives_whole) {
   const std::string body(20'000'000, 'b');
   on("GET", "/large", [&](Request&) { return Response::text(200, body); });
   start();
   HttpClient client(port());
   ASSERT_TRUE(client.send_get("/large"));
-  const auto answer = client.receive();
-  ASSERT_TRUE(answer);
-  EXPECT_TRUE(answer->body == body);
+  const auto response = client.receive();
+  ASSERT_TRUE(response);
+  EXPECT_TRUE(response->body == body);
 }
 
 TEST_F(HttpServerTest, a_part_of_a_file_is_sent_from_its_offset) {
@@ -328,7 +328,7 @@ TEST_F(HttpServerTest, a_part_of_a_file_is_sent_from_its_offset) {
   EXPECT_EQ(observed(1)[0].bytes_out, 4);
 }
 
-TEST_F(HttpServerTest, a_file_that_vanished_or_shrank_ends_the_connection_and_not_the_next_answer) {
+TEST_F(HttpServerTest, a_file_that_vanished_or_shrank_closes_the_connection_mid_response) {
   const testing::TemporaryDir dir;
   ASSERT_TRUE(write_file(dir.path() / "short", std::array<uint8_t, 2>{'a', 'b'}));
   for (const char* name : {"short", "vanished"}) {
@@ -377,7 +377,7 @@ TEST_F(HttpServerTest, connections_over_the_limit_are_closed_at_once_and_room_is
   EXPECT_TRUE(fourth.receive());
 }
 
-TEST_F(HttpServerTest, many_clients_on_many_connections_get_their_own_answers) {
+TEST_F(HttpServerTest, many_clients_on_many_connections_get_their_own_responses) {
   start(/*threads=*/8);
   constexpr int kThreads = 8, kConnections = 10, kRequests = 20;
   std::atomic<int> right{0};
@@ -392,8 +392,8 @@ TEST_F(HttpServerTest, many_clients_on_many_connections_get_their_own_answers) {
         };
         for (int c = 0; c < kConnections; ++c) clients[c].send(post("/echo", body(c)));
         for (int c = 0; c < kConnections; ++c) {
-          const auto answer = clients[c].receive();
-          if (answer && answer->body == body(c)) ++right;
+          const auto response = clients[c].receive();
+          if (response && response->body == body(c)) ++right;
         }
       }
     });

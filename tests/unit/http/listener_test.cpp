@@ -16,7 +16,7 @@ namespace {
 using testing::comes_true;
 using testing::HttpClient;
 
-TEST(Listener, small_answers_do_not_wait_for_acknowledgements) {
+TEST(Listener, small_responses_do_not_wait_for_acknowledgements) {
   const UniqueFd listener = listen_tcp("127.0.0.1:0").value();
   const HttpClient client(port_of(listener.get()));
   Accepted accepted;

@@ -1,4 +1,4 @@
-// Answers that are made in pieces, and the budget of bytes that their clients have not taken.
+// Responses that are made in pieces, and the budget of bytes that their clients have not read.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -53,20 +53,20 @@ TEST_F(PiecesTest, several_are_chunked_and_the_connection_goes_on) {
   HttpClient client(port());
   for (int i = 0; i < 2; ++i) {
     ASSERT_TRUE(client.send_get("/pieces"));
-    const HttpResponse answer = client.receive().value_or(HttpResponse{});
-    EXPECT_EQ(answer.header("transfer-encoding"), "chunked");
-    EXPECT_EQ(answer.header("content-length"), "");
-    EXPECT_EQ(answer.body, "bbbbbbbbbbccccccccccdddddddddd");
+    const HttpResponse response = client.receive().value_or(HttpResponse{});
+    EXPECT_EQ(response.header("transfer-encoding"), "chunked");
+    EXPECT_EQ(response.header("content-length"), "");
+    EXPECT_EQ(response.body, "bbbbbbbbbbccccccccccdddddddddd");
   }
 }
 
 TEST_F(PiecesTest, a_single_one_has_a_length) {
   add_pieces("/pieces", 1, 10);
   start();
-  const HttpResponse answer = get("/pieces");
-  EXPECT_EQ(answer.header("transfer-encoding"), "");
-  EXPECT_EQ(answer.header("content-length"), "10");
-  EXPECT_EQ(answer.body, "bbbbbbbbbb");
+  const HttpResponse response = get("/pieces");
+  EXPECT_EQ(response.header("transfer-encoding"), "");
+  EXPECT_EQ(response.header("content-length"), "10");
+  EXPECT_EQ(response.body, "bbbbbbbbbb");
 }
 
 TEST_F(PiecesTest, for_http_1_0_the_end_of_the_connection_is_that_of_the_body) {
@@ -92,15 +92,15 @@ TEST_F(PiecesTest, a_head_request_gets_the_head_alone) {
   EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "hello");
 }
 
-TEST_F(PiecesTest, the_error_of_the_first_one_is_the_answer) {
+TEST_F(PiecesTest, an_error_of_the_first_piece_becomes_the_response) {
   add_pieces("/pieces", 3, 10, /*failing=*/0);
   start();
-  const HttpResponse answer = get("/pieces");
-  EXPECT_EQ(answer.status, 410);
-  EXPECT_EQ(answer.header("content-type"), "application/problem+json");
-  EXPECT_EQ(answer.header("etag"), "");
-  EXPECT_NE(answer.header("x-request-id"), "");
-  EXPECT_EQ(answer.detail(), "the rest is gone");
+  const HttpResponse response = get("/pieces");
+  EXPECT_EQ(response.status, 410);
+  EXPECT_EQ(response.header("content-type"), "application/problem+json");
+  EXPECT_EQ(response.header("etag"), "");
+  EXPECT_NE(response.header("x-request-id"), "");
+  EXPECT_EQ(response.detail(), "the rest is gone");
   EXPECT_EQ(observed(1)[0].status, 410);
 }
 
@@ -127,7 +127,7 @@ TEST_F(PiecesTest, a_client_that_does_not_read_costs_one_piece) {
   EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
 }
 
-TEST_F(PiecesTest, over_the_budget_answers_wait_without_a_thread_and_go_on_when_bytes_leave) {
+TEST_F(PiecesTest, responses_over_the_budget_wait_without_a_thread_and_continue_when_bytes_leave) {
   add_pieces("/pieces", kPieces, kPieceBytes);
   HttpServerConfig config;
   config.threads = 2;
@@ -139,7 +139,7 @@ TEST_F(PiecesTest, over_the_budget_answers_wait_without_a_thread_and_go_on_when_
   }
   ASSERT_TRUE(comes_true([&] { return server_->state().memory_bytes > kPieceBytesMax; }));
   EXPECT_LE(server_->state().memory_bytes, 2 * kPieceBytesMax);
-  EXPECT_EQ(get("/hello").body, "hello") << "a small answer does not wait";
+  EXPECT_EQ(get("/hello").body, "hello") << "a small response does not wait";
   // Side by side: which of them have the budget is not known, and the others wait for these.
   std::vector<std::thread> readers;
   for (HttpClient& client : clients) {
@@ -151,7 +151,7 @@ TEST_F(PiecesTest, over_the_budget_answers_wait_without_a_thread_and_go_on_when_
   EXPECT_TRUE(comes_true([&] { return server_->state().memory_bytes == 0; }));
 }
 
-TEST_F(PiecesTest, those_that_wait_go_on_when_a_client_leaves) {
+TEST_F(PiecesTest, waiting_responses_continue_when_a_client_leaves) {
   add_pieces("/pieces", kPieces, kPieceBytes);
   HttpServerConfig config;
   config.memory = {kPieceBytesMax, kPieceBytesMax};
@@ -180,14 +180,14 @@ TEST(MemoryBudget, one_tenants_bytes_are_not_anothers) {
   EXPECT_EQ(budget.bytes(), 190);
 }
 
-TEST(MemoryBudget, who_has_nothing_gets_its_piece_however_large) {
+TEST(MemoryBudget, a_share_that_holds_nothing_gets_its_piece_however_large) {
   MemoryBudget budget({100, 200});
   MemoryShare first(budget, "lab", nullptr), other(budget, "studio", nullptr);
   EXPECT_TRUE(first.reserve(500));
   EXPECT_TRUE(other.reserve(500));
 }
 
-TEST(MemoryBudget, those_that_wait_are_served_in_their_order) {
+TEST(MemoryBudget, waiting_shares_are_served_in_their_order) {
   MemoryBudget budget({100, 100});
   int one = 1, two = 2;
   MemoryShare holder(budget, "lab", nullptr);

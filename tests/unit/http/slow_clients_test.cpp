@@ -19,8 +19,8 @@ constexpr int64_t kLargeBytes = int64_t{64} << 20;  // more than the buffers of 
 
 // How a client fared.
 struct Fate {
-  double seconds = 0;   // until the server answered or closed
-  HttpResponse answer;  // status 0: closed without one
+  double seconds = 0;     // until the server responded or closed
+  HttpResponse response;  // status 0: closed without one
 };
 
 double seconds_since(Clock::time_point start) {
@@ -28,7 +28,7 @@ double seconds_since(Clock::time_point start) {
 }
 
 // Sends `first`, then a byte of `filler` every `pause_seconds` (0: nothing) until there is an
-// answer or an end.
+// response or an end.
 Fate suffer(int port, const std::string& first, const std::string& filler, double pause_seconds) {
   const auto start = Clock::now();
   HttpClient client(port);
@@ -42,7 +42,7 @@ Fate suffer(int port, const std::string& first, const std::string& filler, doubl
     client.readable(kPatienceSeconds);
   }
   fate.seconds = seconds_since(start);
-  if (auto answer = client.receive()) fate.answer = *answer;
+  if (auto response = client.receive()) fate.response = *response;
   return fate;
 }
 
@@ -58,12 +58,12 @@ class SlowClients : public ::testing::Test {
     HttpServerConfig config;
     config.listen = "127.0.0.1:0";
     config.threads = 8;
-    auto front = start_http_server(config, handler, [](const ExchangeRecord& record) {
+    auto server = start_http_server(config, handler, [](const ExchangeRecord& record) {
       if (record.head->path == "/large") suite_->large_sent.set_value(record.ms / 1000);
     });
-    ASSERT_TRUE(front) << front.error().message();
-    suite_->front = *std::move(front);
-    const int port = suite_->front->port();
+    ASSERT_TRUE(server) << server.error().message();
+    suite_->server = *std::move(server);
+    const int port = suite_->server->port();
     const auto launch = [port](const std::string& first, const std::string& filler, double pause) {
       return std::async(std::launch::async, suffer, port, first, filler, pause).share();
     };
@@ -81,19 +81,19 @@ class SlowClients : public ::testing::Test {
   static void expect_deadline_exceeded(const Fate& fate) {
     EXPECT_GE(fate.seconds, kBodyGraceSeconds - 1);
     EXPECT_LT(fate.seconds, kPatienceSeconds);
-    EXPECT_EQ(fate.answer.status, 504);
-    EXPECT_EQ(fate.answer.code(), "deadline-exceeded");
-    EXPECT_EQ(fate.answer.detail(), "the body arrives too slowly");
-    EXPECT_EQ(fate.answer.header("connection"), "close");
+    EXPECT_EQ(fate.response.status, 504);
+    EXPECT_EQ(fate.response.code(), "deadline-exceeded");
+    EXPECT_EQ(fate.response.detail(), "the body arrives too slowly");
+    EXPECT_EQ(fate.response.header("connection"), "close");
   }
   static void expect_closed(const Fate& fate) {
     EXPECT_GE(fate.seconds, kHeadSecondsMax - 1);
     EXPECT_LT(fate.seconds, kPatienceSeconds);
-    EXPECT_EQ(fate.answer.status, 0);
+    EXPECT_EQ(fate.response.status, 0);
   }
 
   struct Suite {
-    std::unique_ptr<HttpServer> front;
+    std::unique_ptr<HttpServer> server;
     std::shared_future<Fate> still_head, slow_head, still_body, slow_body, slow_chunks;
     std::unique_ptr<HttpClient> reader;
     std::promise<double> large_sent;
@@ -122,7 +122,7 @@ TEST_F(SlowClients, a_chunked_body_that_comes_byte_by_byte_exceeds_the_deadline)
   expect_deadline_exceeded(suite_->slow_chunks.get());
 }
 
-TEST_F(SlowClients, an_answer_that_is_not_read_is_broken_off) {
+TEST_F(SlowClients, a_response_that_is_not_read_is_cut) {
   auto sent = suite_->large_sent.get_future();
   ASSERT_EQ(sent.wait_for(std::chrono::seconds(2 * kPatienceSeconds)), std::future_status::ready);
   EXPECT_GE(sent.get(), kWriteStallSeconds - 1);
@@ -131,17 +131,17 @@ TEST_F(SlowClients, an_answer_that_is_not_read_is_broken_off) {
   EXPECT_LT(static_cast<int64_t>(rest->size()), kLargeBytes);
 }
 
-TEST(SlowReader, who_takes_less_than_the_least_rate_is_cut_though_never_still) {
+TEST(SlowReader, a_reader_below_the_minimum_rate_is_cut_though_it_never_stops) {
   std::promise<int64_t> sent;
   HttpServerConfig config;
   config.listen = "127.0.0.1:0";
   config.send.grace_seconds = 1;
   config.send.rate_min = kLargeBytes;  // what the buffers of both sockets took does not suffice
-  auto front = start_http_server(
+  auto server = start_http_server(
       config, [](Request&) { return Response::text(200, std::string(kLargeBytes, 'x')); },
       [&](const ExchangeRecord& record) { sent.set_value(record.bytes_out); });
-  ASSERT_TRUE(front) << front.error().message();
-  HttpClient client((*front)->port());
+  ASSERT_TRUE(server) << server.error().message();
+  HttpClient client((*server)->port());
   ASSERT_TRUE(client.send_get("/large"));
   const auto start = Clock::now();
   // As much as its socket holds at a time, with a pause: never still for as long as a stall is.
@@ -154,7 +154,7 @@ TEST(SlowReader, who_takes_less_than_the_least_rate_is_cut_though_never_still) {
 }
 
 TEST_F(SlowClients, others_are_served_at_once_after_all) {
-  HttpClient client(suite_->front->port());
+  HttpClient client(suite_->server->port());
   ASSERT_TRUE(client.send("POST / HTTP/1.1\r\nHost: h\r\nContent-Length: 2\r\n\r\nok"));
   EXPECT_EQ(client.receive().value_or(HttpResponse{}).body, "ok");
 }

@@ -27,7 +27,7 @@ FakeWorker::FakeWorker(const std::filesystem::path& socket, const std::string& d
   hello.driver = "fake driver 1.0";
   hello.device_json = "{}";
   const auto reply = call(to_json_message(hello));
-  VOXELD_CHECK(reply.has_value(), "hello was not answered");
+  VOXELD_CHECK(reply.has_value(), "hello got no reply");
   scratch_ = reply->value("scratch_dir", "");
 }
 
@@ -82,7 +82,7 @@ TaskFrameReply FakeWorker::frame(const Task& task, int64_t index, const std::str
   const auto reply =
       call(to_json_message(TaskFrame{task.id, task.fence, index, made.time_s, path,
                                      made.voxel_count, made.content_hash, frames_total}));
-  VOXELD_CHECK(reply.has_value(), "a frame was not answered");
+  VOXELD_CHECK(reply.has_value(), "a frame got no reply");
   auto parsed = parse_task_frame_reply(*reply);
   VOXELD_CHECK(parsed.ok(), parsed.error().detail);
   return *std::move(parsed);

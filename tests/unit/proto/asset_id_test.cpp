@@ -7,7 +7,7 @@ namespace {
 
 const std::string kBlob = "sha256-" + std::string(64, 'a');
 
-TEST(AssetId, what_of_a_name_decides_how_it_is_read) {
+TEST(AssetId, the_extension_decides_how_a_file_is_read) {
   EXPECT_EQ(reading_of("models/bunny.PLY"), ".ply");
   EXPECT_EQ(reading_of("a.zip!models/B.obj"), ".zip!models/B.obj");
   EXPECT_EQ(reading_of("bunny"), "");

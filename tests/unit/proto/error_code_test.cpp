@@ -54,7 +54,7 @@ TEST(ErrorCode, a_name_of_a_newer_server_is_internal) {
   EXPECT_EQ(error_code_from_name("Not-Found"), ErrorCode::kInternal);
 }
 
-TEST(Error, the_message_joins_what_is_there) {
+TEST(Error, the_message_joins_the_present_parts) {
   EXPECT_EQ((Error{ErrorCode::kInternal, "a", "", ""}).message(), "a");
   EXPECT_EQ((Error{ErrorCode::kInternal, "a", "b", ""}).message(), "a: expected b");
   EXPECT_EQ((Error{ErrorCode::kInternal, "a", "", "c"}).message(), "a: got c");

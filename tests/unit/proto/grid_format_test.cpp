@@ -224,7 +224,7 @@ TEST(GridFormat, equal_grids_give_equal_bytes_whatever_the_order_of_tiles) {
   EXPECT_EQ(*first, *second);
 }
 
-TEST(GridFormat, all_tiles_at_once_are_what_each_is_alone) {
+TEST(GridFormat, all_tiles_decoded_at_once_equal_each_alone) {
   std::mt19937 random(6);
   const auto tiles = test::tiles_of(test::random_voxels(random, {900, 900, 900}, 900), true, true);
   auto bytes = encode_grid(header_of({900, 900, 900}, true, true), tiles);

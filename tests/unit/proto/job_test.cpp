@@ -165,7 +165,7 @@ TEST(JobRequest, a_sequence_is_an_input_as_a_grid_is) {
             "asset and grid and sequence");
 }
 
-TEST(JobRequest, frames_are_asked_of_what_has_frames) {
+TEST(JobRequest, frame_options_need_an_input_with_frames) {
   EXPECT_EQ(refused(R"({"kind":"export","grid":"g","options":{"frames":"0..3"}})").message(),
             "frames: expected a sequence as input, got a grid");
   EXPECT_EQ(refused(R"({"kind":"render","grid":"g","options":{"frame":1}})").message(),
@@ -205,7 +205,7 @@ TEST(JobRequest, members_are_checked_by_name_and_type) {
             ErrorCode::kUnknownOption);
 }
 
-TEST(JobRequest, priority_and_deadline_are_kept_within_their_ranges) {
+TEST(JobRequest, priority_and_deadline_outside_their_ranges_are_refused) {
   const auto request = parse_job_request(
       Json::parse(R"({"kind":"voxelize","asset":"a","priority":-100,"deadline_ms":1})"));
   ASSERT_TRUE(request) << request.error().message();
@@ -256,7 +256,7 @@ TEST(JobStatus, every_member_comes_back) {
   EXPECT_TRUE(back->ended());
 }
 
-TEST(JobStatus, of_a_failed_job_carries_its_error_and_no_result) {
+TEST(JobStatus, a_failed_job_carries_its_error_and_no_result) {
   JobStatus status;
   status.state = JobState::kFailed;
   status.error = Error{ErrorCode::kMalformedMesh, "a.obj line 3: index", "1 to 8", "9"};
@@ -343,7 +343,7 @@ TEST(JobStatus, an_event_and_the_members_of_its_row_make_the_row) {
   EXPECT_EQ(with_fixed_members("", status), "");
 }
 
-TEST(JsonWriter, numbers_and_texts_read_back_as_what_they_were) {
+TEST(JsonWriter, numbers_and_texts_read_back_unchanged) {
   std::string text;
   JsonWriter(text)
       .begin_object()
@@ -379,7 +379,7 @@ TEST(Problem, has_the_members_of_rfc_9457_for_every_code) {
   EXPECT_FALSE(brief.contains("expected") || brief.contains("got") || brief.contains("instance"));
 }
 
-TEST(Problem, what_is_not_a_problem_document_is_internal_with_a_reason) {
+TEST(Problem, an_invalid_problem_document_is_internal_with_a_reason) {
   EXPECT_EQ(parse_problem(Json("oops")).code, ErrorCode::kInternal);
   EXPECT_EQ(parse_problem(Json("oops")).message(),
             "not a problem document: error: expected an object, got string");

@@ -21,7 +21,7 @@ Error error_of(std::string_view text) {
   return json ? Error{} : json.error();
 }
 
-TEST(JsonBounded, reads_what_is_written) {
+TEST(JsonBounded, reads_written_values) {
   const auto json = parse_json_bounded(R"({"a": [1, -2, 2.5, "x", null, true], "b": {"a": {}}})");
   ASSERT_TRUE(json) << json.error().message();
   EXPECT_EQ((*json)["a"].dump(), R"([1,-2,2.5,"x",null,true])");

@@ -153,7 +153,7 @@ TEST(OctreeCodec, random_bytes_are_refused_or_are_a_tile_that_gives_the_same_byt
   EXPECT_GT(accepted, 100);
 }
 
-TEST(OctreeCodec, counting_finds_what_decoding_finds) {
+TEST(OctreeCodec, counting_and_decoding_agree) {
   std::mt19937 random(7);
   std::vector<SparseTile> tiles =
       test::tiles_of(test::random_voxels(random, {256, 256, 256}, 5000), ChannelSet());

@@ -27,7 +27,7 @@ TEST(PercentEncoding, pinned_texts) {
   EXPECT_EQ(percent_encode(std::string_view("a\0b", 3)), "a%00b");
 }
 
-TEST(PercentEncoding, what_is_named_stays_too) {
+TEST(PercentEncoding, named_characters_stay_unencoded) {
   EXPECT_EQ(percent_encode("1,2/3", ","), "1,2%2F3");
   EXPECT_EQ(percent_encode("1,2/3", ",/"), "1,2/3");
 }

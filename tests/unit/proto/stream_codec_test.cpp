@@ -69,7 +69,7 @@ TEST(StreamCodec, a_frame_that_says_more_than_its_place_needs_is_refused) {
   EXPECT_TRUE(decompress_stream(bomb, 1 << 20));
 }
 
-TEST(StreamCodec, a_frame_of_a_billion_billion_bytes_is_refused_by_what_it_says) {
+TEST(StreamCodec, a_frame_of_a_billion_billion_bytes_is_refused_by_its_declared_size) {
   // Magic, descriptor with an 8-byte size and a single segment, size, one empty last block.
   const std::vector<uint8_t> bomb = {0x28, 0xb5, 0x2f, 0xfd, 0xe0, 0xff, 0xff, 0xff,
                                      0xff, 0xff, 0xff, 0xff, 0x0f, 0x01, 0x00, 0x00};

@@ -446,7 +446,7 @@ TEST(TaskApi, another_type_of_message_is_refused_by_its_name) {
   }
 }
 
-TEST(TaskApi, what_is_not_an_object_is_refused) {
+TEST(TaskApi, a_value_that_is_not_an_object_is_refused) {
   for (const Message& message : messages()) {
     for (const Json& value :
          {Json(), Json(5), Json("x"), Json::array(), Json::array({message.json})}) {
@@ -472,7 +472,7 @@ TEST(TaskApi, every_member_of_another_type_is_refused_by_its_name) {
   }
 }
 
-TEST(TaskApi, what_makes_no_sense_without_it_must_be_there) {
+TEST(TaskApi, required_members_must_be_present) {
   const std::map<std::string, std::vector<std::string>> required = {
       {"hello", {"protocol", "pid", "device"}},
       {"folders", {"scratch_dir", "input_dir", "cache_dir"}},

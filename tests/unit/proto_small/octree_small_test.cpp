@@ -56,14 +56,14 @@ TEST(OctreeSmall, full_nodes_among_others_come_back) {
   }
 }
 
-TEST(OctreeSmall, a_large_full_node_costs_what_its_place_costs) {
+TEST(OctreeSmall, a_large_full_node_costs_only_its_place) {
   SparseTile tile = test::single_voxel(255, 255, 255);
   const size_t alone = expect_round_trip(tile).size();
   tile.full = {{0, 4}};
   EXPECT_LE(expect_round_trip(tile).size(), alone + 4);
 }
 
-TEST(OctreeSmall, solids_cost_what_their_surface_costs) {
+TEST(OctreeSmall, solids_cost_as_much_as_their_surface) {
   const SparseTile solid = test::ball(100);
   const SparseTile shell = test::sphere_shell(98, 2);
   const size_t solid_bytes = expect_round_trip(solid).size();
@@ -157,7 +157,7 @@ TEST(OctreeSmall, every_truncation_and_an_extra_byte_are_refused) {
   }
 }
 
-TEST(OctreeSmall, an_error_says_what_is_wrong) {
+TEST(OctreeSmall, an_error_names_its_cause) {
   EXPECT_EQ(refusal({}), "grid container, small octree: no bytes");
   EXPECT_EQ(refusal(std::vector<uint8_t>{3}),
             "grid container, small octree: layout: expected 0, 1 or 2, got 3");

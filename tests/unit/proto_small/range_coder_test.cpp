@@ -59,7 +59,7 @@ TEST(RangeCoder, a_decoder_notices_missing_and_extra_bytes) {
   EXPECT_TRUE(shorter.exhausted());
 }
 
-TEST(RangeCoder, likely_bits_cost_what_their_probability_says) {
+TEST(RangeCoder, likely_bits_cost_as_their_probability_predicts) {
   // 100000 bits of probability 65000/65536 cost 0.01184 bits each, 148 bytes, and 4 at the end.
   EXPECT_NEAR(static_cast<double>(encoded(std::vector<CodedBit>(100'000, {true, 65000})).size()),
               148 + 4, 2);

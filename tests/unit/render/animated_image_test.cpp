@@ -108,7 +108,7 @@ TEST(Gif, every_image_is_read_back_with_its_delay_and_loops_for_ever) {
   EXPECT_EQ(delays, (std::vector<int>{10, 4, 50, 300}));
 }
 
-TEST(Gif, what_is_not_opaque_lies_over_white) {
+TEST(Gif, transparent_pixels_are_blended_with_white) {
   const testing::TemporaryDir dir;
   const auto path = dir.path() / "one.gif";
   auto writer = write_gif(path, {1.0});

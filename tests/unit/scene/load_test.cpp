@@ -47,7 +47,7 @@ TEST(LoadScene, the_name_after_an_exclamation_mark_chooses) {
             "sub/b.off");
 }
 
-TEST(LoadScene, a_zip_without_a_mesh_says_what_it_holds) {
+TEST(LoadScene, the_error_of_a_zip_without_a_mesh_lists_its_files) {
   EXPECT_EQ(
       message_of(load_text("x.zip", ZipMaker().add("a.png", "").add("b.txt", "").bytes())),
       "x.zip: no mesh in the zip: expected one obj, ply, stl, off, gltf, glb or md5mesh file, got "
@@ -69,7 +69,7 @@ TEST(LoadScene, a_file_that_is_named_zip_but_is_none_is_refused) {
             "zip: no end record: truncated, or not a zip");
 }
 
-TEST(LoadScene, a_ply_named_obj_is_loaded_as_what_it_is) {
+TEST(LoadScene, a_ply_named_obj_is_loaded_as_a_ply) {
   const auto scene = load_text("a.obj",
                                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
                                "property float y\nproperty float z\nelement face 1\n"

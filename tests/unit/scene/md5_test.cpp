@@ -112,7 +112,7 @@ TEST(Md5Mesh, counts_at_the_head_may_lie) {
   EXPECT_EQ(mesh->warnings[1].detail, "a.md5mesh: numMeshes says 0, the file has 1");
 }
 
-TEST(Md5Mesh, whatever_is_wrong_is_named_with_its_line) {
+TEST(Md5Mesh, each_error_names_its_line) {
   const auto with = [](const std::string& from, const std::string& to) {
     std::string text = mesh_file(kTriangle);
     const size_t at = text.find(from);
@@ -226,7 +226,7 @@ TEST(Md5Anim, frames_may_stand_in_any_order) {
   expect_near(md5_local_pose(*anim, 0.0)[0].position, {10, 2, 30});
 }
 
-TEST(Md5Anim, whatever_is_wrong_is_named_with_its_line) {
+TEST(Md5Anim, each_error_names_its_line) {
   const auto message = [](const std::string& text) {
     return message_of(parse_md5_anim("a.md5anim", text));
   };
@@ -351,7 +351,7 @@ TEST(Md5Scene, the_only_image_of_a_zip_is_taken_where_no_shader_finds_one) {
   EXPECT_EQ(named.images.at(0).name, "skin.tga");
 }
 
-TEST(Md5Scene, the_first_word_tells_a_mesh_and_an_animation_is_not_one) {
+TEST(Md5Scene, the_first_word_identifies_a_mesh_and_an_animation_is_not_one) {
   EXPECT_TRUE(test::load_text("", mesh_file(kTriangle)));
   const std::string anim = anim_file(kFrames);
   const std::string as_textbook =

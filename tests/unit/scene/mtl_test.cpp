@@ -14,7 +14,7 @@ MtlMaterial parse_one(std::string_view statements, Scene* warnings = nullptr) {
   return all.empty() ? MtlMaterial() : all[0];
 }
 
-TEST(Mtl, reads_what_exporters_write) {
+TEST(Mtl, reads_the_forms_that_exporters_write) {
   Scene scene;
   const auto all =
       parse_mtl("a.mtl",
@@ -40,7 +40,7 @@ TEST(Mtl, options_of_maps_are_read_or_skipped) {
   EXPECT_TRUE(m.map_clamp);
 }
 
-TEST(Mtl, options_of_colour_spaces_are_read_and_those_that_change_colours_are_told) {
+TEST(Mtl, options_of_colour_spaces_are_read_and_those_that_change_colours_are_reported) {
   Scene scene;
   EXPECT_EQ(parse_one("map_Kd -colorspace sRGB -s nan 2 a.png\n", &scene).map_kd, "a.png");
   EXPECT_THAT(scene.warnings, testing::IsEmpty());
@@ -65,7 +65,7 @@ TEST(Mtl, one_number_of_kd_stands_for_three) {
   EXPECT_EQ(parse_one("Kd 0.5\n").kd, glm::vec3(0.5f));
 }
 
-TEST(Mtl, what_cannot_be_read_is_a_warning) {
+TEST(Mtl, unreadable_values_are_warnings) {
   Scene scene;
   EXPECT_FALSE(parse_one("Kd spectral file.rfl\nd\nTr x\n", &scene).kd);
   ASSERT_EQ(scene.warnings.size(), 3u);

@@ -19,7 +19,7 @@ TEST(Normals, directions_have_unit_length_however_small_or_large_the_vector) {
   }
 }
 
-TEST(Normals, what_has_no_direction_is_zero) {
+TEST(Normals, a_vector_without_direction_becomes_zero) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (const glm::dvec3& v : {glm::dvec3(0.0), glm::dvec3(1, kNan, 1), glm::dvec3(kNan, 1e200, 0),

@@ -53,7 +53,7 @@ TEST(Obj, concave_polygons_keep_their_area) {
   EXPECT_DOUBLE_EQ(test::area_of(*scene), 20.0);
 }
 
-TEST(Obj, triangles_that_repeat_a_corner_are_kept_as_segments) {
+TEST(Obj, triangles_that_repeat_a_corner_stay_as_segments) {
   EXPECT_EQ(load_text("a.obj", std::string(kSquare) + "f 1 2 2\n")->triangle_count(), 1u);
 }
 
@@ -174,7 +174,7 @@ TEST(Obj, statements_that_say_nothing_of_polygons_are_left_out) {
   EXPECT_EQ(scene->warnings[0].detail, "a.obj: statements \"surf\" were left out");
 }
 
-TEST(Obj, mistakes_are_told_with_line_and_expectation) {
+TEST(Obj, mistakes_are_reported_with_line_and_expectation) {
   struct Case {
     std::string text;
     const char* message;
@@ -370,7 +370,7 @@ TEST(Obj, comments_may_follow_names) {
 }
 
 // By their folders two names look like one path that ends in the second one.
-TEST(Obj, several_names_with_blanks_and_folders_are_told_apart) {
+TEST(Obj, several_names_with_blanks_and_folders_are_separated) {
   const std::pair<const char*, std::vector<const char*>> cases[] = {
       {"mats/a.mtl mats/b.mtl", {"mats/a.mtl", "mats/b.mtl"}},
       {"my own.mtl mats/b.mtl", {"my own.mtl", "mats/b.mtl"}},
@@ -424,7 +424,7 @@ TEST(Obj, options_that_are_not_known_are_no_part_of_a_texture_s_name) {
   EXPECT_EQ(scene->missing_files[0].name, "-option gone.png");
 }
 
-TEST(Obj, what_is_missing_is_named_once) {
+TEST(Obj, each_missing_file_is_named_once) {
   MapBundle bundle;
   bundle.add("a.mtl", "newmtl a\nmap_Kd .\\gone.png\nnewmtl b\nmap_Kd .\\gone.png\n");
   const auto scene =

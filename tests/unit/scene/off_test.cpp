@@ -286,7 +286,7 @@ TEST(Off, bytes_of_binary_numbers_are_never_text) {
   EXPECT_EQ(scene->parts[0].positions[1].x, double{x});
 }
 
-TEST(Off, mistakes_of_binary_files_are_told_with_their_byte) {
+TEST(Off, mistakes_of_binary_files_are_reported_with_their_byte) {
   const auto off = [](int32_t vertices, int32_t faces) {
     return BinaryOff("OFF", vertices, faces).square();
   };
@@ -334,7 +334,7 @@ TEST(Off, faces_of_fewer_than_three_corners_are_left_out_with_a_warning) {
   EXPECT_EQ(scene->warnings[0].code, "skipped-faces");
 }
 
-TEST(Off, mistakes_are_told) {
+TEST(Off, mistakes_are_reported) {
   const std::string square = std::string("OFF\n4 1 0\n") + kBody;
   const std::pair<std::string, const char*> cases[] = {
       {"",
@@ -400,7 +400,7 @@ TEST(Off, mistakes_are_told) {
   }
 }
 
-TEST(Off, refusals_of_what_is_not_supported_have_their_own_code) {
+TEST(Off, unsupported_features_have_their_own_error_code) {
   EXPECT_EQ(load_text("a.off", "4OFF\n").error().code, ErrorCode::kUnsupportedFeature);
   EXPECT_EQ(load_text("a.off", "OFF\n0 0 0\n").error().code, ErrorCode::kEmptyMesh);
 }

@@ -171,7 +171,7 @@ TEST(Ply, faces_of_fewer_than_three_corners_are_left_out_with_a_warning) {
   EXPECT_EQ(scene->warnings[0].detail, "a.ply: 2 faces with fewer than 3 corners were left out");
 }
 
-TEST(Ply, mistakes_of_the_header_are_told) {
+TEST(Ply, mistakes_of_the_header_are_reported) {
   const std::pair<std::string, const char*> cases[] = {
       {"", "a.ply line 1: wrong first line: expected \"ply\", got the end of the file"},
       {"plywood\n", "a.ply line 1: wrong first line: expected \"ply\", got \"plywood\\x0a\""},
@@ -219,7 +219,7 @@ TEST(Ply, mistakes_of_the_header_are_told) {
   }
 }
 
-TEST(Ply, mistakes_of_the_body_are_told_with_line_and_element) {
+TEST(Ply, mistakes_of_the_body_are_reported_with_line_and_element) {
   const std::pair<std::string, const char*> cases[] = {
       {ascii("", "", "0 0 0\n1 0 0\n0 1 x\n3 0 1 2\n"),
        "a.ply line 12: vertex 2: z: expected a number, got \"x\""},

@@ -120,7 +120,7 @@ TEST(Stl, text_and_binary_of_one_mesh_are_the_same_vertices) {
   EXPECT_EQ(text->parts[0].positions, bytes->parts[0].positions);
 }
 
-TEST(Stl, mistakes_are_told) {
+TEST(Stl, mistakes_are_reported) {
   constexpr Facet kNan = {{0, 0, 0, 1, std::numeric_limits<float>::infinity(), 0, 0, 1, 0}};
   std::string huge = binary({kLeft});
   huge.replace(80, 4, "\xff\xff\xff\xff");

@@ -7,7 +7,7 @@
 namespace voxeld {
 namespace {
 
-TEST(ParseNumber, reads_what_exporters_write) {
+TEST(ParseNumber, reads_the_forms_that_exporters_write) {
   EXPECT_EQ(parse_number("1"), 1.0);
   EXPECT_EQ(parse_number("-0.5"), -0.5);
   EXPECT_EQ(parse_number("+.5"), 0.5);
@@ -24,7 +24,7 @@ TEST(ParseNumber, refuses_everything_else) {
   }
 }
 
-TEST(ParseNumber, words_for_no_finite_number_are_told_from_words_that_are_none) {
+TEST(ParseNumber, words_for_non_finite_numbers_differ_from_words_that_are_none) {
   for (const char* word : {"nan", "NaN", "-nan", "nan(ind)", "-nan(ind)", "inf", "-Infinity",
                            "1.#QNAN", "-1.#IND000", "1.#INF", "1e999", "-1e999"}) {
     const auto number = parse_number_or_nan(word);

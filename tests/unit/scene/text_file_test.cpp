@@ -103,7 +103,7 @@ TEST(TextFile, material_files_are_read_whatever_their_marks_and_line_ends) {
   }
 }
 
-TEST(TextFile, characters_of_utf16_beyond_the_first_plane_are_kept) {
+TEST(TextFile, characters_of_utf16_beyond_the_first_plane_are_preserved) {
   const auto part_name = [](std::string name) {
     const auto scene = test::load_text("a.obj", utf16("v 0 0 0\nv 1 0 0\nv 0 1 0\no ", false) +
                                                     name + utf16("\nf 1 2 3\n", false).substr(2));

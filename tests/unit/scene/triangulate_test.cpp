@@ -65,7 +65,7 @@ Polygon tilted(const Polygon& polygon) {
   return out;
 }
 
-TEST(Triangulate, appends_to_what_is_there) {
+TEST(Triangulate, appends_to_existing_triangles) {
   std::vector<uint32_t> indices = {9};
   triangulate_polygon(flat({{0, 0}, {1, 0}, {0, 1}}), indices);
   EXPECT_EQ(indices, (std::vector<uint32_t>{9, 0, 1, 2}));

@@ -135,7 +135,7 @@ TEST(AnimatedScene, formats_without_joints_have_the_scene_alone) {
             "animation: the file has no animations: got \"walk\"");
 }
 
-TEST(AnimatedScene, what_cannot_be_loaded_has_the_error_of_load_scene) {
+TEST(AnimatedScene, an_invalid_file_has_the_error_of_load_scene) {
   for (const std::string& text : {std::string("MD5Version 9"), std::string("{\"asset\":"),
                                   std::string("v 0 0 0"), std::string("PK\5\6")}) {
     EXPECT_EQ(message_of(load_animated_scene("", test::bytes_of(text))),

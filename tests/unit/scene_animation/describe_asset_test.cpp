@@ -8,7 +8,7 @@
 namespace voxeld {
 namespace {
 
-TEST(DescribeAsset, an_md5_bundle_tells_joints_meshes_materials_and_animations) {
+TEST(DescribeAsset, an_md5_bundle_lists_joints_meshes_materials_and_animations) {
   const std::string zip = test::ZipMaker()
                               .add("puppet.md5mesh", puppet_mesh())
                               .add("walk.md5anim", puppet_walk())
@@ -56,7 +56,7 @@ TEST(DescribeAsset, an_animation_that_cannot_be_used_is_listed_with_its_reason) 
   EXPECT_EQ(asset.animations[1].frame_count, 4);
 }
 
-TEST(DescribeAsset, a_gltf_scene_tells_influences_and_morph_targets) {
+TEST(DescribeAsset, a_gltf_scene_lists_influences_and_morph_targets) {
   const AssetDescription asset = describe_asset(loaded(dancer()));
   EXPECT_EQ(asset.format, "gltf");
   ASSERT_EQ(asset.meshes.size(), 3u);

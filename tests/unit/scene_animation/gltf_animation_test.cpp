@@ -168,7 +168,7 @@ TEST(GltfAnimation, mirrored_parts_keep_their_corners_and_their_side) {
   EXPECT_GT(glm::dot(n, glm::dvec3(frame.parts[1].normals[0])), 0.0);
 }
 
-TEST(GltfAnimation, what_no_scene_can_follow_is_left_out_with_a_warning) {
+TEST(GltfAnimation, channels_without_a_usable_target_are_ignored_with_a_warning) {
   GltfBuilder builder = dancer();
   auto& channels = builder.json["animations"][0]["channels"];
   channels.push_back(Json::parse(R"({"sampler": 0, "target": {"path": "translation"}})"));

@@ -201,7 +201,7 @@ TEST(Md5Animation, one_that_does_not_fit_names_the_joints) {
             "before it, 0..3, got \"4\"");
 }
 
-TEST(Md5Animation, of_several_meshes_in_a_zip_each_can_use_those_that_fit) {
+TEST(Md5Animation, each_mesh_of_a_zip_can_use_the_animations_that_fit) {
   std::string other_mesh = puppet_mesh(), other_anim = puppet_walk();
   other_mesh.replace(other_mesh.find("\"hand\""), 6, "\"foot\"");
   other_anim.replace(other_anim.find("\"hand\""), 6, "\"foot\"");

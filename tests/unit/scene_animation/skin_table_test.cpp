@@ -89,7 +89,7 @@ TEST(SkinTable, the_memory_of_a_frame_is_used_again) {
   EXPECT_EQ(frame.parts[0].positions.data(), before);
 }
 
-TEST(SkinTable, a_place_that_is_none_is_told_with_part_and_vertex) {
+TEST(SkinTable, an_invalid_position_is_reported_with_part_and_vertex) {
   LongRow row(2'100);
   row.scene.parts[2].name = "tail";
   row.table.points[2'050].x = 1e300;

@@ -178,7 +178,7 @@ TEST(GltfMaterials, texture_transforms_are_baked) {
   }
 }
 
-TEST(GltfMaterials, optional_extensions_that_are_not_read_are_told) {
+TEST(GltfMaterials, optional_extensions_that_are_not_read_are_warnings) {
   GltfBuilder builder = triangle();
   builder.json["extensionsUsed"] = {"KHR_materials_unlit", "KHR_lights_punctual", "MY_extension"};
   EXPECT_THAT(warnings(*builder.load()),

@@ -102,7 +102,7 @@ TEST(GltfMeshes, points_and_lines_are_skipped_with_a_warning) {
                                             "lines were left out"));
 }
 
-TEST(GltfMeshes, only_vertices_that_are_used_are_kept) {
+TEST(GltfMeshes, unused_vertices_are_dropped) {
   std::vector<float> corners(3 * 10'000, 0.5f);
   corners[3 * 9'000] = 7;
   GltfBuilder builder;

@@ -136,7 +136,7 @@ TEST(GltfNodes, a_skinned_mesh_stands_where_its_joints_are) {
   EXPECT_EQ(scene->parts[0].positions[2], glm::dvec3(0, 1, 7));
 }
 
-TEST(GltfNodes, animations_are_told_to_be_left_out) {
+TEST(GltfNodes, ignored_animations_are_warnings) {
   GltfBuilder builder = triangle();
   builder.json["animations"] = Json::array({Json::object()});
   const auto scene = builder.load();

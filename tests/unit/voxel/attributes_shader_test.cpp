@@ -89,8 +89,8 @@ double twice_area_of(const std::vector<std::array<double, 2>>& points) {
 
 // The part of a polygon at form >= 0, in doubles.
 template <typename Form>
-std::vector<std::array<double, 2>> kept(const std::vector<std::array<double, 2>>& points,
-                                        const Form& form) {
+std::vector<std::array<double, 2>> clipped(const std::vector<std::array<double, 2>>& points,
+                                           const Form& form) {
   std::vector<std::array<double, 2>> out;
   for (size_t i = 0; i < points.size(); ++i) {
     const auto &a = points[i], &b = points[(i + 1) % points.size()];
@@ -107,10 +107,10 @@ std::vector<std::array<double, 2>> kept(const std::vector<std::array<double, 2>>
 double share_in_cell(const Triangle& t, int i, int j, int k) {
   std::vector<std::array<double, 2>> points;
   for (const ivec3& p : t.v) points.push_back({p.x / 256.0, p.y / 256.0});
-  points = kept(points, [&](const auto& p) { return p[0] - i; });
-  points = kept(points, [&](const auto& p) { return i + 1 - p[0]; });
-  points = kept(points, [&](const auto& p) { return p[1] - j; });
-  points = kept(points, [&](const auto& p) { return j + 1 - p[1]; });
+  points = clipped(points, [&](const auto& p) { return p[0] - i; });
+  points = clipped(points, [&](const auto& p) { return i + 1 - p[0]; });
+  points = clipped(points, [&](const auto& p) { return p[1] - j; });
+  points = clipped(points, [&](const auto& p) { return j + 1 - p[1]; });
   const auto n = t.n();
   const auto depth = [&](const auto& p) {
     return (t.v[0].z -
@@ -118,8 +118,8 @@ double share_in_cell(const Triangle& t, int i, int j, int k) {
                 double(n[2])) /
            256;
   };
-  points = kept(points, [&](const auto& p) { return depth(p) - k; });
-  points = kept(points, [&](const auto& p) { return k + 1 - depth(p); });
+  points = clipped(points, [&](const auto& p) { return depth(p) - k; });
+  points = clipped(points, [&](const auto& p) { return k + 1 - depth(p); });
   return twice_area_of(points) / 2;
 }
 

@@ -83,7 +83,7 @@ TEST(TileBins, keep_triangles_that_reach_out_of_the_grid_in_its_outermost_tiles)
   EXPECT_EQ(bins.bins()[1].coord, glm::ivec3(1, 0, 0));
 }
 
-TEST(TileBins, of_an_empty_mesh_are_none) {
+TEST(TileBins, an_empty_mesh_has_no_bins) {
   EXPECT_TRUE(TileBins(SnappedMesh(), {1, 1, 1}).bins().empty());
   EXPECT_TRUE(TileBins(SnappedMesh(), {2, 2, 2}).bins().empty());
 }

@@ -38,7 +38,7 @@ TEST(FlatColors, without_a_texture_it_is_the_mean_of_the_corners) {
   EXPECT_EQ(mean_color(corners, nullptr, nullptr), (Linear{32768, 32768, 21845, 49151}));
 }
 
-TEST(FlatColors, an_even_texture_stays_what_it_is_under_any_triangle) {
+TEST(FlatColors, an_even_texture_is_unchanged_under_any_triangle) {
   const Image image = image_of(37, 20, {255, 0, 255, 51});
   for (const Wrap wrap : {Wrap::kRepeat, Wrap::kClamp, Wrap::kMirror}) {
     Material material;
@@ -76,7 +76,7 @@ TEST(FlatColors, the_order_of_corners_does_not_change_a_bit) {
   }
 }
 
-TEST(FlatColors, what_is_not_a_number_counts_as_0) {
+TEST(FlatColors, nan_counts_as_0) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Image image = image_of(4, 4, {255, 255, 255, 255});
   const Material material;

@@ -29,7 +29,7 @@ TEST(MipChain, halves_down_to_one_texel) {
   EXPECT_EQ(levels[2].width, 1);
 }
 
-TEST(MipChain, an_even_colour_stays_what_it_is) {
+TEST(MipChain, an_even_colour_is_unchanged) {
   for (const int side : {2, 3, 7, 64, 100}) {
     std::vector<uint8_t> rgba;
     for (int i = 0; i < side * side; ++i) rgba.insert(rgba.end(), {3, 77, 200, 129});

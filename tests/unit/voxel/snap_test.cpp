@@ -210,7 +210,7 @@ SplitTriangle triangle_of(const glm::dvec3& a, const glm::dvec3& b, const glm::d
   return t;
 }
 
-TEST(Split, neighbours_get_the_same_points_and_cover_what_they_did) {
+TEST(Split, neighbours_get_the_same_points_and_cover_the_same_area) {
   std::mt19937_64 random(3);
   std::uniform_real_distribution<double> uniform(0.0, 16384.0);
   const auto point = [&] { return glm::dvec3(uniform(random), uniform(random), uniform(random)); };

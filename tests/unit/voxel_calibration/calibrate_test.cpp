@@ -52,7 +52,7 @@ TEST(Calibrate, a_pipeline_that_the_device_does_not_have_is_an_error) {
   EXPECT_EQ(measured.error().code, ErrorCode::kUnsupportedFeature);
 }
 
-TEST(Calibrate, a_voxelizer_tells_the_numbers_that_it_decided_by) {
+TEST(Calibrate, a_voxelizer_reports_the_numbers_of_its_decision) {
   CalibrationLookup lookup;
   lookup.found = true;
   lookup.calibration.date = "2026-11-21";

@@ -37,7 +37,7 @@ class CalibrationFile : public ::testing::Test {
   fs::path dir_, path_;
 };
 
-TEST_F(CalibrationFile, what_is_written_is_read_again) {
+TEST_F(CalibrationFile, written_calibrations_are_read_back) {
   ASSERT_TRUE(write_calibrations(path_, {sample("llvmpipe"), sample("cpu")}).ok());
   const auto read = read_calibrations(path_);
   ASSERT_TRUE(read.ok()) << read.error().message();
@@ -94,7 +94,7 @@ TEST_F(CalibrationFile, every_truncation_is_an_error_and_not_a_crash) {
   EXPECT_TRUE(parse_calibrations(whole).ok());
 }
 
-TEST_F(CalibrationFile, errors_say_what_is_wrong_and_where) {
+TEST_F(CalibrationFile, errors_name_the_cause_and_the_place) {
   const json good = json::parse(calibrations_text({sample("cpu")}));
   const auto message = [&](const char* pointer, const json& value) {
     json bad = good;
@@ -120,7 +120,7 @@ TEST_F(CalibrationFile, errors_say_what_is_wrong_and_where) {
             "calibration: expected JSON, got 7 bytes that are none");
 }
 
-TEST_F(CalibrationFile, a_broken_file_is_told_with_its_name) {
+TEST_F(CalibrationFile, a_broken_file_is_reported_with_its_name) {
   for (const std::string& text : {std::string("{\"version\":"), std::string(2 << 20, ' ')}) {
     write(text);
     const auto lookup = find_calibration(path_, "cpu", sample("cpu").key);

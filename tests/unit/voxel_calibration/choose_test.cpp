@@ -69,7 +69,7 @@ TEST(ChoosePipeline, attributes_on_a_device_without_64_bit_integers_take_the_cpu
             "cpu: attributes need 64-bit integers in shaders, which the device does not have");
 }
 
-TEST(ChoosePipeline, without_measurements_the_rule_holds_and_the_reason_tells_how_to_get_them) {
+TEST(ChoosePipeline, without_measurements_the_rule_applies_and_the_reason_says_how_to_get_them) {
   CalibrationLookup lookup;
   lookup.why_not = "calibrated for 4 threads";
   const auto software = decide_pipeline(PipelineChoice::kAuto, {&kSoftware, lookup}, kWork, false);
@@ -82,7 +82,7 @@ TEST(ChoosePipeline, without_measurements_the_rule_holds_and_the_reason_tells_ho
   EXPECT_EQ(hardware.pipeline, Pipeline::kCompute);
 }
 
-TEST(ChoosePipeline, what_is_asked_for_is_taken_whatever_it_costs) {
+TEST(ChoosePipeline, a_requested_pipeline_is_taken_whatever_its_cost) {
   const CalibrationLookup lookup = calibrated();
   const auto decision =
       decide_pipeline(PipelineChoice::kRaster, {&kHardware, lookup}, kWork, false);

@@ -75,7 +75,7 @@ TEST(CostModel, too_few_or_impossible_measurements_are_refused) {
   }
 }
 
-TEST(Workload, counts_what_triangles_cover) {
+TEST(Workload, counts_the_columns_that_triangles_cover) {
   SnappedMesh mesh;
   const int unit = 1 << limits::kSubVoxelBits;
   mesh.vertices = {{0, 0, 0}, {9 * unit, 0, 0}, {0, 4 * unit, 0}, {unit / 2, unit / 2, 0}};
@@ -91,7 +91,7 @@ TEST(Workload, counts_what_triangles_cover) {
   EXPECT_DOUBLE_EQ(work.columns, 50 + 2.25);
 }
 
-TEST(Workload, of_many_triangles_is_estimated_from_some) {
+TEST(Workload, many_triangles_are_estimated_from_a_sample) {
   SnappedMesh mesh;
   const int unit = 1 << limits::kSubVoxelBits;
   mesh.vertices = {{0, 0, 0}, {unit, 0, 0}, {0, unit, 0}};

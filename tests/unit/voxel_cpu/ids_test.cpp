@@ -81,7 +81,7 @@ TEST(Labels, do_not_depend_on_the_order_of_parts_nor_on_other_channels) {
   }
 }
 
-TEST(Labels, of_a_solid_are_0_inside_or_those_of_the_nearest_surface) {
+TEST(Labels, labels_of_a_solid_are_0_inside_or_those_of_the_nearest_surface) {
   Scene scene = test::gored_balls();
   VoxelizeOptions options = labelled(LabelKind::kMesh);
   options.fill = Fill::kSolid;

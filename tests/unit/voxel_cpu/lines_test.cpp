@@ -136,7 +136,7 @@ INSTANTIATE_TEST_SUITE_P(Isas, CpuLinesTest, testing::ValuesIn(isas_and_rules())
                                   name_of(p.param.rule);
                          });
 
-TEST_P(CpuLinesTest, small_triangles_give_what_the_oracle_says) {
+TEST_P(CpuLinesTest, small_triangles_match_the_oracle) {
   Soup soup(21);
   for (int round = 0; round < 60; ++round) {
     const glm::ivec3 dims(soup.integer(20, 60), soup.integer(20, 60), soup.integer(20, 60));
@@ -150,7 +150,7 @@ TEST_P(CpuLinesTest, small_triangles_give_what_the_oracle_says) {
   EXPECT_GT(cells_, 5'000u);
 }
 
-TEST_P(CpuLinesTest, each_triangle_alone_gives_what_the_oracle_says) {
+TEST_P(CpuLinesTest, each_triangle_alone_matches_the_oracle) {
   Soup soup(22);
   const glm::ivec3 dims(40, 50, 60);
   for (int t = 0; t < 3000; ++t) {
@@ -299,7 +299,7 @@ Cells cells_by(Rule rule, const std::vector<Triangle>& triangles, const glm::ive
   return touched_cells(touch, triangles, dims);
 }
 
-TEST(CpuLines, what_is_thin_is_touched_and_what_has_centres_is_thin) {
+TEST(CpuLines, center_is_a_subset_of_thin_and_thin_of_touch) {
   Soup soup(27);
   const glm::ivec3 dims(120, 90, 300);
   for (int round = 0; round < 10; ++round) {

@@ -66,7 +66,7 @@ TEST(NearestColor, is_that_of_the_sheet_that_is_nearer_to_the_centre) {
   EXPECT_NE(colors_of(scene, average).at({0, 0, 0}), (Color{255, 0, 0, 255}));
 }
 
-TEST(NearestColor, of_equal_distances_the_smaller_colour_counts_whatever_the_order) {
+TEST(NearestColor, at_equal_distances_the_smaller_colour_wins_in_any_order) {
   for (const bool swap : {false, true}) {
     Scene scene;  // q = 64 and 191 are as far from the centre
     add_sheet(scene, 64.0 / 256, swap ? kBlue : kRed);

@@ -50,7 +50,7 @@ class CpuTouchTest : public testing::TestWithParam<CpuIsa> {};
 INSTANTIATE_TEST_SUITE_P(Isas, CpuTouchTest, testing::ValuesIn(supported_cpu_isas()),
                          [](const auto& isa) { return std::string(cpu_isa_name(isa.param)); });
 
-TEST_P(CpuTouchTest, touches_what_the_oracle_says_for_small_triangles) {
+TEST_P(CpuTouchTest, small_triangles_touch_the_cells_of_the_oracle) {
   CpuTouch touch(1, GetParam());
   Soup soup(1);
   for (int round = 0; round < 60; ++round) {
@@ -64,7 +64,7 @@ TEST_P(CpuTouchTest, touches_what_the_oracle_says_for_small_triangles) {
   }
 }
 
-TEST_P(CpuTouchTest, touches_what_the_oracle_says_for_each_triangle_alone) {
+TEST_P(CpuTouchTest, each_triangle_alone_touches_the_cells_of_the_oracle) {
   CpuTouch touch(1, GetParam());
   Soup soup(2);
   const glm::ivec3 dims(40, 50, 60);

@@ -91,7 +91,7 @@ void expect_oracle(const Scene& scene, Sign sign, int size, const std::vector<Ru
   }
 }
 
-TEST(SolidCoverage, is_what_the_oracle_counts_in_every_voxel) {
+TEST(SolidCoverage, matches_the_oracle_in_every_voxel) {
   const Scene scene = wavy_sphere(1);
   for (const Sign sign : {Sign::kParity, Sign::kNonzero, Sign::kMajority}) {
     expect_oracle(scene, sign, 14, {Rule::kTouch, Rule::kThin, Rule::kNone});

@@ -235,7 +235,7 @@ TEST(Distance, voxels_of_masks_have_theirs_however_far_they_are) {
   });
 }
 
-TEST(Distance, what_is_too_far_for_16_bits_is_as_far_as_they_tell) {
+TEST(Distance, distances_beyond_16_bits_are_clamped) {
   const TriangleTree tree(FillMesh::of({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, 8));
   SparseTile tile;
   tile.coord = {1, 0, 0};
@@ -257,7 +257,7 @@ VoxelizeOptions band_options(double thickness, int size) {
   return options;
 }
 
-TEST(Band, it_is_the_cells_that_are_near_on_both_sides_by_every_rule) {
+TEST(Band, a_band_is_the_cells_near_the_surface_on_both_sides_by_every_rule) {
   const Scene scene = wavy_sphere(2);
   const Grid grid = voxelized(scene, band_options(2, 26));
   const auto snapped = reference::snap_triangles(triangles_of(scene), oracle_grid(grid));
@@ -309,7 +309,7 @@ TEST(Band, surface_voxels_keep_their_attributes_and_the_others_have_none) {
   EXPECT_EQ(seen, colors.size());
 }
 
-TEST(Band, it_costs_what_was_estimated_or_less_and_is_refused_above) {
+TEST(Band, a_band_costs_at_most_its_estimate_and_is_refused_above) {
   Voxelizer voxelizer(nullptr, 2);
   const Scene scene = wavy_sphere(3);
   const auto estimate = voxelizer.estimate(scene, band_options(8, 300));

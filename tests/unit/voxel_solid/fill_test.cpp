@@ -29,7 +29,7 @@ VoxelizeOptions in_bounds(Sign sign, const glm::dvec3& min, const glm::dvec3& ma
   return options;
 }
 
-TEST(Fill, a_box_that_cuts_the_mesh_holds_what_the_whole_grid_has_there) {
+TEST(Fill, a_box_that_cuts_the_mesh_equals_that_part_of_the_whole_grid) {
   const Scene scene = open_sphere();
   const glm::ivec3 low(41, 33, 52), high(83, 66, 71);
   for (const Sign sign : kSigns) {
@@ -52,7 +52,7 @@ TEST(Fill, a_box_that_cuts_the_mesh_holds_what_the_whole_grid_has_there) {
   }
 }
 
-TEST(Fill, what_lies_far_beside_the_box_counts) {
+TEST(Fill, geometry_far_outside_the_box_counts) {
   // The box stands in a block whose walls are up to ten million cells away.
   const Scene block = box(glm::dvec3(-1e7, -3e6, -20), glm::dvec3(1e7, 5, 9e6));
   for (const Sign sign : {Sign::kParity, Sign::kNonzero, Sign::kMajority, Sign::kWinding}) {
@@ -291,7 +291,7 @@ TEST(Fill, can_be_cancelled_while_it_is_prepared) {
   }
 }
 
-TEST(Fill, estimates_cover_what_a_fill_needs) {
+TEST(Fill, estimates_cover_the_needs_of_a_fill) {
   Voxelizer voxelizer(nullptr, 2);
   VoxelizeOptions options = solid(Sign::kParity);
   options.rule = Rule::kTouch;

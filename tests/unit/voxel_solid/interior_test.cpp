@@ -113,7 +113,7 @@ VoxelizeOptions with_attributes(Fill fill, int size) {
   return options;
 }
 
-TEST(Interior, voxels_inside_have_what_the_nearest_surface_voxel_has) {
+TEST(Interior, voxels_inside_have_the_attributes_of_the_nearest_surface_voxel) {
   const Scene scene = wavy_sphere(2);
   for (const Rule rule : {Rule::kTouch, Rule::kCenter}) {
     for (const Fill fill : {Fill::kSolid, Fill::kShell}) {
@@ -154,7 +154,7 @@ TEST(Interior, without_attributes_the_inside_stays_full_nodes) {
   EXPECT_FALSE(grid.tiles.front().full.empty());
 }
 
-TEST(Interior, what_needs_too_much_memory_is_refused_with_numbers) {
+TEST(Interior, a_solid_that_needs_too_much_memory_is_refused_with_numbers) {
   const Scene scene = box(glm::dvec3(0), glm::dvec3(1));
   Voxelizer voxelizer(nullptr, 2);
   VoxelizeOptions options = with_attributes(Fill::kSolid, 300);

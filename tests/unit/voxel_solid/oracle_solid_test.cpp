@@ -156,7 +156,7 @@ TEST(SolidOracle, winding_numbers_of_parts_that_overlap_and_are_inside_out) {
   expect_winding(all, of_size(solid(Sign::kWinding), 30), 0);
 }
 
-TEST(SolidOracle, shells_keep_what_is_near_the_surface) {
+TEST(SolidOracle, shells_contain_only_cells_near_the_surface) {
   const Scene scene = wavy_sphere(2);
   for (const double thickness : {1.0, std::sqrt(2.0), 2.0, 2.3, 5.0, 30.0}) {
     VoxelizeOptions options = of_size(solid(Sign::kParity), 30);

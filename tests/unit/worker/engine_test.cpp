@@ -7,7 +7,7 @@
 namespace voxeld {
 namespace {
 
-TEST(Engine, what_is_kept_of_one_tenants_inputs_does_not_serve_another) {
+TEST(Engine, cached_inputs_of_one_tenant_do_not_serve_another) {
   Engine engine(open_device(gpu::DeviceId{.kind = gpu::DeviceKind::kCpu}, "").value());
   const auto fill = [&] {
     InputCache& cache = engine.cache;

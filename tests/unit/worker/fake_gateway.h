@@ -1,4 +1,4 @@
-// A gateway for one worker connection that answers as the test says.
+// A gateway for one worker connection whose replies the test makes.
 #pragma once
 
 #include <sys/socket.h>
@@ -16,12 +16,12 @@
 
 namespace voxeld::testing {
 
-// Accepts one connection and answers each message with what `answer` returns, until the worker
-// closes; an empty answer closes from this side.
+// Accepts one connection and replies to each message with the text that `handler` returns, until
+// the worker closes. An empty reply closes the connection.
 class FakeGateway {
  public:
-  using Answer = std::function<std::string(const nlohmann::json&)>;
-  explicit FakeGateway(Answer answer) : answer_(std::move(answer)) {
+  using Handler = std::function<std::string(const nlohmann::json&)>;
+  explicit FakeGateway(Handler handler) : handler_(std::move(handler)) {
     listener_ = listen_unix(dir_.path() / "s").value();
     thread_ = std::thread([this] { run(); });
   }
@@ -32,12 +32,12 @@ class FakeGateway {
   void run() {
     FrameSocket socket(UniqueFd(::accept(listener_.get(), nullptr, nullptr)), kTaskFrameBytesMax);
     while (auto frame = socket.receive()) {
-      const std::string reply = answer_(nlohmann::json::parse(*frame));
+      const std::string reply = handler_(nlohmann::json::parse(*frame));
       if (reply.empty() || !socket.send(reply)) return;
     }
   }
   TemporaryDir dir_;
-  Answer answer_;
+  Handler handler_;
   UniqueFd listener_;
   std::thread thread_;
 };

@@ -80,7 +80,7 @@ TEST(ImageView, no_box_with_a_point_in_the_image_is_left_out) {
   EXPECT_GT(unseen, 300);
 }
 
-TEST(ImageView, what_the_section_cuts_away_is_not_seen) {
+TEST(ImageView, cells_cut_away_by_the_section_are_not_seen) {
   RenderOptions options = seen_from(0, 1, Projection::kPerspective);
   const CellBox low{{0, 0, 0}, {100, 1000, 1000}}, high{{600, 0, 0}, {700, 1000, 1000}};
   EXPECT_TRUE(ImageView(options, spec()).sees(high));

@@ -132,7 +132,7 @@ TEST(Inspect, ids_are_named_in_their_order_and_long_lists_shortly) {
   EXPECT_LT(many.dump().size(), size_t{4} << 20);  // a task message holds 16 MiB
 }
 
-TEST(Inspect, what_is_not_known_of_a_mesh_is_null) {
+TEST(Inspect, unknown_members_of_a_mesh_are_null) {
   EXPECT_TRUE(describe_mesh(std::nullopt, std::nullopt)["open_edges"].is_null());
   MeshTopology topology;
   topology.open_edges = 3;

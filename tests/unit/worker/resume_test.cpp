@@ -54,10 +54,10 @@ class ResumeTest : public ::testing::Test {
     }
     if (message["type"] != "part") return R"({"cancel":false,"fenced":false})";
     if (refuses_) return R"({"cancel":false,"fenced":false,"error":"storage-full"})";
-    const fs::path kept = dir_.path() / ("kept-" + std::to_string(parts_.size()));
+    const fs::path stored = dir_.path() / ("stored-" + std::to_string(parts_.size()));
     EXPECT_EQ(message["position"], parts_.size());
-    fs::rename(message["path"].get<std::string>(), kept);
-    parts_.push_back(kept.string());
+    fs::rename(message["path"].get<std::string>(), stored);
+    parts_.push_back(stored.string());
     const bool cancel = static_cast<int>(parts_.size()) == cancel_after_;
     return json{{"cancel", cancel}, {"fenced", false}}.dump();
   }
@@ -134,7 +134,7 @@ TEST_F(ResumeTest, parts_of_other_work_are_left_aside) {
   EXPECT_EQ(tried({(dir_.path() / "nothing").string()}), expected);
 }
 
-TEST_F(ResumeTest, a_part_that_cannot_be_kept_costs_the_job_nothing) {
+TEST_F(ResumeTest, a_part_that_cannot_be_stored_costs_the_job_nothing) {
   const std::vector<std::string> expected = outputs(run(task({{"size", 1100}})));
   refuses_ = true;
   EXPECT_EQ(outputs(run(task({{"size", 1100}}))), expected);
@@ -167,7 +167,7 @@ TEST_F(ResumeTest, a_task_that_is_preempted_again_and_again_ends_with_the_same_b
   EXPECT_GT(times, 0);
 }
 
-TEST_F(ResumeTest, where_a_part_cannot_be_kept_the_task_is_not_preempted) {
+TEST_F(ResumeTest, a_task_whose_part_cannot_be_stored_is_not_preempted) {
   const json options = {{"size", 2000}, {"channels", "color,normal"}};
   engine_.part_interval = std::chrono::hours(1);
   preempts_ = refuses_ = true;

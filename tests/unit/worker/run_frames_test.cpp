@@ -288,7 +288,7 @@ TEST_F(FramesTest, files_that_were_uploaded_one_by_one_are_one_input) {
   }
 }
 
-TEST_F(FramesTest, a_cancel_keeps_the_frames_that_are_done_and_makes_no_more) {
+TEST_F(FramesTest, a_cancel_leaves_finished_frames_and_makes_no_more) {
   cancel_after_ = 2;
   const auto completion = run(task(JobKind::kVoxelize, "worm.md5.zip", small("walk")));
   ASSERT_FALSE(completion.ok());
@@ -303,18 +303,18 @@ TEST_F(FramesTest, another_attempt_goes_on_after_the_frames_of_the_one_before) {
     const auto whole = done(task(JobKind::kVoxelize, "worm.md5.zip", options));
     const std::string expected = id_of(output(whole, "result"));
     const SequenceManifest manifest = manifest_of(whole);
-    for (const size_t kept : {size_t{1}, size_t{4}, size_t{6}}) {
+    for (const size_t stored : {size_t{1}, size_t{4}, size_t{6}}) {
       Task again = task(JobKind::kVoxelize, "worm.md5.zip", options);
-      for (size_t k = 0; k < kept; ++k) {
+      for (size_t k = 0; k < stored; ++k) {
         const SequenceFrame& frame = manifest.frames[k];
         again.done_frames.push_back({frame.grid, (dir_.path() / (frame.grid + ".voxg")).string(),
                                      frame.time_s, frame.voxel_count, frame.content_hash});
       }
       const auto resumed = done(again);
       // If all frames are there, the last one is made again, because its reply is needed.
-      EXPECT_EQ(frames_.size(), 6 - std::min<size_t>(kept, 5));
-      EXPECT_EQ(frames_.front()["index"], std::min<size_t>(kept, 5));
-      EXPECT_EQ(id_of(output(resumed, "result")), expected) << format << kept;
+      EXPECT_EQ(frames_.size(), 6 - std::min<size_t>(stored, 5));
+      EXPECT_EQ(frames_.front()["index"], std::min<size_t>(stored, 5));
+      EXPECT_EQ(id_of(output(resumed, "result")), expected) << format << stored;
       EXPECT_EQ(sequence_json(manifest_of(resumed)), sequence_json(manifest));
     }
   }
@@ -419,7 +419,7 @@ TEST_F(FramesTest, a_sequence_of_a_level_or_a_region_is_made_from_its_grids) {
   }
 }
 
-TEST_F(FramesTest, what_the_asset_does_not_have_is_refused) {
+TEST_F(FramesTest, animations_and_frames_that_the_asset_lacks_are_refused) {
   const auto of = [&](const std::string& name, json options) {
     options["size"] = 16;
     return failure(task(JobKind::kVoxelize, name, options));
@@ -513,7 +513,7 @@ TEST_F(FramesTest, a_grid_is_seen_from_all_sides) {
 }
 #endif
 
-TEST_F(FramesTest, inspecting_tells_joints_meshes_and_animations) {
+TEST_F(FramesTest, inspecting_lists_joints_meshes_and_animations) {
   const auto completion = done(task(JobKind::kInspect, "worm.md5.zip", json::object()));
   const json meta = json::parse(completion.meta_json);
   EXPECT_EQ(meta["joint_count"], 3);

@@ -28,7 +28,7 @@ TEST(ApiKey, a_new_key_has_256_random_bits_and_comes_apart_again) {
   EXPECT_EQ(texts.size(), 100u);
 }
 
-TEST(ApiKey, what_is_no_key_has_no_parts) {
+TEST(ApiKey, an_invalid_key_has_no_parts) {
   const std::string secret(52, 'a');
   EXPECT_EQ(split_key("vxk_abcdefgh_" + secret).secret, secret);
   for (const std::string& text :

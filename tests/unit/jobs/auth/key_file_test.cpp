@@ -92,7 +92,7 @@ TEST_F(KeyFileTest, no_file_is_no_list_and_a_head_alone_is_an_empty_one) {
   EXPECT_TRUE(read_keys(file()).value().value().empty());
 }
 
-TEST_F(KeyFileTest, errors_name_the_line_and_what_it_should_be) {
+TEST_F(KeyFileTest, errors_name_the_line_and_the_expected_value) {
   const std::string hash = sha256_id("x");
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"", "keys line 1: it ends here: expected a line feed, got \"\""},
@@ -169,7 +169,7 @@ TEST_F(KeyFileTest, a_change_replaces_the_file_and_nobody_else_can_read_it) {
   EXPECT_EQ(read_keys(key_file_path(data)).value()->size(), 1u);
 }
 
-TEST_F(KeyFileTest, changes_at_the_same_time_are_all_kept) {
+TEST_F(KeyFileTest, concurrent_changes_are_all_stored) {
   constexpr int kThreads = 4, kKeys = 5;
   std::vector<std::thread> threads;
   for (int t = 0; t < kThreads; ++t) {

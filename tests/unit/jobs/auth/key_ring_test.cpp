@@ -58,7 +58,7 @@ TEST_F(KeyRingTest, without_a_file_everybody_is_the_tenant_of_the_open_daemon) {
   EXPECT_TRUE(ring->is_live(""));
 }
 
-TEST_F(KeyRingTest, a_key_tells_its_tenant_and_whether_it_is_an_admins) {
+TEST_F(KeyRingTest, a_key_gives_its_tenant_and_admin_right) {
   const std::string lab = add("lab"), second = add("lab"), boss = add("boss", true);
   const auto ring = open();
   EXPECT_TRUE(ring->needs_keys());

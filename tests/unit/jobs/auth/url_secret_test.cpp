@@ -12,14 +12,14 @@
 namespace voxeld {
 namespace {
 
-TEST(Hmac, gives_what_rfc_4231_says) {
+TEST(Hmac, matches_the_vectors_of_rfc_4231) {
   EXPECT_EQ(hmac_sha256("Jefe", "what do ya want for nothing?"),
             "5bdcc146bf60754e6a042426089575c75a003f089d2739839dec58b964ec3843");
   EXPECT_EQ(hmac_sha256(std::string(20, '\x0b'), "Hi There"),
             "b0344c61d8db38535ca8afceaf0bf12b881dc200c9833da726e9376c2e32cff7");
 }
 
-TEST(UrlSecrets, are_made_once_and_kept_from_others) {
+TEST(UrlSecrets, are_made_once_and_readable_only_by_the_owner) {
   const testing::TemporaryDir dir;
   const auto first = UrlSecrets::open(dir.path()).value();
   const auto again = UrlSecrets::open(dir.path()).value();
@@ -34,7 +34,7 @@ TEST(UrlSecrets, are_made_once_and_kept_from_others) {
             fs::perms::owner_read | fs::perms::owner_write);
 }
 
-TEST(UrlSecrets, what_was_signed_outlives_one_rotation_and_not_two) {
+TEST(UrlSecrets, a_signature_outlives_one_rotation_and_not_two) {
   const testing::TemporaryDir dir;
   const auto secrets = UrlSecrets::open(dir.path()).value();
   const std::string old = secrets->sign("text").value();

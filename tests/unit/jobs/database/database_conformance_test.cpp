@@ -1,5 +1,5 @@
-// What every implementation of Database has to do, tested through the interface alone. A new one
-// adds a row to kKinds.
+// The contract of every implementation of Database, tested through the interface only. A new
+// implementation adds a row to kKinds.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -168,7 +168,7 @@ TEST_P(DatabaseConformance, an_exception_undoes_its_operation_and_is_an_error) {
   EXPECT_EQ(ids(), Rows{"b"});
 }
 
-TEST_P(DatabaseConformance, of_operations_at_the_same_time_those_that_fail_are_undone_alone) {
+TEST_P(DatabaseConformance, only_the_failed_ones_of_concurrent_operations_are_rolled_back) {
   constexpr int kThreads = 8, kEach = 10;
   std::atomic<int> refused{0};
   std::vector<std::thread> threads;
@@ -239,7 +239,7 @@ TEST_P(DatabaseConformance, a_write_with_no_room_is_storage_full_and_loses_nothi
 
 // --- read()
 
-TEST_P(DatabaseConformance, a_reader_within_an_operation_sees_what_is_committed) {
+TEST_P(DatabaseConformance, a_reader_within_an_operation_sees_committed_rows) {
   ASSERT_TRUE(put("a"));
   ASSERT_TRUE(database_->write([&](SqlConnection& c) -> Status {
     VOXELD_TRY(put_asset(c, "b"));
@@ -250,7 +250,7 @@ TEST_P(DatabaseConformance, a_reader_within_an_operation_sees_what_is_committed)
   EXPECT_EQ(ids(), (Rows{"a", "b"}));
 }
 
-TEST_P(DatabaseConformance, a_statement_sees_what_was_committed_when_it_began) {
+TEST_P(DatabaseConformance, a_statement_sees_the_commits_before_its_start) {
   for (const char* id : {"a", "b", "c"}) ASSERT_TRUE(put(id));
   auto reader = database_->read().value();
   {
@@ -311,14 +311,14 @@ TEST_P(DatabaseConformance, the_generation_grows_with_commits_that_change_rows) 
   EXPECT_EQ(generation(), told[1]);
 }
 
-TEST_P(DatabaseConformance, what_is_thrown_after_the_commit_does_not_undo_it) {
+TEST_P(DatabaseConformance, an_exception_after_the_commit_does_not_undo_it) {
   tie_to_store(1);
   database_->tell_generation([](int64_t) { throw std::runtime_error("told"); });
   EXPECT_TRUE(put("a"));
   EXPECT_EQ(ids(), Rows{"a"});
 }
 
-TEST_P(DatabaseConformance, way_is_made_before_what_frees) {
+TEST_P(DatabaseConformance, space_is_made_before_a_write_that_frees) {
   EXPECT_TRUE(database_->write_freeing([](SqlConnection& c) { return put_asset(c, "a"); }));
   for (const bool is_full : {false, true}) {
     int made = 0;
@@ -594,9 +594,10 @@ TEST_P(DatabaseConformance, derived_rows_follow_from_the_others_whatever_changes
     auto reader = database_->read().value();
     for (const DerivedRows& derived : derived_rows()) {
       const int columns = derived.name == "tenant_usage" ? 2 : 3;
-      const Rows kept = rows_of(*reader, derived.kept, columns);
-      ASSERT_EQ(kept, rows_of(*reader, derived.computed, columns)) << derived.name << ", " << step;
-      most = std::max(most, kept.size());
+      const Rows stored = rows_of(*reader, derived.stored, columns);
+      ASSERT_EQ(stored, rows_of(*reader, derived.computed, columns))
+          << derived.name << ", " << step;
+      most = std::max(most, stored.size());
     }
   }
   EXPECT_GT(most, 12U) << "the changes leave something";

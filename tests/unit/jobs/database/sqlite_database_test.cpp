@@ -125,7 +125,7 @@ int descriptors_on(const std::filesystem::path& file) {
   return count;
 }
 
-TEST_F(SqliteDatabaseTest, what_a_crowd_of_readers_leaves_behind_is_closed_once_it_is_not_used) {
+TEST_F(SqliteDatabaseTest, extra_reader_connections_are_closed_when_unused) {
   constexpr int kCrowd = 40;
   constexpr std::chrono::milliseconds kIdleMax{1000};
   auto database = SqliteDatabase::open(path(), kIdleMax).value();
@@ -142,13 +142,13 @@ TEST_F(SqliteDatabaseTest, what_a_crowd_of_readers_leaves_behind_is_closed_once_
     }
   };
   use_many();
-  EXPECT_EQ(descriptors_on(log), kCrowd + 1) << "they are kept for the next crowd";
+  EXPECT_EQ(descriptors_on(log), kCrowd + 1) << "they stay open for the next crowd";
   const int on_file = descriptors_on(path());
   std::this_thread::sleep_for(kIdleMax + std::chrono::milliseconds(100));
   EXPECT_EQ(count_keys(*database), 1);
   EXPECT_EQ(descriptors_on(log), 1 + 1) << "the writer's and that of the last use";
   use_many();
-  EXPECT_EQ(descriptors_on(path()), on_file) << "what SQLite kept is used again";
+  EXPECT_EQ(descriptors_on(path()), on_file) << "SQLite reuses its open descriptors";
 }
 
 TEST_F(SqliteDatabaseTest, a_full_disk_is_storage_full_and_the_database_goes_on) {

@@ -29,7 +29,7 @@ TEST(CostModel, begins_with_its_guess_and_says_how_little_it_knows) {
   EXPECT_GT(range.high, 0.5);
 }
 
-TEST(CostModel, learns_the_law_of_what_it_sees) {
+TEST(CostModel, learns_the_law_of_its_observations) {
   CostModel model(kGuess);
   uint64_t random = 1;
   const auto next = [&random] {

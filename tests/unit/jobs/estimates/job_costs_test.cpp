@@ -72,7 +72,7 @@ TEST_F(JobCostsTest, jobs_of_other_sorts_teach_nothing) {
   EXPECT_EQ(costs.estimate(work_of(JobKind::kVoxelize, solid, 1 << 20)).learned_from, 0);
 }
 
-TEST_F(JobCostsTest, what_was_learned_outlives_the_process) {
+TEST_F(JobCostsTest, learned_costs_outlive_the_process) {
   std::string before;
   {
     JobCosts costs(file());
@@ -147,7 +147,7 @@ TEST_F(JobCostsTest, jobs_that_end_teach_and_are_expected_no_more) {
   status.id = "j-1";
   queue.fill(status);
   EXPECT_FALSE(status.estimate);
-  // Answered from another one's result: it says nothing of what such work costs.
+  // It took another job's result, so its times say nothing about the cost of such work.
   queue.changed(record("j-2", "", 2), 1 << 20);
   ended.status.id = "j-2";
   ended.status.cached = true;

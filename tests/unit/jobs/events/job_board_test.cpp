@@ -120,7 +120,7 @@ TEST(JobBoard, a_cancel_is_remembered_with_its_age) {
   EXPECT_GE(board.cancel_age_seconds("j-1"), 0.02);
 }
 
-TEST(JobBoard, frames_are_counted_by_reports_and_by_what_is_listed) {
+TEST(JobBoard, frames_are_counted_by_reports_and_by_listings) {
   JobBoard board;
   JobStatus status;
   status.id = "j-1";
@@ -128,7 +128,7 @@ TEST(JobBoard, frames_are_counted_by_reports_and_by_what_is_listed) {
   board.start("j-1", 2);
   board.progress("j-1", "voxelize", 1, 8, 0, 5);
   EXPECT_EQ(board.live_version("j-1"), 3);
-  board.frames_listed("j-1", 2);  // within the throttle: kept for the next report
+  board.frames_listed("j-1", 2);  // within the throttle: deferred to the next report
   EXPECT_EQ(board.live_version("j-1"), 3);
   board.overlay(status);
   EXPECT_EQ(status.frames_done, 2);

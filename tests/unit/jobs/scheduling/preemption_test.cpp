@@ -46,7 +46,7 @@ class Preemption : public ::testing::Test {
   double expected_seconds_ = 0;
 };
 
-TEST_F(Preemption, who_has_had_most_gives_its_worker_to_a_tenant_without_one) {
+TEST_F(Preemption, the_tenant_with_the_most_device_time_gives_its_worker_to_one_without) {
   shares_ = {{"a", 5}, {"b", 7}, {"c", 6}};
   const std::vector<StartedJob> started = {job("a"), job("b"), job("c")};
   EXPECT_EQ(preempted({head("d", 9)}, started), Indices{1});
@@ -106,7 +106,7 @@ TEST_F(Preemption, a_tenant_that_has_several_workers_gives_one_and_loses_nothing
   EXPECT_EQ(preempted({head("c", 9), head("d", 10)}, started), (Indices{1, 2}));
 }
 
-TEST_F(Preemption, who_was_asked_stays_asked_as_long_as_anybody_waits) {
+TEST_F(Preemption, a_preempted_job_stays_preempted_while_a_tenant_waits) {
   shares_ = {{"a", 5}, {"b", 7}};
   std::vector<StartedJob> started = {job("a"), job("b")};
   started[0].is_asked = true;
@@ -157,7 +157,7 @@ TEST(TenantShares, count_while_a_tenant_wants_the_device) {
   EXPECT_DOUBLE_EQ(shares.of("a"), 7) << "forgotten";
 }
 
-TEST(TenantShares, of_more_than_a_little_nothing_is_paid_back) {
+TEST(TenantShares, the_lead_of_a_tenant_is_capped) {
   TenantShares shares;
   shares.set_wanting({"a", "b"});
   for (int i = 0; i < 100; ++i) shares.charge("a", 1, 2);

@@ -30,14 +30,15 @@ QueueHead head(const std::string& tenant, int64_t seq, int priority) {
   return {tenant, seq, priority, kNoDeadline, ""};
 }
 
-TEST(PickHead, the_smallest_tag_is_first_and_at_equal_tags_who_arrived_first) {
+TEST(PickHead, the_smallest_tag_is_first_and_at_equal_tags_the_earlier_job) {
   const std::vector<QueueHead> heads = {head("a", 7, 0), head("b", 5, 0), head("c", 9, 100)};
   EXPECT_EQ(pick(heads, 3, {}), 1u);
   EXPECT_EQ(pick(heads, 3, {}, {{"a", 1}, {"b", 2}, {"c", 0.5}}), 2u);
   EXPECT_EQ(pick({}, 3, {}), std::nullopt);
 }
 
-TEST(PickHead, the_last_free_slot_is_kept_from_who_has_a_started_job_unless_it_is_urgent) {
+TEST(PickHead,
+     the_last_free_slot_is_reserved_for_tenants_without_a_started_job_unless_a_job_is_urgent) {
   const std::vector<StartedJob> started = {{"a", 0}, {"a", 5}};
   EXPECT_EQ(pick({head("a", 1, 0)}, 2, started), 0u);
   EXPECT_EQ(pick({head("a", 1, 0)}, 1, started), std::nullopt);
@@ -116,14 +117,14 @@ TEST_F(SchedulerTest, a_tenant_with_many_jobs_leaves_the_last_worker_to_others) 
 }
 
 TEST_F(SchedulerTest, a_job_whose_deadline_passes_while_it_is_queued_fails_then_and_not_later) {
-  const std::string late = submit_as("", 0, 80), kept = submit_as("");
+  const std::string late = submit_as("", 0, 80), queued = submit_as("");
   const JobStatus status = wait_end(late);
   EXPECT_EQ(status.state, JobState::kFailed);
   EXPECT_EQ(status.error->code, ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(status.error->detail, "the job's deadline has passed");
   EXPECT_LT(status.ended_ms - status.created_ms, 5000);
   EXPECT_EQ(status.attempt, 0);
-  EXPECT_EQ(get(kept).state, JobState::kQueued);
+  EXPECT_EQ(get(queued).state, JobState::kQueued);
 }
 
 TEST_F(SchedulerTest, a_running_job_whose_deadline_passes_is_told_to_stop_and_fails_with_it) {

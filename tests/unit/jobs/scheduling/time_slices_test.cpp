@@ -18,7 +18,7 @@ namespace voxeld {
 namespace {
 
 using std::chrono::milliseconds;
-using Answer = TimeSlices::Answer;
+using Outcome = TimeSlices::Outcome;
 
 constexpr milliseconds kQuantum{50};
 
@@ -37,15 +37,15 @@ class TimeSlicesTest : public ::testing::Test {
              int64_t deadline_at_ms = 0, const std::string& device = "cpu") {
     slices_->begin_task({id, 1, device, tenant, priority, deadline_at_ms, ++seq_, pid_});
   }
-  Answer take(const std::string& id, SliceNeed need = {}) {
-    auto answer = slices_->take(id, 1, need, {});
-    EXPECT_TRUE(answer) << answer.error().message();
-    return answer ? *answer : Answer::kFenced;
+  Outcome take(const std::string& id, SliceNeed need = {}) {
+    auto outcome = slices_->take(id, 1, need, {});
+    EXPECT_TRUE(outcome) << outcome.error().message();
+    return outcome ? *outcome : Outcome::kFenced;
   }
   // Asks for a time slice on a thread of its own, and returns once it is asked for.
   std::thread ask(const std::string& id, SliceNeed need = {}) {
     std::thread thread([this, id, need] {
-      if (take(id, need) != Answer::kGranted) return;
+      if (take(id, need) != Outcome::kGranted) return;
       const std::lock_guard lock(granted_mutex_);
       granted_.insert(id);
     });
@@ -75,7 +75,7 @@ class TimeSlicesTest : public ::testing::Test {
 TEST_F(TimeSlicesTest, tenants_that_always_ask_have_shares_of_their_weights) {
   weights_ = {{"a", 1}, {"b", 2}, {"c", 4}, {"gate", 1}};
   begin("gate", "gate");
-  ASSERT_EQ(take("gate"), Answer::kGranted);  // until all three ask
+  ASSERT_EQ(take("gate"), Outcome::kGranted);  // until all three ask
   std::map<std::string, int64_t> held_ms;
   std::vector<std::thread> threads;
   std::atomic<int> rounds{700};
@@ -84,10 +84,10 @@ TEST_F(TimeSlicesTest, tenants_that_always_ask_have_shares_of_their_weights) {
     // Time slices of different lengths: what counts is the time that they took.
     const milliseconds length = kQuantum + milliseconds(10 * (id[0] - 'a'));
     threads.emplace_back([this, id = std::string(id), length, &rounds] {
-      for (Answer answer = take(id); answer == Answer::kGranted;) {
+      for (Outcome outcome = take(id); outcome == Outcome::kGranted;) {
         hold(length);
         if (--rounds <= 0) break;
-        answer = slices_->renew(id, 1, [&rounds] { return rounds <= 0; });
+        outcome = slices_->renew(id, 1, [&rounds] { return rounds <= 0; });
       }
     });
     while (!slices_->is_waiting(id)) std::this_thread::yield();
@@ -111,14 +111,14 @@ TEST_F(TimeSlicesTest, tenants_that_always_ask_have_shares_of_their_weights) {
 TEST_F(TimeSlicesTest, a_tenant_that_was_away_gets_no_credit_for_it) {
   begin("busy", "a");
   begin("late", "b");
-  ASSERT_EQ(take("busy"), Answer::kGranted);
+  ASSERT_EQ(take("busy"), Outcome::kGranted);
   for (int i = 0; i < 100; ++i) {
     hold(kQuantum);
-    ASSERT_EQ(slices_->renew("busy", 1, {}), Answer::kGranted);
+    ASSERT_EQ(slices_->renew("busy", 1, {}), Outcome::kGranted);
   }
   std::thread late = ask("late");
   hold(kQuantum);
-  std::thread busy([this] { EXPECT_EQ(slices_->renew("busy", 1, {}), Answer::kGranted); });
+  std::thread busy([this] { EXPECT_EQ(slices_->renew("busy", 1, {}), Outcome::kGranted); });
   late.join();  // its time slice comes at once …
   hold(2 * kQuantum);
   slices_->give("late", 1);
@@ -134,7 +134,7 @@ TEST_F(TimeSlicesTest, within_a_tenant_priority_goes_first_then_deadline_then_ar
   begin("due later", "a", 0, later + 1000);
   begin("due", "a", 0, later);
   begin("urgent", "a", 10);
-  ASSERT_EQ(take("holder"), Answer::kGranted);
+  ASSERT_EQ(take("holder"), Outcome::kGranted);
   std::vector<std::thread> threads;
   for (const char* id : {"second", "first", "due later", "urgent", "due"}) {
     threads.push_back(ask(id));
@@ -156,9 +156,9 @@ TEST_F(TimeSlicesTest, fifo_goes_by_arrival_whatever_the_priority) {
   begin("one", "a");
   begin("two", "b", 50);
   begin("three", "a", 100);
-  ASSERT_EQ(take("one"), Answer::kGranted);
+  ASSERT_EQ(take("one"), Outcome::kGranted);
   std::thread three = ask("three"), two = ask("two");
-  EXPECT_EQ(slices_->renew("one", 1, {}), Answer::kGranted);
+  EXPECT_EQ(slices_->renew("one", 1, {}), Outcome::kGranted);
   slices_->give("one", 1);
   two.join();
   EXPECT_FALSE(is_granted("three"));
@@ -166,22 +166,22 @@ TEST_F(TimeSlicesTest, fifo_goes_by_arrival_whatever_the_priority) {
   three.join();
 }
 
-TEST_F(TimeSlicesTest, devices_have_turns_of_their_own) {
+TEST_F(TimeSlicesTest, devices_have_slices_of_their_own) {
   begin("x", "a", 0, 0, "egl:0");
   begin("y", "a", 0, 0, "egl:1");
-  EXPECT_EQ(take("x"), Answer::kGranted);
-  EXPECT_EQ(take("y"), Answer::kGranted);
+  EXPECT_EQ(take("x"), Outcome::kGranted);
+  EXPECT_EQ(take("y"), Outcome::kGranted);
 }
 
-TEST_F(TimeSlicesTest, who_is_told_to_stop_waits_no_longer_and_holds_nobody_up) {
+TEST_F(TimeSlicesTest, a_stopped_task_ends_its_wait_and_delays_no_other) {
   begin("holder", "a");
   begin("cancelled", "b");
   begin("next", "c");
-  ASSERT_EQ(take("holder"), Answer::kGranted);
+  ASSERT_EQ(take("holder"), Outcome::kGranted);
   std::atomic<bool> cancel{false};
   std::thread waiter([&] {
-    const auto answer = slices_->take("cancelled", 1, {}, [&] { return cancel.load(); });
-    EXPECT_EQ(*answer, Answer::kStopped);
+    const auto outcome = slices_->take("cancelled", 1, {}, [&] { return cancel.load(); });
+    EXPECT_EQ(*outcome, Outcome::kStopped);
   });
   while (!slices_->is_waiting("cancelled")) std::this_thread::yield();
   std::thread next = ask("next");
@@ -190,16 +190,16 @@ TEST_F(TimeSlicesTest, who_is_told_to_stop_waits_no_longer_and_holds_nobody_up) 
   slices_->give("holder", 1);
   next.join();
   EXPECT_TRUE(is_granted("next"));
-  EXPECT_EQ(slices_->renew("next", 1, [] { return true; }), Answer::kStopped);
-  EXPECT_EQ(take("holder"), Answer::kGranted);  // what was stopped has given its time slice back
+  EXPECT_EQ(slices_->renew("next", 1, [] { return true; }), Outcome::kStopped);
+  EXPECT_EQ(take("holder"), Outcome::kGranted);  // what was stopped has given its time slice back
 }
 
-TEST_F(TimeSlicesTest, a_task_that_ends_answers_its_waiter_and_gives_back_its_turn) {
+TEST_F(TimeSlicesTest, a_task_that_ends_fences_its_waiting_call_and_releases_its_slice) {
   begin("holder", "a");
   begin("lost", "b");
   begin("next", "c");
-  ASSERT_EQ(take("holder"), Answer::kGranted);
-  std::thread lost([this] { EXPECT_EQ(*slices_->take("lost", 1, {}, {}), Answer::kFenced); });
+  ASSERT_EQ(take("holder"), Outcome::kGranted);
+  std::thread lost([this] { EXPECT_EQ(*slices_->take("lost", 1, {}, {}), Outcome::kFenced); });
   while (!slices_->is_waiting("lost")) std::this_thread::yield();
   slices_->end_task("lost", 1);
   lost.join();
@@ -208,23 +208,23 @@ TEST_F(TimeSlicesTest, a_task_that_ends_answers_its_waiter_and_gives_back_its_tu
   EXPECT_FALSE(is_granted("next"));
   slices_->end_task("holder", 1);  // its worker was killed
   next.join();
-  EXPECT_EQ(*slices_->take("holder", 1, {}, {}), Answer::kFenced);
-  EXPECT_EQ(*slices_->take("next", 7, {}, {}), Answer::kFenced);
+  EXPECT_EQ(*slices_->take("holder", 1, {}, {}), Outcome::kFenced);
+  EXPECT_EQ(*slices_->take("next", 7, {}, {}), Outcome::kFenced);
 }
 
 TEST_F(TimeSlicesTest, a_deadline_that_passes_ends_the_wait) {
   begin("holder", "a");
   begin("late", "b", 0, unix_time_ms() + 60);
-  ASSERT_EQ(take("holder"), Answer::kGranted);
-  EXPECT_EQ(*slices_->take("late", 1, {}, {}), Answer::kStopped);
+  ASSERT_EQ(take("holder"), Outcome::kGranted);
+  EXPECT_EQ(*slices_->take("late", 1, {}, {}), Outcome::kStopped);
   EXPECT_GE(unix_time_ms(), 0);
 }
 
-TEST_F(TimeSlicesTest, the_share_of_a_tenant_grows_while_it_has_its_turn) {
+TEST_F(TimeSlicesTest, the_share_of_a_tenant_grows_during_its_slice) {
   weights_ = {{"a", 2}};
   EXPECT_EQ(slices_->share("cpu", "a"), 0);
   begin("x", "a");
-  ASSERT_EQ(take("x"), Answer::kGranted);
+  ASSERT_EQ(take("x"), Outcome::kGranted);
   hold(milliseconds(1000));
   EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 0.5);
   EXPECT_DOUBLE_EQ(slices_->share("cpu", "b"), 0.0);
@@ -243,29 +243,29 @@ class SlicesMemory : public TimeSlicesTest {
   }
 };
 
-TEST_F(SlicesMemory, what_can_never_fit_is_refused_with_the_numbers) {
+TEST_F(SlicesMemory, a_request_that_can_never_fit_is_refused_with_the_numbers) {
   begin("x", "a");
-  const auto answer = slices_->take("x", 1, {9 * kGiga, 0}, {});
-  ASSERT_FALSE(answer);
-  EXPECT_EQ(answer.error().code, ErrorCode::kGridTooLarge);
-  EXPECT_EQ(answer.error().message(),
+  const auto outcome = slices_->take("x", 1, {9 * kGiga, 0}, {});
+  ASSERT_FALSE(outcome);
+  EXPECT_EQ(outcome.error().code, ErrorCode::kGridTooLarge);
+  EXPECT_EQ(outcome.error().message(),
             "the request needs more memory than there is for jobs: expected at most 8.0 GB, got "
             "about 9.0 GB");
   slices_->set_device_bytes("cpu", kGiga);
   EXPECT_NE(slices_->take("x", 1, {kGiga, 2 * kGiga}, {}).error().message().find("device memory"),
             std::string::npos);
-  EXPECT_EQ(take("x", {8 * kGiga, kGiga}), Answer::kGranted);  // alone it has all
+  EXPECT_EQ(take("x", {8 * kGiga, kGiga}), Outcome::kGranted);  // alone it has all
 }
 
-TEST_F(SlicesMemory, who_does_not_fit_says_for_what_it_waits_and_holds_no_turn) {
+TEST_F(SlicesMemory, a_task_that_does_not_fit_reports_its_wait_and_holds_no_slice) {
   begin("large", "a");
   begin("other", "b");
   begin("small", "c");
-  ASSERT_EQ(take("large", {7 * kGiga, 0}), Answer::kGranted);
+  ASSERT_EQ(take("large", {7 * kGiga, 0}), Outcome::kGranted);
   slices_->give("large", 1);  // its memory it keeps
   std::thread other = ask("other", {3'100'000'000, 0});
   EXPECT_EQ(slices_->waiting_for("other"), "memory: needs 3.1 GB, 1.0 of 8.0 GB free");
-  EXPECT_EQ(take("small", {kGiga, 0}), Answer::kGranted);  // both fit when the large one has gone
+  EXPECT_EQ(take("small", {kGiga, 0}), Outcome::kGranted);  // both fit when the large one has gone
   EXPECT_FALSE(is_granted("other"));
   slices_->end_task("large", 1);
   EXPECT_EQ(slices_->waiting_for("other"), "a time slice on cpu: 1 tenant before");
@@ -274,11 +274,11 @@ TEST_F(SlicesMemory, who_does_not_fit_says_for_what_it_waits_and_holds_no_turn) 
   EXPECT_EQ(slices_->waiting_for("other"), "");
 }
 
-TEST_F(SlicesMemory, nobody_passes_who_would_then_wait_for_him) {
+TEST_F(SlicesMemory, no_task_overtakes_one_that_it_would_then_block_on) {
   begin("large", "a");
   begin("other", "b");
   begin("small", "c");
-  ASSERT_EQ(take("large", {6 * kGiga, 0}), Answer::kGranted);
+  ASSERT_EQ(take("large", {6 * kGiga, 0}), Outcome::kGranted);
   slices_->give("large", 1);
   std::thread other = ask("other", {7 * kGiga, 0});
   std::thread small = ask("small", {2 * kGiga, 0});  // it would fit, but not beside the other one
@@ -297,7 +297,7 @@ TEST_F(SlicesMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any
     const std::string id = "t" + std::to_string(i);
     begin(id, i % 2 == 0 ? "a" : "b", i % 3, 0, i % 4 < 2 ? "egl:0" : "egl:1");
     threads.emplace_back([this, id, &done] {
-      EXPECT_EQ(take(id, {8 * kGiga, 0}), Answer::kGranted);
+      EXPECT_EQ(take(id, {8 * kGiga, 0}), Outcome::kGranted);
       slices_->end_task(id, 1);
       ++done;
     });
@@ -307,7 +307,7 @@ TEST_F(SlicesMemory, tasks_that_each_need_all_have_it_one_after_the_other_on_any
 }
 
 // Four seconds of one core are one second of a machine with four.
-TEST_F(TimeSlicesTest, cpu_time_beside_turns_counts_as_a_core_s_share_of_the_device) {
+TEST_F(TimeSlicesTest, cpu_time_outside_slices_counts_as_a_core_s_share_of_the_device) {
   pid_ = 7;
   begin("a1", "a");
   pid_ = 8;
@@ -322,11 +322,11 @@ TEST_F(TimeSlicesTest, cpu_time_beside_turns_counts_as_a_core_s_share_of_the_dev
   EXPECT_DOUBLE_EQ(slices_->share("cpu", "a"), 1.5);
 }
 
-TEST_F(TimeSlicesTest, cpu_time_within_a_turn_is_not_charged_twice) {
+TEST_F(TimeSlicesTest, cpu_time_within_a_slice_is_not_charged_twice) {
   pid_ = 7;
   begin("a1", "a");
   slices_->set_queued("cpu", {"a"});
-  EXPECT_EQ(take("a1"), Answer::kGranted);
+  EXPECT_EQ(take("a1"), Outcome::kGranted);
   cpu_seconds_[7] = 4;
   slices_->charge_cpu();
   cpu_seconds_[7] = 8;
@@ -344,7 +344,7 @@ TEST_F(TimeSlicesTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
   pid_ = 0;
   begin("b1", "b");
   begin("c1", "c");
-  EXPECT_EQ(take("c1"), Answer::kGranted);
+  EXPECT_EQ(take("c1"), Outcome::kGranted);
   cpu_seconds_[7] = 4;
   std::thread a = ask("a1"), b = ask("b1");
   slices_->charge_cpu();
@@ -356,11 +356,11 @@ TEST_F(TimeSlicesTest, a_tenant_that_has_parsed_comes_after_one_that_has_not) {
   b.join();
 }
 
-TEST_F(TimeSlicesTest, a_turn_that_is_taken_away_is_charged_and_the_next_one_is_granted) {
+TEST_F(TimeSlicesTest, a_revoked_slice_is_charged_and_the_next_one_is_granted) {
   begin("a1", "a");
   begin("b1", "b");
   slices_->set_queued("cpu", {"a", "b"});
-  EXPECT_EQ(take("a1"), Answer::kGranted);
+  EXPECT_EQ(take("a1"), Outcome::kGranted);
   std::thread b = ask("b1");
   hold(milliseconds(2000));
   EXPECT_TRUE(slices_->take_away("a1"));
@@ -370,7 +370,7 @@ TEST_F(TimeSlicesTest, a_turn_that_is_taken_away_is_charged_and_the_next_one_is_
   EXPECT_FALSE(slices_->take_away("nobody"));
   slices_->give("a1", 1);  // of no effect on the one that has it now
   EXPECT_TRUE(slices_->take_away("b1"));
-  EXPECT_EQ(slices_->renew("a1", 1, {}), Answer::kGranted);  // it has come back
+  EXPECT_EQ(slices_->renew("a1", 1, {}), Outcome::kGranted);  // it has come back
 }
 
 }  // namespace

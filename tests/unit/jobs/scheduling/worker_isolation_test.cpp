@@ -70,7 +70,8 @@ TEST(WorkerPast, an_admins_task_on_anothers_file_takes_a_fresh_process_and_is_it
   EXPECT_FALSE(fresh.may_run(kTenant, "a", "a"));
 }
 
-TEST(PickRunnableHead, a_tenant_without_a_worker_keeps_its_turn_and_others_take_what_is_left) {
+TEST(PickRunnableHead,
+     a_tenant_without_a_worker_stays_first_and_others_take_the_remaining_workers) {
   const std::vector<QueueHead> heads = {head("a", 1), head("b", 2)};
   const std::vector<IdleSlot> slots = {idle(1, {"b"}), idle(2, {"c"})};
   const auto pick = [&](size_t free, std::map<std::string, double> shares) {
@@ -87,7 +88,7 @@ TEST(PickRunnableHead, a_tenant_without_a_worker_keeps_its_turn_and_others_take_
   EXPECT_EQ(pick(1, {{"a", 1}}).blocked, 0);
 }
 
-TEST(WorkersToReplace, used_up_ones_at_once_and_of_the_others_who_has_been_idle_for_longest) {
+TEST(WorkersToReplace, used_up_workers_at_once_and_then_the_longest_idle_one) {
   const std::vector<IdleSlot> slots = {idle(5, {"a"}), idle(3, {"b"}), idle(9),
                                        idle(4, {"a", "b"})};
   using Connections = std::vector<int64_t>;
@@ -140,7 +141,7 @@ TEST_F(IsolatedService, also_after_a_task_that_failed) {
   EXPECT_FALSE(worker.claim());
 }
 
-TEST_F(IsolatedService, an_admin_who_looks_at_a_tenants_grid_takes_a_fresh_worker_for_it) {
+TEST_F(IsolatedService, an_admins_request_for_a_tenants_grid_takes_a_fresh_worker) {
   FakeWorker first = connect();
   const std::string made = submit_for("a", "1");
   EXPECT_TRUE(runs(first, made));
@@ -170,7 +171,7 @@ TEST_F(IsolatedService, by_task_each_worker_gets_one) {
   EXPECT_TRUE(runs(second, submit_for("a", "2")));
 }
 
-TEST_F(IsolatedService, isolation_that_begins_later_counts_what_was_before) {
+TEST_F(IsolatedService, isolation_that_begins_later_counts_earlier_tasks) {
   FakeWorker worker = connect();
   EXPECT_TRUE(runs(worker, submit_for("a", "1")));
   EXPECT_TRUE(runs(worker, submit_for("b", "2")));
@@ -250,7 +251,7 @@ TEST_F(IsolatedProcesses, no_process_works_for_two_tenants_and_none_counts_as_a_
   EXPECT_EQ(told.find("voxeld_worker_restarts_total{"), std::string::npos) << told;
 }
 
-TEST_F(IsolatedProcesses, as_many_tenants_as_workers_keep_theirs) {
+TEST_F(IsolatedProcesses, as_many_tenants_as_workers_have_one_each) {
   start(kTenant, 2);
   std::set<std::string> of_a, of_b;
   for (int i = 0; i < 5; ++i) {

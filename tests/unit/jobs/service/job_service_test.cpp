@@ -137,7 +137,7 @@ TEST_F(JobServiceTest, a_job_that_makes_no_progress_fails_after_three_workers) {
             "voxelize for 0 s, no progress in stage voxelize for 0 s");
 }
 
-TEST_F(JobServiceTest, a_restarted_service_finishes_what_was_running) {
+TEST_F(JobServiceTest, a_restarted_service_finishes_jobs_that_were_running) {
   start();
   const std::string id = submit("slow.ply");
   wait_running(id);

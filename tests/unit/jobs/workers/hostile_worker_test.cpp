@@ -101,7 +101,7 @@ class HostileWorkerTest : public ::testing::Test {
     expect_refused(
         [&](FakeWorker& worker, const Task& task) {
           const auto reply = worker.call(message(worker, task));
-          EXPECT_FALSE(reply) << "answered with " << reply->dump();
+          EXPECT_FALSE(reply) << "replied with " << reply->dump();
         },
         why);
   }
@@ -322,9 +322,9 @@ TEST_F(HostileWorkerTest, a_hundred_thousand_reports_at_once) {
       [](FakeWorker& worker, const Task& task) {
         const json report = to_json_message(TaskProgress{
             .task = task.id, .fence = task.fence, .stage = "parse", .device_memory = {}});
-        int answered = 0;
-        while (answered < 100'000 && worker.call(report)) ++answered;
-        EXPECT_LT(answered, 100'000);
+        int replies = 0;
+        while (replies < 100'000 && worker.call(report)) ++replies;
+        EXPECT_LT(replies, 100'000);
       },
       "too many task messages: expected at most ");
 }

@@ -83,7 +83,7 @@ TEST_F(PreemptedJobs, go_on_later_without_an_attempt_that_counts) {
   EXPECT_GE(voxelize_ms, 100) << "of both attempts";
 }
 
-TEST_F(PreemptedJobs, are_those_alone_whose_workers_say_that_they_can) {
+TEST_F(PreemptedJobs, are_only_those_whose_workers_report_that_they_can_stop) {
   FakeWorker worker = connect();
   submit_with(0);
   const auto task = worker.claim();

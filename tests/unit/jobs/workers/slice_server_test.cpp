@@ -82,7 +82,7 @@ TEST_F(SliceServerTest, one_task_has_the_device_and_the_other_waits_and_says_so)
   EXPECT_TRUE(two.ask(second_, SliceAction::kRenew).granted);  // nobody else asks
 }
 
-TEST_F(SliceServerTest, a_connection_that_ends_gives_its_turn_back) {
+TEST_F(SliceServerTest, a_connection_that_ends_releases_its_slice) {
   FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
@@ -91,7 +91,7 @@ TEST_F(SliceServerTest, a_connection_that_ends_gives_its_turn_back) {
   waiter.join();
 }
 
-TEST_F(SliceServerTest, a_worker_that_is_lost_gives_its_turn_back) {
+TEST_F(SliceServerTest, a_lost_worker_releases_its_slice) {
   FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
@@ -102,7 +102,7 @@ TEST_F(SliceServerTest, a_worker_that_is_lost_gives_its_turn_back) {
 }
 
 // A worker that is stopped, or hangs with all of its threads: the kernel keeps its connections.
-TEST_F(SliceServerTest, a_worker_that_falls_silent_loses_its_turn_after_2_s_and_not_its_task) {
+TEST_F(SliceServerTest, a_silent_worker_loses_its_slice_after_2_s_and_not_its_task) {
   FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   const auto begun = Clock::now();
@@ -122,7 +122,7 @@ TEST_F(SliceServerTest, a_worker_that_falls_silent_loses_its_turn_after_2_s_and_
   EXPECT_TRUE(one_->complete(first_, "x"));
 }
 
-TEST_F(SliceServerTest, a_worker_that_reports_keeps_its_turn) {
+TEST_F(SliceServerTest, a_worker_that_reports_holds_its_slice) {
   FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] { EXPECT_TRUE(two.ask(second_).granted); });
@@ -142,7 +142,7 @@ TEST_F(SliceServerTest, needs_beyond_any_machine_end_the_connection) {
   EXPECT_FALSE(slices.socket().receive());
 }
 
-TEST_F(SliceServerTest, a_cancel_answers_a_task_that_waits_for_its_turn) {
+TEST_F(SliceServerTest, a_cancel_stops_a_task_that_waits_for_its_slice) {
   FakeSlices one = connect_slices(), two = connect_slices();
   EXPECT_TRUE(one.ask(first_).granted);
   std::thread waiter([&] {
@@ -167,7 +167,7 @@ TEST_F(SliceServerTest, a_worker_that_dies_while_it_waits_leaves_the_queue) {
   while (!get(second_.id).waiting_for.empty()) std::this_thread::sleep_for(milliseconds(1));
 }
 
-TEST_F(SliceServerTest, another_fence_or_task_gets_no_turn) {
+TEST_F(SliceServerTest, another_fence_or_task_gets_no_slice) {
   FakeSlices slices = connect_slices();
   Task wrong = first_;
   wrong.fence = 7;
@@ -177,7 +177,7 @@ TEST_F(SliceServerTest, another_fence_or_task_gets_no_turn) {
   EXPECT_TRUE(slices.ask(first_).granted);
 }
 
-TEST_F(SliceServerTest, nonsense_ends_that_connection_and_its_turn) {
+TEST_F(SliceServerTest, an_invalid_message_ends_that_connection_and_its_slice) {
   for (const char* text : {"{", "[]", R"({"type":"slice_take"})",
                            R"({"type":"slice_take","task":"x","fence":1,"host_bytes":-1})"}) {
     FakeSlices bad = connect_slices();

@@ -153,7 +153,8 @@ TEST_F(TaskServerTest, a_worker_that_takes_too_much_memory_ends_its_job_alone) {
   EXPECT_TRUE(status.error->detail.starts_with("memory: ")) << status.error->detail;
 }
 
-TEST_F(TaskServerTest, where_all_workers_take_too_much_a_job_is_tried_again_and_then_says_why) {
+TEST_F(TaskServerTest,
+       a_job_is_retried_while_all_workers_take_too_much_and_then_fails_with_the_reason) {
   limits_.all_workers_memory_bytes_max = 1;
   start();
   const std::string id = submit();

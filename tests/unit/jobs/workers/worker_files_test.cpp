@@ -51,7 +51,7 @@ TEST_F(WorkerFilesTest, a_blob_is_handed_over_as_a_link_until_the_task_ends) {
   EXPECT_TRUE(fs::exists(blob));
 }
 
-TEST_F(WorkerFilesTest, a_blob_that_is_gone_is_told) {
+TEST_F(WorkerFilesTest, a_missing_blob_is_an_error) {
   const auto given = files_->hand_over(dir_.path() / "sha256-ab");
   ASSERT_FALSE(given);
   EXPECT_EQ(given.error().message(), "the file sha256-ab is not stored");

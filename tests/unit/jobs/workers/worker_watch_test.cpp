@@ -72,7 +72,7 @@ std::vector<std::pair<std::string, std::string>> displaced(
   return told;
 }
 
-TEST(WorkerWatch, of_too_much_in_all_the_one_goes_that_is_furthest_beyond_what_it_asked_for) {
+TEST(WorkerWatch, over_the_total_the_worker_furthest_beyond_its_request_is_ended) {
   const int64_t pid = ::getpid();
   constexpr int64_t kMuch = int64_t{1} << 40, kSome = int64_t{1} << 30;
   const std::vector<WatchedWorker> workers{
@@ -88,7 +88,7 @@ TEST(WorkerWatch, of_too_much_in_all_the_one_goes_that_is_furthest_beyond_what_i
   EXPECT_TRUE(displaced({}, workers).empty());
 }
 
-TEST(WorkerWatch, who_has_to_go_anyway_is_not_counted_with_the_others) {
+TEST(WorkerWatch, a_worker_that_is_ended_anyway_does_not_count_towards_the_total) {
   const int64_t pid = ::getpid();
   const auto told =
       displaced({.all_memory_bytes_max = 3 * private_bytes(pid) / 2, .job_seconds_max = 9},
@@ -130,7 +130,7 @@ TEST(HostMemory, the_machine_has_a_limit_and_bytes_read_well) {
   EXPECT_EQ(memory_text(312'400'000), "312 MB");
 }
 
-TEST(WorkerWatch, a_silent_worker_is_told_of_while_it_has_a_task) {
+TEST(WorkerWatch, a_silent_worker_is_reported_while_it_has_a_task) {
   std::vector<std::string> silent;
   const int64_t pid = ::getpid();
   watch_once({.silent_seconds_max = 2},

@@ -62,7 +62,7 @@ OptionPairs pairs_of_query(const std::string& query) {
 // Random requests with every option, each with its canonical text: "SCOPE QUERY<tab>JSON". Names of
 // stored results are made from such texts, so a changed line loses the results of its request;
 // VOXELD_RENEW=1 writes the texts anew where that is wanted.
-TEST(CanonicalOptions, of_random_requests_are_as_recorded) {
+TEST(CanonicalOptions, random_requests_give_the_recorded_text) {
   const std::map<std::string, OptionScope> scopes = {{"voxelize", OptionScope::kVoxelize},
                                                      {"render", OptionScope::kRenderMesh},
                                                      {"render-grid", OptionScope::kRenderGrid},

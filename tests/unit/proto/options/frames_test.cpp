@@ -92,7 +92,7 @@ TEST(AnimationOptions, the_number_of_frames_has_a_limit) {
             "times: expected at most 4096 times, got \"4097\"");
 }
 
-TEST(AnimationOptions, of_a_sequence_only_frames_is_taken) {
+TEST(AnimationOptions, a_sequence_takes_only_frames) {
   for (const OptionScope scope : {kExport, kRenderGrid}) {
     EXPECT_EQ(parsed({{"frames", "1..2"}}, scope).animation.frames, (std::array<int, 2>{1, 2}));
     for (const char* name : {"animation", "time", "fps", "times", "root_motion"}) {
@@ -113,7 +113,7 @@ TEST(AnimationOptions, canonical_text_names_nothing_where_nothing_moves) {
   }
 }
 
-TEST(AnimationOptions, canonical_text_spells_out_what_is_set) {
+TEST(AnimationOptions, canonical_text_spells_out_set_options) {
   const auto ends_with = [](const OptionPairs& pairs, OptionScope scope, const std::string& part) {
     const std::string text = canonical(pairs, scope);
     EXPECT_NE(text.find(part), std::string::npos) << text;
@@ -201,7 +201,7 @@ TEST(ImageOptions, apply_to_some_images_alone) {
       "turntable: expected a camera without matrix, got \"matrix\"");
 }
 
-TEST(ImageOptions, of_a_mesh_need_what_they_show) {
+TEST(ImageOptions, images_of_a_mesh_need_frames_or_a_turntable) {
   for (const char* image : {"gif", "apng", "sheet"}) {
     EXPECT_EQ(parsed({{"image", image}}, kRenderMesh).animation.animation, "0");
     EXPECT_EQ(refused({{"image", image}, {"time", "1"}}, kRenderMesh),

@@ -148,7 +148,7 @@ TEST(Options, every_value_at_the_ends_of_a_range_is_taken) {
   }
 }
 
-TEST(Options, every_value_outside_is_refused_with_what_is_expected_and_what_came) {
+TEST(Options, every_value_outside_is_refused_with_expected_and_got) {
   for (const auto& [name, one] : cases()) {
     for (const std::string& value : one.bad) {
       const Error error = refused({{name, value}}, scope_of(name));

@@ -1,4 +1,4 @@
-"""What one tenant's 200 connections cost the gateway: lists, tiles and jobs with long texts, not read or read slowly."""
+"""Memory of the gateway for 200 connections of a tenant that read lists, tiles and long jobs slowly or not at all."""
 import json
 import random
 import resource
@@ -47,7 +47,7 @@ def sparse_mesh(side):
             + b"".join(struct.pack("<B3i", 3, 3 * i, 3 * i + 1, 3 * i + 2) for i in range(faces)))
 
 
-class AnswerMemory(DaemonTest):
+class ResponseMemory(DaemonTest):
     device = "cpu"
     arguments = ("--workers-per-device", "1")
 
@@ -70,7 +70,7 @@ class AnswerMemory(DaemonTest):
         return status_mb(self.daemon.process.pid, "VmHWM")
 
     def ask_without_reading(self, paths, count=CLIENTS):
-        """Connections whose answers have begun."""
+        """Connections whose responses have begun."""
         clients = []
         for i in range(count):
             client = socket.socket()
