@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <span>
 #include <tuple>
 #include <type_traits>
@@ -117,12 +118,13 @@ void for_each_channel(Tile& tile, Visit&& visit) {
   for_each_channel_member([&](Channel channel, auto member) { visit(channel, tile.*member); });
 }
 
-// The samples of a channel of ids (ChannelInfo::is_id).
+// The samples of a channel of ids (ChannelInfo::is_id). Aborts for any other channel.
 inline std::vector<uint16_t>& id_samples(SparseTile& tile, Channel channel) {
   std::vector<uint16_t>* samples = nullptr;
   with_channel_member(channel, [&](auto which, auto member) {
     if constexpr (channel_info(which).is_id()) samples = &(tile.*member);
   });
+  if (samples == nullptr) std::abort();
   return *samples;
 }
 inline const std::vector<uint16_t>& id_samples(const SparseTile& tile, Channel channel) {

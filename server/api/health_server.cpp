@@ -294,7 +294,7 @@ class PollingHealthServer final : public HealthServer {
     const size_t end = connection.head.find(kHeadEnd);
     if (end == std::string::npos && connection.head.size() <= kHealthHeadBytesMax) return;
     connection.response =
-        end != std::string::npos && end <= kHealthHeadBytesMax
+        end <= kHealthHeadBytesMax
             ? responder.respond_to(std::string_view(connection.head).substr(0, end))
             : "HTTP/1.1 431 Request Header Fields Too Large\r\n"
               "Content-Length: 0\r\nConnection: close\r\n\r\n";
