@@ -6,6 +6,9 @@ function(voxeld_options target)
   target_include_directories(${target} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
                                            -Wno-sign-conversion)
+  # A jumbo unit includes sources, which is what it is for.
+  set_target_properties(${target} PROPERTIES UNITY_BUILD_CODE_BEFORE_INCLUDE
+                        "// NOLINTNEXTLINE(bugprone-suspicious-include)")
   if(VOXELD_WERROR)
     target_compile_options(${target} PRIVATE -Werror)
   endif()

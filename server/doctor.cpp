@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "proto/version.h"
+#include "server/exit_status.h"
 #include "server/gpu/device.h"
 #include "server/gpu/workarounds.h"
 #include "server/worker/device/calibrate_device.h"
@@ -19,8 +20,6 @@ using gpu::DeviceInfo;
 using gpu::DeviceKind;
 using gpu::DeviceProbe;
 using nlohmann::json;
-
-constexpr int kExitUsage = 64;
 
 // "128 MiB", "64 KiB"; rounded down.
 std::string bytes_text(int64_t bytes) {

@@ -10,13 +10,12 @@
 #include <utility>
 
 #include "server/base/clock.h"
+#include "server/exit_status.h"
 #include "server/jobs/auth/key_file.h"
 #include "server/jobs/auth/url_secret.h"
 
 namespace voxeld {
 namespace {
-
-constexpr int kExitFailure = 1, kExitUsage = 64;
 
 // "2026-12-31 23:59", UTC; "-" for never.
 std::string time_text(int64_t ms) {

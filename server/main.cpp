@@ -10,6 +10,7 @@
 #include "server/base/log.h"
 #include "server/config.h"
 #include "server/doctor.h"
+#include "server/exit_status.h"
 #include "server/gpu/device.h"
 #include "server/keys.h"
 #include "server/serve.h"
@@ -18,8 +19,6 @@
 
 namespace voxeld {
 namespace {
-
-constexpr int kExitUsage = 64;
 
 // The file that runs, for starting it again: argv[0] may be a name that was found in PATH.
 std::string self_executable(const char* argv0) {

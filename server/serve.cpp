@@ -14,6 +14,7 @@
 #include "server/base/machine.h"
 #include "server/base/memory_reserve.h"
 #include "server/descriptors.h"
+#include "server/exit_status.h"
 #include "server/gpu/device.h"
 #include "server/jobs/auth/key_ring.h"
 #include "server/jobs/auth/url_secret.h"
@@ -24,7 +25,6 @@
 namespace voxeld {
 namespace {
 
-constexpr int kExitFailure = 1;
 // How long the line that says "ready" waits for a worker; the daemon listens before that.
 constexpr double kReadySecondsMax = 60.0;
 constexpr double kSignalWaitSeconds = 3600.0;  // then it waits again

@@ -13,6 +13,7 @@ function(voxeld_embed_shaders target)
     DEPENDS ${inputs} ${CMAKE_CURRENT_SOURCE_DIR}/embed.cmake
     COMMENT "Embedding shaders"
     VERBATIM)
+  set_source_files_properties(${output} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   add_library(${target} STATIC ${output})
   voxeld_options(${target})
 endfunction()

@@ -8,10 +8,6 @@ namespace {
 
 constexpr uint32_t kTileBricks = uint32_t{1} << (3 * kTileLevels);
 
-bool is_full(const BrickMask& mask) {
-  return std::ranges::all_of(mask.words, [](uint64_t word) { return word == ~uint64_t{0}; });
-}
-
 // Whether eight nodes of one size fill the next larger one.
 bool makes_a_parent(std::span<const FullNode> eight) {
   const FullNode first = eight.front();
@@ -21,6 +17,10 @@ bool makes_a_parent(std::span<const FullNode> eight) {
 }
 
 }  // namespace
+
+bool is_full(const BrickMask& mask) {
+  return std::ranges::all_of(mask.words, [](uint64_t word) { return word == ~uint64_t{0}; });
+}
 
 bool is_canonical(const SparseTile& tile, bool has_attributes) {
   const std::span<const FullNode> full = tile.full;

@@ -6,6 +6,9 @@
 
 namespace voxeld {
 
+// Whether every voxel of the brick is occupied.
+bool is_full(const BrickMask& mask);
+
 // Whether canonicalize() would leave the tile as it is. Needs `full` in ascending order.
 // `has_attributes` says whether the voxels of masks have any, even if the tile does not hold them
 // yet.

@@ -20,7 +20,7 @@ static_assert(limits::kTileSide >> kBrickLevel == limits::kBrickSide);
 static_assert(kTileLevels == kBrickLevel);
 constexpr uint8_t kFull = 0;  // the byte of a node that is full and has no children in the stream
 
-Error broken(std::string detail) {
+Error broken_octree(std::string detail) {
   return {ErrorCode::kBadRequest, "grid container, octree: " + std::move(detail), "", ""};
 }
 
@@ -73,18 +73,19 @@ using Levels = std::array<std::span<const uint8_t>, kLevels>;
 Status cut_levels(std::span<const uint8_t> octree, Levels& levels) {
   size_t at = 0, count = 1;
   for (size_t level = 0; level < kLevels; ++level) {
-    if (octree.size() - at < count) return broken("level " + std::to_string(level) + " is cut off");
+    if (octree.size() - at < count)
+      return broken_octree("level " + std::to_string(level) + " is cut off");
     levels[level] = octree.subspan(at, count);
     at += count;
     count = 0;
     for (const uint8_t mask : levels[level]) {
       if (mask == 0 && level > kBrickLevel) {
-        return broken("level " + std::to_string(level) + " has an empty node");
+        return broken_octree("level " + std::to_string(level) + " has an empty node");
       }
       count += static_cast<size_t>(std::popcount(mask));
     }
   }
-  if (at != octree.size()) return broken("bytes after the last level");
+  if (at != octree.size()) return broken_octree("bytes after the last level");
   return {};
 }
 
@@ -189,7 +190,7 @@ Status tile_from_octree(std::span<const uint8_t> octree, bool has_attributes, Sp
   tile.masks.reserve(codes.size());
   add_bricks(levels, codes, tile);
   std::ranges::sort(tile.full, {}, &FullNode::brick_morton);
-  if (!is_canonical(tile, has_attributes)) return broken("a full node is spelled out");
+  if (!is_canonical(tile, has_attributes)) return broken_octree("a full node is spelled out");
   return {};
 }
 

@@ -13,25 +13,25 @@
 namespace voxeld {
 namespace {
 
-constexpr int kTileBricks = limits::kTileSide / limits::kBrickSide;  // on a side
-constexpr int kOctantBricks = kTileBricks / 2;
+constexpr int kTileSideBricks = limits::kTileSide / limits::kBrickSide;
+constexpr int kOctantBricks = kTileSideBricks / 2;
 constexpr size_t kHeadLevels = 5;
 constexpr size_t kCellLevels = 3;
 constexpr size_t kOctants = 8;
 constexpr uint8_t kOneStream = 0, kOctantStreams = 1, kFullTile = 2;  // layouts
 constexpr size_t kSplitHeaderBytes = 1 + 4 + 4 * kOctants;
-static_assert(kTileBricks == 1 << kHeadLevels);
+static_assert(kTileSideBricks == 1 << kHeadLevels);
 static_assert(limits::kBrickSide == 1 << kCellLevels);
 
-Error broken(std::string detail) {
+Error broken_small_octree(std::string detail) {
   return {ErrorCode::kBadRequest, "grid container, small octree: " + std::move(detail), "", ""};
 }
 
 // A cube of bricks of the tile.
 struct Region {
   std::array<int, 3> origin{};  // in bricks
-  int side = kTileBricks;       // in bricks
-  uint32_t morton_begin = 0, morton_end = kTileBricks * kTileBricks * kTileBricks;
+  int side = kTileSideBricks;   // in bricks
+  uint32_t morton_begin = 0, morton_end = kTileSideBricks * kTileSideBricks * kTileSideBricks;
 };
 
 Region octant_region(uint32_t octant) {
@@ -181,7 +181,7 @@ CellLevels cells_of(const SparseTile& tile, const Region& region) {
 // Appends the largest full nodes in Morton order.
 void append_full(const Head& head, SparseTile& tile) {
   if (!head.has_full) return;
-  for (uint32_t morton = 0; morton < kTileBricks * kTileBricks * kTileBricks;) {
+  for (uint32_t morton = 0; morton < kTileSideBricks * kTileSideBricks * kTileSideBricks;) {
     uint32_t level = kHeadLevels;  // of the largest full node that begins here
     for (size_t i = 0; i < kHeadLevels && level == kHeadLevels; ++i) {
       const auto bricks_log2 = static_cast<uint32_t>(3 * (kHeadLevels - 1 - i));
@@ -218,8 +218,8 @@ size_t read_u32(std::span<const uint8_t> bytes, size_t at) {
 }
 
 Status stream_ended(const RangeDecoder& coder, bool complete, const std::string& name) {
-  if (!complete || coder.exhausted()) return broken("the " + name + " is cut off");
-  if (!coder.at_end()) return broken("bytes after the " + name);
+  if (!complete || coder.exhausted()) return broken_small_octree("the " + name + " is cut off");
+  if (!coder.at_end()) return broken_small_octree("bytes after the " + name);
   return {};
 }
 
@@ -229,7 +229,7 @@ Status decode_octant(std::span<const uint8_t> bytes, OccupancyModel model, const
   const Region region = octant_region(octant);
   const Bricks bricks = cut_out(head.bricks(), region);
   if (!has_open_bricks(bricks)) {
-    if (!bytes.empty()) return broken("bytes after the " + name);
+    if (!bytes.empty()) return broken_small_octree("bytes after the " + name);
     return {};
   }
   auto cells = empty_cells(region);
@@ -241,7 +241,7 @@ Status decode_octant(std::span<const uint8_t> bytes, OccupancyModel model, const
 }
 
 Status decode_split(std::span<const uint8_t> bytes, SparseTile& tile) {
-  if (bytes.size() < kSplitHeaderBytes) return broken("the lengths are cut off");
+  if (bytes.size() < kSplitHeaderBytes) return broken_small_octree("the lengths are cut off");
   std::array<size_t, 1 + kOctants> sizes{};
   size_t total = kSplitHeaderBytes;
   for (size_t i = 0; i < sizes.size(); ++i) total += sizes[i] = read_u32(bytes, 1 + 4 * i);
@@ -268,7 +268,7 @@ Status decode_whole(std::span<const uint8_t> bytes, SparseTile& tile) {
   RangeDecoder coder(bytes);
   OccupancyModel model;
   Head head;
-  if (!code_head(coder, model, head)) return broken("the stream is cut off");
+  if (!code_head(coder, model, head)) return broken_small_octree("the stream is cut off");
   const Bricks bricks = head.bricks();
   auto cells = empty_cells({});
   const bool complete = code_cells(coder, model, bricks, head.has_full, cells);
@@ -279,7 +279,7 @@ Status decode_whole(std::span<const uint8_t> bytes, SparseTile& tile) {
 }
 
 Status decode_full(std::span<const uint8_t> bytes, SparseTile& tile) {
-  if (bytes.size() != 1) return broken("bytes after a full tile");
+  if (bytes.size() != 1) return broken_small_octree("bytes after a full tile");
   tile.full = {{0, kTileLevels}};
   return {};
 }
@@ -330,7 +330,7 @@ Status decode_octree_small(std::span<const uint8_t> bytes, bool has_attributes, 
   tile.brick_morton.clear();
   tile.masks.clear();
   tile.full.clear();
-  if (bytes.empty()) return broken("no bytes");
+  if (bytes.empty()) return broken_small_octree("no bytes");
   if (bytes[0] > kFullTile) {
     return Error{ErrorCode::kBadRequest, "grid container, small octree: layout", "0, 1 or 2",
                  std::to_string(bytes[0])};
@@ -338,7 +338,7 @@ Status decode_octree_small(std::span<const uint8_t> bytes, bool has_attributes, 
   VOXELD_TRY(bytes[0] == kFullTile        ? decode_full(bytes, tile)
              : bytes[0] == kOctantStreams ? decode_split(bytes, tile)
                                           : decode_whole(bytes.subspan(1), tile));
-  if (!is_canonical(tile, has_attributes)) return broken("a full node is spelled out");
+  if (!is_canonical(tile, has_attributes)) return broken_small_octree("a full node is spelled out");
   return {};
 }
 

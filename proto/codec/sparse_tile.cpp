@@ -6,15 +6,13 @@
 #include <span>
 #include <utility>
 
+#include "proto/codec/canonical_tile.h"
+
 namespace voxeld {
 namespace {
 
 constexpr size_t kBrickVoxels =
     size_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
-
-bool is_full(const BrickMask& mask) {
-  return std::ranges::all_of(mask.words, [](uint64_t word) { return word == ~uint64_t{0}; });
-}
 
 // Appends a node, then merges for as long as eight of one size complete a larger one.
 void push_full(std::vector<FullNode>& nodes, FullNode node) {

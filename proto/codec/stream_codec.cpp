@@ -50,7 +50,7 @@ void refer_to(ZSTD_CCtx* context, StreamKind kind, std::span<const uint8_t> pref
   ZSTD_CCtx_refPrefix(context, prefix.data(), prefix.size());
 }
 
-Error broken(std::string detail) {
+Error broken_compression(std::string detail) {
   return {ErrorCode::kBadRequest, "grid container, stream: " + std::move(detail), "", ""};
 }
 
@@ -75,23 +75,23 @@ Result<std::vector<uint8_t>> compress_stream(StreamKind kind, std::span<const ui
 Result<std::vector<uint8_t>> decompress_stream(std::span<const uint8_t> stored, size_t raw_max,
                                                std::span<const uint8_t> prefix) {
   const size_t frame = ZSTD_findFrameCompressedSize(stored.data(), stored.size());
-  if (ZSTD_isError(frame) != 0) return broken(ZSTD_getErrorName(frame));
-  if (frame != stored.size()) return broken("bytes after the zstd frame");
+  if (ZSTD_isError(frame) != 0) return broken_compression(ZSTD_getErrorName(frame));
+  if (frame != stored.size()) return broken_compression("bytes after the zstd frame");
   const unsigned long long raw_size = ZSTD_getFrameContentSize(stored.data(), stored.size());
   if (raw_size == ZSTD_CONTENTSIZE_ERROR || raw_size == ZSTD_CONTENTSIZE_UNKNOWN) {
-    return broken("the zstd frame does not say its size");
+    return broken_compression("the zstd frame does not say its size");
   }
   if (raw_size > raw_max) {
-    return broken("expected at most " + std::to_string(raw_max) + " bytes, got " +
-                  std::to_string(raw_size));
+    return broken_compression("expected at most " + std::to_string(raw_max) + " bytes, got " +
+                              std::to_string(raw_size));
   }
   std::vector<uint8_t> raw(raw_size);
   const std::unique_ptr<ZSTD_DCtx, FreeContext> context(ZSTD_createDCtx());
   if (!prefix.empty()) ZSTD_DCtx_refPrefix(context.get(), prefix.data(), prefix.size());
   const size_t size =
       ZSTD_decompressDCtx(context.get(), raw.data(), raw.size(), stored.data(), stored.size());
-  if (ZSTD_isError(size) != 0) return broken(ZSTD_getErrorName(size));
-  if (size != raw.size()) return broken("the zstd frame is shorter than it says");
+  if (ZSTD_isError(size) != 0) return broken_compression(ZSTD_getErrorName(size));
+  if (size != raw.size()) return broken_compression("the zstd frame is shorter than it says");
   return raw;
 }
 

@@ -9,14 +9,15 @@ namespace voxeld {
 using namespace grid_layout;
 
 Result<GridDirectory> GridDirectory::open(std::span<const uint8_t> bytes) {
-  if (bytes.size() < kGridHeaderBytes || std::memcmp(bytes.data(), kMagic, sizeof kMagic) != 0) {
-    return broken(0, "not a grid container", "the magic VOXGRID", "other bytes");
+  if (bytes.size() < kGridHeaderBytes ||
+      std::memcmp(bytes.data(), kGridMagic, sizeof kGridMagic) != 0) {
+    return broken_grid(0, "not a grid container", "the magic VOXGRID", "other bytes");
   }
   const auto version = get<uint32_t>(bytes, 8), channels = get<uint32_t>(bytes, 12);
   if (version != kGridVersion) {
-    return broken(8, "version", std::to_string(kGridVersion), std::to_string(version));
+    return broken_grid(8, "version", std::to_string(kGridVersion), std::to_string(version));
   }
-  if ((channels >> kChannelCount) != 0) return broken(12, "unknown channels");
+  if ((channels >> kChannelCount) != 0) return broken_grid(12, "unknown channels");
   GridDirectory directory;
   directory.bytes_ = bytes;
   directory.header_.channels = channels_of_bits(channels);
@@ -31,7 +32,7 @@ Result<GridDirectory> GridDirectory::open(std::span<const uint8_t> bytes) {
   if (meta_bytes > kMetaBytesMax || directory.first_entry_ > bytes.size() ||
       (bytes.size() - directory.first_entry_) / grid_entry_bytes(directory.header_.channels) <
           directory.tile_count_) {
-    return broken(80, "meta or directory is cut off");
+    return broken_grid(80, "meta or directory is cut off");
   }
   return directory;
 }
@@ -46,9 +47,9 @@ Result<GridTileEntry> GridDirectory::tile(size_t index) const {
   for (size_t i = 0; i < header_.channels.count(); ++i) {
     entry.bytes += get<uint32_t>(bytes_, at + kEntryStreamsByte + 4 * i);
   }
-  if (!inside(entry.coord, header_.dims)) return broken(at, "tile coord is outside the grid");
+  if (!inside(entry.coord, header_.dims)) return broken_grid(at, "tile coord is outside the grid");
   if (entry.offset > bytes_.size() || entry.bytes > bytes_.size() - entry.offset) {
-    return broken(at + 24, "tile data lie beyond the end");
+    return broken_grid(at + 24, "tile data lie beyond the end");
   }
   return entry;
 }

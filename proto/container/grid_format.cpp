@@ -45,38 +45,39 @@ Status grid_layout::check_cells(const SparseTile& tile, const std::array<int32_t
     return fits(tile, node.brick_morton, 1 << node.level, dims);
   });
   if (full_fit && voxels_fit(tile, dims)) return {};
-  return broken(0, "a tile has voxels outside dims");
+  return broken_grid(0, "a tile has voxels outside dims");
 }
 
 Status GridReader::read_header() {
   if (bytes_.size() < kGridHeaderBytes) {
-    return broken(bytes_.size(), "the header is cut off",
-                  std::to_string(kGridHeaderBytes) + " bytes", std::to_string(bytes_.size()));
+    return broken_grid(bytes_.size(), "the header is cut off",
+                       std::to_string(kGridHeaderBytes) + " bytes", std::to_string(bytes_.size()));
   }
-  if (std::memcmp(bytes_.data(), kMagic, sizeof kMagic) != 0) {
-    return broken(0, "not a grid container", "the magic VOXGRID", "other bytes");
+  if (std::memcmp(bytes_.data(), kGridMagic, sizeof kGridMagic) != 0) {
+    return broken_grid(0, "not a grid container", "the magic VOXGRID", "other bytes");
   }
   const auto version = get<uint32_t>(bytes_, 8), channels = get<uint32_t>(bytes_, 12);
   if (version != kGridVersion) {
-    return broken(8, "version", std::to_string(kGridVersion), std::to_string(version));
+    return broken_grid(8, "version", std::to_string(kGridVersion), std::to_string(version));
   }
-  if ((channels >> kChannelCount) != 0) return broken(12, "unknown channels");
+  if ((channels >> kChannelCount) != 0) return broken_grid(12, "unknown channels");
   header_.channels = channels_of_bits(channels);
   header_.dims = get<std::array<int32_t, 3>>(bytes_, 16);
   header_.origin = get<std::array<double, 3>>(bytes_, 32);
   header_.voxel_size = get<std::array<double, 3>>(bytes_, 56);
   VOXELD_TRY(check_header(header_, 16));
-  if (get<uint32_t>(bytes_, 28) != kTileLog2) return broken(28, "tile side", "8", "another");
+  if (get<uint32_t>(bytes_, 28) != kTileLog2) return broken_grid(28, "tile side", "8", "another");
   tile_count_ = get<uint32_t>(bytes_, 80);
   meta_bytes_ = get<uint32_t>(bytes_, 84);
   voxel_count_ = get<uint64_t>(bytes_, 88);
   const auto total = get<uint64_t>(bytes_, 96);
   if (total != bytes_.size()) {
-    return broken(96, "length", std::to_string(total) + " bytes", std::to_string(bytes_.size()));
+    return broken_grid(96, "length", std::to_string(total) + " bytes",
+                       std::to_string(bytes_.size()));
   }
   VOXELD_TRY(read_codecs());
   for (size_t i = kCodecsByte + kCodecs; i < kGridHeaderBytes; ++i) {
-    if (bytes_[i] != 0) return broken(i, "reserved byte", "0", std::to_string(bytes_[i]));
+    if (bytes_[i] != 0) return broken_grid(i, "reserved byte", "0", std::to_string(bytes_[i]));
   }
   return {};
 }
@@ -86,8 +87,8 @@ Status GridReader::read_codecs() {
     const bool exists = i == 0 || header_.channels.has(kChannels[i - 1].channel);
     const uint8_t codec = bytes_[kCodecsByte + i];
     if (codec > (exists ? 1 : 0)) {
-      return broken(kCodecsByte + i, "codec of a stream", exists ? "0 or 1" : "0",
-                    std::to_string(codec));
+      return broken_grid(kCodecsByte + i, "codec of a stream", exists ? "0 or 1" : "0",
+                         std::to_string(codec));
     }
     Codec& place = i == 0 ? header_.codecs.octree : header_.codecs.channels[i - 1];
     place = codec == 1 ? Codec::kSmall : Codec::kFast;
@@ -107,16 +108,17 @@ Status GridReader::read_entry(size_t at, uint64_t offset) {
   entry.voxel_count = get<uint64_t>(bytes_, at + 16);
   entry.offset = get<uint64_t>(bytes_, at + 24);
   entry.octree_bytes = get<uint32_t>(bytes_, at + 32);
-  if (!inside(entry.coord, header_.dims)) return broken(at, "tile coord is outside the grid");
+  if (!inside(entry.coord, header_.dims)) return broken_grid(at, "tile coord is outside the grid");
   if (!entries_.empty() && tile_order(entries_.back().coord) >= tile_order(entry.coord)) {
-    return broken(at, "tiles are not in ascending Morton order");
+    return broken_grid(at, "tiles are not in ascending Morton order");
   }
   if (entry.voxel_count == 0 || entry.voxel_count > kTileVoxelsMax) {
-    return broken(at + 16, "voxel count", "1 to " + std::to_string(kTileVoxelsMax),
-                  std::to_string(entry.voxel_count));
+    return broken_grid(at + 16, "voxel count", "1 to " + std::to_string(kTileVoxelsMax),
+                       std::to_string(entry.voxel_count));
   }
   if (entry.offset != offset) {
-    return broken(at + 24, "tile offset", std::to_string(offset), std::to_string(entry.offset));
+    return broken_grid(at + 24, "tile offset", std::to_string(offset),
+                       std::to_string(entry.offset));
   }
   bool streams_match = entry.octree_bytes != 0;
   size_t next = at + kEntryStreamsByte;
@@ -126,12 +128,12 @@ Status GridReader::read_entry(size_t at, uint64_t offset) {
     next += 4;
     streams_match = streams_match && (entry.channel_bytes[i] != 0) == (entry.brick_count != 0);
   }
-  if (!streams_match) return broken(at + 32, "streams do not match the channels");
+  if (!streams_match) return broken_grid(at + 32, "streams do not match the channels");
   if (next < at + grid_entry_bytes(header_.channels) && get<uint32_t>(bytes_, next) != 0) {
-    return broken(next, "reserved bytes", "0", "others");
+    return broken_grid(next, "reserved bytes", "0", "others");
   }
   if (offset + entry.bytes() > bytes_.size()) {
-    return broken(at + 24, "tile data lie beyond the end");
+    return broken_grid(at + 24, "tile data lie beyond the end");
   }
   entries_.push_back(entry);
   return {};
@@ -146,9 +148,9 @@ Status GridReader::read_directory(size_t directory) {
     next += entries_.back().bytes();
     voxels += entries_.back().voxel_count;
   }
-  if (next != bytes_.size()) return broken(next, "bytes after the last tile");
+  if (next != bytes_.size()) return broken_grid(next, "bytes after the last tile");
   if (voxels != voxel_count_) {
-    return broken(88, "voxel count", std::to_string(voxels), std::to_string(voxel_count_));
+    return broken_grid(88, "voxel count", std::to_string(voxels), std::to_string(voxel_count_));
   }
   return {};
 }
@@ -160,12 +162,12 @@ Result<GridReader> GridReader::open(std::span<const uint8_t> bytes) {
   const size_t directory = kGridHeaderBytes + padded(reader.meta_bytes_);
   if (reader.meta_bytes_ > kMetaBytesMax || directory > bytes.size() ||
       (bytes.size() - directory) / grid_entry_bytes(reader.header_.channels) < reader.tile_count_) {
-    return broken(80, "meta or directory is cut off");
+    return broken_grid(80, "meta or directory is cut off");
   }
   reader.header_.meta_json.assign(reinterpret_cast<const char*>(bytes.data()) + kGridHeaderBytes,
                                   reader.meta_bytes_);
   for (size_t i = kGridHeaderBytes + reader.meta_bytes_; i < directory; ++i) {
-    if (bytes[i] != 0) return broken(i, "padding", "0", std::to_string(bytes[i]));
+    if (bytes[i] != 0) return broken_grid(i, "padding", "0", std::to_string(bytes[i]));
   }
   VOXELD_TRY(reader.read_directory(directory));
   return reader;
@@ -184,10 +186,10 @@ Result<SparseTile> GridReader::decode_tile(size_t index) const {
                                   header_.codecs.octree, header_.channels.any(), tile));
   const size_t voxels = tile.voxel_count();
   if (tile.masks.size() != entry.brick_count || voxels != entry.voxel_count) {
-    return broken(entry.offset, "octree does not match its directory entry",
-                  std::to_string(entry.brick_count) + " bricks and " +
-                      std::to_string(entry.voxel_count) + " voxels",
-                  std::to_string(tile.masks.size()) + " and " + std::to_string(voxels));
+    return broken_grid(entry.offset, "octree does not match its directory entry",
+                       std::to_string(entry.brick_count) + " bricks and " +
+                           std::to_string(entry.voxel_count) + " voxels",
+                       std::to_string(tile.masks.size()) + " and " + std::to_string(voxels));
   }
   VOXELD_TRY(check_cells(tile, header_.dims));
   uint64_t at = entry.offset + entry.octree_bytes;

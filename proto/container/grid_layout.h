@@ -20,7 +20,7 @@ namespace voxeld::grid_layout {
 
 static_assert(std::endian::native == std::endian::little, "the container is little-endian");
 
-inline constexpr char kMagic[8] = {'V', 'O', 'X', 'G', 'R', 'I', 'D', '\0'};
+inline constexpr char kGridMagic[8] = {'V', 'O', 'X', 'G', 'R', 'I', 'D', '\0'};
 inline constexpr uint32_t kTileLog2 = 8;
 inline constexpr uint32_t kTileBricksMax = 1u << 3 * (kTileLog2 - 3);
 inline constexpr size_t kCodecsByte = 104, kCodecs = 1 + kChannelCount;
@@ -44,8 +44,8 @@ inline size_t padded(size_t bytes) {
   return (bytes + 7) & ~size_t{7};
 }
 
-inline Error broken(uint64_t byte, std::string detail, std::string expected = "",
-                    std::string got = "") {
+inline Error broken_grid(uint64_t byte, std::string detail, std::string expected = "",
+                         std::string got = "") {
   return {ErrorCode::kBadRequest,
           "grid container, byte " + std::to_string(byte) + ": " + std::move(detail),
           std::move(expected), std::move(got)};
@@ -67,13 +67,13 @@ inline bool inside(const std::array<int32_t, 3>& coord, const std::array<int32_t
 inline Status check_header(const GridHeader& header, uint64_t byte) {
   for (size_t c = 0; c < 3; ++c) {
     if (header.dims[c] < 1 || header.dims[c] > limits::kGridSideMax) {
-      return broken(byte, "dims", "1 to " + std::to_string(limits::kGridSideMax),
-                    std::to_string(header.dims[c]));
+      return broken_grid(byte, "dims", "1 to " + std::to_string(limits::kGridSideMax),
+                         std::to_string(header.dims[c]));
     }
-    if (!std::isfinite(header.origin[c])) return broken(byte, "origin is not finite");
+    if (!std::isfinite(header.origin[c])) return broken_grid(byte, "origin is not finite");
     if (!std::isfinite(header.voxel_size[c]) || header.voxel_size[c] <= 0) {
-      return broken(byte, "voxel size", "a finite number above 0",
-                    std::to_string(header.voxel_size[c]));
+      return broken_grid(byte, "voxel size", "a finite number above 0",
+                         std::to_string(header.voxel_size[c]));
     }
   }
   return {};

@@ -37,7 +37,7 @@ bool follows_the_rules(const SparseTile& tile, const GridHeader& header) {
 
 void put_header(std::vector<uint8_t>& out, const GridHeader& header, size_t tiles,
                 uint64_t voxels) {
-  std::memcpy(out.data(), kMagic, sizeof kMagic);
+  std::memcpy(out.data(), kGridMagic, sizeof kGridMagic);
   put(out, 8, kGridVersion);
   put(out, 12, channel_bits(header.channels));
   put(out, 16, header.dims);

@@ -86,10 +86,10 @@ Status SequenceReader::decode_octree(const Tile& entry, const RawStreams& raw,
   if (!status) return broken_stream(stream.offset, std::move(status).error());
   const size_t voxels = tile.voxel_count();
   if (tile.masks.size() != entry.brick_count || voxels != entry.voxel_count) {
-    return broken(stream.offset, "octree does not match its tile",
-                  std::to_string(entry.brick_count) + " bricks and " +
-                      std::to_string(entry.voxel_count) + " voxels",
-                  std::to_string(tile.masks.size()) + " and " + std::to_string(voxels));
+    return broken_sequence(stream.offset, "octree does not match its tile",
+                           std::to_string(entry.brick_count) + " bricks and " +
+                               std::to_string(entry.voxel_count) + " voxels",
+                           std::to_string(tile.masks.size()) + " and " + std::to_string(voxels));
   }
   status = grid_layout::check_cells(tile, header_.dims);
   return status ? Status() : broken_stream(stream.offset, std::move(status).error());

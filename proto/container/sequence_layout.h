@@ -12,7 +12,7 @@
 
 namespace voxeld::sequence_layout {
 
-inline constexpr char kMagic[8] = {'V', 'O', 'X', 'S', 'E', 'Q', '\0', '\0'};
+inline constexpr char kSequenceMagic[8] = {'V', 'O', 'X', 'S', 'E', 'Q', '\0', '\0'};
 inline constexpr size_t kReservedByte = 111;
 inline constexpr size_t kFrameBytes = 24, kStreamBytes = 16;
 inline constexpr size_t kTileStreamsByte = 24;  // in a tile's entry: numbers of its streams
@@ -25,8 +25,8 @@ constexpr size_t tile_bytes(const ChannelSet& channels) {
   return (kTileStreamsByte + 4 * (1 + channels.count()) + 7) / 8 * 8;
 }
 
-inline Error broken(uint64_t byte, std::string detail, std::string expected = "",
-                    std::string got = "") {
+inline Error broken_sequence(uint64_t byte, std::string detail, std::string expected = "",
+                             std::string got = "") {
   return {ErrorCode::kBadRequest,
           "sequence container, byte " + std::to_string(byte) + ": " + std::move(detail),
           std::move(expected), std::move(got)};
@@ -38,7 +38,7 @@ inline Error broken_stream(uint64_t byte, Error error) {
   std::string& detail = error.detail;
   if (detail.starts_with(kGrid)) detail.erase(0, kGrid.size());
   if (detail.starts_with(kByte)) detail.erase(0, detail.find(kColon) + kColon.size());
-  return broken(byte, std::move(detail), std::move(error.expected), std::move(error.got));
+  return broken_sequence(byte, std::move(detail), std::move(error.expected), std::move(error.got));
 }
 
 }  // namespace voxeld::sequence_layout

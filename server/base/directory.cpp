@@ -49,6 +49,11 @@ void remove_content(int fd, int depth) noexcept {
 
 }  // namespace
 
+Status make_directory(const std::filesystem::path& path) {
+  if (::mkdir(path.c_str(), 0700) == 0) return sync_path(path.parent_path());
+  return errno == EEXIST ? Status() : errno_error("create directory", path);
+}
+
 Result<std::vector<std::string>> directory_names(const std::filesystem::path& path) {
   const OpenDirectory directory(::opendir(path.c_str()));
   std::vector<std::string> names;

@@ -14,6 +14,8 @@
 
 namespace voxeld {
 
+// Makes a directory of mode 0700 that survives power loss. An existing one is no error.
+Status make_directory(const std::filesystem::path& path);
 // Names in a directory, without . and .., in no order. Empty if the directory does not exist.
 Result<std::vector<std::string>> directory_names(const std::filesystem::path& directory);
 // Removes the directory with all its contents, as far as possible.

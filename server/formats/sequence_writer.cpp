@@ -229,7 +229,7 @@ Result<std::vector<uint8_t>> SequenceWriter::add(double time_s, std::span<const 
 
 std::vector<uint8_t> SequenceWriter::header(uint64_t index, uint64_t bytes) const {
   std::vector<uint8_t> out(kSequenceHeaderBytes);
-  std::memcpy(out.data(), kMagic, sizeof kMagic);
+  std::memcpy(out.data(), kSequenceMagic, sizeof kSequenceMagic);
   put(out, 8, kSequenceVersion);
   put(out, 12, channel_bits(header_.channels));
   put(out, 16, header_.dims);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kSceneSideMax = 2000;  // the editor's world is 2000 x 2000 x 1000
 constexpr int kSceneHeightMax = 1000;
-constexpr uint32_t kVersion = 150;
+constexpr uint32_t kVoxVersion = 150;
 
 // Writes the root transform, the group, and a transform and a shape per model; node ids follow file
 // order.
@@ -69,7 +69,7 @@ Result<std::vector<uint8_t>> encode_vox(const Grid& grid, const OutputOptions& o
   VOXELD_TRY(vox::check_length(children.size()));
 
   vox::Bytes out;
-  vox::add_file_header(out, kVersion, static_cast<uint32_t>(children.size()));
+  vox::add_file_header(out, kVoxVersion, static_cast<uint32_t>(children.size()));
   out.raw(children.bytes());
   return std::move(out.bytes());
 }

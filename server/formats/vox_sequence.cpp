@@ -20,7 +20,7 @@
 namespace voxeld {
 namespace {
 
-constexpr uint32_t kVersion = 200;
+constexpr uint32_t kVoxAnimationVersion = 200;
 constexpr size_t kFileHeaderBytes = 20;
 
 // One nSHP: pairs of first frame and model.
@@ -34,7 +34,7 @@ class VoxSequence {
   Status write(int colors_max) {
     VOXELD_TRY(choose_palette(colors_max));
     vox::Bytes header;
-    vox::add_file_header(header, kVersion, 0);
+    vox::add_file_header(header, kVoxAnimationVersion, 0);
     VOXELD_TRY(file_.append(header.bytes()));
     for (size_t i = 0; i < source_.frame_count(); ++i) VOXELD_TRY(add_frame(i));
     VOXELD_TRY(append(scene_graph()));

@@ -16,7 +16,7 @@ constexpr size_t kBatchSlices = 32;  // slices deflated together
 constexpr int kDeflateLevel = 1;     // voxels are runs: more effort gains little
 constexpr int kRawDeflate = -15;
 constexpr int kMemoryLevel = 8;
-constexpr uint16_t kVersion = 45;  // zip64
+constexpr uint16_t kZipVersion = 45;  // zip64
 constexpr uint16_t kDeflated = 8;
 constexpr uint16_t kDosDate = 0x21;  // 1980-01-01, the earliest date of a zip
 constexpr uint32_t kIn64 = 0xffffffff;
@@ -79,7 +79,7 @@ Status ZipWriter::begin(const std::string& name) {
   member.offset = file_.size();
   is_open_ = true;
   Record local;  // checksum and lengths are filled in once they are known
-  local.put(uint32_t{0x04034b50}).put(kVersion).put(uint16_t{0}).put(kDeflated);
+  local.put(uint32_t{0x04034b50}).put(kZipVersion).put(uint16_t{0}).put(kDeflated);
   local.put(uint16_t{0}).put(kDosDate).put(uint32_t{0}).put(kIn64).put(kIn64);
   local.put(static_cast<uint16_t>(name.size())).put(uint16_t{20}).put(name);
   local.put(kExtra64).put(uint16_t{16}).put(uint64_t{0}).put(uint64_t{0});
@@ -137,7 +137,7 @@ Status ZipWriter::finish() {
   const uint64_t directory = file_.size();
   Record out;
   for (const Member& member : members_) {
-    out.put(uint32_t{0x02014b50}).put(kVersion).put(kVersion).put(uint16_t{0}).put(kDeflated);
+    out.put(uint32_t{0x02014b50}).put(kZipVersion).put(kZipVersion).put(uint16_t{0}).put(kDeflated);
     out.put(uint16_t{0}).put(kDosDate).put(member.crc).put(kIn64).put(kIn64);
     out.put(static_cast<uint16_t>(member.name.size())).put(uint16_t{28}).put(uint16_t{0});
     out.put(uint16_t{0}).put(uint16_t{0}).put(uint32_t{0}).put(kIn64).put(member.name);
@@ -145,7 +145,7 @@ Status ZipWriter::finish() {
     out.put(member.offset);
   }
   const uint64_t directory_bytes = out.bytes().size(), count = members_.size();
-  out.put(uint32_t{0x06064b50}).put(uint64_t{44}).put(kVersion).put(kVersion);
+  out.put(uint32_t{0x06064b50}).put(uint64_t{44}).put(kZipVersion).put(kZipVersion);
   out.put(uint32_t{0}).put(uint32_t{0}).put(count).put(count).put(directory_bytes).put(directory);
   out.put(uint32_t{0x07064b50}).put(uint32_t{0}).put(directory + directory_bytes);
   out.put(uint32_t{1});

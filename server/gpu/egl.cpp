@@ -42,7 +42,7 @@ struct Egl {
 #define EGL_RENDERER_EXT 0x335F
 #endif
 
-Error unavailable(std::string what) {
+Error egl_unavailable(std::string what) {
   return Error{ErrorCode::kDeviceUnavailable, std::move(what), "", ""};
 }
 
@@ -63,16 +63,17 @@ std::string_view or_empty(const char* text) {
 Result<Egl> load_egl() {
   void* handle = ::dlopen("libEGL.so.1", RTLD_NOW | RTLD_LOCAL);
   if (handle == nullptr) {
-    return unavailable(std::string("cannot load libEGL.so.1 (package libegl1): ") + ::dlerror());
+    return egl_unavailable(std::string("cannot load libEGL.so.1 (package libegl1): ") +
+                           ::dlerror());
   }
   Egl egl;
   egl.GetProcAddress =
       reinterpret_cast<PFNEGLGETPROCADDRESSPROC>(::dlsym(handle, "eglGetProcAddress"));
-  if (egl.GetProcAddress == nullptr) return unavailable("libEGL.so.1 has no eglGetProcAddress");
+  if (egl.GetProcAddress == nullptr) return egl_unavailable("libEGL.so.1 has no eglGetProcAddress");
 #define VOXELD_EGL_LOAD(type, name)                                                  \
   egl.name = reinterpret_cast<type>(::dlsym(handle, "egl" #name));                   \
   if (!egl.name) egl.name = reinterpret_cast<type>(egl.GetProcAddress("egl" #name)); \
-  if (!egl.name) return unavailable("libEGL.so.1 has no egl" #name);
+  if (!egl.name) return egl_unavailable("libEGL.so.1 has no egl" #name);
   VOXELD_EGL_FUNCTIONS(VOXELD_EGL_LOAD)
 #undef VOXELD_EGL_LOAD
   const std::string_view extensions = or_empty(egl.QueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS));
@@ -152,9 +153,9 @@ Status claim_mesa(const DeviceId& device) {
   const std::lock_guard lock(g_mesa_mutex);
   const MesaChoice wanted = choice_of(device.kind);
   if (g_mesa_choice != MesaChoice::kNone && g_mesa_choice != wanted) {
-    return unavailable(device_name(device) + " cannot be opened: this process has opened " +
-                       std::string(choice_name(g_mesa_choice)) +
-                       ", and Mesa loads one EGL driver per process");
+    return egl_unavailable(device_name(device) + " cannot be opened: this process has opened " +
+                           std::string(choice_name(g_mesa_choice)) +
+                           ", and Mesa loads one EGL driver per process");
   }
   g_mesa_choice = wanted;
   return {};
@@ -211,8 +212,8 @@ class EglBackend final : public Context {
   Error failed(const DeviceId& device, std::string_view platform, std::string_view call) const {
     char code[16];
     std::snprintf(code, sizeof code, "0x%x", egl_.GetError());
-    return unavailable(device_name(device) + ": " + std::string(call) + " failed with " + code +
-                       " (" + std::string(platform) + ")");
+    return egl_unavailable(device_name(device) + ": " + std::string(call) + " failed with " + code +
+                           " (" + std::string(platform) + ")");
   }
 
   Status create_context(const DeviceId& device, std::string_view platform) {
@@ -324,7 +325,7 @@ Status check_renderer(const DeviceId& device, const DeviceInfo& info,
 Result<std::vector<EglDevice>> enumerate_egl_devices() {
   VOXELD_ASSIGN(const Egl egl, load_egl());
   if (egl.QueryDevicesEXT == nullptr) {
-    return unavailable("libEGL.so.1 has no EGL_EXT_device_enumeration");
+    return egl_unavailable("libEGL.so.1 has no EGL_EXT_device_enumeration");
   }
   std::vector<EglDevice> devices;
   for (const FoundDevice& one : find_devices(egl)) devices.push_back(one.about);

@@ -36,7 +36,7 @@ struct OsmesaLibrary {
   GetProcAddress proc_address = nullptr;
 };
 
-Error unavailable(std::string what) {
+Error osmesa_unavailable(std::string what) {
   return Error{ErrorCode::kDeviceUnavailable, "osmesa: " + std::move(what), "", ""};
 }
 
@@ -45,8 +45,8 @@ Result<OsmesaLibrary> load_library() {
   OsmesaLibrary library;
   library.handle = ::dlopen("libOSMesa.so.8", RTLD_NOW | RTLD_LOCAL);
   if (library.handle == nullptr) {
-    return unavailable(std::string("cannot load libOSMesa.so.8 (package libosmesa6): ") +
-                       ::dlerror());
+    return osmesa_unavailable(std::string("cannot load libOSMesa.so.8 (package libosmesa6): ") +
+                              ::dlerror());
   }
   const auto symbol = [&](const char* name) { return ::dlsym(library.handle, name); };
   library.create_context_attribs =
@@ -57,7 +57,7 @@ Result<OsmesaLibrary> load_library() {
   library.proc_address = reinterpret_cast<GetProcAddress>(symbol("OSMesaGetProcAddress"));
   if (!library.create_context_attribs || !library.destroy_context || !library.make_current ||
       !library.current_context || !library.proc_address) {
-    return unavailable("libOSMesa.so.8 lacks functions of OSMesa 11.2");
+    return osmesa_unavailable("libOSMesa.so.8 lacks functions of OSMesa 11.2");
   }
   return library;
 }
@@ -86,7 +86,7 @@ class OsmesaBackend final : public Context {
                                    0,
                                    0};
     context_ = library_.create_context_attribs(attributes.data(), nullptr);
-    if (context_ == nullptr) return unavailable("refused an OpenGL 4.5 core context");
+    if (context_ == nullptr) return osmesa_unavailable("refused an OpenGL 4.5 core context");
     VOXELD_TRY(make_current());
     is_debug_ = gl_debug_wanted();
     info_.backend = "OSMesa";
@@ -96,7 +96,7 @@ class OsmesaBackend final : public Context {
   Status make_current() const override {
     if (!library_.make_current(context_, window_.data(), GL_UNSIGNED_BYTE, kWindowSide,
                                kWindowSide)) {
-      return unavailable("OSMesaMakeCurrent failed");
+      return osmesa_unavailable("OSMesaMakeCurrent failed");
     }
     return {};
   }

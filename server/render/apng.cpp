@@ -23,7 +23,7 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kSignatureBytes = 8, kChunkFrameBytes = 12;
-constexpr uint32_t kPartsPerSecond = 1000;
+constexpr uint32_t kApngPartsPerSecond = 1000;
 
 uint32_t read_u32(const uint8_t* at) {
   return uint32_t{at[0]} << 24 | uint32_t{at[1]} << 16 | uint32_t{at[2]} << 8 | uint32_t{at[3]};
@@ -112,7 +112,7 @@ class ApngWriter final : public AnimationWriter {
     put_u32(control, 0);
     put_u32(control, 0);
     put_u16(control, durations_[added_]);
-    put_u16(control, kPartsPerSecond);
+    put_u16(control, kApngPartsPerSecond);
     // dispose and blend: the next image replaces this one, alpha included.
     control.insert(control.end(), {0, 0});
     put_chunk(out, "fcTL", control);
@@ -140,7 +140,7 @@ Result<std::unique_ptr<AnimationWriter>> write_apng(const std::filesystem::path&
   UniqueFd fd(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
   if (!fd.valid()) return errno_error("create", path);
   return std::unique_ptr<AnimationWriter>(std::make_unique<ApngWriter>(
-      std::move(fd), whole_durations(durations_s, kPartsPerSecond, 1)));
+      std::move(fd), whole_durations(durations_s, kApngPartsPerSecond, 1)));
 }
 
 }  // namespace voxeld

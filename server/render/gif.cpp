@@ -15,7 +15,7 @@
 namespace voxeld {
 namespace {
 
-constexpr double kPartsPerSecond = 100.0;
+constexpr double kGifPartsPerSecond = 100.0;
 constexpr uint32_t kLeastParts = 2;  // programs show shorter delays for 1/10 s
 
 Error gif_error(std::string what) {
@@ -125,7 +125,7 @@ Result<std::unique_ptr<AnimationWriter>> write_gif(const std::filesystem::path& 
     auto output = OIIO::ImageOutput::create("images.gif");
     if (output == nullptr) return gif_error(OIIO::geterror());
     return std::unique_ptr<AnimationWriter>(std::make_unique<GifWriter>(
-        std::move(output), path, whole_durations(durations_s, kPartsPerSecond, kLeastParts)));
+        std::move(output), path, whole_durations(durations_s, kGifPartsPerSecond, kLeastParts)));
   } catch (const std::exception& error) {
     return gif_error(error.what());
   }

@@ -39,13 +39,6 @@ fs::path blob_path(const fs::path& root, std::string_view id) {
   return root / kBlobs / id.substr(kPrefixBytes, kFanOutDigits) / id;
 }
 
-// Makes a directory that survives power loss. An existing one is no error.
-Status make_directory(const fs::path& path) {
-  if (::mkdir(path.c_str(), 0700) == 0) return sync_path(path.parent_path());
-  if (errno != EEXIST) return errno_error("create directory", path);
-  return {};
-}
-
 // Makes a new file in tmp with a unique name.
 Result<std::pair<UniqueFd, fs::path>> make_temporary(const fs::path& root) {
   std::string name = (root / kTemporary / "blob-XXXXXX").native();

@@ -61,15 +61,10 @@ Status check_plain_file(const fs::path& file) {
   return Error{ErrorCode::kInternal, file.filename().string() + " is not a plain file", "", ""};
 }
 
-Status make_folder(const fs::path& path) {
-  if (::mkdir(path.c_str(), 0700) == 0) return sync_path(path.parent_path());
-  return errno == EEXIST ? Status() : errno_error("create directory", path);
-}
-
 }  // namespace
 
 Result<PartStore> PartStore::open(const fs::path& root) {
-  VOXELD_TRY(make_folder(root / "parts"));
+  VOXELD_TRY(make_directory(root / "parts"));
   return PartStore(root / "parts");
 }
 
@@ -81,7 +76,7 @@ Status PartStore::add(std::string_view job, int64_t position, const fs::path& fi
   VOXELD_ASSIGN(const std::string hash, sha256_file_id(file));
   VOXELD_TRY(sync_path(file));
   const fs::path folder = folder_ / job;
-  VOXELD_TRY(make_folder(folder));
+  VOXELD_TRY(make_directory(folder));
   // Remove from the last part on, so an interruption leaves consecutive parts.
   const auto parts = parts_in(folder);
   for (auto it = parts.rbegin(); it != parts.rend() && it->first >= position; ++it) {

@@ -27,11 +27,6 @@ bool is_day(std::string_view name) {
   });
 }
 
-Status make_folder(const fs::path& path) {
-  if (::mkdir(path.c_str(), 0700) == 0) return sync_path(path.parent_path());
-  return errno == EEXIST ? Status() : errno_error("create directory", path);
-}
-
 }  // namespace
 
 std::string day_text(int64_t unix_ms) {
@@ -43,8 +38,8 @@ std::string day_text(int64_t unix_ms) {
 }
 
 Status Quarantine::take(const fs::path& blob, std::string_view day) const {
-  VOXELD_TRY(make_folder(folder_));
-  VOXELD_TRY(make_folder(folder_ / day));
+  VOXELD_TRY(make_directory(folder_));
+  VOXELD_TRY(make_directory(folder_ / day));
   const fs::path target = folder_ / day / blob.filename();
   if (::rename(blob.c_str(), target.c_str()) != 0) return errno_error("move to quarantine", blob);
   return {};

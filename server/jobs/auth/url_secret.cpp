@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kSecretDigits = 64;
+constexpr size_t kUrlSecretDigits = 64;
 constexpr size_t kSecretsMax = 2;
 
 fs::path secret_path(const fs::path& data_dir) {
@@ -35,7 +35,7 @@ Result<std::vector<std::string>> parse_url_secrets(std::string_view text, const 
   while (!text.empty()) {
     const size_t end = text.find('\n');
     const std::string_view line = text.substr(0, end);
-    if (end != kSecretDigits || !is_hex(line) || secrets.size() == kSecretsMax) {
+    if (end != kUrlSecretDigits || !is_hex(line) || secrets.size() == kSecretsMax) {
       return Error{ErrorCode::kInternal, file, "one or two lines of 64 hex digits", ""};
     }
     secrets.emplace_back(line);
@@ -50,7 +50,7 @@ Result<std::unique_ptr<UrlSecrets>> UrlSecrets::open(const fs::path& data_dir) {
   {
     VOXELD_ASSIGN(const UniqueFd lock, lock_private(file));
     VOXELD_ASSIGN(const auto secrets, read_secrets(file));
-    if (secrets.empty()) VOXELD_TRY(replace_private(file, random_hex(kSecretDigits) + "\n"));
+    if (secrets.empty()) VOXELD_TRY(replace_private(file, random_hex(kUrlSecretDigits) + "\n"));
   }
   std::unique_ptr<UrlSecrets> opened(new UrlSecrets(file));
   if (!opened->current()->empty()) return opened;
@@ -91,7 +91,7 @@ Status rotate_url_secret(const fs::path& data_dir) {
   const fs::path file = secret_path(data_dir);
   VOXELD_ASSIGN(const UniqueFd lock, lock_private(file));
   VOXELD_ASSIGN(const auto secrets, read_secrets(file));
-  std::string text = random_hex(kSecretDigits) + "\n";
+  std::string text = random_hex(kUrlSecretDigits) + "\n";
   if (!secrets.empty()) text += secrets.front() + "\n";
   return replace_private(file, text);
 }

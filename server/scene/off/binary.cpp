@@ -19,8 +19,7 @@ namespace voxeld {
 namespace {
 
 constexpr int64_t kWordBytes = 4;
-constexpr int64_t kFaceBytesMin = 2 * kWordBytes;
-constexpr int32_t kColorComponentsMax = 4;
+constexpr int64_t kBinaryFaceBytesMin = 2 * kWordBytes;
 
 class OffBinaryReader {
  public:
@@ -84,7 +83,7 @@ class OffBinaryReader {
     VOXELD_TRY(check_off_count(name_, faces_at, "faces", face_count_, limits::kTrianglesMax));
     const int64_t vertex_bytes = kWordBytes * (3 + (prefixes_.normal ? 3 : 0) +
                                                (prefixes_.color ? 4 : 0) + (prefixes_.uv ? 2 : 0));
-    const int64_t needed = vertex_bytes * vertex_count_ + kFaceBytesMin * face_count_;
+    const int64_t needed = vertex_bytes * vertex_count_ + kBinaryFaceBytesMin * face_count_;
     if (needed > left()) {
       return off_truncated(name_, where(at_), vertex_count_, face_count_, needed, left());
     }
@@ -158,7 +157,7 @@ class OffBinaryReader {
       corners_.push_back(static_cast<uint32_t>(index));
     }
     const int32_t color_size = take_integer();
-    if (color_size < 0 || color_size > kColorComponentsMax) {
+    if (color_size < 0 || color_size > static_cast<int32_t>(kOffColorComponentsMax)) {
       at_ -= kWordBytes;
       return malformed(face + ": number of colour components", "0 to 4",
                        std::to_string(color_size));

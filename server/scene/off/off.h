@@ -83,6 +83,8 @@ struct OffMesh {
   OffCount odd_vertex_columns, odd_face_columns;  // dropped
 };
 
+inline constexpr size_t kOffColorComponentsMax = 4;  // RGBA
+
 // Checks a count of the header. `where`: "line 2". `limit`: from limits.h.
 Status check_off_count(std::string_view name, const std::string& where, std::string_view what,
                        int64_t count, int64_t limit);

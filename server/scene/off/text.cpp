@@ -19,11 +19,10 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kColorComponentsMax = 4;
 // The most columns of a vertex: position, normal, colour and texture coordinate.
-constexpr size_t kVertexColumnsMax = 3 + 3 + kColorComponentsMax + 2;
+constexpr size_t kVertexColumnsMax = 3 + 3 + kOffColorComponentsMax + 2;
 // Bytes of the shortest lines, "0 0 0\n" and "0\n".
-constexpr int64_t kVertexBytesMin = 6, kFaceBytesMin = 2;
+constexpr int64_t kVertexBytesMin = 6, kTextFaceBytesMin = 2;
 
 using Words = std::span<const std::string_view>;
 
@@ -74,7 +73,7 @@ class OffTextReader {
     // The number of edges is never used, and some writers omit it.
     cursor_.token_on_line();
     const int64_t left = static_cast<int64_t>(cursor_.bytes_left()) + 1;
-    const int64_t needed = kVertexBytesMin * vertex_count_ + kFaceBytesMin * face_count_;
+    const int64_t needed = kVertexBytesMin * vertex_count_ + kTextFaceBytesMin * face_count_;
     if (needed > left) {
       return off_truncated(name_, where(), vertex_count_, face_count_, needed, left - 1);
     }
@@ -260,7 +259,7 @@ class OffTextReader {
 
   // Reads the rest of the face's line as its colour.
   OffColor read_face_color() {
-    std::array<std::string_view, kColorComponentsMax> words;
+    std::array<std::string_view, kOffColorComponentsMax> words;
     size_t count = 0;
     for (std::string_view word = cursor_.token_on_line(); !word.empty();
          word = cursor_.token_on_line()) {

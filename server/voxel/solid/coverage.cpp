@@ -12,7 +12,7 @@ namespace {
 
 constexpr uint8_t kAllParts = 64;
 // Bricks of a block of 64^3 cells, which is what one finer tile covers.
-constexpr uint32_t kBlockBricks = 512;
+constexpr uint32_t kPartBrickCount = 512;
 constexpr size_t kBrickCells = 512;
 static_assert(kCoverageParts * kCoverageParts * kCoverageParts == kAllParts);
 static_assert(limits::kTileSide / kCoverageParts == 64);
@@ -67,7 +67,7 @@ int64_t coverage_bytes(const GridSpec& spec, int64_t surface_bytes, int threads)
   const int64_t in_step = columns == 0 ? 0 : surface_bytes * kAllParts / columns * step;
   constexpr int64_t kTileWork = int64_t{164} << 10;
   return 2 * bricks * static_cast<int64_t>(sizeof(BrickMask) * 8 + 8) +
-         tile_count * static_cast<int64_t>(kBlockBricks * sizeof(uint64_t)) + in_step +
+         tile_count * static_cast<int64_t>(kPartBrickCount * sizeof(uint64_t)) + in_step +
          int64_t{threads} * kCoverageParts * tiles.z * kTileWork;
 }
 
@@ -94,8 +94,8 @@ void CoverageCounts::add(const SparseTile& finer, std::vector<uint8_t>& counts) 
   };
   TileCounts& tile = tiles_[{finer.coord[0] / kCoverageParts, finer.coord[1] / kCoverageParts,
                              finer.coord[2] / kCoverageParts}];
-  const uint32_t first_brick = morton_encode(part(0), part(1), part(2)) * kBlockBricks;
-  counts.assign(size_t{kBlockBricks} * kBrickCells, 0);
+  const uint32_t first_brick = morton_encode(part(0), part(1), part(2)) * kPartBrickCount;
+  counts.assign(size_t{kPartBrickCount} * kBrickCells, 0);
   for (const FullNode& node : finer.full) {
     std::fill_n(counts.begin() + ptrdiff_t{8} * node.brick_morton,
                 ptrdiff_t{8} * node.brick_count(), kAllParts);
@@ -106,7 +106,7 @@ void CoverageCounts::add(const SparseTile& finer, std::vector<uint8_t>& counts) 
           static_cast<uint8_t>(std::popcount(finer.masks[i].words[w]));
     }
   }
-  for (uint32_t brick = 0; brick < kBlockBricks; ++brick) {
+  for (uint32_t brick = 0; brick < kPartBrickCount; ++brick) {
     const auto first = counts.begin() + static_cast<ptrdiff_t>(kBrickCells * brick);
     const auto last = first + static_cast<ptrdiff_t>(kBrickCells);
     const auto [least, most] = std::minmax_element(first, last);

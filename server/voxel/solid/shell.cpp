@@ -13,8 +13,9 @@
 namespace voxeld {
 namespace {
 
-constexpr int kBlockBricks = 8;  // along a side of a block, the unit of the search: 64 cells
-constexpr size_t kBlocks = kTileBrickCount / (size_t{kBlockBricks} * kBlockBricks * kBlockBricks);
+constexpr int kBlockSideBricks = 8;  // along a side of a block, the unit of the search: 64 cells
+constexpr size_t kBlocks =
+    kTileBrickCount / (size_t{kBlockSideBricks} * kBlockSideBricks * kBlockSideBricks);
 constexpr size_t kBlockBrickCount = kTileBrickCount / kBlocks;
 
 enum class Nearness : uint8_t { kNear, kFar, kMixed };
@@ -33,9 +34,9 @@ class ShellBlock {
     // Bricks farther apart than this have no cells within the thickness; see `slack`.
     const int halo = halo_ + 2;
     DistanceBox box;
-    box.size = glm::ivec3(kBlockBricks + 2 * halo);
+    box.size = glm::ivec3(kBlockSideBricks + 2 * halo);
     box.first = glm::ivec3(halo);
-    box.side = kBlockBricks;
+    box.side = kBlockSideBricks;
     squared_distances(
         box,
         [&](int y, int z, std::span<uint8_t> row) {
@@ -49,7 +50,8 @@ class ShellBlock {
     const double slack = (limits::kBrickSide - 1) * std::sqrt(3.0) + 1e-6;
     for (uint32_t i = 0; i < kBlockBrickCount; ++i) {
       const auto at = morton_decode(i);
-      const uint32_t squared = distances_[(at[2] * kBlockBricks + at[1]) * kBlockBricks + at[0]];
+      const uint32_t squared =
+          distances_[(at[2] * kBlockSideBricks + at[1]) * kBlockSideBricks + at[0]];
       const double apart = limits::kBrickSide * std::sqrt(static_cast<double>(squared));
       bricks[i] = squared == kNoDistance || apart - slack > thickness_ ? Nearness::kFar
                   : apart + slack <= thickness_                        ? Nearness::kNear
@@ -59,7 +61,7 @@ class ShellBlock {
 
   // Sets the near cells of all bricks of the block.
   void near_cells(const glm::ivec3& first_brick, std::array<BrickMask, kBlockBrickCount>& near) {
-    constexpr int kSide = kBlockBricks * limits::kBrickSide;
+    constexpr int kSide = kBlockSideBricks * limits::kBrickSide;
     DistanceBox box;
     box.size = glm::ivec3(kSide + 2 * halo_ * limits::kBrickSide);
     box.first = glm::ivec3(halo_ * limits::kBrickSide);
@@ -147,7 +149,7 @@ SparseTile shell_of_tile(const SparseTile& inside, ShellBlock& block) {
     if (number != filter_block) {
       const auto at = morton_decode(number);
       filter = std::make_unique<BlockFilter>(
-          block, tile_brick + glm::ivec3(at[0], at[1], at[2]) * kBlockBricks);
+          block, tile_brick + glm::ivec3(at[0], at[1], at[2]) * kBlockSideBricks);
       filter_block = number;
     }
     const BrickMask kept = filter->kept(static_cast<uint32_t>(morton % kBlockBrickCount), cells);

@@ -12,7 +12,7 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kTriangleGrain = 1 << 15;
+constexpr size_t kBinGrain = 1 << 15;
 constexpr int kTileShift = limits::kSubVoxelBits + std::countr_zero(unsigned{limits::kTileSide});
 
 // The tiles that a triangle's box reaches, both ends included.
@@ -43,7 +43,7 @@ uint32_t tile_number(const glm::ivec3& tile, const glm::ivec3& tile_dims) {
 RawVector<uint32_t> tiles_of_vertices(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   RawVector<uint32_t> tiles(mesh.vertices.size());
   const glm::ivec3 last = tile_dims - 1;
-  parallel_chunks(tiles.size(), kTriangleGrain, [&](size_t, size_t begin, size_t end) {
+  parallel_chunks(tiles.size(), kBinGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t v = begin; v < end; ++v) {
       const glm::ivec3& q = mesh.vertices[v];
       tiles[v] = tile_number(
@@ -81,7 +81,7 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
     if (count > 0) bins_.push_back({glm::ivec3(0), triangles_});
     return;
   }
-  std::vector<std::vector<size_t>> places(chunk_count(count, kTriangleGrain),
+  std::vector<std::vector<size_t>> places(chunk_count(count, kBinGrain),
                                           std::vector<size_t>(tile_count));
   const RawVector<uint32_t> of_vertices = tiles_of_vertices(mesh, tile_dims);
   // Calls visit(triangle, tile) for a chunk's triangles.
@@ -98,7 +98,7 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
       }
     }
   };
-  parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+  parallel_chunks(count, kBinGrain, [&](size_t chunk, size_t begin, size_t end) {
     size_t* counts = places[chunk].data();
     for_each_pair(begin, end, [&](size_t, uint32_t tile) { ++counts[tile]; });
   });
@@ -114,7 +114,7 @@ TileBins::TileBins(const SnappedMesh& mesh, const glm::ivec3& tile_dims) {
   }
   first[tile_count] = total;
   triangles_.resize(total);
-  parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+  parallel_chunks(count, kBinGrain, [&](size_t chunk, size_t begin, size_t end) {
     size_t* next = places[chunk].data();
     uint32_t* triangles = triangles_.data();
     for_each_pair(begin, end, [&](size_t t, uint32_t tile) {

@@ -17,7 +17,7 @@ namespace voxeld {
 namespace {
 
 constexpr size_t kVertexGrain = 1 << 13;
-constexpr size_t kTriangleGrain = 1 << 14;
+constexpr size_t kSnapGrain = 1 << 14;
 // Tolerance in voxels: rounding of the placement must not lose a face on the grid's box.
 constexpr double kBoundaryTolerance = 1.0 / 4096;
 
@@ -245,10 +245,10 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
                       SnappedMesh& mesh) {
   const size_t first = mesh.triangles.size(), count = part.indices.size() / 3;
   mesh.triangles.resize(first + count);
-  std::vector<ChunkOutput> chunks(chunk_count(count, kTriangleGrain));
+  std::vector<ChunkOutput> chunks(chunk_count(count, kSnapGrain));
   const TriangleSnapper snapper(mesh, part, part_index, world_from_file, spec,
                                 static_cast<size_t>(bytes_max) / chunks.size());
-  parallel_chunks(count, kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+  parallel_chunks(count, kSnapGrain, [&](size_t chunk, size_t begin, size_t end) {
     chunks[chunk].whole = mesh.triangles.data() + first + begin;
     if (mesh.is_whole) {
       snapper.run_inside(begin, end, chunks[chunk]);
@@ -270,7 +270,7 @@ Status snap_triangles(const MeshPart& part, uint32_t part_index,
 // 1 for each vertex of the part that a triangle uses, else 0.
 std::vector<uint8_t> used_vertices(const MeshPart& part) {
   std::vector<uint8_t> used(part.positions.size());
-  parallel_chunks(part.indices.size(), 4 * kTriangleGrain, [&](size_t, size_t begin, size_t end) {
+  parallel_chunks(part.indices.size(), 4 * kSnapGrain, [&](size_t, size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
       std::atomic_ref(used[part.indices[i]]).store(1, std::memory_order_relaxed);
     }

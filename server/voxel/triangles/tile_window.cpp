@@ -11,7 +11,7 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kTriangleGrain = 1 << 13;
+constexpr size_t kWindowGrain = 1 << 13;
 
 int largest_axis(const std::array<int64_t, 3>& v) {
   if (v[2] >= v[0] && v[2] >= v[1]) return 2;
@@ -112,7 +112,7 @@ bool fill_tile_window(const SnappedMesh& mesh, const GridSpec& spec, const glm::
   find_image_runs(mesh, triangles, part_images, window);
   window.vertices.resize(9 * triangles.size());
   window.axes.resize(triangles.size());
-  std::vector<ChunkItems> chunks(chunk_count(triangles.size(), kTriangleGrain));
+  std::vector<ChunkItems> chunks(chunk_count(triangles.size(), kWindowGrain));
   const glm::ivec3 tile_q = tile_coord * (limits::kTileSide * kSubVoxelsPerVoxel);
   const ItemMaker maker(tile_cell_max(spec, tile_coord), sizes, window.image_runs.size());
   const auto run_at = [&](size_t t) {
@@ -121,7 +121,7 @@ bool fill_tile_window(const SnappedMesh& mesh, const GridSpec& spec, const glm::
                          [](size_t at, const TileWindow::ImageRun& run) { return at < run.first; });
     return static_cast<size_t>(after - window.image_runs.begin()) - 1;
   };
-  parallel_chunks(triangles.size(), kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
+  parallel_chunks(triangles.size(), kWindowGrain, [&](size_t chunk, size_t begin, size_t end) {
     ChunkItems& out = chunks[chunk];
     out.items.reserve((end - begin) + (end - begin) / 4);
     size_t run = begin < end ? run_at(begin) : 0;

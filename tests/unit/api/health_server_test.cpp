@@ -12,7 +12,6 @@
 namespace voxeld::api {
 namespace {
 
-using std::chrono::seconds;
 using testing::HttpClient;
 using testing::HttpResponse;
 

@@ -15,7 +15,7 @@
 namespace voxeld {
 namespace {
 
-constexpr ChannelSet kColor = {.color = true};
+constexpr ChannelSet kColorChannels = {.color = true};
 
 std::vector<Format> all_formats() {
   std::vector<Format> formats;
@@ -62,7 +62,7 @@ class Cancelled : public test::FramesInMemory {
 };
 
 TEST_F(SequenceFormats, the_same_frames_give_the_same_bytes) {
-  const test::FramesInMemory source(test::mostly_static(3, {40, 30, 20}, 300, 4, kColor));
+  const test::FramesInMemory source(test::mostly_static(3, {40, 30, 20}, 300, 4, kColorChannels));
   for (const Format format : all_formats()) {
     const auto bytes = written(source, to(format));
     EXPECT_GT(bytes.size(), 500U);
@@ -71,7 +71,7 @@ TEST_F(SequenceFormats, the_same_frames_give_the_same_bytes) {
 }
 
 TEST_F(SequenceFormats, a_longer_file_of_the_same_name_is_replaced) {
-  const test::FramesInMemory longer(test::mostly_static(3, {40, 30, 20}, 300, 4, kColor)),
+  const test::FramesInMemory longer(test::mostly_static(3, {40, 30, 20}, 300, 4, kColorChannels)),
       shorter({test::random_grid(1, {4, 4, 4}, 5, true, false)});
   for (const Format format : all_formats()) {
     const auto bytes = written(shorter, to(format));
@@ -81,7 +81,7 @@ TEST_F(SequenceFormats, a_longer_file_of_the_same_name_is_replaced) {
 }
 
 TEST_F(SequenceFormats, a_frame_of_an_array_is_the_array_of_its_grid) {
-  const auto grids = test::mostly_static(3, {40, 30, 20}, 300, 3, kColor);
+  const auto grids = test::mostly_static(3, {40, 30, 20}, 300, 3, kColorChannels);
   for (const DType dtype : {DType::kUint8, DType::kBool, DType::kFloat32}) {
     for (const AxisOrder axes : {AxisOrder::kZyx, AxisOrder::kXyz}) {
       OutputOptions options = to(Format::kNpy);
@@ -101,7 +101,7 @@ TEST_F(SequenceFormats, a_frame_of_an_array_is_the_array_of_its_grid) {
 
 // libzip compares what the directory says with the members' own headers.
 TEST_F(SequenceFormats, an_npz_is_a_consistent_zip) {
-  const test::FramesInMemory source(test::mostly_static(3, {200, 100, 90}, 300, 4, kColor));
+  const test::FramesInMemory source(test::mostly_static(3, {200, 100, 90}, 300, 4, kColorChannels));
   written(source, to(Format::kNpz));
   int code = 0;
   zip_t* archive = zip_open(path_.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code);
@@ -178,7 +178,7 @@ TEST_F(SequenceFormats, more_frames_than_the_editor_plays_are_written_with_a_war
 }
 
 TEST_F(SequenceFormats, errors_of_the_source_and_of_the_file_are_returned) {
-  const auto grids = test::mostly_static(3, {40, 30, 20}, 300, 4, kColor);
+  const auto grids = test::mostly_static(3, {40, 30, 20}, 300, 4, kColorChannels);
   for (const Format format : all_formats()) {
     EXPECT_EQ(refused(Cancelled(grids), format).code, ErrorCode::kCancelled);
     const Status status = write_sequence(test::FramesInMemory(grids), to(format), path_ / "no");

@@ -9,7 +9,6 @@ namespace {
 
 using test::bytes_of;
 using test::message_of;
-using test::ZipEntry;
 using test::ZipMaker;
 
 std::string open_message(const std::string& zip) {

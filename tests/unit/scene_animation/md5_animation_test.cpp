@@ -9,7 +9,6 @@
 namespace voxeld {
 namespace {
 
-using testing::ElementsAre;
 using testing::HasSubstr;
 
 constexpr double kTimes[] = {0.0, 0.031, 0.1, 0.15, 0.2501, 0.3};

@@ -6,8 +6,6 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kRowBytes = limits::kTileSide / 8;
-
 // Bits of a row of bricks, seen as bytes: those of one brick are at brick_x, kRowBytes apart.
 uint64_t brick_bits(const BrickRow& rows, int brick_x) {
   uint64_t bits = 0;

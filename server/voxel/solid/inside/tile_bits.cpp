@@ -9,8 +9,6 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "rows are words and bytes");
 
-constexpr size_t kRowBytes = limits::kTileSide / 8;
-
 // Spreads bits of x over a word of 4x4x4 cells in Morton order, where x has index bits 0 and 3.
 constexpr std::array<uint64_t, 16> spread_table() {
   std::array<uint64_t, 16> table{};

@@ -17,6 +17,7 @@ inline constexpr size_t kTileBrickCount = size_t{kTileBricks} * kTileBricks * kT
 
 // The 32 bricks of a row along x. Word (z*8 + y)*4 + x/64, bit x%64; z and y are within the brick.
 inline constexpr size_t kBlockRowWords = limits::kTileSide / 64;
+inline constexpr size_t kRowBytes = limits::kTileSide / 8;
 inline constexpr size_t kBlockPlaneWords = limits::kBrickSide * kBlockRowWords;
 inline constexpr size_t kBrickRowWords = limits::kBrickSide * kBlockPlaneWords;
 using BrickRow = std::array<uint64_t, kBrickRowWords>;

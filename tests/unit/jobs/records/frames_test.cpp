@@ -13,7 +13,6 @@ namespace voxeld {
 namespace {
 
 using nlohmann::json;
-using std::chrono::milliseconds;
 using std::chrono::seconds;
 using testing::fake_frame;
 using testing::FakeWorker;

@@ -26,12 +26,13 @@ std::optional<size_t> pick(const std::vector<QueueHead>& heads, size_t free_slot
                    [&](const std::string& tenant) { return tags[tenant]; });
 }
 
-QueueHead head(const std::string& tenant, int64_t seq, int priority) {
+QueueHead queue_head(const std::string& tenant, int64_t seq, int priority) {
   return {tenant, seq, priority, kNoDeadline, ""};
 }
 
 TEST(PickHead, the_smallest_tag_is_first_and_at_equal_tags_the_earlier_job) {
-  const std::vector<QueueHead> heads = {head("a", 7, 0), head("b", 5, 0), head("c", 9, 100)};
+  const std::vector<QueueHead> heads = {queue_head("a", 7, 0), queue_head("b", 5, 0),
+                                        queue_head("c", 9, 100)};
   EXPECT_EQ(pick(heads, 3, {}), 1u);
   EXPECT_EQ(pick(heads, 3, {}, {{"a", 1}, {"b", 2}, {"c", 0.5}}), 2u);
   EXPECT_EQ(pick({}, 3, {}), std::nullopt);
@@ -40,11 +41,11 @@ TEST(PickHead, the_smallest_tag_is_first_and_at_equal_tags_the_earlier_job) {
 TEST(PickHead,
      the_last_free_slot_is_reserved_for_tenants_without_a_started_job_unless_a_job_is_urgent) {
   const std::vector<StartedJob> started = {{"a", 0}, {"a", 5}};
-  EXPECT_EQ(pick({head("a", 1, 0)}, 2, started), 0u);
-  EXPECT_EQ(pick({head("a", 1, 0)}, 1, started), std::nullopt);
-  EXPECT_EQ(pick({head("a", 1, 5)}, 1, started), std::nullopt);
-  EXPECT_EQ(pick({head("a", 1, 6)}, 1, started), 0u);
-  EXPECT_EQ(pick({head("a", 1, 0), head("b", 2, 0)}, 1, started, {{"b", 9}}), 1u);
+  EXPECT_EQ(pick({queue_head("a", 1, 0)}, 2, started), 0u);
+  EXPECT_EQ(pick({queue_head("a", 1, 0)}, 1, started), std::nullopt);
+  EXPECT_EQ(pick({queue_head("a", 1, 5)}, 1, started), std::nullopt);
+  EXPECT_EQ(pick({queue_head("a", 1, 6)}, 1, started), 0u);
+  EXPECT_EQ(pick({queue_head("a", 1, 0), queue_head("b", 2, 0)}, 1, started, {{"b", 9}}), 1u);
 }
 
 TEST(PickSlot, the_cache_that_has_the_input_then_the_tenants_last_then_the_first_slot) {
