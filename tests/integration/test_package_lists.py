@@ -35,7 +35,8 @@ class PackageLists(unittest.TestCase):
             "dpkg-query": f"cat <<'TEXT'\n{installed}TEXT\n",
             "apt-cache": "version='(none)'\n"
                          f"for each in {available}; do [[ $each != $2 ]] || version=1.0; done\n"
-                         'echo "  Candidate: $version"\n',
+                         'echo "  Candidate: $version"\n'
+                         "for n in {1..200}; do sleep 0.0005; echo '  Version table:'; done\n",
             "apt-get": f'echo "$@" >>{self.dir}/calls\n',
             "id": "echo 0\n",
         }
