@@ -1,4 +1,4 @@
-# Every package that the build uses; tools/packages.txt installs them on Debian 12. pkg-config is
+# Every package that the build uses; tools/packages/build.txt lists them. pkg-config is
 # used where Debian's CMake files name programs of packages that nobody needs.
 find_package(Threads REQUIRED)
 find_package(PkgConfig REQUIRED)

@@ -49,12 +49,18 @@ set(CPACK_DEBIAN_DEV_DESCRIPTION "client library of voxeld, to build against
  Header, CMake package voxeld and pkg-config file voxeld_client.")
 set(CPACK_COMPONENT_DEV_DEPENDS client)
 
-install(FILES docker/debian/voxeld.service
-  DESTINATION lib/systemd/system COMPONENT server)
-# With prefix /usr, and only then, /etc is where it is read.
+# Other prefixes than /usr have their own etc.
 if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
-  install(FILES docker/debian/voxeld.default
-    DESTINATION /etc/default RENAME voxeld COMPONENT server)
+  set(VOXELD_DEFAULTS_DIR /etc/default)
+  set(defaults_destination /etc/default)
+else()
+  set(VOXELD_DEFAULTS_DIR ${CMAKE_INSTALL_PREFIX}/etc/default)
+  set(defaults_destination etc/default)
 endif()
+configure_file(docker/debian/voxeld.service.in voxeld.service @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/voxeld.service
+  DESTINATION lib/systemd/system COMPONENT server)
+install(FILES docker/debian/voxeld.default
+  DESTINATION ${defaults_destination} RENAME voxeld COMPONENT server)
 
 include(CPack)

@@ -180,6 +180,10 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->add_flag("--allow-remote", config.allow_remote,
                  "Listen on other addresses than loopback, also without API keys")
       ->envname("VOXELD_ALLOW_REMOTE");
+  serve
+      ->add_flag("--admin-allow-remote", config.admin_allow_remote,
+                 "Let --admin-listen be another address than loopback: metrics need no API key")
+      ->envname("VOXELD_ADMIN_ALLOW_REMOTE");
   serve->add_option("--data", config.data_dir, "Directory of the database and of all files")
       ->envname("VOXELD_DATA")
       ->capture_default_str();
@@ -433,7 +437,7 @@ Status check_listen_address(const std::string& flag, const std::string& address,
                    (guard == Guard::kNoKeys
                         ? "there are no API keys: make some with voxeld keys add, or pass "
                           "--allow-remote where a proxy guards it"
-                        : "it needs no API key: pass --allow-remote where a proxy guards it"),
+                        : "it needs no API key: pass --admin-allow-remote on a private network"),
                "127.0.0.1, [::1] or localhost", address};
 }
 

@@ -18,6 +18,7 @@ struct ServeConfig {
   std::string listen = "127.0.0.1:8080";
   std::string admin_listen = "127.0.0.1:8081";
   bool allow_remote = false;
+  bool admin_allow_remote = false;
   std::filesystem::path data_dir;  // default: $XDG_STATE_HOME or ~/.local/state, then /voxeld
   std::vector<std::string> devices = {"auto"};
   int64_t upload_bytes_max = limits::kUploadBytesMax;

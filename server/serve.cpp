@@ -157,7 +157,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   VOXELD_ASSIGN(const auto keys, KeyRing::open(config.data_dir));
   const Guard guard = keys->needs_keys() ? Guard::kKeys : Guard::kNoKeys;
   VOXELD_TRY(check_listen_address("--listen", config.listen, config.allow_remote, guard));
-  VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen, config.allow_remote,
+  VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen, config.admin_allow_remote,
                                   Guard::kNone));
   VOXELD_ASSIGN(const auto devices, resolve_devices(config.devices, self_executable));
   ::signal(SIGPIPE, SIG_IGN);

@@ -28,9 +28,10 @@ class DiskRoom {
   DiskRoom(std::filesystem::path data_dir, int64_t reserve_bytes_max)
       : data_dir_(std::move(data_dir)), reserve_bytes_max_(reserve_bytes_max) {}
 
-  // Free bytes of the file system, and its size.
+  // Free bytes of the file system, its size, and the free bytes below which data is refused.
   Result<int64_t> free_bytes() const;
   Result<int64_t> total_bytes() const;
+  Result<int64_t> reserve_bytes() const;
 
   // Whether data of clients and workers may be stored. Errors: storage-full.
   Status for_data() const;
@@ -46,7 +47,6 @@ class DiskRoom {
   void keep_ballast() EXCLUDES(mutex_);
 
  private:
-  Result<int64_t> reserve_bytes() const;
   Result<int64_t> ballast_bytes() const;
   Status check(int64_t bytes_min, const char* refused) const;
   std::filesystem::path ballast_path() const { return data_dir_ / "ballast"; }

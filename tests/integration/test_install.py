@@ -22,6 +22,13 @@ def run(*command, **kw):
     return done.stdout
 
 
+def default_of(usage):
+    """x of CLI11's `--name TEXT=x` (2.1) and `--name TEXT [x]` (2.4); ` ...` where several may stand."""
+    usage = usage.rstrip().removesuffix(" ...").rstrip()
+    found = re.search(r" \[(\S*)\]$", usage) or re.search(r"=([^=\s)]*)$", usage)
+    return found[1].strip("[]") if found else ""
+
+
 class Install(DaemonTest):
     @classmethod
     def setUpClass(cls):
@@ -68,24 +75,46 @@ class Install(DaemonTest):
         meta = self.daemon.wait(job)["result"]["meta"]
         return [meta["voxel_count"], *meta["dims"]]
 
-    def test_the_daemon_is_installed_with_its_service(self):
+    def install_server(self):
         prefix = self.dir / "server"
         run("cmake", "--install", BUILD, "--component", "server", "--prefix", prefix)
+        return prefix
+
+    def test_the_daemon_is_installed_with_its_service(self):
+        prefix = self.install_server()
         files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
-        self.assertEqual(files, {"bin/voxeld", "lib/systemd/system/voxeld.service"})
+        self.assertLessEqual({"bin/voxeld", "lib/systemd/system/voxeld.service", "etc/default/voxeld"},
+                             files)
+        cache = (BUILD / "CMakeCache.txt").read_text()
+        configured = re.search(r"^CMAKE_INSTALL_PREFIX:PATH=(.*)$", cache, re.M)[1]
+        self.assertNotEqual(configured, "/usr")
         unit = (prefix / "lib/systemd/system/voxeld.service").read_text()
-        self.assertIn("ExecStart=/usr/bin/voxeld serve\n", unit)
-        # Every option that the service's comments name is one of the daemon's.
-        named = set(re.findall(r"VOXELD_[A-Z_]+", unit + (ROOT / "docker/debian/voxeld.default").read_text()))
-        known = run(prefix / "bin/voxeld", "serve", "--help")
-        self.assertGreater(len(named), 4)
-        for name in named:
-            self.assertIn(f"{name}", known)
+        self.assertIn(f"\nExecStart={configured}/bin/voxeld serve\n", unit)
+        self.assertIn(f"\nEnvironmentFile=-{configured}/etc/default/voxeld\n", unit)
+        self.assertNotIn("@", unit.replace("@system-service", "").replace("@privileged", ""))
+
+    def test_the_defaults_file_lists_each_setting_with_its_default(self):
+        text = (self.install_server() / "etc/default/voxeld").read_text()
+        listed = dict(re.findall(r"^# (VOXELD_[A-Z_]+)=(.*)$", text, re.M))
+        self.assertEqual(len(listed), len(re.findall(r"^#? ?VOXELD_\w+=", text, re.M)), "twice, or set")
+        help_text = run(BIN / "voxeld", "serve", "--help", env={"HOME": "/nowhere"})
+        known = {}
+        for usage, name in re.findall(r"^  --(.*) \(Env:(VOXELD_[A-Z_]+)\)", help_text, re.M):
+            known[name] = default_of(usage)
+        self.assertGreater(len(known), 25)
+        known["VOXELD_DATA"] = "/var/lib/voxeld"  # of the unit
+        known["VOXELD_ALLOW_REMOTE"] = known["VOXELD_ADMIN_ALLOW_REMOTE"] = "0"  # flags
+        known["VOXELD_LOG_LEVEL"] = "info"  # an enumeration, whose default CLI11 does not print
+        units = {"G": 1 << 30, "M": 1 << 20}
+        for name, value in listed.items():
+            if value[-1:] in units:
+                listed[name] = str(int(value[:-1]) * units[value[-1]])
+        self.assertEqual(listed, known)
 
     def test_find_package_gives_a_library_that_voxelizes(self):
         build = self.dir / "build"
-        run("cmake", "-S", PROJECT, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}",
-            "-DCMAKE_BUILD_TYPE=Release")
+        run("cmake", "-G", "Ninja", "-S", PROJECT, "-B", build,
+            f"-DCMAKE_PREFIX_PATH={self.prefix}", "-DCMAKE_BUILD_TYPE=Release")
         # Not another one, which some earlier install left behind.
         cache = (build / "CMakeCache.txt").read_text()
         self.assertIn(str(self.prefix), re.search("^voxeld_DIR:.*$", cache, re.M).group(0))
@@ -102,7 +131,7 @@ class Install(DaemonTest):
             (project / "CMakeLists.txt").write_text(
                 text.replace("voxeld 0.1 REQUIRED", f"voxeld {version} REQUIRED"))
             shutil.copy(PROJECT / "main.cpp", project)
-            done = subprocess.run(["cmake", "-S", project, "-B", project / "build",
+            done = subprocess.run(["cmake", "-G", "Ninja", "-S", project, "-B", project / "build",
                                    f"-DCMAKE_PREFIX_PATH={self.prefix}"],
                                   capture_output=True, text=True)
             self.assertNotEqual(done.returncode, 0)

@@ -7,7 +7,7 @@ import unittest
 
 from harness import BIN, DEVICES, ROOT, Daemon, make_fixtures, oracle
 
-UNIT = ROOT / "docker/debian/voxeld.service"
+UNIT = ROOT / "docker/debian/voxeld.service.in"
 NOBODY = 65534
 SECCOMP_FILTER = "2"
 

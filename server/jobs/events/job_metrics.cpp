@@ -118,6 +118,11 @@ struct JobMetrics::Impl {
                     .Help("Files whose bytes did not match their name, since the start.")
                     .Register(*registry)
                     .Add({})),
+        disk(BuildGauge()
+                 .Name("voxeld_disk_bytes")
+                 .Help("Disk of the data directory: free, total, and reserve, below which uploads "
+                       "and results are refused.")
+                 .Register(*registry)),
         evictions(BuildCounter()
                       .Name("voxeld_evictions_total")
                       .Help("Results and assets that went by size or age, by reason.")
@@ -138,6 +143,7 @@ struct JobMetrics::Impl {
         .Add(
             {{"version", std::string(version())}, {"algorithm", std::to_string(kAlgorithmVersion)}})
         .Set(1);
+    for (const char* reason : {"size", "age", "asset-age"}) evictions.Add({{"reason", reason}});
   }
 
   std::shared_ptr<prometheus::Registry> registry;
@@ -158,6 +164,7 @@ struct JobMetrics::Impl {
   Family<Histogram>& slice_seconds;
   Gauge& store_bytes;
   Gauge& damaged;
+  Family<Gauge>& disk;
   Family<Counter>& evictions;
   Family<Gauge>& worker_memory;
   Family<Gauge>& device_memory;
@@ -182,7 +189,9 @@ JobMetrics::JobMetrics(std::shared_ptr<prometheus::Registry> registry) {
 JobMetrics::~JobMetrics() = default;
 
 void JobMetrics::submitted(const JobStatus& status) {
-  if (impl_) impl_->submitted.Add({{"kind", kind_of(status)}}).Increment();
+  if (!impl_) return;
+  impl_->submitted.Add({{"kind", kind_of(status)}}).Increment();
+  impl_->requeued.Add({{"kind", kind_of(status)}});  // from 0: a rate needs two samples
 }
 
 void JobMetrics::claimed(const JobStatus& status) {
@@ -220,11 +229,10 @@ void JobMetrics::ended(const JobStatus& status, const std::string& tenant,
                        const std::string& device) {
   if (!impl_) return;
   const std::string outcome = status.cached ? "cached" : std::string(job_state_name(status.state));
-  impl_->ended
-      .Add({{"tenant", impl_->tenant_label(tenant)},
-            {"kind", kind_of(status)},
-            {"outcome", outcome}})
+  const std::string label = impl_->tenant_label(tenant);
+  impl_->ended.Add({{"tenant", label}, {"kind", kind_of(status)}, {"outcome", outcome}})
       .Increment();
+  impl_->preempted.Add({{"tenant", label}, {"kind", kind_of(status)}});  // as with requeued
   if (status.cached) return;
   for (const auto& [stage, ms] : status.timings) {
     if (stage == "queue") continue;
@@ -256,13 +264,24 @@ void JobMetrics::waited_for_fresh_worker(const std::string& device, double secon
 }
 
 void JobMetrics::add_worker_up(const std::string& device, int workers) {
-  if (impl_) impl_->worker_up.Add({{"device", device}}).Increment(workers);
+  if (!impl_) return;
+  impl_->worker_up.Add({{"device", device}}).Increment(workers);
+  for (auto* counters : {&impl_->restarts, &impl_->replacements, &impl_->fresh_wait_seconds}) {
+    counters->Add({{"device", device}});
+  }
 }
 
 void JobMetrics::set_store(int64_t bytes, int64_t damaged) {
   if (!impl_) return;
   impl_->store_bytes.Set(static_cast<double>(bytes));
   impl_->damaged.Set(static_cast<double>(damaged));
+}
+
+void JobMetrics::set_disk(int64_t free_bytes, int64_t total_bytes, int64_t reserve_bytes) {
+  if (!impl_) return;
+  impl_->disk.Add({{"what", "free"}}).Set(static_cast<double>(free_bytes));
+  impl_->disk.Add({{"what", "total"}}).Set(static_cast<double>(total_bytes));
+  impl_->disk.Add({{"what", "reserve"}}).Set(static_cast<double>(reserve_bytes));
 }
 
 void JobMetrics::evicted(const std::string& reason, int64_t count) {

@@ -42,10 +42,13 @@ class JobMetrics {
   void worker_replaced(const std::string& device);
   // A job was next, and no fresh worker was there for so long.
   void waited_for_fresh_worker(const std::string& device, double seconds);
-  // Counts the device's workers that are connected.
+  // Counts the device's workers that are connected. Counters of the device begin at 0 with the
+  // first call, because a rate needs two samples.
   void add_worker_up(const std::string& device, int workers);
   // Bytes of all blobs; how many were ever found damaged.
   void set_store(int64_t bytes, int64_t damaged);
+  // Of the file system that holds the data directory; `reserve_bytes` as DiskRoom keeps it.
+  void set_disk(int64_t free_bytes, int64_t total_bytes, int64_t reserve_bytes);
   // Things that were removed unasked: "size", "age" (results), "asset-age".
   void evicted(const std::string& reason, int64_t count);
   // Memory of all workers of the device.

@@ -122,6 +122,9 @@ void StoreSweep::sweep() {
   remove_deleted();
   blobs_.disk().keep_ballast();
   metrics_.set_store(blobs_.bytes(), blobs_.damaged_count());
+  const DiskRoom& disk = blobs_.disk();
+  const auto free = disk.free_bytes(), total = disk.total_bytes(), reserve = disk.reserve_bytes();
+  if (free && total && reserve) metrics_.set_disk(*free, *total, *reserve);
 }
 
 void StoreSweep::sweep_orphans() {

@@ -32,6 +32,7 @@ TEST(Config, without_arguments_serve_listens_on_loopback_with_a_state_directory)
   EXPECT_EQ(config.data_dir, "/state/voxeld");
   EXPECT_EQ(config.devices, std::vector<std::string>{"auto"});
   EXPECT_FALSE(config.allow_remote);
+  EXPECT_FALSE(config.admin_allow_remote);
 }
 
 TEST(Config, devices_are_shared_fairly_by_three_workers_each_unless_told_otherwise) {
@@ -176,7 +177,9 @@ TEST(Config, other_addresses_than_loopback_need_keys_or_a_flag_and_the_error_say
     EXPECT_TRUE(check_listen_address("--listen", address, false, Guard::kKeys));
     const Status admin = check_listen_address("--admin-listen", address, false, Guard::kNone);
     ASSERT_FALSE(admin) << address;
-    EXPECT_NE(admin.error().detail.find("needs no API key"), std::string::npos);
+    EXPECT_NE(admin.error().detail.find("needs no API key: pass --admin-allow-remote"),
+              std::string::npos);
+    EXPECT_TRUE(check_listen_address("--admin-listen", address, true, Guard::kNone));
   }
   EXPECT_EQ(check_listen_address("--listen", "8080", true, Guard::kKeys).error().message(),
             "--listen: expected HOST:PORT, got 8080");

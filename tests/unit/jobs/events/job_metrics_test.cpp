@@ -63,6 +63,35 @@ TEST(JobMetrics, live_jobs_waits_and_workers_are_shown) {
   }
 }
 
+TEST(JobMetrics, counters_that_alerts_watch_begin_at_0) {
+  auto registry = std::make_shared<prometheus::Registry>();
+  JobMetrics metrics(registry);
+  metrics.add_worker_up("cpu", 1);
+  metrics.submitted({});
+  metrics.ended({}, "lab", "cpu");
+  const std::string text = text_of(*registry);
+  for (const char* line : {"voxeld_worker_restarts_total{device=\"cpu\"} 0",
+                           "voxeld_worker_replacements_total{device=\"cpu\"} 0",
+                           "voxeld_fresh_worker_wait_seconds_total{device=\"cpu\"} 0",
+                           "voxeld_jobs_requeued_total{kind=\"voxelize\"} 0",
+                           "voxeld_jobs_preempted_total{kind=\"voxelize\",tenant=\"lab\"} 0",
+                           "voxeld_evictions_total{reason=\"size\"} 0"}) {
+    EXPECT_NE(text.find(line), std::string::npos) << line << "\n" << text;
+  }
+}
+
+TEST(JobMetrics, disk_shows_free_total_and_reserve) {
+  auto registry = std::make_shared<prometheus::Registry>();
+  JobMetrics metrics(registry);
+  metrics.set_disk(5000, 20000, 1000);
+  const std::string text = text_of(*registry);
+  for (const char* line :
+       {"voxeld_disk_bytes{what=\"free\"} 5000", "voxeld_disk_bytes{what=\"total\"} 20000",
+        "voxeld_disk_bytes{what=\"reserve\"} 1000"}) {
+    EXPECT_NE(text.find(line), std::string::npos) << line << "\n" << text;
+  }
+}
+
 TEST(JobMetrics, without_a_registry_nothing_happens) {
   JobMetrics metrics(nullptr);
   metrics.ended({}, "", "");
