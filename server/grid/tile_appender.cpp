@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/codec/canonical_tile.h"
+
 namespace voxeld {
 namespace {
 
 constexpr uint32_t kBrickCodeBits = 9;  // bits of a cell's code in its brick
 constexpr size_t kBrickVoxels = size_t{1} << kBrickCodeBits;
-
-bool is_full(const BrickMask& mask) {
-  return std::ranges::all_of(mask.words, [](uint64_t word) { return word == ~uint64_t{0}; });
-}
 
 }  // namespace
 
