@@ -132,15 +132,15 @@ auto parse_with(std::string_view text, const Read& read) -> Result<decltype(read
 }
 
 std::vector<DeviceCalibration> devices_from(const json& object) {
-  const double version = number_member(object, "version", "calibration");
+  const std::string where = "calibration";
+  const double version = number_member(object, "version", where);
   if (version != kCalibrationVersion) {
-    throw Malformed{"calibration.version", std::to_string(kCalibrationVersion),
+    throw Malformed{where + ".version", std::to_string(kCalibrationVersion),
                     std::to_string(static_cast<int64_t>(version))};
   }
   std::vector<DeviceCalibration> devices;
-  for (const json& one : array_member(object, "devices", "calibration")) {
-    devices.push_back(
-        device_from(one, "calibration.devices[" + std::to_string(devices.size()) + "]"));
+  for (const json& one : array_member(object, "devices", where)) {
+    devices.push_back(device_from(one, where + ".devices[" + std::to_string(devices.size()) + "]"));
   }
   return devices;
 }
