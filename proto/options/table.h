@@ -1,6 +1,6 @@
 // The registry of options. One entry per option gives its name, the requests that take it, the
 // member that holds it, its values, its default and its help. Parsing, canonical JSON, the CLI's
-// flags and help, README's tables and the parameters of openapi.yaml follow from the entries.
+// flags and help, docs/options.md and the parameters of openapi.yaml follow from the entries.
 #pragma once
 
 #include <cstddef>
@@ -58,7 +58,7 @@ struct Option {
   std::string form = {};  // the form of its text: "S | X,Y,Z"; empty: as `codec.values` tells
   OptionCodec codec = {};
   std::string help = {};     // a noun phrase without markup, for every document
-  std::string details = {};  // sentences in CommonMark, for README and openapi.yaml
+  std::string details = {};  // sentences in CommonMark, for docs/options.md and openapi.yaml
   // The default in words, if it is not the value of a default RequestOptions.
   std::string default_words = {};
   // Whether canonical JSON has the member, if it is set. Null: always.

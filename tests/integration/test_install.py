@@ -124,12 +124,12 @@ class Install(DaemonTest):
         self.assertEqual(counted, self.counted_by_the_daemon())
 
     def test_find_package_refuses_other_versions(self):
-        for version in ("0.2", "1.0"):
+        for version in ("0.1", "1.0"):
             project = self.dir / version
             project.mkdir()
             text = (PROJECT / "CMakeLists.txt").read_text()
             (project / "CMakeLists.txt").write_text(
-                text.replace("voxeld 0.1 REQUIRED", f"voxeld {version} REQUIRED"))
+                text.replace("voxeld 0.2 REQUIRED", f"voxeld {version} REQUIRED"))
             shutil.copy(PROJECT / "main.cpp", project)
             done = subprocess.run(["cmake", "-G", "Ninja", "-S", project, "-B", project / "build",
                                    f"-DCMAKE_PREFIX_PATH={self.prefix}"],

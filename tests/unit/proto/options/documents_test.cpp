@@ -1,7 +1,7 @@
-// README.md and openapi.yaml have the options of the table. Their parts between the markers
+// docs/options.md and openapi.yaml have the options of the table. Their parts between the markers
 // "options: WHAT" and "options: end" are compared with what the table gives; VOXELD_RENEW=1 writes
 // them anew. WHAT is one of
-//   tables            README's tables, one per group
+//   tables            the tables of docs/options.md, one per group
 //   parameters        the components of openapi.yaml, one per option
 //   list NAME ... [without NAME ...]
 //                     references to them; NAME is a scope, a group or an option
@@ -48,7 +48,7 @@ std::string description(const Option& option) {
   return option.details.empty() ? option.help : sentence(option.help) + " " + option.details;
 }
 
-// README: "**Placement** (voxelize, render)" and a table of the group's options.
+// docs/options.md: "**Placement** (voxelize, render)" and a table of the group's options.
 
 std::string replaced(std::string text, const std::string& from, const std::string& to) {
   for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size()) {
@@ -259,8 +259,8 @@ void expect_current(const std::string& name, int parts) {
                 << "\nVOXELD_RENEW=1 unit_proto --gtest_filter='OptionDocuments.*' writes it anew.";
 }
 
-TEST(OptionDocuments, readme_has_every_option_of_the_table) {
-  expect_current("README.md", 1);
+TEST(OptionDocuments, page_of_options_has_every_option_of_the_table) {
+  expect_current("docs/options.md", 1);
 }
 
 TEST(OptionDocuments, openapi_has_every_option_of_the_table_and_the_routes_that_take_it) {
