@@ -72,7 +72,10 @@ class Install(DaemonTest):
         prefix = self.dir / "server"
         run("cmake", "--install", BUILD, "--component", "server", "--prefix", prefix)
         files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
-        self.assertEqual(files, {"bin/voxeld", "lib/systemd/system/voxeld.service"})
+        module, = prefix.rglob("libvoxeld_images.so")
+        self.assertEqual(module.parent.name, "voxeld")
+        self.assertEqual(files, {"bin/voxeld", "lib/systemd/system/voxeld.service",
+                                 str(module.relative_to(prefix))})
         unit = (prefix / "lib/systemd/system/voxeld.service").read_text()
         self.assertIn("ExecStart=/usr/bin/voxeld serve\n", unit)
         # Every option that the service's comments name is one of the daemon's.
