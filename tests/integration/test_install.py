@@ -85,6 +85,12 @@ class Install(DaemonTest):
         for name in named:
             self.assertIn(f"{name}", known)
 
+    def test_the_cli_is_installed_with_its_manual_and_completions(self):
+        for name, first in (("man/man1/voxel.1", ".TH VOXEL 1"),
+                            ("bash-completion/completions/voxel", "# Completion of voxel for bash."),
+                            ("zsh/vendor-completions/_voxel", "#compdef voxel\n")):
+            self.assertTrue((self.prefix / "share" / name).read_text().startswith(first), name)
+
     def test_find_package_gives_a_library_that_voxelizes(self):
         build = self.dir / "build"
         run("cmake", "-S", PROJECT, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}",
