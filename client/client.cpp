@@ -146,6 +146,11 @@ JobInfo Client::submit(std::string_view kind, const Input& input, const Options&
   return impl_->submit(kind, input, options);
 }
 
+std::string Client::estimate_json(std::string_view kind, const Input& input,
+                                  const Options& options) {
+  return impl_->post_job(kind, input, options, "?dry_run=1").body;
+}
+
 JobInfo Client::job(std::string_view id) {
   HttpRequest request;
   request.url = impl_->url("/v1/jobs/" + percent_encode(id));

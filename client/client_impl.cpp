@@ -9,6 +9,7 @@
 
 #include "client/content_check.h"
 #include "client/responses.h"
+#include "proto/asset_id.h"
 #include "proto/messages/job.h"
 #include "proto/percent_encoding.h"
 
@@ -22,6 +23,9 @@ constexpr auto kPauseFirst = 200ms;
 constexpr int kPauseDoublings = 6;
 constexpr std::chrono::milliseconds kPauseMax = 10s;  // the limit of a pause that begins at 200 ms
                                                       // and doubles
+// A smaller source is sent without asking whether the daemon has it: that takes as long.
+constexpr long long kAskedBytesMin = 64 * 1024;
+constexpr size_t kHashedBytes = size_t{1} << 20;  // at a time
 constexpr int kPollSeconds = 2;  // of one long poll, so progress is reported at least this often
 
 // Reads a Source piece by piece.
@@ -179,8 +183,41 @@ HttpResponse ClientImpl::call(HttpRequest request, const std::string& body,
   }
 }
 
+std::string ClientImpl::known_asset(const Source& source, const ProgressCallback& progress,
+                                    const std::stop_token& stop) {
+  if (source.read_) return "";
+  const SourceReader reader =
+      source.path_.empty() ? memory_reader(source.bytes_) : file_reader(source.path_);
+  if (reader.bytes.value_or(0) < kAskedBytesMin) return "";
+  ContentHash hash;
+  long long hashed = 0;
+  std::vector<std::byte> buffer(kHashedBytes);
+  while (const size_t count = reader.read(buffer)) {
+    hash.add(std::span(buffer).first(count));
+    hashed += static_cast<long long>(count);
+    const bool goes_on = !progress || progress({"hash", hashed, *reader.bytes, "bytes"});
+    if (!goes_on || stop.stop_requested()) throw interrupted();
+  }
+  const std::string id = "sha256-" + hash.finish();
+  HttpRequest request;
+  request.url = url("/v1/assets/" + id + "?brief=1");
+  request.keep_going = [&] { return !stop.stop_requested(); };
+  const HttpResponse response = transport_.exchange(request);
+  if (stop.stop_requested()) throw interrupted();
+  const Json asset = Json::parse(response.body, nullptr, false);
+  if (!is_good(response) || !asset.is_object()) return "";
+  const bool is_same = reading_of(text_of(asset, "filename")) == reading_of(source.filename_);
+  return is_same ? text_of(asset, "id") : "";
+}
+
 std::string ClientImpl::upload(const Source& source, const ProgressCallback& progress,
                                const std::stop_token& stop) {
+  std::string known = known_asset(source, progress, stop);
+  return known.empty() ? send(source, progress, stop) : known;
+}
+
+std::string ClientImpl::send(const Source& source, const ProgressCallback& progress,
+                             const std::stop_token& stop) {
   const bool repeatable = !source.read_;
   bool stopped = false;
   for (int attempt = 0;; ++attempt) {
@@ -222,7 +259,8 @@ std::string ClientImpl::upload(const Source& source, const ProgressCallback& pro
   }
 }
 
-JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Options& options) {
+HttpResponse ClientImpl::post_job(std::string_view kind, const Input& input, const Options& options,
+                                  std::string_view query) {
   Json body = {{"kind", kind}, {"options", Json::object()}};
   if (!input.asset.empty()) body["asset"] = input.asset;
   if (!input.grid.empty()) body["grid"] = input.grid;
@@ -240,11 +278,15 @@ JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Opti
   }
   HttpRequest request;
   request.method = "POST";
-  request.url = url("/v1/jobs");
+  request.url = url("/v1/jobs") + std::string(query);
   request.headers = {"Content-Type: application/json"};
   // File names need not be UTF-8, but JSON must be.
   const std::string text = body.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return job_info(parse_object(call(std::move(request), text).body));
+  return call(std::move(request), text);
+}
+
+JobInfo ClientImpl::submit(std::string_view kind, const Input& input, const Options& options) {
+  return job_info(parse_object(post_job(kind, input, options, "").body));
 }
 
 HttpResponse ClientImpl::look(std::string_view job, const std::string& etag,
@@ -334,12 +376,23 @@ void ClientImpl::download(std::string_view job, const Sink& sink, const Progress
 JobInfo ClientImpl::run(std::string_view kind, const Source& source, const Options& options,
                         const Sink& sink, const ProgressCallback& progress,
                         const std::stop_token& stop) {
-  const std::string asset = upload(source, progress, stop);
+  const std::string known = known_asset(source, progress, stop);
+  const std::string asset = known.empty() ? send(source, progress, stop) : known;
   Options named = options;
   if (!source.filename().empty() && !named.has("filename")) {
     named.set("filename", source.filename());
   }
-  JobInfo info = submit(kind, Input::of_asset(asset), named);
+  const auto begin = [&]() -> JobInfo {
+    try {
+      return submit(kind, Input::of_asset(asset), named);
+    } catch (const Error& error) {
+      // The daemon may have deleted it meanwhile.
+      const bool is_gone = error.code() == "gone" || error.code() == "not-found";
+      if (known.empty() || !is_gone) throw;
+    }
+    return submit(kind, Input::of_asset(send(source, progress, stop)), named);
+  };
+  JobInfo info = begin();
   const auto cancel = [&] {
     HttpRequest request;
     request.method = "DELETE";

@@ -23,6 +23,9 @@ class ClientImpl {
   std::string upload(const Source& source, const ProgressCallback& progress,
                      const std::stop_token& stop);
   JobInfo submit(std::string_view kind, const Input& input, const Options& options);
+  // POST /v1/jobs with this query.
+  HttpResponse post_job(std::string_view kind, const Input& input, const Options& options,
+                        std::string_view query);
   JobInfo wait(std::string_view id, const ProgressCallback& progress, const std::stop_token& stop);
   void download(std::string_view job, const Sink& sink, const ProgressCallback& progress,
                 const std::stop_token& stop);
@@ -30,6 +33,13 @@ class ClientImpl {
               const ProgressCallback& progress, const std::stop_token& stop);
 
  private:
+  // The id of the source's bytes, if the daemon has them under a name that is read likewise; else
+  // "". Throws if it is stopped or the file cannot be read.
+  std::string known_asset(const Source& source, const ProgressCallback& progress,
+                          const std::stop_token& stop);
+  // Uploads without asking.
+  std::string send(const Source& source, const ProgressCallback& progress,
+                   const std::stop_token& stop);
   [[noreturn]] void fail(const HttpResponse& response) const;
   // One long poll of a job. Repeated while the daemon is away, because a restarted daemon still has
   // its jobs. Status 304: nothing changed since `etag`.

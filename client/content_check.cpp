@@ -26,7 +26,7 @@ std::string digest_of(std::string_view etag) {
 
 }  // namespace
 
-struct ContentCheck::Digest {
+struct ContentHash::Digest {
   EVP_MD_CTX* context = EVP_MD_CTX_new();
   Digest() {
     if (context == nullptr) throw std::bad_alloc();
@@ -37,22 +37,34 @@ struct ContentCheck::Digest {
   ~Digest() { EVP_MD_CTX_free(context); }
 };
 
+ContentHash::ContentHash() : digest_(std::make_unique<Digest>()) {}
+
+ContentHash::~ContentHash() = default;
+
+void ContentHash::add(std::span<const std::byte> piece) {
+  EVP_DigestUpdate(digest_->context, piece.data(), piece.size());
+}
+
+std::string ContentHash::finish() {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned size = 0;
+  EVP_DigestFinal_ex(digest_->context, digest.data(), &size);
+  return hex_text(std::span(digest).first(size));
+}
+
 ContentCheck::ContentCheck(std::string_view etag) : expected_(digest_of(etag)) {
-  if (!expected_.empty()) digest_ = std::make_unique<Digest>();
+  if (!expected_.empty()) hash_.emplace();
 }
 
 ContentCheck::~ContentCheck() = default;
 
 void ContentCheck::add(std::span<const std::byte> piece) {
-  if (digest_ != nullptr) EVP_DigestUpdate(digest_->context, piece.data(), piece.size());
+  if (hash_) hash_->add(piece);
 }
 
 void ContentCheck::finish(std::string_view what) {
-  if (digest_ == nullptr) return;
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-  unsigned size = 0;
-  EVP_DigestFinal_ex(digest_->context, digest.data(), &size);
-  const std::string got = hex_text(std::span(digest).first(size));
+  if (!hash_) return;
+  const std::string got = hash_->finish();
   if (got == expected_) return;
   throw Error("content-mismatch", 0,
               std::string(what) + " was damaged on its way, or where it is stored",

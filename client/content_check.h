@@ -1,4 +1,5 @@
-// Compares a download with its content id, which the daemon sends as its ETag.
+// Content ids: the hash of bytes, and the comparison of a download with the id that the daemon
+// sends as its ETag.
 #pragma once
 
 #include <cstddef>
@@ -9,6 +10,19 @@
 #include <string_view>
 
 namespace voxeld::client {
+
+// SHA-256 of bytes that come in pieces.
+class ContentHash {
+ public:
+  ContentHash();
+  ~ContentHash();
+  void add(std::span<const std::byte> piece);
+  std::string finish();  // 64 hex digits; call it once
+
+ private:
+  struct Digest;
+  std::unique_ptr<Digest> digest_;
+};
 
 class ContentCheck {
  public:
@@ -21,9 +35,8 @@ class ContentCheck {
   void finish(std::string_view what);
 
  private:
-  struct Digest;
   std::string expected_;  // 64 hex digits; empty: nothing is checked
-  std::unique_ptr<Digest> digest_;
+  std::optional<ContentHash> hash_;
 };
 
 }  // namespace voxeld::client

@@ -165,6 +165,20 @@ void add_worker_limits(CLI::App& serve, ServeConfig& config) {
       ->capture_default_str();
 }
 
+// Flags of a daemon that a program starts for itself, as voxel does.
+void add_private_use(CLI::App& serve, ServeConfig& config) {
+  serve
+      .add_option("--address-file", config.address_file,
+                  "Write URL and pid as JSON to this file while serving, and hold a lock on it")
+      ->envname("VOXELD_ADDRESS_FILE");
+  serve
+      .add_option("--exit-when-idle", config.exit_when_idle_seconds,
+                  "End after so many seconds without a request and a job; 0: never")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->envname("VOXELD_EXIT_WHEN_IDLE")
+      ->capture_default_str();
+}
+
 CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
   CLI::App* serve = app.add_subcommand(
       "serve", "Serve HTTP and run jobs on worker processes of each device (the default)");
@@ -173,7 +187,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->capture_default_str();
   serve
       ->add_option("--admin-listen", config.admin_listen,
-                   "HOST:PORT of /livez, /readyz and /metrics")
+                   "HOST:PORT of /livez, /readyz and /metrics, or none")
       ->envname("VOXELD_ADMIN_LISTEN")
       ->capture_default_str();
   serve
@@ -211,6 +225,7 @@ CLI::App* add_serve(CLI::App& app, ServeConfig& config) {
       ->envname("VOXELD_REQUEST_THREADS")
       ->capture_default_str();
   add_scheduling(*serve, config);
+  add_private_use(*serve, config);
   serve->add_option("--connections-max", config.connections_max, "Open connections in all")
       ->check(CLI::Range(1, 1'000'000))
       ->envname("VOXELD_CONNECTIONS_MAX")

@@ -16,7 +16,7 @@ namespace voxeld {
 
 struct ServeConfig {
   std::string listen = "127.0.0.1:8080";
-  std::string admin_listen = "127.0.0.1:8081";
+  std::string admin_listen = "127.0.0.1:8081";  // "none": no admin port
   bool allow_remote = false;
   bool admin_allow_remote = false;
   std::filesystem::path data_dir;  // default: $XDG_STATE_HOME or ~/.local/state, then /voxeld
@@ -38,10 +38,12 @@ struct ServeConfig {
   double keep_assets_days = 0;
   double keep_jobs_days = 0;
   double keep_orphans_days = 7;
-  bool adopts_store = false;    // --adopt
-  bool forgets_keys = false;    // --forget-keys
-  double drain_seconds = 10.0;  // how long running requests may continue after SIGTERM
-  double part_seconds = 5.0;    // how often finished tiles of long jobs are stored
+  bool adopts_store = false;           // --adopt
+  bool forgets_keys = false;           // --forget-keys
+  std::filesystem::path address_file;  // address_file.h; empty: none
+  double exit_when_idle_seconds = 0;   // without requests and jobs; 0: never
+  double drain_seconds = 10.0;         // how long running requests may continue after SIGTERM
+  double part_seconds = 5.0;           // how often finished tiles of long jobs are stored
   std::string shader_dir;
   std::string sandbox = "auto";  // of workers: auto, require or off
   // auto (tenant where several tenants have keys, else none), tenant, task or none

@@ -6,8 +6,10 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <optional>
 #include <utility>
 
+#include "server/address_file.h"
 #include "server/api/api_server.h"
 #include "server/base/clock.h"
 #include "server/base/log.h"
@@ -15,6 +17,7 @@
 #include "server/base/memory_reserve.h"
 #include "server/descriptors.h"
 #include "server/exit_status.h"
+#include "server/gpu/auto_device.h"
 #include "server/gpu/device.h"
 #include "server/jobs/auth/key_ring.h"
 #include "server/jobs/auth/url_secret.h"
@@ -28,6 +31,8 @@ namespace {
 // How long the line that says "ready" waits for a worker; the daemon listens before that.
 constexpr double kReadySecondsMax = 60.0;
 constexpr double kSignalWaitSeconds = 3600.0;  // then it waits again
+// --exit-when-idle is late by at most this.
+constexpr double kIdleLookSeconds = 0.5;
 
 // "auto" becomes the device that this machine runs best; the others are checked.
 Result<std::vector<std::string>> resolve_devices(const std::vector<std::string>& wanted,
@@ -40,7 +45,7 @@ Result<std::vector<std::string>> resolve_devices(const std::vector<std::string>&
       continue;
     }
     const Stopwatch watch;
-    const gpu::AutoChoice choice = gpu::choose_device(gpu::probe_devices(self_executable));
+    const gpu::AutoChoice choice = gpu::probe_auto_device(self_executable);
     log::info(
         "device chosen",
         {{"device", gpu::device_name(choice.device)}, {"why", choice.why}, {"ms", watch.ms()}});
@@ -135,6 +140,59 @@ JobServiceConfig job_config(const ServeConfig& config, std::vector<std::string> 
   return jobs;
 }
 
+// "none", or where the admin port listens.
+std::string admin_url(const ServeConfig& config, const api::ApiServer& server) {
+  return server.admin_port() == 0 ? "none" : url_of(config.admin_listen, server.admin_port());
+}
+
+bool is_idle(api::ApiServer& server, JobService& jobs) {
+  if (server.is_busy()) return false;
+  const auto queue = jobs.queue(Caller::daemon(), 1);
+  return queue && queue->queued + queue->running == 0;
+}
+
+// Removes the address file, unless a request came at that moment: a client reads the file, makes a
+// request, and then looks whether the file is still there. Either it sees that it is not, or its
+// request is seen here.
+bool is_left_alone(const ServeConfig& config, api::ApiServer& server, JobService& jobs,
+                   std::optional<AddressFile>& address) {
+  if (!address) return true;
+  const uint64_t requests = server.admitted_requests();
+  address.reset();
+  if (server.admitted_requests() == requests && is_idle(server, jobs)) return true;
+  auto again = AddressFile::write(config.address_file, url_of(config.listen, server.port()));
+  if (!again) {
+    log::error("ends although a request came", {{"error", again.error().message()}});
+    return true;
+  }
+  address.emplace(*std::move(again));
+  return false;
+}
+
+// Returns the signal to end; after --exit-when-idle that is one of its own.
+int wait_for_end(const ServeConfig& config, api::ApiServer& server, JobService& jobs,
+                 std::optional<AddressFile>& address, ShutdownWatch& shutdown) {
+  const double idle_seconds_max = config.exit_when_idle_seconds;
+  const double slice =
+      idle_seconds_max > 0 ? std::min(kIdleLookSeconds, idle_seconds_max) : kSignalWaitSeconds;
+  Stopwatch idle;
+  uint64_t requests = 0;
+  while (true) {
+    if (const int signal = shutdown.wait(slice); signal != 0) return signal;
+    if (idle_seconds_max == 0) continue;
+    if (const uint64_t now = server.admitted_requests();
+        now != requests || !is_idle(server, jobs)) {
+      requests = now;
+      idle = Stopwatch();
+    } else if (idle.ms() >= idle_seconds_max * 1000.0) {
+      if (!is_left_alone(config, server, jobs, address)) continue;
+      log::info("idle", {{"seconds", idle_seconds_max}});
+      ::kill(::getpid(), SIGTERM);  // ends as by a signal from outside, watched likewise
+      return shutdown.wait(kSignalWaitSeconds);
+    }
+  }
+}
+
 // Ends what serves, in the order in which it depends on each other. True: all of it has come to its
 // end, and can be destroyed.
 bool end_serving(api::ApiServer& server, JobService& jobs, double drain_seconds,
@@ -157,8 +215,11 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   VOXELD_ASSIGN(const auto keys, KeyRing::open(config.data_dir));
   const Guard guard = keys->needs_keys() ? Guard::kKeys : Guard::kNoKeys;
   VOXELD_TRY(check_listen_address("--listen", config.listen, config.allow_remote, guard));
-  VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen, config.admin_allow_remote,
-                                  Guard::kNone));
+  const bool has_admin = config.admin_listen != "none";
+  if (has_admin) {
+    VOXELD_TRY(check_listen_address("--admin-listen", config.admin_listen,
+                                    config.admin_allow_remote, Guard::kNone));
+  }
   VOXELD_ASSIGN(const auto devices, resolve_devices(config.devices, self_executable));
   ::signal(SIGPIPE, SIG_IGN);
   // Before any other thread.
@@ -175,7 +236,7 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   VOXELD_ASSIGN(const auto secrets, UrlSecrets::open(config.data_dir));
   api::ApiServerConfig http_config;
   http_config.listen = config.listen;
-  http_config.admin_listen = config.admin_listen;
+  http_config.admin_listen = has_admin ? config.admin_listen : "";
   http_config.upload_bytes_max = config.upload_bytes_max;
   http_config.request_threads = descriptors.request_threads;
   http_config.connections_max = descriptors.connections;
@@ -186,19 +247,26 @@ Status serve(const ServeConfig& config, const std::string& self_executable) {
   VOXELD_ASSIGN(const auto server,
                 api::start_api_server(http_config, *jobs, *keys, *secrets, metrics));
   log::info("listening", {{"url", url_of(config.listen, server->port())},
-                          {"admin", url_of(config.admin_listen, server->admin_port())},
+                          {"admin", admin_url(config, *server)},
                           {"data", config.data_dir.string()}});
   if (guard == Guard::kNoKeys) {
     log::warn("there are no API keys: whoever reaches the daemon can use all of it",
               {{"hint", "voxeld keys add"}});
   }
+  std::optional<AddressFile> address;
+  if (!config.address_file.empty()) {
+    VOXELD_ASSIGN(AddressFile file,
+                  AddressFile::write(config.address_file, url_of(config.listen, server->port())));
+    address.emplace(std::move(file));
+  }
   VOXELD_ASSIGN(int signal, wait_for_worker(*jobs, shutdown));
   if (signal == 0) {
     std::printf("ready %s admin=%s device=%s\n", url_of(config.listen, server->port()).c_str(),
-                url_of(config.admin_listen, server->admin_port()).c_str(), joined(devices).c_str());
+                admin_url(config, *server).c_str(), joined(devices).c_str());
     std::fflush(stdout);
-    while (signal == 0) signal = shutdown.wait(kSignalWaitSeconds);
+    signal = wait_for_end(config, *server, *jobs, address, shutdown);
   }
+  address.reset();
   log::info("stopping", {{"signal", signal}});
   if (!end_serving(*server, *jobs, config.drain_seconds, shutdown)) {
     // Their threads use what would be destroyed now.

@@ -17,27 +17,30 @@ std::string variable(const char* name) {
   return value != nullptr ? value : "";
 }
 
-std::string read_key(const std::string& path) {
+// `name`: what named the file.
+std::string read_key(const std::string& name, const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
   if (!file.is_open() || file.bad()) {
-    throw client::Error("file", 0, "VOXELD_KEY_FILE: " + path + ": " + std::strerror(errno));
+    throw client::Error("file", 0, name + ": " + path + ": " + std::strerror(errno));
   }
   constexpr std::string_view kSpace = " \t\r\n";
   const size_t begin = text.find_first_not_of(kSpace);
   if (begin == std::string::npos) {
-    throw client::Error("file", 0, "VOXELD_KEY_FILE: " + path + " is empty");
+    throw client::Error("file", 0, name + ": " + path + " is empty");
   }
   return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
 }
 
 }  // namespace
 
-std::string api_key(const std::string& flag) {
+std::string api_key(const std::string& flag, const std::filesystem::path& configured) {
   if (!flag.empty()) return flag;
   if (std::string key = variable("VOXELD_KEY"); !key.empty()) return key;
-  const std::string path = variable("VOXELD_KEY_FILE");
-  return path.empty() ? "" : read_key(path);
+  if (const std::string path = variable("VOXELD_KEY_FILE"); !path.empty()) {
+    return read_key("VOXELD_KEY_FILE", path);
+  }
+  return configured.empty() ? "" : read_key("key_file", configured.string());
 }
 
 std::string without_keys(std::string_view text) {

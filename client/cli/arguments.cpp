@@ -4,11 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
+#include <filesystem>
 #include <map>
+#include <set>
 
 #include "client/cli/api_key.h"
-#include "proto/container/sequence_format.h"
+#include "client/cli/documents.h"
+#include "client/cli/output_name.h"
+#include "proto/edit_distance.h"
 #include "proto/messages/job.h"
 #include "proto/options/options.h"
 #include "proto/options/table.h"
@@ -19,7 +22,7 @@ namespace {
 
 constexpr const char* kFooter =
     "\nexit status: 0 done, 1 failure, 2 usage, 3 bad input, 4 over a limit, 5 no daemon,\n"
-    "6 job failed or cancelled, 130 interrupted. VOXELD_URL names the daemon.";
+    "6 job failed or cancelled, 7 some of several files failed, 130 interrupted.";
 
 std::string flag_of(std::string_view name) {
   std::string flag = "--" + std::string(name);
@@ -43,8 +46,11 @@ void add_option_flags(CLI::App& app, OptionScope scope, Given& given) {
 
 void add_common_flags(CLI::App& app, Arguments& arguments) {
   app.add_option("--url", arguments.url,
-                 "the daemon (default: $VOXELD_URL or http://127.0.0.1:8080)")
+                 "the server (default: $VOXELD_URL, url of the configuration file, "
+                 "http://127.0.0.1:8080 if a voxeld serves there, else a private one)")
       ->type_name("URL");
+  app.add_flag("--local,!--no-local", arguments.is_local,
+               "use a private voxeld, started if need be; --no-local: never");
   app.add_option("--key", arguments.key,
                  "API key (default: $VOXELD_KEY, or what the file $VOXELD_KEY_FILE holds)")
       ->type_name("KEY");
@@ -59,6 +65,14 @@ void add_output_flag(CLI::App& app, Arguments& arguments) {
   app.add_option("-o,--output", arguments.output,
                  "file to write, - for stdout (default: stdout unless that is a terminal)")
       ->type_name("FILE");
+}
+
+// Where results of meshes go, or what they would cost.
+void add_output_flags(CLI::App& app, Arguments& arguments) {
+  add_output_flag(app, arguments);
+  app.add_option("--out-dir", arguments.out_dir, "make a file of each mesh, in this folder")
+      ->type_name("DIR");
+  app.add_flag("--dry-run", arguments.dry_run, "print what it would cost; makes nothing");
 }
 
 void add_urgency_flags(CLI::App& app, Arguments& arguments) {
@@ -80,43 +94,6 @@ void set_urgency(Arguments& arguments) {
   }
 }
 
-std::string extension_of(const std::string& output) {
-  return output.empty() || output == "-" ? "" : std::filesystem::path(output).extension().string();
-}
-
-// The format of the output's extension. An unknown one is an error, not a guess.
-std::string format_by_extension(const std::string& output) {
-  const std::string extension = extension_of(output);
-  if (output.empty() || output == "-") return "";
-  std::string known;
-  for (const FormatInfo& format : output_formats()) {
-    if (extension == format.extension || extension == format.sequence_extension) {
-      return std::string(format.name);
-    }
-    known += std::string(format.extension) + ", ";
-  }
-  throw CLI::ValidationError("--output", "expected a name that ends in " + known + "or " +
-                                             std::string(sequence_extension(Format::kNative)) +
-                                             " (or --format), got \"" + output + "\"");
-}
-
-// Checks the extension: files of grids and of sequences have different ones in some formats.
-void check_extension(const std::string& output, Format format, bool is_sequence) {
-  const FormatInfo& info = format_info(format);
-  const std::string grid(info.extension), sequence(info.sequence_extension);
-  if (grid == sequence || extension_of(output) != (is_sequence ? grid : sequence)) return;
-  throw CLI::ValidationError(
-      "--output",
-      is_sequence ? "an animation's frames go to a " + sequence + ", not a " + grid
-                  : "a " + sequence + " holds an animation's frames: name one with --animation");
-}
-
-// The kind of image of the output's extension; "" for one that a .png can hold.
-std::string image_by_extension(const std::string& output) {
-  const std::string extension = extension_of(output);
-  return extension == ".gif" || extension == ".apng" ? extension.substr(1) : "";
-}
-
 // Checks the options with the daemon's own table before anything is sent.
 RequestOptions take_options(const Given& given, OptionScope scope, Arguments& arguments) {
   OptionPairs pairs(given.begin(), given.end());
@@ -126,147 +103,319 @@ RequestOptions take_options(const Given& given, OptionScope scope, Arguments& ar
   return *std::move(parsed);
 }
 
-void check_voxelize(Arguments& arguments, Given& given) {
-  if (arguments.input.empty()) throw CLI::RequiredError("a mesh file, or - for stdin,");
-  if (!given.contains("format")) {
-    const std::string format = format_by_extension(arguments.output);
-    if (!format.empty()) given["format"] = format;
-  }
-  const RequestOptions options = take_options(given, OptionScope::kVoxelize, arguments);
-  check_extension(arguments.output, options.output.format, options.animation.is_sequence());
+// The names of files that are meshes by themselves, and are not sent beside another one.
+bool is_mesh_name(const std::string& path) {
+  static const std::set<std::string, std::less<>> names = {".obj",  ".ply", ".stl",     ".off",
+                                                           ".gltf", ".glb", ".md5mesh", ".zip"};
+  return names.contains(std::filesystem::path(path).extension().string());
 }
 
-void check_render(Arguments& arguments, Given& given) {
-  const int inputs = (arguments.input.empty() ? 0 : 1) + (arguments.grid.empty() ? 0 : 1) +
-                     (arguments.sequence.empty() ? 0 : 1);
-  if (inputs != 1) {
+// Distributes the inputs: a batch, or one mesh and the files beside it.
+void take_inputs(std::vector<std::string> inputs, std::string_view extension,
+                 Arguments& arguments) {
+  if (arguments.out_dir.empty()) {
+    if (inputs.empty()) return;
+    arguments.input = inputs.front();
+    arguments.beside.assign(inputs.begin() + 1, inputs.end());
+    const auto second = std::ranges::find_if(arguments.beside, is_mesh_name);
+    if (second == arguments.beside.end()) return;
+    throw CLI::ValidationError(*second, "is a second mesh; --out-dir DIR makes a file of each");
+  }
+  if (!arguments.output.empty()) throw CLI::ExcludesError("--out-dir", "--output");
+  if (inputs.empty()) throw CLI::RequiredError("a mesh file");
+  std::map<std::string, std::string> made_of;
+  for (const std::string& input : inputs) {
+    if (input == "-")
+      throw CLI::ValidationError("--out-dir", "stdin has no name to call a file by");
+    const auto name = std::filesystem::path(input).stem().string() + std::string(extension);
+    const auto path = (std::filesystem::path(arguments.out_dir) / name).string();
+    const auto [other, is_new] = made_of.emplace(path, input);
+    if (!is_new) {
+      throw CLI::ValidationError("--out-dir",
+                                 other->second + " and " + input + " would both go to " + path);
+    }
+    arguments.batch.push_back({input, path});
+  }
+}
+
+void check_voxelize(std::vector<std::string> inputs, Given& given, Arguments& arguments) {
+  if (inputs.empty()) throw CLI::RequiredError("a mesh file, or - for stdin,");
+  const std::string format =
+      format_for(arguments.output, given.contains("format") ? given["format"] : "");
+  if (!format.empty()) given["format"] = format;
+  const RequestOptions options = take_options(given, OptionScope::kVoxelize, arguments);
+  const FormatInfo& info = format_info(options.output.format);
+  const bool is_sequence = options.animation.is_sequence();
+  take_inputs(std::move(inputs), is_sequence ? info.sequence_extension : info.extension, arguments);
+  check_extension(arguments.output, options.output.format, is_sequence);
+}
+
+void check_render(std::vector<std::string> inputs, Given& given, Arguments& arguments) {
+  const int sources = (inputs.empty() ? 0 : 1) + (arguments.grid.empty() ? 0 : 1) +
+                      (arguments.sequence.empty() ? 0 : 1);
+  if (sources != 1) {
     throw CLI::RequiredError("one of a mesh file (- for stdin), --grid and --sequence");
   }
-  const std::string image = image_by_extension(arguments.output);
-  if (!given.contains("image") && !image.empty()) given["image"] = image;
-  take_options(given, arguments.input.empty() ? OptionScope::kRenderGrid : OptionScope::kRenderMesh,
+  const std::string image =
+      image_for(arguments.output, given.contains("image") ? given["image"] : "");
+  if (!image.empty()) given["image"] = image;
+  take_options(given, inputs.empty() ? OptionScope::kRenderGrid : OptionScope::kRenderMesh,
                arguments);
+  const bool is_png = image.empty() || image == "png" || image == "sheet";
+  take_inputs(std::move(inputs), is_png ? ".png" : "." + image, arguments);
 }
 
-void check_outputs(const Arguments& arguments) {
+void check_combinations(const Arguments& arguments) {
   const bool writes = arguments.command == Arguments::Command::kVoxelize ||
                       arguments.command == Arguments::Command::kRender;
-  if (writes && arguments.json && (arguments.output.empty() || arguments.output == "-")) {
+  const bool has_stdout = arguments.output.empty() || arguments.output == "-";
+  if (writes && arguments.json && has_stdout && arguments.out_dir.empty() && !arguments.dry_run) {
     throw CLI::ValidationError("--json", "needs -o FILE: stdout carries the JSON");
   }
   if (arguments.cancel && arguments.job.empty()) throw CLI::RequiredError("the job's id");
+  if (!arguments.output.empty() && arguments.command == Arguments::Command::kJobs &&
+      arguments.job.empty()) {
+    throw CLI::RequiredError("the job's id");
+  }
+  if (arguments.is_local.value_or(false) && !arguments.url.empty()) {
+    throw CLI::ValidationError("--local",
+                               "a private voxeld has a URL of its own; got --url " + arguments.url);
+  }
 }
 
-std::string default_url() {
-  const char* url = std::getenv("VOXELD_URL");
-  return url != nullptr && *url != '\0' ? url : "http://127.0.0.1:8080";
+// --- the command line as CLI11 knows it
+
+struct CommandLine {
+  CommandLine();
+
+  Arguments arguments;
+  Given voxelize_given, render_given;
+  std::vector<std::string> inputs;
+  CLI::App app{"voxel: voxel grids and images of meshes, from a voxeld daemon", "voxel"};
+  std::map<const CLI::App*, Arguments::Command> commands;
+
+ private:
+  CLI::App* add(const char* name, const char* help, Arguments::Command command);
+  void add_mesh_commands();
+  void add_stored_commands();
+};
+
+CLI::App* CommandLine::add(const char* name, const char* help, Arguments::Command command) {
+  CLI::App* added = app.add_subcommand(name, help);
+  commands[added] = command;
+  add_common_flags(*added, arguments);
+  return added;
+}
+
+void CommandLine::add_mesh_commands() {
+  app.add_option("input", inputs,
+                 "mesh file (obj ply stl off gltf glb md5mesh zip), - for stdin; then files that "
+                 "are sent with it (md5anim, textures), or with --out-dir further meshes")
+      ->type_name("FILE");
+  add_output_flags(app, arguments);
+  add_option_flags(app, OptionScope::kVoxelize, voxelize_given);
+  add_urgency_flags(app, arguments);
+  add_common_flags(app, arguments);
+
+  CLI::App* render = app.add_subcommand("render", "an image of a mesh's voxels");
+  commands[render] = Arguments::Command::kRender;
+  render
+      ->add_option("input", inputs,
+                   "mesh file, - for stdin; then files that are sent with it, or with --out-dir "
+                   "further meshes")
+      ->type_name("FILE");
+  render->add_option("--grid", arguments.grid, "a stored grid instead of a mesh")->type_name("ID");
+  render->add_option("--sequence", arguments.sequence, "a stored sequence instead of a mesh")
+      ->type_name("ID");
+  add_output_flags(*render, arguments);
+  add_option_flags(*render, OptionScope::kRenderMesh, render_given);
+  add_urgency_flags(*render, arguments);
+  add_common_flags(*render, arguments);
+
+  CLI::App* info =
+      add("info", "what a mesh, a .voxg or a .voxs file holds", Arguments::Command::kInfo);
+  info->add_option("input", inputs, "mesh, .voxg or .voxs file, - for stdin; then files with it")
+      ->required()
+      ->type_name("FILE");
+  add("formats", "what is read and written", Arguments::Command::kFormats);
+}
+
+void CommandLine::add_stored_commands() {
+  using enum Arguments::Command;
+  CLI::App* jobs = add("jobs", "the daemon's latest jobs, or one of them", kJobs);
+  jobs->add_option("id", arguments.job,
+                   "one job; with -o its result is fetched, as the format that the name says")
+      ->type_name("ID");
+  jobs->add_flag("--cancel", arguments.cancel, "cancel it");
+  jobs->add_option("--limit", arguments.limit, "how many (default 20)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1000));
+  add_output_flag(*jobs, arguments);
+
+  CLI::App* top = add("top", "the daemon's devices and queue, live; q quits", kTop);
+  top->add_flag("--once", arguments.once, "print them once and end");
+
+  CLI::App* share = add("share", "a link to a job's result that needs no key", kShare);
+  share->add_option("id", arguments.job, "the job")->required()->type_name("ID");
+  share->add_option("--seconds", arguments.seconds, "how long it lives (default 3600)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 30 * 24 * 3600));
+
+  CLI::App* list = add("ls", "what the daemon stores for you, newest first", kList);
+  list->add_option("what", arguments.list, "results (default), grids, sequences or assets")
+      ->type_name("WHAT")
+      ->check(CLI::IsMember({"results", "grids", "sequences", "assets"}));
+  list->add_option("--limit", arguments.limit, "how many (default 20)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1000));
+
+  CLI::App* remove =
+      add("rm", "delete results (by their job), grids, sequences and assets", kRemove);
+  remove->add_option("ids", arguments.ids, "of jobs, grids, sequences and assets")
+      ->required()
+      ->type_name("ID");
+
+  add("whoami", "whose key this is, its limits and what is used of them", kWhoami);
+
+  CLI::App* generate =
+      app.add_subcommand("generate", "print the manual page, or completions for a shell");
+  commands[generate] = kGenerate;
+  generate->add_option("document", arguments.document, "man, bash or zsh")
+      ->required()
+      ->type_name("WHAT")
+      ->check(CLI::IsMember({"man", "bash", "zsh"}));
+}
+
+CommandLine::CommandLine() {
+  app.footer(kFooter);
+  app.set_version_flag("--version", "voxel " + std::string(version()));
+  add_mesh_commands();
+  add_stored_commands();
+  app.require_subcommand(0, 1);
+}
+
+// --- suggestions
+
+// The name in `names` that `text` may be a misspelling of; empty if there is none.
+std::string near_name(std::string_view text, const std::vector<std::string>& names) {
+  std::string best;
+  size_t least = text.size() / 3 + 1;  // of 6 letters, 2 may be wrong
+  for (const std::string& name : names) {
+    const size_t distance = edit_distance(text, name);
+    if (distance > 0 && distance <= least && (best.empty() || distance < least)) {
+      best = name;
+      least = distance;
+    }
+  }
+  return best;
+}
+
+std::vector<std::string> flags_of(const CLI::App& command) {
+  std::vector<std::string> flags;
+  for (const CLI::Option* option : command.get_options()) {
+    for (const std::string& name : option->get_lnames()) flags.push_back("--" + name);
+  }
+  return flags;
+}
+
+std::vector<std::string> command_names(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands(nullptr)) names.push_back(command->get_name());
+  return names;
+}
+
+const CLI::App& parsed_command(const CLI::App& app) {
+  const auto parsed = app.get_subcommands();
+  return parsed.empty() ? app : *parsed.front();
+}
+
+std::string with_program(const CLI::App& app, const CLI::App& command) {
+  return &app == &command ? "voxel" : "voxel " + command.get_name();
+}
+
+// Explains arguments that the command does not know.
+std::string explain_extras(const CLI::App& app) {
+  const CLI::App& command = parsed_command(app);
+  std::string text = with_program(app, command) + " does not take";
+  const std::vector<std::string> extras = app.remaining(true);
+  for (const std::string& extra : extras) text += " " + extra;
+  const auto flag =
+      std::ranges::find_if(extras, [](const auto& one) { return one.starts_with("--"); });
+  if (flag == extras.end()) return text;
+  const std::string name = flag->substr(0, flag->find('='));
+  if (const std::string near = near_name(name, flags_of(command)); !near.empty()) {
+    return text + "; did you mean " + near + "?";
+  }
+  for (const CLI::App* other : app.get_subcommands(nullptr)) {
+    if (std::ranges::count(flags_of(*other), name) == 0) continue;
+    return text + "; it is an option of " + with_program(app, *other);
+  }
+  if (std::ranges::count(flags_of(app), name) != 0) {
+    return text + "; it is an option of voxel without " + command.get_name();
+  }
+  return text;
+}
+
+// A word that is neither a file nor a command may be a misspelt command.
+void check_first_word(const CLI::App& app, const std::vector<std::string>& inputs) {
+  if (inputs.empty() || inputs.front() == "-") return;
+  std::error_code failed;
+  if (std::filesystem::exists(inputs.front(), failed)) return;
+  const std::string near = near_name(inputs.front(), command_names(app));
+  if (near.empty()) return;
+  throw CLI::ValidationError(inputs.front(),
+                             "neither a command nor a file; did you mean " + near + "?");
+}
+
+void finish(CommandLine& line) {
+  Arguments& arguments = line.arguments;
+  const auto parsed = line.commands.find(&parsed_command(line.app));
+  if (parsed != line.commands.end()) arguments.command = parsed->second;
+  using enum Arguments::Command;
+  switch (arguments.command) {
+    case kVoxelize:
+      check_first_word(line.app, line.inputs);
+      check_voxelize(line.inputs, line.voxelize_given, arguments);
+      break;
+    case kRender:
+      check_render(line.inputs, line.render_given, arguments);
+      break;
+    case kInfo:
+      arguments.input = line.inputs.front();
+      arguments.beside.assign(line.inputs.begin() + 1, line.inputs.end());
+      break;
+    default:
+      break;
+  }
+  set_urgency(arguments);
+  check_combinations(arguments);
+}
+
+ExitStatus usage_error(const std::string& message) {
+  std::fprintf(stderr, "voxel: %s\nvoxel --help tells more\n", without_keys(message).c_str());
+  return kUsage;
 }
 
 }  // namespace
 
 std::variant<Arguments, ExitStatus> parse_arguments(int argc, char** argv) {
-  Arguments arguments;
-  Given voxelize_given, render_given;
-  CLI::App app("voxel: voxel grids and images of meshes, from a voxeld daemon");
-  app.footer(kFooter);
-  app.set_version_flag("--version", "voxel " + std::string(version()));
-  std::vector<std::string> inputs;
-  app.add_option("input", inputs,
-                 "mesh file (obj ply stl off gltf glb md5mesh zip), - for stdin; then files that "
-                 "are sent with it (md5anim, textures)")
-      ->type_name("FILE");
-  add_output_flag(app, arguments);
-  add_common_flags(app, arguments);
-  add_option_flags(app, OptionScope::kVoxelize, voxelize_given);
-  add_urgency_flags(app, arguments);
-
-  CLI::App* render = app.add_subcommand("render", "an image of a mesh's voxels");
-  render->add_option("input", inputs, "mesh file, - for stdin; then files that are sent with it")
-      ->type_name("FILE");
-  render->add_option("--grid", arguments.grid, "a stored grid instead of a mesh")->type_name("ID");
-  render->add_option("--sequence", arguments.sequence, "a stored sequence instead of a mesh")
-      ->type_name("ID");
-  add_output_flag(*render, arguments);
-  add_common_flags(*render, arguments);
-  add_option_flags(*render, OptionScope::kRenderMesh, render_given);
-  add_urgency_flags(*render, arguments);
-
-  CLI::App* jobs = app.add_subcommand("jobs", "the daemon's latest jobs, or one of them");
-  jobs->add_option("id", arguments.job, "one job; with -o its result is fetched");
-  jobs->add_flag("--cancel", arguments.cancel, "cancel it");
-  jobs->add_option("--limit", arguments.limit, "how many (default 20)")->check(CLI::Range(1, 1000));
-  add_output_flag(*jobs, arguments);
-  add_common_flags(*jobs, arguments);
-
-  CLI::App* top = app.add_subcommand("top", "the daemon's devices and queue, live; q quits");
-  top->add_flag("--once", arguments.once, "print them once and end");
-  add_common_flags(*top, arguments);
-
-  CLI::App* share = app.add_subcommand("share", "a link to a job's result that needs no key");
-  share->add_option("id", arguments.job, "the job")->required();
-  share->add_option("--seconds", arguments.seconds, "how long it lives (default 3600)")
-      ->check(CLI::Range(1, 30 * 24 * 3600));
-  add_common_flags(*share, arguments);
-
-  CLI::App* list = app.add_subcommand("ls", "what the daemon keeps for you, newest first");
-  list->add_option("what", arguments.list, "results (default), grids, sequences or assets")
-      ->check(CLI::IsMember({"results", "grids", "sequences", "assets"}));
-  list->add_option("--limit", arguments.limit, "how many (default 20)")->check(CLI::Range(1, 1000));
-  add_common_flags(*list, arguments);
-
-  CLI::App* remove = app.add_subcommand("rm",
-                                        "delete results (by their job), grids, sequences and "
-                                        "assets");
-  remove->add_option("ids", arguments.ids, "of jobs, grids, sequences and assets")
-      ->required()
-      ->type_name("ID");
-  add_common_flags(*remove, arguments);
-
-  CLI::App* whoami =
-      app.add_subcommand("whoami", "whose key this is, its limits and what is used of them");
-  add_common_flags(*whoami, arguments);
-
-  CLI::App* info = app.add_subcommand("info", "what a mesh, a .voxg or a .voxs file holds");
-  info->add_option("input", inputs, "mesh, .voxg or .voxs file, - for stdin; then files with it")
-      ->required()
-      ->type_name("FILE");
-  add_common_flags(*info, arguments);
-
-  CLI::App* formats = app.add_subcommand("formats", "what is read and written");
-  add_common_flags(*formats, arguments);
-  app.require_subcommand(0, 1);
-
+  CommandLine line;
   try {
-    app.parse(argc, argv);
-    using enum Arguments::Command;
-    arguments.command = render->parsed()    ? kRender
-                        : jobs->parsed()    ? kJobs
-                        : top->parsed()     ? kTop
-                        : share->parsed()   ? kShare
-                        : list->parsed()    ? kList
-                        : remove->parsed()  ? kRemove
-                        : whoami->parsed()  ? kWhoami
-                        : info->parsed()    ? kInfo
-                        : formats->parsed() ? kFormats
-                                            : kVoxelize;
-    if (!inputs.empty()) {
-      arguments.input = inputs.front();
-      arguments.beside.assign(inputs.begin() + 1, inputs.end());
-    }
-    if (arguments.command == kVoxelize) check_voxelize(arguments, voxelize_given);
-    if (arguments.command == kRender) check_render(arguments, render_given);
-    set_urgency(arguments);
-    check_outputs(arguments);
+    line.app.parse(argc, argv);
+    finish(line);
   } catch (const CLI::Success& request) {
-    app.exit(request);  // --help, --version: to stdout
+    line.app.exit(request);  // --help, --version: to stdout
     return kSuccess;
+  } catch (const CLI::ExtrasError&) {
+    return usage_error(explain_extras(line.app));
   } catch (const CLI::ParseError& error) {
-    std::fprintf(stderr, "voxel: %s\nvoxel --help tells more\n",
-                 without_keys(error.what()).c_str());
-    return kUsage;
+    return usage_error(error.what());
   }
-  if (arguments.url.empty()) arguments.url = default_url();
-  return arguments;
+  if (line.arguments.command == Arguments::Command::kGenerate) {
+    std::fputs(document_text(line.arguments.document, line.app).c_str(), stdout);
+    return kSuccess;
+  }
+  return line.arguments;
 }
 
 }  // namespace voxeld::cli

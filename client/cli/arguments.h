@@ -12,6 +12,11 @@
 
 namespace voxeld::cli {
 
+// A mesh of --out-dir, and the file that is made of it.
+struct BatchFile {
+  std::string input, output;
+};
+
 struct Arguments {
   enum class Command {
     kVoxelize,
@@ -23,18 +28,23 @@ struct Arguments {
     kRemove,
     kWhoami,
     kInfo,
-    kFormats
+    kFormats,
+    kGenerate
   } command = Command::kVoxelize;
-  std::string url;
-  std::string key;     // --key; empty: see api_key.h
-  bool json = false;   // report on stdout as JSON
-  bool quiet = false;  // no progress and no warnings on stderr
-  int timeout_s = 0;   // of one exchange with the daemon; 0: no limit
+  std::string url;               // --url; empty: see server.h
+  std::string key;               // --key; empty: see api_key.h
+  std::optional<bool> is_local;  // --local, --no-local: see server.h
+  bool json = false;             // report on stdout as JSON
+  bool quiet = false;            // no progress and no warnings on stderr
+  int timeout_s = 0;             // of one exchange with the daemon; 0: no limit
 
   std::string input;                // path, or "-" for stdin
   std::vector<std::string> beside;  // paths of files that are sent with it
   std::string output;               // path, or "-" for stdout; empty: stdout unless it is a
                                     // terminal
+  std::string out_dir;              // a file for each input goes here, instead of output
+  std::vector<BatchFile> batch;     // with out_dir; `input` and `beside` are empty
+  bool dry_run = false;             // print estimates, make nothing
   std::string grid;                 // render: the id of a stored grid instead of a mesh
   std::string sequence;             // render: the id of a stored sequence instead
   client::Options options;
@@ -48,6 +58,7 @@ struct Arguments {
   bool cancel = false;           // jobs: cancel it
   int limit = 20;                // jobs, ls: how many
   bool once = false;             // top: one snapshot, without a terminal
+  std::string document;          // generate: man, bash or zsh
 };
 
 // Parses the arguments, or returns the status to exit with. Help, version and errors are printed

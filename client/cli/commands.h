@@ -7,7 +7,10 @@
 
 namespace voxeld::cli {
 
-// Throws client::Error on failure.
+// Whether a server takes part; false for what reads local files alone.
+bool needs_server(const Arguments& arguments);
+
+// `arguments` has the server's URL and key. Throws client::Error on failure.
 void run_command(const Arguments& arguments, const std::stop_token& stop);
 
 }  // namespace voxeld::cli

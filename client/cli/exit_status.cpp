@@ -39,6 +39,7 @@ constexpr Row kRows[] = {
     {"cancelled", kJobFailed},
     {"worker-crashed", kJobFailed},
     {"deadline-exceeded", kJobFailed},
+    {"some-failed", kSomeFailed},
     {"interrupted", kInterrupted},
 };
 

@@ -13,6 +13,7 @@ enum ExitStatus {
   kTooLarge = 4,      // over a limit: grid, body, storage
   kUnreachable = 5,   // no daemon, or it has no device, is full or is shutting down
   kJobFailed = 6,     // the job was cancelled, took too long or ended its workers
+  kSomeFailed = 7,    // of several files
   kInterrupted = 130  // Ctrl-C or SIGTERM
 };
 

@@ -6,6 +6,7 @@
 #include "client/cli/arguments.h"
 #include "client/cli/commands.h"
 #include "client/cli/interrupt.h"
+#include "client/cli/server.h"
 
 namespace {
 
@@ -13,11 +14,17 @@ using namespace voxeld;
 using cli::ExitStatus;
 
 int run(int argc, char** argv) {
-  const auto arguments = cli::parse_arguments(argc, argv);
-  if (const auto* status = std::get_if<ExitStatus>(&arguments)) return *status;
+  auto parsed = cli::parse_arguments(argc, argv);
+  if (const auto* status = std::get_if<ExitStatus>(&parsed)) return *status;
+  auto& arguments = std::get<cli::Arguments>(parsed);
   const cli::Interrupt interrupt;
   try {
-    cli::run_command(std::get<cli::Arguments>(arguments), interrupt.token());
+    if (cli::needs_server(arguments)) {
+      const cli::Server server = cli::find_server(arguments, interrupt.token());
+      arguments.url = server.url;
+      arguments.key = server.key;
+    }
+    cli::run_command(arguments, interrupt.token());
   } catch (const client::Error& error) {
     std::fprintf(stderr, "voxel: %s\n", cli::without_keys(error.what()).c_str());
     if (!error.request_id().empty()) {

@@ -1,6 +1,7 @@
 #include "server/api/api_server.h"
 
 #include <algorithm>
+#include <atomic>
 #include <utility>
 
 #include "server/api/access.h"
@@ -59,6 +60,7 @@ class HttpApiServer final : public ApiServer {
                                [this](const http::ExchangeRecord& exchange) {
                                  metrics_.record(exchange, exchange.route);
                                }));
+    if (config_.admin_listen.empty()) return {};
     VOXELD_ASSIGN(
         health_server_,
         start_health_server({config_.admin_listen, config_.admin_connections_max, admin_paths()},
@@ -67,7 +69,9 @@ class HttpApiServer final : public ApiServer {
   }
 
   int port() const override { return server_->port(); }
-  int admin_port() const override { return health_server_->port(); }
+  int admin_port() const override { return health_server_ ? health_server_->port() : 0; }
+  uint64_t admitted_requests() const override { return admitted_requests_; }
+  bool is_busy() override { return server_->requests_in_flight() > 0; }
 
   std::vector<http::RunningRequest> stop(double seconds) override {
     api_.stopping = true;
@@ -98,6 +102,7 @@ class HttpApiServer final : public ApiServer {
     }
     if (admitted) admitted = check_memory(route != nullptr && route->work == Work::kNew);
     if (!admitted) return problem(request, admitted.error());
+    ++admitted_requests_;
     return router_.dispatch(request);
   }
 
@@ -122,6 +127,7 @@ class HttpApiServer final : public ApiServer {
   ProcessMetrics process_metrics_;
   const Router router_;
   const HealthHandler tell_health_;
+  std::atomic<uint64_t> admitted_requests_ = 0;
   std::unique_ptr<http::HttpServer> server_;
   std::unique_ptr<HealthServer> health_server_;
 };

@@ -18,8 +18,8 @@
 namespace voxeld::api {
 
 struct ApiServerConfig {
-  std::string listen = "127.0.0.1:8080";  // port 0: any; see port()
-  std::string admin_listen = "127.0.0.1:8081";
+  std::string listen = "127.0.0.1:8080";        // port 0: any; see port()
+  std::string admin_listen = "127.0.0.1:8081";  // empty: no admin listener
   int64_t upload_bytes_max = limits::kUploadBytesMax;
   int request_threads = 64;
   // As of HttpServerConfig.
@@ -34,7 +34,11 @@ class ApiServer {
  public:
   virtual ~ApiServer() = default;
   virtual int port() const = 0;
-  virtual int admin_port() const = 0;
+  virtual int admin_port() const = 0;  // 0: there is none
+  // Requests so far that were admitted. Counted before they are responded to.
+  virtual uint64_t admitted_requests() const = 0;
+  // Whether a request is read, runs, waits or is responded to.
+  virtual bool is_busy() = 0;
   // Graceful: for at most `seconds`, running requests finish and new work is refused with
   // shutting-down; then closes. The admin listener goes on until then. Returns as
   // HttpServer::stop().

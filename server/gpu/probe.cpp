@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/base/child_process.h"
+#include "server/gpu/auto_device.h"
 #include "server/gpu/device.h"
 
 namespace voxeld::gpu {
@@ -72,10 +73,11 @@ ProbeOutcome probe_one(const std::string& self_executable, const DeviceId& devic
   return outcome;
 }
 
-}  // namespace
-
-std::vector<DeviceProbe> probe_devices(const std::string& self_executable,
-                                       std::chrono::milliseconds timeout_each) {
+// Probes EGL devices in order, until `is_enough` returns true for one.
+template <typename IsEnough>
+std::vector<DeviceProbe> probe_egl_devices(const std::string& self_executable,
+                                           std::chrono::milliseconds timeout_each,
+                                           IsEnough&& is_enough) {
   std::vector<DeviceProbe> probes;
   // egl:0 is always probed, so that its reason tells why there is no hardware.
   int egl_device_count = kEglDevicesMax;
@@ -87,9 +89,21 @@ std::vector<DeviceProbe> probe_devices(const std::string& self_executable,
     probes.push_back(std::move(outcome.probe));
     // If this child could not be started, the next would not start either.
     if (outcome.egl_device_count < 0 && index > 0 && !probes.back().works) break;
+    if (is_enough(probes.back())) break;
   }
-  for (const DeviceKind kind :
-       {DeviceKind::kLlvmpipe, DeviceKind::kLavapipe, DeviceKind::kOsmesa}) {
+  return probes;
+}
+
+constexpr DeviceKind kSoftwareKinds[] = {DeviceKind::kLlvmpipe, DeviceKind::kLavapipe,
+                                         DeviceKind::kOsmesa};
+
+}  // namespace
+
+std::vector<DeviceProbe> probe_devices(const std::string& self_executable,
+                                       std::chrono::milliseconds timeout_each) {
+  auto probes =
+      probe_egl_devices(self_executable, timeout_each, [](const DeviceProbe&) { return false; });
+  for (const DeviceKind kind : kSoftwareKinds) {
     probes.push_back(probe_one(self_executable, {kind, 0}, timeout_each).probe);
   }
   DeviceProbe cpu;
@@ -98,6 +112,20 @@ std::vector<DeviceProbe> probe_devices(const std::string& self_executable,
   cpu.info = cpu_device_info();
   probes.push_back(std::move(cpu));
   return probes;
+}
+
+AutoChoice probe_auto_device(const std::string& self_executable,
+                             std::chrono::milliseconds timeout_each) {
+  const auto is_hardware = [](const DeviceProbe& probe) {
+    return probe.works && !probe.info.is_software;
+  };
+  auto probes = probe_egl_devices(self_executable, timeout_each, is_hardware);
+  if (is_hardware(probes.back())) return choose_device(probes);
+  for (const DeviceKind kind : kSoftwareKinds) {
+    probes.push_back(probe_one(self_executable, {kind, 0}, timeout_each).probe);
+    if (probes.back().works) break;
+  }
+  return choose_device(probes);
 }
 
 }  // namespace voxeld::gpu

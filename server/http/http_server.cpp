@@ -157,18 +157,18 @@ class EpollServer final : public HttpServer {
   void drain(double seconds) EXCLUDES(mutex_) {
     wake_waiting();
     const auto deadline = from_now(seconds);
-    const auto is_busy = [this] { return in_flight() > 0; };
+    const auto is_busy = [this] { return requests_in_flight() > 0; };
     wait_while(is_busy, deadline);
     // Requests that have arrived while all threads were busy are read within a moment.
     wait_while([&] { return is_busy() || has_unread(); },
                std::min(deadline, from_now(kUnheardSecondsMax)));
     wait_while(is_busy, deadline);
-    const size_t cut = in_flight();
+    const size_t cut = requests_in_flight();
     if (cut > 0) log::warn("the time to drain is over: responses are cut", {{"responses", cut}});
     wait_while([this] { return is_lingering(); }, std::min(deadline, from_now(kLingerSecondsMax)));
   }
 
-  size_t in_flight() EXCLUDES(mutex_) {
+  size_t requests_in_flight() override EXCLUDES(mutex_) {
     const MutexLock lock(mutex_);
     return table_.in_flight();
   }

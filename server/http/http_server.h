@@ -83,6 +83,8 @@ class HttpServer {
   virtual ~HttpServer() = default;
   virtual int port() const = 0;
   virtual HttpServerState state() const = 0;
+  // Requests from their complete head to the last byte of the response.
+  virtual size_t requests_in_flight() = 0;
   // Every waiting exchange looks again.
   virtual void wake_waiting() = 0;
   // Drains for at most `seconds`, until only refused requests run. Meanwhile new and open

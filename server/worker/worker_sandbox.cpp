@@ -6,6 +6,7 @@
 #include <system_error>
 #include <vector>
 
+#include "server/base/image_module.h"
 #include "server/base/log.h"
 #include "server/base/sandbox.h"
 #include "server/voxel/estimates/calibration.h"
@@ -16,7 +17,8 @@ namespace {
 namespace fs = std::filesystem;
 using Access = FileRule::Access;
 
-// Paths that the loader, libEGL, Mesa, Vulkan's loader and NVIDIA's libraries read.
+// Paths that the loader, libEGL, Mesa, Vulkan's loader and NVIDIA's libraries read. OpenImageIO's
+// libraries are there too.
 constexpr std::array kReadPaths = {"/usr/lib",
                                    "/usr/lib32",
                                    "/usr/lib64",
@@ -91,6 +93,7 @@ std::vector<FileRule> driver_rules() {
   for (const char* path : kReadPaths) rules.push_back({path, Access::kRead});
   for (const char* path : kReadWritePaths) rules.push_back({path, Access::kReadWrite});
   for (const char* path : kDevicePaths) rules.push_back({path, Access::kDevice});
+  rules.push_back({image_module_folder(), Access::kRead});
   for (const char* variable : kPathVariables) add_variable_paths(variable, rules);
   std::error_code failed;
   for (fs::directory_iterator it("/dev", failed), end; !failed && it != end; it.increment(failed)) {

@@ -83,8 +83,10 @@ class Install(DaemonTest):
     def test_the_daemon_is_installed_with_its_service(self):
         prefix = self.install_server()
         files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
-        self.assertLessEqual({"bin/voxeld", "lib/systemd/system/voxeld.service", "etc/default/voxeld"},
-                             files)
+        module, = prefix.rglob("libvoxeld_images.so")
+        self.assertEqual(module.parent.name, "voxeld")
+        self.assertEqual(files, {"bin/voxeld", "lib/systemd/system/voxeld.service", "etc/default/voxeld",
+                                 str(module.relative_to(prefix))})
         cache = (BUILD / "CMakeCache.txt").read_text()
         configured = re.search(r"^CMAKE_INSTALL_PREFIX:PATH=(.*)$", cache, re.M)[1]
         self.assertNotEqual(configured, "/usr")
@@ -110,6 +112,12 @@ class Install(DaemonTest):
             if value[-1:] in units:
                 listed[name] = str(int(value[:-1]) * units[value[-1]])
         self.assertEqual(listed, known)
+
+    def test_the_cli_is_installed_with_its_manual_and_completions(self):
+        for name, first in (("man/man1/voxel.1", ".TH VOXEL 1"),
+                            ("bash-completion/completions/voxel", "# Completion of voxel for bash."),
+                            ("zsh/vendor-completions/_voxel", "#compdef voxel\n")):
+            self.assertTrue((self.prefix / "share" / name).read_text().startswith(first), name)
 
     def test_find_package_gives_a_library_that_voxelizes(self):
         build = self.dir / "build"

@@ -183,7 +183,7 @@ class VOXELD_CLIENT_API Sequence {
 };
 
 struct Progress {
-  std::string stage;                 // "upload", "queued", "parse", "voxelize", "download", …
+  std::string stage;                 // "hash", "upload", "queued", "parse", "voxelize", …
   std::int64_t done = 0, total = 0;  // total 0: unknown
   std::string unit = "bytes";        // the unit of done and total: "bytes", "tiles" or "frames"
 };
@@ -288,7 +288,8 @@ class VOXELD_CLIENT_API Client {
                     const ProgressCallback& progress = {}, const std::stop_token& stop = {});
 
   // --- single steps
-  // Uploads a mesh; returns the asset's id.
+  // Uploads a mesh; returns the asset's id. A file or memory of 64 KiB and more is hashed first,
+  // and not sent if the daemon has it.
   std::string upload(const Source& source, const ProgressCallback& progress = {},
                      const std::stop_token& stop = {});
   // Combines uploads into one asset and returns its id. A new animation for an old mesh then costs
@@ -297,6 +298,9 @@ class VOXELD_CLIENT_API Client {
   std::string asset_json(std::string_view asset);
   // kind: voxelize or inspect (an asset), render (any input), export (a grid or sequence).
   JobInfo submit(std::string_view kind, const Input& input, const Options& options);
+  // The expected cost, start and end of such a job, without a job: the JSON object of
+  // POST /v1/jobs?dry_run=1.
+  std::string estimate_json(std::string_view kind, const Input& input, const Options& options);
   JobInfo job(std::string_view id);
   // Waits until the job has ended. Throws the job's error if it failed.
   JobInfo wait(std::string_view id, const ProgressCallback& progress = {},

@@ -118,10 +118,15 @@ Reply list_assets(Request& request, Api& api) {
       });
 }
 
-// An inspect job makes the description on first use.
+// An inspect job makes the description on first use. ?brief=1: what an upload returns, without it.
 Reply get_asset(Request& request, Api& api) {
   const auto asset = api.jobs.get_asset(request.caller, request.path_parameters[0]);
   if (!asset) return problem(request, asset.error());
+  if (request.query("brief").value_or("0") == "1") {
+    Response response = Response::json(200, text_of(asset_json(*asset)));
+    response.headers["ETag"] = "\"" + asset->id + "\"";
+    return response;
+  }
   if (!asset->description_json.empty()) return described_response(request, api, asset->id);
   auto place = api.waits.take(request.caller.tenant());
   if (!place) return problem(request, place.error());

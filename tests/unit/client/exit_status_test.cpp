@@ -55,6 +55,7 @@ TEST(ExitStatus, every_code_of_the_api_has_its_number) {
 }
 
 TEST(ExitStatus, the_clients_own_codes_have_theirs) {
+  EXPECT_EQ(status_of("some-failed"), 7);
   EXPECT_EQ(status_of("unreachable"), 5);
   EXPECT_EQ(status_of("timeout"), 5);
   EXPECT_EQ(status_of("bad-response"), 5);

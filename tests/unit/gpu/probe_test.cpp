@@ -1,10 +1,14 @@
 // probe_devices() against programs that reply, crash, hang and print noise as drivers do.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
+#include <string>
 
+#include "server/gpu/auto_device.h"
 #include "server/gpu/device.h"
 
 namespace voxeld::gpu {
@@ -91,6 +95,50 @@ TEST(ProbeDevices, a_reply_of_the_wrong_types_is_not_understood) {
   const auto probes = probe_devices(fake.path());
   EXPECT_FALSE(probes[0].works);
   EXPECT_NE(probes[0].reason.find("the probe's reply is not understood"), std::string::npos);
+}
+
+// Which devices the fake was asked for, one to a line.
+class CountedProbe {
+ public:
+  explicit CountedProbe(const std::string& cases)
+      : log_(std::filesystem::temp_directory_path() / ("probes-" + std::to_string(::getpid()))),
+        fake_("echo $3 >>" + log_.string() + "\ncase $3 in\n" + cases + "\nesac") {}
+  ~CountedProbe() { std::filesystem::remove(log_); }
+  AutoChoice choose() const { return probe_auto_device(fake_.path()); }
+  std::string asked() const {
+    std::ifstream file(log_);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+
+ private:
+  std::filesystem::path log_;
+  FakeProbe fake_;
+};
+
+TEST(ProbeAutoDevice, hardware_is_chosen_without_further_probes) {
+  const CountedProbe fake(
+      R"(egl:0) echo '{"works":true,"egl_device_count":3,"info":{"is_software":true}}';;
+egl:1) echo '{"works":true,"egl_device_count":3,"info":{"renderer":"a GPU"}}';;)");
+  EXPECT_EQ(device_name(fake.choose().device), "egl:1");
+  EXPECT_EQ(fake.asked(), "egl:0\negl:1\n");
+}
+
+TEST(ProbeAutoDevice, the_first_software_driver_that_works_is_chosen_without_further_probes) {
+  const CountedProbe fake(
+      R"(egl:0) echo '{"works":false,"egl_device_count":0,"reason":"none"}';;
+llvmpipe) exit 7;;
+lavapipe) echo '{"works":true,"info":{"renderer":"lavapipe","is_software":true}}';;)");
+  EXPECT_EQ(device_name(fake.choose().device), "lavapipe");
+  EXPECT_EQ(fake.asked(), "egl:0\nllvmpipe\nlavapipe\n");
+}
+
+TEST(ProbeAutoDevice, without_a_driver_everything_runs_on_the_cpu) {
+  const CountedProbe fake(
+      R"(*) echo '{"works":false,"egl_device_count":0,"reason":"no driver"}';;)");
+  const AutoChoice choice = fake.choose();
+  EXPECT_EQ(device_name(choice.device), "cpu");
+  EXPECT_EQ(choice.why, "no OpenGL device works, so everything runs on the CPU: no driver");
+  EXPECT_EQ(fake.asked(), "egl:0\nllvmpipe\nlavapipe\nosmesa\n");
 }
 
 }  // namespace

@@ -1,0 +1,13 @@
+// voxel --dry-run: what the daemon expects a job to cost.
+#pragma once
+
+#include <stop_token>
+
+#include "client/cli/arguments.h"
+
+namespace voxeld::cli {
+
+// Uploads the meshes and prints the estimates; no job is submitted. Throws client::Error.
+void run_dry_run(const Arguments& arguments, const std::stop_token& stop);
+
+}  // namespace voxeld::cli

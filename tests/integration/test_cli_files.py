@@ -1,0 +1,228 @@
+"""The CLI voxel with several files, with names of outputs, and what it prints for people."""
+import json
+import os
+import pathlib
+import pty
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+from harness import BIN, DaemonTest
+
+
+class CliFiles(DaemonTest):
+    device = "cpu"
+
+    def setUp(self):
+        self.directory = tempfile.TemporaryDirectory()
+        self.dir = pathlib.Path(self.directory.name)
+        self.environment = {**os.environ, "VOXELD_URL": self.daemon.url}
+
+    def tearDown(self):
+        self.directory.cleanup()
+
+    def voxel(self, *arguments):
+        return subprocess.run([BIN / "voxel", *map(str, arguments)], capture_output=True, text=True,
+                              env=self.environment, timeout=120, stdin=subprocess.DEVNULL)
+
+    def on_a_terminal(self, *arguments):
+        """The status, and what a terminal shows of stderr."""
+        leader, follower = pty.openpty()
+        process = subprocess.Popen([BIN / "voxel", *map(str, arguments)], env=self.environment,
+                                   stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=follower)
+        os.close(follower)
+        text = b""
+        while True:
+            try:
+                piece = os.read(leader, 65536)
+            except OSError:
+                break
+            if not piece:
+                break
+            text += piece
+        os.close(leader)
+        process.stdout.close()
+        return process.wait(60), text.decode()
+
+    def meshes(self, *names):
+        paths = []
+        for name in names:
+            paths.append(self.dir / name)
+            shutil.copy(self.fixtures / ("sample" + pathlib.Path(name).suffix), paths[-1])
+        return paths
+
+    def assert_usage(self, text, *arguments):
+        done = self.voxel(*arguments)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn(text, done.stderr)
+
+    # --- many files
+
+    def test_each_mesh_becomes_a_file_of_the_folder(self):
+        meshes = self.meshes("a.ply", "b.glb", "c.obj", "d.stl", "e.off")
+        out = self.dir / "made" / "here"
+        done = self.voxel(*meshes, "--out-dir", out, "--format", "vox", "--size", 16)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(sorted(path.name for path in out.iterdir()),
+                         ["a.vox", "b.vox", "c.vox", "d.vox", "e.vox"])
+        for path in out.iterdir():
+            self.assertTrue(path.read_bytes().startswith(b"VOX "))
+        images = self.voxel("render", *meshes[:2], "--out-dir", out, "--size", 16, "--width", 32, "--height", 32)
+        self.assertEqual(images.returncode, 0, images.stderr)
+        self.assertTrue((out / "b.png").read_bytes().startswith(b"\x89PNG"))
+
+    def test_a_file_that_fails_does_not_stop_the_others(self):
+        meshes = self.meshes("a.ply", "c.ply")
+        bad = self.dir / "b.obj"
+        bad.write_text("v 1 2\nf 1 2 3\n")
+        out = self.dir / "out"
+        done = self.voxel(meshes[0], bad, meshes[1], "--out-dir", out, "--size", 16, "--format", "npy")
+        self.assertEqual(done.returncode, 7)
+        self.assertEqual(sorted(path.name for path in out.iterdir()), ["a.npy", "c.npy"])
+        lines = done.stderr.splitlines()
+        self.assertIn(f"voxel: {bad}: ", lines[-2])
+        self.assertIn("line 1", lines[-2])
+        self.assertEqual(lines[-1], "voxel: 1 of 3 files failed")
+        alone = self.voxel(bad, "--out-dir", out)
+        self.assertEqual(alone.returncode, 3)
+        report = json.loads(self.voxel(meshes[0], bad, "--out-dir", out, "--size", 16, "--json").stdout)
+        self.assertEqual([file.get("output") for file in report["files"]], [str(out / "a.voxg"), None])
+        self.assertEqual(report["files"][1]["error"]["code"], "malformed-mesh")
+        self.assertEqual(max(report["files"][0]["meta"]["dims"]), 16)
+
+    def test_inputs_that_cannot_be_a_batch_are_refused(self):
+        a, b = self.meshes("a.ply", "a.obj")
+        self.assert_usage(f"{a} and {b} would both go to {self.dir}/out/a.voxg", a, b, "--out-dir",
+                          self.dir / "out")
+        self.assert_usage(f"{b}: is a second mesh; --out-dir DIR makes a file of each", a, b, "-o",
+                          self.dir / "a.vox")
+        self.assert_usage("stdin has no name", "-", "--out-dir", self.dir / "out")
+        self.assertFalse((self.dir / "out").exists())
+
+    def test_progress_and_results_of_all_files_are_seen_on_a_terminal(self):
+        status, text = self.on_a_terminal(*self.meshes("a.ply", "b.ply"), "--out-dir", self.dir / "out",
+                                          "--size", 16, "--format", "vox")
+        self.assertEqual(status, 0, text)
+        for name in ("a.vox", "b.vox"):
+            self.assertRegex(text, rf"{self.dir}/out/{name}: \d+ x \d+ x \d+ cells, [\d,]+ voxels, "
+                                   r"[\d.]+ k?B, [\d.]+ s\r\n")
+
+    def test_a_dry_run_makes_nothing(self):
+        before = len(json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"])
+        done = self.voxel(*self.meshes("a.ply"), "--size", 100, "--dry-run")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        head, row = done.stdout.splitlines()
+        self.assertEqual(head.split(), ["INPUT", "TIME", "RANGE", "RESULT", "MEMORY", "START", "LEARNED",
+                                        "FROM"])
+        self.assertRegex(row, r"a\.ply +[\d.]+ s +[\d.]+ s to [\d.]+ s +[\d.]+ k?M?B +[\d.]+ [kMG]?B")
+        estimate = json.loads(self.voxel(self.dir / "a.ply", "--size", 100, "--dry-run", "--json").stdout)
+        self.assertGreater(estimate["estimates"][0]["estimate"]["seconds"], 0)
+        jobs = json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"]
+        self.assertEqual(len(jobs), before)
+
+    # --- names of outputs
+
+    def test_a_result_is_converted_to_what_the_name_says(self):
+        mesh, = self.meshes("a.ply")
+        done = self.voxel(mesh, "-o", self.dir / "a.voxg", "--size", 16, "--json")
+        job = json.loads(done.stdout)["job"]
+        for name, magic in (("r.voxg", b"VOXGRID"), ("r.vox", b"VOX "), ("r.npz", b"PK"), ("r.npy", b"\x93NUMPY")):
+            done = self.voxel("jobs", job["id"], "-o", self.dir / name)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertTrue((self.dir / name).read_bytes().startswith(magic), name)
+        self.assertEqual((self.dir / "r.voxg").read_bytes(), (self.dir / "a.voxg").read_bytes())
+        self.assert_usage(f"an image of it is made by voxel render --grid {job['result']['grid']} -o ",
+                          "jobs", job["id"], "-o", self.dir / "r.png")
+        self.assert_usage("the job made a single grid: expected a name that ends in .voxg", "jobs", job["id"],
+                          "-o", self.dir / "r.voxs")
+        self.assert_usage("the job's result cannot go to this file", "jobs", job["id"], "-o",
+                          self.dir / "r.jpg")
+
+    def test_an_image_goes_only_to_a_name_of_images(self):
+        mesh, = self.meshes("a.ply")
+        done = self.voxel("render", mesh, "-o", self.dir / "a.png", "--size", 16, "--width", 32, "--height", 32,
+                          "--json")
+        job = json.loads(done.stdout)["job"]["id"]
+        self.assertEqual(self.voxel("jobs", job, "-o", self.dir / "b.png").returncode, 0)
+        self.assertTrue((self.dir / "b.png").read_bytes().startswith(b"\x89PNG"))
+        self.assertEqual(self.voxel("jobs", job, "-o", self.dir / "b.gif").returncode, 2)
+        self.assert_usage("voxel without render makes grids", "render", mesh, "-o", self.dir / "a.vox")
+        self.assert_usage("voxel render makes images", mesh, "-o", self.dir / "a.png")
+        self.assert_usage("expected a name that ends in", mesh, "-o", self.dir / "a.jpg", "--format", "native")
+
+    # --- suggestions
+
+    def test_the_near_miss_is_suggested(self):
+        mesh, = self.meshes("a.ply")
+        self.assert_usage("neither a command nor a file; did you mean render?", "rendr", mesh, "-o", "x.png")
+        self.assert_usage("voxel does not take --siez; did you mean --size?", mesh, "--siez", 12, "-o", "x.vox")
+        self.assert_usage("it is an option of voxel render", mesh, "--azimuth", 12, "-o", "x.vox")
+        self.assert_usage("it is an option of voxel without render", "render", mesh, "--format", "vox")
+
+    # --- for people
+
+    def test_info_of_a_mesh_and_of_a_grid(self):
+        mesh, = self.meshes("a.ply")
+        text = self.voxel("info", mesh).stdout
+        for line in (r"format +ply", r"triangles +[\d,]+", r"bounds +\S+ x \S+ x \S+, from .* to .*",
+                     r"surface +(not )?watertight", r"asset +sha256-[0-9a-f]{64}"):
+            self.assertRegex(text, rf"(?m)^{line}")
+        self.voxel(mesh, "-o", self.dir / "a.voxg", "--size", 16)
+        text = self.voxel("info", self.dir / "a.voxg").stdout
+        for line in (r"size        \d+ x \d+ x \d+ cells", r"voxel size  \S+", r"voxels      \d+",
+                     r"file        [\d.]+ k?B"):
+            self.assertRegex(text, rf"(?m)^{line}$")
+
+    def test_lists_have_ages_sizes_and_names(self):
+        mesh, = self.meshes("named.ply")
+        self.voxel(mesh, "-o", self.dir / "a.vox", "--size", 24)
+        head, first = self.voxel("jobs").stdout.splitlines()[:2]
+        self.assertEqual(head.split(), ["ID", "AGE", "STATE", "KIND", "SIZE", "RESULT", "FILE"])
+        self.assertRegex(first, r"^j-[0-9a-f]{32} +\d+ s  done +voxelize +24  [\d.]+ k?B +named\.ply$")
+        head, first = self.voxel("ls", "assets").stdout.splitlines()[:2]
+        self.assertEqual(head.split(), ["ID", "AGE", "SIZE", "FILE"])
+        self.assertRegex(first, r"^sha256-[0-9a-f]{64} +\d+ (s|min) +[\d.]+ [kM]?B  \S+$")
+
+    # --- documents
+
+    def test_documents_name_every_command_and_option(self):
+        page = self.voxel("generate", "man").stdout
+        bash = self.voxel("generate", "bash").stdout
+        zsh = self.voxel("generate", "zsh").stdout
+        for name in ("render", "jobs", "share", "whoami", "generate"):
+            self.assertIn(f".SS voxel {name}", page)
+            self.assertIn(f"    {name})", bash)
+            self.assertIn(f"    {name}) _arguments", zsh)
+        for flag in ("--out-dir", "--azimuth", "--level-rule", "--no-local"):
+            self.assertIn(flag.replace("-", "\\-"), page)
+            self.assertIn(flag, bash)
+            self.assertIn(f"'{flag}[", zsh)
+
+    def test_bash_completes_commands_options_and_values(self):
+        script = self.dir / "completion"
+        script.write_text(self.voxel("generate", "bash").stdout)
+
+        def complete(*words):
+            line = " ".join(f"'{word}'" for word in ("voxel", *words))
+            code = (f"source {script}; COMP_WORDS=({line}); COMP_CWORD={len(words)}; _voxel; "
+                    'printf "%s\\n" "${COMPREPLY[@]}"')
+            done = subprocess.run(["bash", "-c", code], capture_output=True, text=True, check=True, cwd=self.dir)
+            self.assertEqual(done.stderr, "")
+            return done.stdout.split()
+
+        self.assertEqual(complete("rend"), ["render"])
+        self.assertEqual(complete("render", "--azi"), ["--azimuth"])
+        self.assertEqual(complete("a.ply", "--fill", "s"), ["surface", "solid", "shell"])
+        self.assertEqual(complete("ls", "gr"), ["grids"])
+        self.assertIn("completion", complete("info", "comp"))
+
+    @unittest.skipUnless(shutil.which("groff"), "groff is not installed")
+    def test_the_manual_page_is_correct_troff(self):
+        page = self.voxel("generate", "man").stdout
+        done = subprocess.run(["groff", "-man", "-ww", "-Tutf8", "-z"], input=page, capture_output=True, text=True)
+        self.assertEqual(done.stderr, "")
+
+
+if __name__ == "__main__":
+    unittest.main()

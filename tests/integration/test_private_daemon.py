@@ -1,0 +1,259 @@
+"""The private daemon that voxel starts where none serves, and the flags of voxeld that it uses."""
+import http.client
+import json
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import stat
+import subprocess
+import tempfile
+import time
+import unittest
+
+from harness import BIN, make_fixtures
+
+DEFAULT_PORT = 8080
+LIBRARIES = BIN.parent / "lib"
+
+
+def has_ended(pid):
+    try:
+        state = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except FileNotFoundError:
+        return True
+    return state == "Z"
+
+
+def wait_until(condition, seconds=20):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            raise AssertionError("waited in vain")
+        time.sleep(0.02)
+
+
+class PrivateDaemon(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.fixtures = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-fixtures-"))
+        make_fixtures(cls.fixtures)
+        cls.mesh = cls.fixtures / "sample.ply"
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.fixtures, ignore_errors=True)
+
+    def setUp(self):
+        self.dir = pathlib.Path(tempfile.mkdtemp(prefix="voxel-private-"))
+        self.data = self.dir / "cache" / "voxeld"
+        self.environment = {name: value for name, value in os.environ.items()
+                            if not name.startswith("VOXELD_")}
+        self.environment |= {"HOME": str(self.dir), "XDG_CACHE_HOME": str(self.dir / "cache"),
+                             "XDG_CONFIG_HOME": str(self.dir / "config"), "VOXELD_DEVICE": "cpu"}
+
+    def tearDown(self):
+        for pid in self.daemons():
+            os.kill(pid, signal.SIGTERM)
+            wait_until(lambda pid=pid: has_ended(pid))
+        shutil.rmtree(self.dir, ignore_errors=True)
+
+    def daemons(self):
+        """Pids of the daemons that have this test's data."""
+        found = []
+        for path in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
+            try:
+                words = path.read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if b"serve" in words and str(self.data).encode() in words:
+                found.append(int(path.parent.name))
+        return found
+
+    def command(self, *arguments):
+        return [str(word) for word in (BIN / "voxel", *arguments)]
+
+    def voxel(self, *arguments, environment=None):
+        return subprocess.run(self.command(*arguments), capture_output=True, text=True, timeout=120,
+                              stdin=subprocess.DEVNULL, env={**self.environment, **(environment or {})})
+
+    def voxelize(self, *arguments, name="a.vox"):
+        done = self.voxel(self.mesh, "-o", self.dir / name, "--size", 32, *arguments)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertTrue((self.dir / name).read_bytes().startswith(b"VOX "))
+        return done
+
+    def address(self):
+        return json.loads((self.data / "address").read_text())
+
+    def test_second_call_uses_the_daemon_of_the_first(self):
+        self.voxelize("--local")
+        first = self.address()
+        self.voxelize("--local")
+        self.assertEqual(self.address(), first)
+        self.assertEqual(self.daemons(), [first["pid"]])
+        jobs = json.loads(self.voxel("jobs", "--local", "--json").stdout)["jobs"]
+        self.assertEqual(len(jobs), 2)
+
+    def test_other_users_can_neither_read_its_folder_nor_use_its_port(self):
+        self.voxelize("--local")
+        self.assertEqual(stat.S_IMODE(self.data.stat().st_mode), 0o700)
+        for name in ("address", "key", "keys"):
+            self.assertEqual(stat.S_IMODE((self.data / name).stat().st_mode), 0o600, name)
+        host, port = self.address()["url"].removeprefix("http://").split(":")
+        self.assertEqual(host, "127.0.0.1")
+        for headers in ({}, {"Authorization": "Bearer vxk_aaaaaaaa_" + "a" * 52}):
+            connection = http.client.HTTPConnection(host, int(port), timeout=10)
+            connection.request("GET", "/v1/jobs", headers=headers)
+            self.assertEqual(connection.getresponse().status, 401)
+            connection.close()
+
+    def test_killed_daemon_is_replaced(self):
+        self.voxelize("--local")
+        killed = self.address()["pid"]
+        os.kill(killed, signal.SIGKILL)
+        wait_until(lambda: has_ended(killed))
+        self.voxelize("--local")
+        self.assertNotEqual(self.address()["pid"], killed)
+
+    def test_daemon_that_ends_is_replaced(self):
+        self.voxelize("--local")
+        ending = self.address()["pid"]
+        os.kill(ending, signal.SIGTERM)
+        self.voxelize("--local")
+        self.assertNotEqual(self.address()["pid"], ending)
+
+    def test_address_without_its_daemon_is_not_asked(self):
+        self.data.mkdir(parents=True, mode=0o700)
+        with socket.create_server(("127.0.0.1", 0)) as stranger:
+            stranger.settimeout(0)
+            url = f"http://127.0.0.1:{stranger.getsockname()[1]}"
+            (self.data / "address").write_text(json.dumps({"url": url, "pid": 1}))
+            self.voxelize("--local")
+            with self.assertRaises(BlockingIOError):
+                stranger.accept()
+
+    def test_calls_at_the_same_time_start_one_daemon(self):
+        calls = [subprocess.Popen(self.command(self.mesh, "--local", "-o", self.dir / f"{i}.vox", "--size", 16),
+                                  env=self.environment, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)
+                 for i in range(4)]
+        for call in calls:
+            error = call.communicate(timeout=120)[1]
+            self.assertEqual(call.returncode, 0, error)
+        self.assertEqual(self.daemons(), [self.address()["pid"]])
+
+    def test_lost_or_wrong_key_is_replaced(self):
+        self.voxelize("--local")
+        daemon = self.address()
+        (self.data / "key").unlink()
+        self.voxelize("--local")
+        (self.data / "key").write_text("vxk_aaaaaaaa_" + "a" * 52)
+        self.voxelize("--local")
+        self.assertEqual(self.address(), daemon)
+
+    def test_folder_that_others_may_write_to_is_refused(self):
+        self.data.mkdir(parents=True)
+        self.data.chmod(0o777)
+        done = self.voxel(self.mesh, "-o", self.dir / "a.vox", "--local")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(f"{self.data} holds the data of the private daemon: expected a folder that only its "
+                      "user can write to", done.stderr)
+        self.assertEqual(self.daemons(), [])
+
+    def test_daemon_that_does_not_start_tells_why(self):
+        done = self.voxel(self.mesh, "-o", self.dir / "a.vox", "--local",
+                          environment={"VOXELD_DEVICE": "nonsense"})
+        self.assertEqual(done.returncode, 5)
+        self.assertIn("the private daemon did not start: unknown device: expected egl:N", done.stderr)
+
+    def test_missing_program_is_named(self):
+        program = self.dir / "bin" / "voxel"
+        program.parent.mkdir()
+        shutil.copy(BIN / "voxel", program)
+        done = subprocess.run([program, self.mesh, "-o", self.dir / "a.vox", "--local"], capture_output=True,
+                              text=True, env={**self.environment, "PATH": str(self.dir),
+                                              "LD_LIBRARY_PATH": str(LIBRARIES)})
+        self.assertEqual(done.returncode, 5, done.stderr)
+        self.assertIn(f"there is no program voxeld in {program.parent} or PATH to start one: install voxeld, "
+                      "or name a server with --url or VOXELD_URL", done.stderr)
+
+    def test_without_a_url_the_default_port_is_tried_first(self):
+        with socket.socket() as taken:
+            if taken.connect_ex(("127.0.0.1", DEFAULT_PORT)) == 0:
+                self.skipTest(f"something listens on port {DEFAULT_PORT}")
+        refused = self.voxel("jobs", "--no-local")
+        self.assertEqual(refused.returncode, 5)
+        self.assertIn(f"http://127.0.0.1:{DEFAULT_PORT}", refused.stderr)
+        self.assertEqual(self.daemons(), [])
+        self.voxelize()
+        self.assertEqual(len(self.daemons()), 1)
+
+    def test_named_server_is_used_alone(self):
+        for options, environment in ((("--url", "http://127.0.0.1:9"), {}),
+                                     ((), {"VOXELD_URL": "http://127.0.0.1:9"})):
+            self.assertEqual(self.voxel("jobs", *options, environment=environment).returncode, 5)
+        both = self.voxel("jobs", "--local", "--url", "http://127.0.0.1:9")
+        self.assertEqual(both.returncode, 2)
+        self.assertIn("a private voxeld has a URL of its own", both.stderr)
+        self.assertEqual(self.daemons(), [])
+
+    def test_local_files_start_nothing(self):
+        self.assertEqual(self.voxel("formats").returncode, 0)
+        self.voxelize("--local", "--format", "vox")
+        self.voxel(self.mesh, "--local", "-o", self.dir / "a.voxg", "--size", 16)
+        os.kill(self.address()["pid"], signal.SIGTERM)
+        wait_until(lambda: not self.daemons())
+        self.assertEqual(self.voxel("info", self.dir / "a.voxg").returncode, 0)
+        self.assertEqual(self.daemons(), [])
+
+
+class IdleDaemon(unittest.TestCase):
+    """voxeld serve --address-file --exit-when-idle --admin-listen none."""
+
+    def setUp(self):
+        self.dir = pathlib.Path(tempfile.mkdtemp(prefix="voxeld-idle-"))
+        self.file = self.dir / "address"
+
+    def tearDown(self):
+        self.process.kill()
+        self.process.communicate()
+        shutil.rmtree(self.dir, ignore_errors=True)
+
+    def start(self, seconds):
+        self.process = subprocess.Popen(
+            [BIN / "voxeld", "serve", "--listen", "127.0.0.1:0", "--admin-listen", "none", "--device", "cpu",
+             "--data", self.dir / "data", "--address-file", self.file, "--exit-when-idle", str(seconds)],
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL, text=True)
+        self.ready = self.process.stdout.readline()
+        self.address = json.loads(self.file.read_text())
+
+    def get(self, path):
+        connection = http.client.HTTPConnection(self.address["url"].removeprefix("http://"), timeout=30)
+        connection.request("GET", path)
+        response = connection.getresponse()
+        response.read()
+        connection.close()
+        return response.status
+
+    def test_address_file_has_url_and_pid_while_it_serves(self):
+        self.start(0)
+        self.assertEqual(self.address["pid"], self.process.pid)
+        self.assertEqual(self.ready, f"ready {self.address['url']} admin=none device=cpu\n")
+        self.assertEqual(stat.S_IMODE(self.file.stat().st_mode), 0o600)
+        self.assertEqual(self.get("/v1/jobs"), 200)
+        self.process.terminate()
+        self.assertEqual(self.process.wait(20), 0)
+        self.assertFalse(self.file.exists())
+
+    def test_it_ends_when_idle_and_not_before(self):
+        self.start(1.5)
+        for _ in range(6):
+            time.sleep(0.5)
+            self.assertEqual(self.get("/v1/jobs"), 200)
+        self.assertEqual(self.process.wait(20), 0)
+        self.assertFalse(self.file.exists())
+
+
+if __name__ == "__main__":
+    unittest.main()
