@@ -17,11 +17,11 @@ namespace {
 
 namespace fs = std::filesystem;
 using client::error_of;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
-class Bundle : public testing::Test {
+class Bundle : public ::testing::Test {
  protected:
   Bundle()
       : outer_(fs::temp_directory_path() / ("unit_client-bundle-" + std::to_string(getpid()))) {

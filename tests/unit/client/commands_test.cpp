@@ -23,9 +23,9 @@ using test::CannedResponse;
 using test::job_response;
 using test::json_response;
 using test::ScriptedServer;
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
-class Commands : public testing::Test {
+class Commands : public ::testing::Test {
  protected:
   Commands()
       : folder_(fs::temp_directory_path() / ("unit_client-commands-" + std::to_string(getpid()))) {
@@ -151,7 +151,7 @@ TEST_F(Commands, files_beside_the_mesh_go_with_it) {
   voxelize.beside = {folder_ / "b.md5anim"};
   run_command(voxelize, {});
   EXPECT_EQ(server.lines()[0], "POST /v1/assets?filename=a.zip");
-  EXPECT_THAT(server.asked()[0].body, testing::HasSubstr("b.md5anim"));
+  EXPECT_THAT(server.asked()[0].body, ::testing::HasSubstr("b.md5anim"));
 }
 
 TEST_F(Commands, an_interrupt_cancels_the_inspection_of_a_mesh) {

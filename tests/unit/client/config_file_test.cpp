@@ -14,9 +14,9 @@ namespace {
 
 namespace fs = std::filesystem;
 using client::error_of;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
-class ConfigFileTest : public testing::Test {
+class ConfigFileTest : public ::testing::Test {
  protected:
   ~ConfigFileTest() override { fs::remove(path_); }
   ConfigFile read(const std::string& text) const {

@@ -16,8 +16,8 @@
 namespace voxeld::client {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 struct Written {
   std::map<std::array<int, 3>, test::TestVoxel> voxels;  // by cell

@@ -16,9 +16,9 @@ using test::job_response;
 using test::json_response;
 using test::problem_response;
 using test::ScriptedServer;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::SizeIs;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
 
 const CannedResponse kUploaded = json_response(R"({"id":"sha256-a"})");
 

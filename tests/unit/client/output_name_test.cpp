@@ -9,7 +9,7 @@
 namespace voxeld::cli {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // The error's text; "" if there is none.
 template <typename Action>

@@ -17,9 +17,9 @@ using test::job_response;
 using test::json_response;
 using test::problem_response;
 using test::ScriptedServer;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::SizeIs;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
 
 CannedResponse busy(int status, const std::string& retry_after) {
   return problem_response(status, "queue-full", "the queue is full",

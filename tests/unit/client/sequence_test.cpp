@@ -13,7 +13,7 @@
 namespace voxeld::client {
 namespace {
 
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
 constexpr size_t kFrames = 12;
 
@@ -101,7 +101,7 @@ TEST(Sequence, an_animation_is_voxelized_in_one_call) {
   const Sequence sequence = client.voxelize_sequence(Source::memory(bytes_of("zip"), "bob.zip"),
                                                      Options().set("animation", "0"));
   EXPECT_EQ(sequence.frame_count(), kFrames);
-  EXPECT_THAT(server.asked()[1].body, testing::HasSubstr(R"("format":"native")"));
+  EXPECT_THAT(server.asked()[1].body, ::testing::HasSubstr(R"("format":"native")"));
 }
 
 }  // namespace

@@ -19,8 +19,8 @@ using test::CannedResponse;
 using test::json_response;
 using test::problem_response;
 using test::ScriptedServer;
-using testing::HasSubstr;
-using testing::SizeIs;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
 
 const std::string kAsset = R"({"id":"sha256-a","filename":"a.ply"})";
 
@@ -74,15 +74,15 @@ TEST(Upload, bytes_that_the_daemon_has_are_not_sent) {
   const Source zeros = Source::memory(std::vector<std::byte>(70'000), "b/zeros.PLY");
   ScriptedServer server({json_response(R"({"id":"sha256-known","filename":"a.ply"})")});
   EXPECT_EQ(Client(server.url()).upload(zeros), "sha256-known");
-  EXPECT_THAT(server.lines(), testing::ElementsAre("GET /v1/assets/" + kZeros + "?brief=1"));
+  EXPECT_THAT(server.lines(), ::testing::ElementsAre("GET /v1/assets/" + kZeros + "?brief=1"));
 }
 
 TEST(Upload, bytes_that_the_daemon_has_under_a_name_of_another_format_are_sent) {
   const Source zeros = Source::memory(std::vector<std::byte>(70'000), "zeros.obj");
   ScriptedServer server({json_response(kAsset), json_response(R"({"id":"sha256-a.obj"})")});
   EXPECT_EQ(Client(server.url()).upload(zeros), "sha256-a.obj");
-  EXPECT_THAT(server.lines(), testing::ElementsAre("GET /v1/assets/" + kZeros + "?brief=1",
-                                                   "POST /v1/assets?filename=zeros.obj"));
+  EXPECT_THAT(server.lines(), ::testing::ElementsAre("GET /v1/assets/" + kZeros + "?brief=1",
+                                                     "POST /v1/assets?filename=zeros.obj"));
 }
 
 TEST(Upload, an_asset_that_is_deleted_after_the_question_is_sent) {
@@ -96,9 +96,9 @@ TEST(Upload, an_asset_that_is_deleted_after_the_question_is_sent) {
                    [&](std::span<const std::byte> piece) { result += text_of(piece); });
   EXPECT_EQ(result, "RESULT");
   EXPECT_THAT(server.lines(),
-              testing::ElementsAre("GET /v1/assets/" + kZeros + "?brief=1", "POST /v1/jobs",
-                                   "POST /v1/assets?filename=a.ply", "POST /v1/jobs",
-                                   "GET /v1/jobs/j-1", "GET /v1/jobs/j-1/result"));
+              ::testing::ElementsAre("GET /v1/assets/" + kZeros + "?brief=1", "POST /v1/jobs",
+                                     "POST /v1/assets?filename=a.ply", "POST /v1/jobs",
+                                     "GET /v1/jobs/j-1", "GET /v1/jobs/j-1/result"));
 }
 
 TEST(Upload, memory_is_sent_with_its_length) {
