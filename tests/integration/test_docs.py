@@ -111,6 +111,8 @@ class Clone:
         self.environment = {
             "HOME": str(self.root), "LANG": "C.UTF-8", "PATH": "/usr/local/sbin:/usr/sbin:/usr/bin:/sbin:/bin",
             "PYTHONDONTWRITEBYTECODE": "1", "VOXELD_BIN_DIR": str(BIN.resolve()),
+            # The quickest to start; other tests run every driver, and docs/operating.md device auto.
+            "VOXELD_DEVICE": "cpu",
             "VOXELD_LISTEN": self.with_ports("127.0.0.1:8080"),
             "VOXELD_ADMIN_LISTEN": self.with_ports("127.0.0.1:8081")}
         if has_demo:
