@@ -11,7 +11,7 @@
 #include "client/cli/api_key.h"
 #include "client/cli/documents.h"
 #include "client/cli/output_name.h"
-#include "proto/edit_distance.h"
+#include "proto/near_miss.h"
 #include "proto/messages/job.h"
 #include "proto/options/options.h"
 #include "proto/options/table.h"
@@ -298,16 +298,9 @@ CommandLine::CommandLine() {
 
 // The name in `names` that `text` may be a misspelling of; empty if there is none.
 std::string near_name(std::string_view text, const std::vector<std::string>& names) {
-  std::string best;
-  size_t least = text.size() / 3 + 1;  // of 6 letters, 2 may be wrong
-  for (const std::string& name : names) {
-    const size_t distance = edit_distance(text, name);
-    if (distance > 0 && distance <= least && (best.empty() || distance < least)) {
-      best = name;
-      least = distance;
-    }
-  }
-  return best;
+  const std::vector<std::string_view> known(names.begin(), names.end());
+  const std::string_view near = near_miss(text, known);
+  return near == text ? std::string() : std::string(near);
 }
 
 std::vector<std::string> flags_of(const CLI::App& command) {

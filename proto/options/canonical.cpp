@@ -5,9 +5,23 @@
 #include <variant>
 
 #include "proto/options/table.h"
+#include "proto/options/values.h"
 
 namespace voxeld {
 namespace {
+
+// The value in its only JSON type: a number, a list or a text.
+std::string value_json(const Option& option, const std::string& text) {
+  const OptionValues& values = option.codec.values;
+  if (std::holds_alternative<NumberValues>(values)) return text;
+  if (std::holds_alternative<NumberListValues>(values)) return "[" + text + "]";
+  if (!std::holds_alternative<WordListValues>(values)) return nlohmann::json(text).dump();
+  std::string list = "[";
+  for (const std::string_view word : option_values::split(text)) {
+    list.append(list.size() == 1 ? "\"" : ",\"").append(word).append("\"");
+  }
+  return list + "]";
+}
 
 // As text, since a tree of JSON needs memory again when it is destroyed, and ends the process where
 // there is none.
@@ -18,7 +32,7 @@ void add_member(std::string& out, const Option& option, const RequestOptions& op
   const auto* text = std::get_if<std::string>(&value);
   if (integer == nullptr && text == nullptr) return;
   out.append(out.size() == 1 ? "\"" : ",\"").append(option.name).append("\":");
-  out += integer != nullptr ? std::to_string(*integer) : nlohmann::json(*text).dump();
+  out += integer != nullptr ? std::to_string(*integer) : value_json(option, *text);
 }
 
 }  // namespace

@@ -227,11 +227,19 @@ std::string channel_names() {
 }
 
 OptionCodec dims() {
-  return member_codec(&PlacementOptions::dims, TextValues{}, read_dims, joined<3>);
+  return member_codec(&PlacementOptions::dims,
+                      NumberListValues{.count_min = 3,
+                                       .count_max = 3,
+                                       .is_integer = true,
+                                       .min = 1,
+                                       .max = limits::kGridSideMax},
+                      read_dims, joined<3>);
 }
 
 OptionCodec voxel_size() {
-  return numbers(&PlacementOptions::voxel_size, read_voxel_size);
+  return numbers(
+      &PlacementOptions::voxel_size, read_voxel_size,
+      {.count_min = 3, .count_max = 3, .min = 0, .excludes_min = true, .takes_one = true});
 }
 
 OptionCodec bounds() {
@@ -252,23 +260,30 @@ OptionCodec units() {
 }
 
 OptionCodec channels() {
-  return member_codec(&VoxelizeOptions::channels, TextValues{}, read_channels, write_channels);
+  WordListValues values{{"occupancy"}};
+  for (const ChannelInfo& info : kChannels) values.words.push_back(info.name);
+  return member_codec(&VoxelizeOptions::channels, std::move(values), read_channels, write_channels);
 }
 
 OptionCodec animation_name() {
   return member_codec(
-      &AnimationOptions::animation, TextValues{}, read_animation,
+      &AnimationOptions::animation, TextValues{"^[^\\u0000]+$", /*takes_integer=*/true},
+      read_animation,
       [](const std::optional<std::string>& name) { return text_if_any(name.value_or("")); });
 }
 
 OptionCodec frames() {
-  return member_codec(&AnimationOptions::frames, TextValues{}, read_frames, write_frames);
+  return member_codec(&AnimationOptions::frames,
+                      TextValues{R"(^[0-9]+(\.\.[0-9]+)?$)", /*takes_integer=*/true}, read_frames,
+                      write_frames);
 }
 
 OptionCodec times() {
   return member_codec(
-      &AnimationOptions::times_s, TextValues{}, read_times,
-      [](const std::vector<double>& times_s) { return text_if_any(to_text(times_s)); });
+      &AnimationOptions::times_s,
+      NumberListValues{
+          .count_max = limits::kFramesMax, .min = 0, .max = limits::kAnimationSecondsMax},
+      read_times, [](const std::vector<double>& times_s) { return text_if_any(to_text(times_s)); });
 }
 
 OptionCodec format() {
@@ -276,11 +291,18 @@ OptionCodec format() {
 }
 
 OptionCodec region() {
-  return member_codec(&OutputOptions::region, TextValues{}, read_region, joined<6>);
+  return member_codec(&OutputOptions::region,
+                      NumberListValues{.count_min = 6,
+                                       .count_max = 6,
+                                       .is_integer = true,
+                                       .min = 0,
+                                       .max = limits::kGridSideMax},
+                      read_region, joined<6>);
 }
 
 OptionCodec background() {
-  return member_codec(&RenderOptions::background, TextValues{}, read_color,
+  return member_codec(&RenderOptions::background,
+                      TextValues{"^(transparent|#?([0-9A-Fa-f]{6}|[0-9A-Fa-f]{8}))$"}, read_color,
                       [](const Color& color) -> OptionText { return "#" + hex_text(color); });
 }
 
@@ -302,7 +324,8 @@ OptionCodec section() {
 }
 
 OptionCodec filename() {
-  return member_codec(&RequestOptions::filename, TextValues{}, read_filename, text_if_any);
+  return member_codec(&RequestOptions::filename, TextValues{"^[^\\u0000]*$"}, read_filename,
+                      text_if_any);
 }
 
 }  // namespace voxeld::option_codecs

@@ -99,11 +99,11 @@ OptionCodec word(T Part::*member,
 template <typename Part, size_t N,
           typename Read = Result<std::array<double, N>> (*)(std::string_view, std::string_view)>
 OptionCodec numbers(std::optional<std::array<double, N>> Part::*member,
-                    Read read = option_values::numbers<N>) {
-  return member_codec(
-      member, TextValues{}, read, [](const std::optional<std::array<double, N>>& value) {
-        return text_if_set(value, [](const auto& set) { return option_values::to_text(set); });
-      });
+                    Read read = option_values::numbers<N>,
+                    NumberListValues values = {.count_min = N, .count_max = N}) {
+  return member_codec(member, values, read, [](const std::optional<std::array<double, N>>& value) {
+    return text_if_set(value, [](const auto& set) { return option_values::to_text(set); });
+  });
 }
 
 // "occupancy,color,…": all that `channels` takes.

@@ -151,16 +151,16 @@ enum class OptionScope { kVoxelize, kRenderMesh, kRenderGrid, kExport };
 
 using OptionPairs = std::vector<std::pair<std::string, std::string>>;
 
-// Parses name=value pairs (query string, CLI). Errors: unknown-option with the nearest names;
+// Parses name=value pairs (query string, CLI). Errors: unknown-option with the nearest name;
 // invalid-option with the name, the expected and the given value. Duplicates and combinations that
 // exclude each other are invalid-option too.
 Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope);
-// Parses a JSON object. Numbers, strings and arrays of numbers are accepted in place of the text
-// form ("dims":[1,2,3] or "1,2,3").
+// Parses a JSON object: texts, or JSON's own types, as [1,2,3] for "1,2,3" and true for "yes".
+// Errors also: invalid-option with the types that the option takes.
 Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope scope);
 
-// Canonical JSON: fixed key order, defaults spelled out, no filename, no cache. Equal requests give
-// equal bytes. parse_options(canonical_json(o)) == o.
+// Canonical JSON: fixed key order, defaults spelled out, no filename, no cache, one type for each
+// option. Equal requests give equal bytes; parse_options(canonical_json(o)) == o.
 std::string canonical_json(const RequestOptions& options, OptionScope scope);
 
 }  // namespace voxeld

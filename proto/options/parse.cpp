@@ -1,10 +1,11 @@
 // Parsing of options by the table: names, lengths and values of single options here, the rules
 // across options in rules.h.
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "proto/client_texts.h"
-#include "proto/edit_distance.h"
+#include "proto/near_miss.h"
 #include "proto/options/options.h"
 #include "proto/options/rules.h"
 #include "proto/options/table.h"
@@ -13,48 +14,81 @@
 namespace voxeld {
 namespace {
 
+using Json = nlohmann::json;
+
 Error unknown_option(std::string_view name, OptionScope scope) {
-  const std::string_view shown = name.substr(0, 40);
-  std::vector<std::pair<size_t, std::string_view>> near;
+  if (const Option* elsewhere = find_option(name)) {
+    return {ErrorCode::kUnknownOption,
+            "option '" + std::string(elsewhere->name) + "' does not apply to this request", "", ""};
+  }
+  std::vector<std::string_view> known;
   for (const Option& option : option_table()) {
-    if (option.applies_to(scope)) near.emplace_back(edit_distance(shown, option.name), option.name);
+    if (option.applies_to(scope)) known.push_back(option.name);
   }
-  std::ranges::stable_sort(near, {}, [](const auto& entry) { return entry.first; });
-  std::string expected = "one of";
-  for (size_t i = 0; i < near.size() && i < 3; ++i) {
-    expected += (i == 0 ? " " : ", ") + std::string(near[i].second);
-  }
-  return {ErrorCode::kUnknownOption,
-          find_option(name) ? "option does not apply to this request" : "no such option",
-          expected + ", …", "\"" + std::string(shown) + "\""};
+  return unknown_name("option", name, known);
 }
 
-// Cuts the text: a client can send anything in place of an option's name.
-std::string shown_name(std::string_view name) {
-  return std::string(name.substr(0, kEchoBytesMax));
+// The JSON values that an option takes, as an error names them.
+std::string_view expected_type(const OptionValues& values) {
+  if (std::holds_alternative<NumberListValues>(values)) return "a list of numbers, or a text";
+  if (std::holds_alternative<WordListValues>(values)) return "a list of words, or a text";
+  const auto* text = std::get_if<TextValues>(&values);
+  if (text != nullptr && !text->takes_integer) return "a text";
+  return "a text or a number";
 }
 
-Result<std::string> text_of(std::string_view name, const nlohmann::json& value) {
+// Whether the option takes the value, which is no list.
+bool takes_scalar(const OptionValues& values, const Json& value) {
+  if (value.is_string()) return true;
+  if (value.is_boolean()) {
+    const auto* words = std::get_if<WordValues>(&values);
+    return words != nullptr && std::ranges::find(words->words, "yes") != words->words.end();
+  }
+  if (!value.is_number()) return false;
+  if (const auto* list = std::get_if<NumberListValues>(&values)) return list->takes_one;
+  if (const auto* text = std::get_if<TextValues>(&values)) {
+    const double number = value.get<double>();
+    return text->takes_integer && number >= 0 && number == std::floor(number);
+  }
+  return !std::holds_alternative<WordListValues>(values);
+}
+
+bool takes_list(const OptionValues& values, const Json& list) {
+  if (list.empty()) return false;
+  if (std::holds_alternative<NumberListValues>(values)) {
+    return std::ranges::all_of(list, [](const Json& one) { return one.is_number(); });
+  }
+  return std::holds_alternative<WordListValues>(values) &&
+         std::ranges::all_of(list, [](const Json& one) { return one.is_string(); });
+}
+
+std::string scalar_text(const Json& value) {
   if (value.is_string()) return value.get<std::string>();
-  if (value.is_boolean()) return std::string(value.get<bool>() ? "yes" : "no");
-  if (value.is_number_integer()) return value.dump();
-  if (value.is_number()) return option_values::to_text(value.get<double>());
-  const std::string expected = "a text, a number or a list of them";
-  if (value.is_array() && !value.empty()) {
-    std::string text;
-    for (const auto& element : value) {
-      if (element.is_array() || element.is_object()) {
-        return Error{ErrorCode::kInvalidOption, shown_name(name), expected,
-                     element.is_array() ? "a list in a list" : "an object in a list"};
-      }
-      VOXELD_ASSIGN(const std::string part, text_of(name, element));
-      if (&element != &value.front()) text += ",";
-      text += part;
-    }
-    return text;
+  if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
+  return value.is_number_integer() ? value.dump() : option_values::to_text(value.get<double>());
+}
+
+// The text that stands for the value in a query.
+Result<std::string> text_of(const Option& option, const Json& value) {
+  const OptionValues& values = option.codec.values;
+  if (takes_scalar(values, value)) return scalar_text(value);
+  if (!value.is_array() || !takes_list(values, value)) {
+    return Error{ErrorCode::kInvalidOption, std::string(option.name),
+                 std::string(expected_type(values)), value.type_name()};
   }
-  return Error{ErrorCode::kInvalidOption, shown_name(name), expected,
-               std::string(value.type_name())};
+  std::string text;
+  for (const Json& one : value) {
+    if (&one != &value.front()) text += ",";
+    text += scalar_text(one);
+  }
+  return text;
+}
+
+// The option of this name, if requests of the scope take it.
+Result<const Option*> option_of(std::string_view name, OptionScope scope) {
+  const Option* const option = find_option(name);
+  if (option == nullptr || !option->applies_to(scope)) return unknown_option(name, scope);
+  return option;
 }
 
 }  // namespace
@@ -63,8 +97,7 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
   RequestOptions options;
   GivenOptions given;
   for (const auto& [name, text] : pairs) {
-    const Option* const option = find_option(name);
-    if (option == nullptr || !option->applies_to(scope)) return unknown_option(name, scope);
+    VOXELD_ASSIGN(const Option* const option, option_of(name, scope));
     if (!given.insert(option->name).second) {
       return Error{ErrorCode::kInvalidOption, name, "to be given once", "it twice"};
     }
@@ -75,13 +108,14 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
   return options;
 }
 
-Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope scope) {
+Result<RequestOptions> parse_options(const Json& object, OptionScope scope) {
   if (!object.is_object()) {
     return Error{ErrorCode::kInvalidOption, "options", "an object", object.type_name()};
   }
   OptionPairs pairs;
   for (const auto& [name, value] : object.items()) {
-    VOXELD_ASSIGN(std::string text, text_of(name, value));
+    VOXELD_ASSIGN(const Option* const option, option_of(name, scope));
+    VOXELD_ASSIGN(std::string text, text_of(*option, value));
     pairs.emplace_back(name, std::move(text));
   }
   return parse_options(pairs, scope);

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
@@ -39,10 +40,28 @@ struct NumberValues {
 struct WordValues {
   std::vector<std::string_view> words;
 };
-struct TextValues {};  // in a form of its own
-using OptionValues = std::variant<IntegerValues, NumberValues, WordValues, TextValues>;
+// Numbers with commas between them; in JSON also an array.
+struct NumberListValues {
+  int count_min = 1, count_max = 1;
+  bool is_integer = false;
+  double min = -std::numeric_limits<double>::infinity();  // of each
+  double max = std::numeric_limits<double>::infinity();
+  bool excludes_min = false;
+  bool takes_one = false;  // one number stands for all
+};
+// Words with commas between them; in JSON also an array.
+struct WordListValues {
+  std::vector<std::string_view> words;
+};
+// A text of its own form.
+struct TextValues {
+  std::string_view pattern = {};  // regular expression of ECMA 262; empty: any text
+  bool takes_integer = false;     // JSON may have an integer from 0 on in its place
+};
+using OptionValues = std::variant<IntegerValues, NumberValues, WordValues, NumberListValues,
+                                  WordListValues, TextValues>;
 
-// A value as canonical JSON holds it: nothing if the member is unset, else an integer or a text.
+// A value as text: nothing if the member is unset.
 using OptionText = std::variant<std::monostate, int, std::string>;
 
 // Reads an option's text into its member and writes it back. codecs.h makes them.

@@ -2,7 +2,11 @@
 // "options: WHAT" and "options: end" are compared with what the table gives; VOXELD_RENEW=1 writes
 // them anew. WHAT is one of
 //   tables            the tables of docs/options.md, one per group
+//   version           the project's version
 //   parameters        the components of openapi.yaml, one per option
+//   values            schemas of the options in the JSON of a job
+//   members SCOPE     references to them
+//   echoed            members of the options in a job's status, with one type each
 //   list NAME ... [without NAME ...]
 //                     references to them; NAME is a scope, a group or an option
 //   grid types        media types of grids and sequences (proto/output_format.h)
@@ -10,6 +14,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -21,6 +26,7 @@
 #include "proto/options/table.h"
 #include "proto/options/values.h"
 #include "proto/output_format.h"
+#include "proto/version.h"
 
 namespace voxeld {
 namespace {
@@ -104,39 +110,169 @@ Lines tables() {
 
 // openapi.yaml. JSON's texts and lists are YAML too.
 
-std::string schema(const Option& option) {
-  std::string text;
-  const OptionValues& values = option.codec.values;
-  if (const auto* integers = std::get_if<IntegerValues>(&values)) {
-    text = "type: integer, minimum: " + std::to_string(integers->min) +
-           ", maximum: " + std::to_string(integers->max);
-  } else if (const auto* numbers = std::get_if<NumberValues>(&values)) {
-    text = "type: number, minimum: " + option_values::to_text(numbers->min) +
-           ", maximum: " + option_values::to_text(numbers->max);
-  } else if (const auto* words = std::get_if<WordValues>(&values)) {
-    text = "enum: " + replaced(Json(words->words).dump(), ",", ", ");
-  } else {
-    text = "type: string, maxLength: " + std::to_string(option.bytes_max);
-  }
-  const std::string value = default_text(option);
-  if (!option.default_words.empty() || value.empty()) return text;
-  const bool is_number = !range_text(option).empty();
-  return text + ", default: " + (is_number ? value : Json(value).dump());
+constexpr const char* kIntegerPattern = "-?[0-9]+";
+constexpr const char* kNumberPattern = R"([+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?)";
+
+std::string text_schema(const std::string& pattern) {
+  return "type: string, pattern: " + Json("^(" + pattern + ")$").dump();
 }
 
+std::string number_schema(bool is_integer, double min, double max, bool excludes_min = false) {
+  std::string text = is_integer ? "type: integer" : "type: number";
+  if (std::isfinite(min)) {
+    text += (excludes_min ? ", exclusiveMinimum: " : ", minimum: ") + option_values::to_text(min);
+  }
+  if (std::isfinite(max)) text += ", maximum: " + option_values::to_text(max);
+  return text;
+}
+
+std::string enum_schema(const std::vector<std::string_view>& words) {
+  return "type: string, enum: " + replaced(Json(words).dump(), ",", ", ");
+}
+
+// The schemas of an option: of the one JSON type in which it is echoed, then of others that a job's
+// JSON may have in its place.
+struct Schemas {
+  Lines operator()(const IntegerValues& values) const {
+    return {number_schema(true, values.min, values.max), text_schema(kIntegerPattern)};
+  }
+  Lines operator()(const NumberValues& values) const {
+    return {number_schema(false, values.min, values.max), text_schema(kNumberPattern)};
+  }
+  Lines operator()(const WordValues& values) const {
+    Lines schemas = {enum_schema(values.words)};
+    Json numbers = Json::array();
+    for (const std::string_view word : values.words) {
+      if (word == "yes") schemas.emplace_back("type: boolean");
+      if (const auto number = option_values::parse_int(word)) numbers.push_back(*number);
+    }
+    if (!numbers.empty()) schemas.push_back("type: integer, enum: " + numbers.dump());
+    return schemas;
+  }
+  Lines operator()(const NumberListValues& values) const {
+    const std::string item =
+        number_schema(values.is_integer, values.min, values.max, values.excludes_min);
+    const std::string pattern = values.is_integer ? kIntegerPattern : kNumberPattern;
+    const bool is_fixed = values.count_min == values.count_max;
+    const std::string others =
+        "(," + pattern + ")" +
+        (is_fixed ? "{" + std::to_string(values.count_min - 1) + "}" : std::string("*"));
+    Lines schemas = {"type: array, minItems: " + std::to_string(values.count_min) +
+                     ", maxItems: " + std::to_string(values.count_max) + ", items: {" + item + "}"};
+    if (values.takes_one) schemas.push_back(item);
+    schemas.push_back(text_schema(pattern + (values.takes_one ? "(" + others + ")?" : others)));
+    return schemas;
+  }
+  Lines operator()(const WordListValues& values) const {
+    std::string words;
+    for (const std::string_view word : values.words) {
+      words += (words.empty() ? "" : "|") + std::string(word);
+    }
+    return {"type: array, minItems: 1, items: {" + enum_schema(values.words) + "}",
+            text_schema("(" + words + ")(,(" + words + "))*")};
+  }
+  Lines operator()(const TextValues& values) const {
+    std::string schema = "type: string, maxLength: " + std::to_string(bytes_max);
+    if (!values.pattern.empty()) {
+      schema += ", pattern: " + Json(std::string(values.pattern)).dump();
+    }
+    Lines schemas = {schema};
+    if (values.takes_integer) schemas.emplace_back("type: integer, minimum: 0");
+    return schemas;
+  }
+
+  size_t bytes_max;
+};
+
+Lines schemas_of(const Option& option) {
+  return std::visit(Schemas{option.bytes_max}, option.codec.values);
+}
+
+std::string any_of(const Lines& schemas) {
+  if (schemas.size() == 1) return schemas[0];
+  std::string text = "anyOf: [";
+  for (const std::string& schema : schemas)
+    text += (schema == schemas[0] ? "{" : ", {") + schema + "}";
+  return text + "]";
+}
+
+std::string with_default(const std::string& schema, const Option& option) {
+  const std::string value = default_text(option);
+  if (!option.default_words.empty() || value.empty()) return schema;
+  const bool is_number = !range_text(option).empty();
+  return schema + ", default: " + (is_number ? value : Json(value).dump());
+}
+
+std::string described(const Option& option) {
+  std::string text = description(option);
+  const OptionValues& values = option.codec.values;
+  if (std::holds_alternative<TextValues>(values) ||
+      std::holds_alternative<NumberListValues>(values)) {
+    text = form_text(option) + ": " + text;
+  }
+  if (!option.default_words.empty()) {
+    text = sentence(text) + " Default: " + option.default_words + ".";
+  }
+  return "description: " + Json(text).dump();
+}
+
+// A list is one text with commas; a number that stands for a list is a text as well.
 Lines parameters() {
   Lines lines;
   for (const Option& option : option_table()) {
     const std::string name(option.name);
-    std::string text = description(option);
-    if (std::holds_alternative<TextValues>(option.codec.values)) {
-      text = form_text(option) + ": " + text;
-    }
-    if (!option.default_words.empty()) {
-      text = sentence(text) + " Default: " + option.default_words + ".";
-    }
-    lines.push_back(name + ": {name: " + name + ", in: query, schema: {" + schema(option) +
-                    "}, description: " + Json(text).dump() + "}");
+    const auto* list = std::get_if<NumberListValues>(&option.codec.values);
+    const bool is_list =
+        list != nullptr || std::holds_alternative<WordListValues>(option.codec.values);
+    Lines schemas = schemas_of(option);
+    schemas.resize(list != nullptr && list->takes_one ? 2 : 1);
+    lines.push_back(name + ": {name: " + name + ", in: query, " +
+                    (is_list ? "style: form, explode: false, " : "") + "schema: {" +
+                    with_default(any_of(schemas), option) + "}, " + described(option) + "}");
+  }
+  return lines;
+}
+
+// "voxel_size" as the name of a schema: "VoxelSizeOption".
+std::string schema_name(const Option& option) {
+  std::string name;
+  bool is_first = true;
+  for (const char c : option.name) {
+    if (c != '_') name += is_first ? static_cast<char>(std::toupper(c)) : c;
+    is_first = c == '_';
+  }
+  return name + "Option";
+}
+
+// The schemas of options in the JSON of a job.
+Lines value_schemas() {
+  Lines lines;
+  for (const Option& option : option_table()) {
+    lines.push_back(schema_name(option) + ": {" + with_default(any_of(schemas_of(option)), option) +
+                    ", " + described(option) + "}");
+  }
+  return lines;
+}
+
+Lines members(const std::string& scope_name) {
+  Lines lines;
+  for (const Option& option : option_table()) {
+    const auto is_named = [&](const auto& scope) {
+      return scope.second == scope_name && option.applies_to(scope.first);
+    };
+    if (!std::ranges::any_of(kScopes, is_named)) continue;
+    lines.push_back(std::string(option.name) + ": {$ref: \"#/components/schemas/" +
+                    schema_name(option) + "\"}");
+  }
+  EXPECT_FALSE(lines.empty()) << scope_name;
+  return lines;
+}
+
+Lines echoed() {
+  Lines lines;
+  for (const Option& option : option_table()) {
+    if (option.name == "cache" || option.name == "filename") continue;  // decide no result
+    lines.push_back(std::string(option.name) + ": {" + schemas_of(option)[0] + "}");
   }
   return lines;
 }
@@ -193,7 +329,14 @@ Lines part(const std::string& marker) {
   words >> what;
   if (what == "tables") return tables();
   if (what == "parameters") return parameters();
+  if (what == "values") return value_schemas();
+  if (what == "echoed") return echoed();
+  if (what == "version") return {"version: " + std::string(version())};
   if (what == "grid") return grid_types();
+  if (what == "members") {
+    words >> what;
+    return members(what);
+  }
   EXPECT_EQ(what, "list");
   return references(words);
 }
@@ -264,7 +407,7 @@ TEST(OptionDocuments, page_of_options_has_every_option_of_the_table) {
 }
 
 TEST(OptionDocuments, openapi_has_every_option_of_the_table_and_the_routes_that_take_it) {
-  expect_current("proto/openapi.yaml", 17);
+  expect_current("proto/openapi.yaml", 25);
 }
 
 }  // namespace

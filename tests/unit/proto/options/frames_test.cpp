@@ -122,18 +122,18 @@ TEST(AnimationOptions, canonical_text_spells_out_set_options) {
   ends_with({{"animation", "0"}}, kVoxelize,
             R"("pipeline":"auto","animation":"0","root_motion":"keep","format":"native")");
   ends_with({{"frames", "7"}, {"fps", "2.5e1"}}, kRenderMesh,
-            R"("frames":"7..7","fps":"25","root_motion":"keep","width":512)");
+            R"("frames":"7..7","fps":25,"root_motion":"keep","width":512)");
   ends_with({{"times", "0,.5,1e0"}, {"root_motion", "strip"}}, kVoxelize,
-            R"("times":"0,0.5,1","root_motion":"strip")");
+            R"("times":[0,0.5,1],"root_motion":"strip")");
   ends_with({{"animation", "a \"b\" \xc3\xa9"}, {"time", "0.5"}}, kVoxelize,
             R"("animation":"a \"b\" )"
             "\xc3\xa9"
-            R"(","time":"0.5","root_motion":"keep")");
+            R"(","time":0.5,"root_motion":"keep")");
   ends_with({{"frames", "0..3"}}, kExport, R"({"frames":"0..3","format":"native")");
   ends_with({{"frames", "0..3"}, {"image", "sheet"}, {"columns", "2"}}, kRenderGrid,
             R"("image":"sheet","columns":2})");
   ends_with({{"image", "gif"}, {"turntable", "36"}, {"rate", "12.5"}}, kRenderGrid,
-            R"("renderer":"auto","image":"gif","turntable":36,"rate":"12.5"})");
+            R"("renderer":"auto","image":"gif","turntable":36,"rate":12.5})");
   ends_with({{"frame", "3"}, {"level", "1"}}, kRenderGrid,
             R"("frame":3,"level":1,"level_rule":"any"})");
 }

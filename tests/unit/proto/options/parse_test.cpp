@@ -297,15 +297,17 @@ TEST(Options, images_values_reach_their_fields) {
   EXPECT_EQ(render.section, (std::array<double, 4>{1, 0, 0, -2}));
 }
 
-TEST(Options, unknown_names_are_refused_with_the_nearest_ones) {
+TEST(Options, unknown_names_are_refused_with_the_nearest_one) {
   const Error error = refused({{"siez", "1"}}, OptionScope::kVoxelize);
   EXPECT_EQ(error.code, ErrorCode::kUnknownOption);
-  EXPECT_EQ(error.message(), "no such option: expected one of size, sign, dims, …, got \"siez\"");
-  EXPECT_EQ(refused({{"voxelsize", "1"}}, OptionScope::kVoxelize).expected.substr(0, 17),
-            "one of voxel_size");
+  EXPECT_EQ(error.message(), "unknown option 'siez'; did you mean 'size'?");
+  EXPECT_EQ(refused({{"voxelsize", "1"}}, OptionScope::kVoxelize).detail,
+            "unknown option 'voxelsize'; did you mean 'voxel_size'?");
+  EXPECT_EQ(refused({{"resolution", "1"}}, OptionScope::kVoxelize).message(),
+            "unknown option 'resolution': expected one of region, animation, root_motion, …");
   // The name is echoed in part, whatever its length.
-  EXPECT_EQ(refused({{std::string(1000, 'x'), "1"}}, OptionScope::kExport).got,
-            "\"" + std::string(40, 'x') + "\"");
+  EXPECT_EQ(refused({{std::string(1000, 'x'), "1"}}, OptionScope::kExport).detail,
+            "unknown option '" + std::string(40, 'x') + "'");
 }
 
 TEST(Options, each_scope_takes_its_own_options_alone) {
@@ -333,7 +335,7 @@ TEST(Options, each_scope_takes_its_own_options_alone) {
     EXPECT_EQ(taken, names + "cache filename ");
   }
   const Error error = refused({{"width", "5"}}, OptionScope::kVoxelize);
-  EXPECT_EQ(error.detail, "option does not apply to this request");
+  EXPECT_EQ(error.message(), "option 'width' does not apply to this request");
 }
 
 TEST(Options, sign_and_thickness_need_a_fill_that_they_apply_to) {
