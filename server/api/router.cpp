@@ -1,6 +1,9 @@
 #include "server/api/router.h"
 
+#include <algorithm>
 #include <utility>
+
+#include "proto/near_miss.h"
 
 namespace voxeld::api {
 namespace {
@@ -36,6 +39,15 @@ bool matches(const std::vector<std::string>& pattern, const std::vector<std::str
   return true;
 }
 
+Status check_query(const Route& route, const Head& head) {
+  for (const auto& [name, value] : head.query) {
+    if (std::ranges::find(route.query, name) == route.query.end()) {
+      return unknown_name("parameter", name, route.query);
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 Router::Router(std::vector<Route> routes) {
@@ -64,6 +76,9 @@ Reply Router::dispatch(Request& request) const {
     if (!matches(segments_[i], path, &request.path_parameters)) continue;
     request.route = route.path;
     if (takes(route, method)) {
+      if (const Status known = check_query(route, request.head); !known) {
+        return Response::problem(known.error(), request.head.path, request.trace.trace_id);
+      }
       request.body_bytes_max = route.body.bytes_max;
       return route.handler(request);
     }

@@ -1,5 +1,5 @@
-// Routes: one table states for each its response, the callers allowed, its work and the body that
-// it accepts.
+// Routes: one table states for each its response, the query parameters and the body that it
+// accepts, its work and the callers allowed.
 #pragma once
 
 #include <cstdint>
@@ -38,11 +38,15 @@ struct BodyRule {
   int64_t bytes_max = 0;
 };
 
+// Names of query parameters. A request with another one is unknown-option, before its handler runs.
+using QueryNames = std::vector<std::string_view>;
+
 using RouteHandler = std::function<Reply(Request&)>;
 
 struct Route {
   std::string method, path;  // path of openapi.yaml: "/v1/jobs/{id}"
   RouteHandler handler;
+  QueryNames query = {};
   Work work = Work::kNone;
   BodyRule body = {};
   Audience audience = Audience::kTenants;
@@ -59,7 +63,8 @@ class Router {
   // "{}" matches any one that is not empty; there are no regular expressions.
   const Route* find(const Head& head) const;
   // Runs the handler of the request's route; sets `route`, `path_parameters` and `body_bytes_max`.
-  // Responds to OPTIONS with Allow, and to unknown paths and methods with 404 and 405.
+  // Responds to OPTIONS with Allow, and to unknown paths, methods and query parameters with 404,
+  // 405 and 400.
   Reply dispatch(Request& request) const;
   const std::vector<Route>& routes() const { return routes_; }
 

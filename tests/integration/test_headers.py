@@ -29,6 +29,23 @@ class Headers(DaemonTest):
             self.assertEqual((known.status, known.headers["Vary"]), (304, "Accept"))
         self.assertIsNone(self.daemon.get("/v1/jobs").headers["Vary"])
 
+    def test_accept_chooses_the_format_of_a_voxelization(self):
+        mesh = self.fixture("sample.ply")
+        for accept, media_type in ((None, "application/vnd.voxeld.grid"), ("*/*", "application/vnd.voxeld.grid"),
+                                   ("application/x-npz, */*;q=0.1", "application/x-npz"),
+                                   ("text/*", "text/x-xyz")):
+            with self.subTest(accept):
+                response = self.daemon.post("/v1/voxelize?size=8&filename=a.ply", mesh,
+                                            headers={"Accept": accept} if accept else {})
+                self.assertEqual((response.status, response.headers["Content-Type"], response.headers["Vary"]),
+                                 (200, media_type, "Accept"))
+        refused = self.daemon.post("/v1/voxelize?size=8&filename=a.ply", mesh, headers={"Accept": "image/png"})
+        self.assert_problem(refused, 406, "not-acceptable", "application/x-npy", "text/x-xyz", "image/png")
+        self.assertEqual(refused.headers["Vary"], "Accept")
+        named = self.daemon.post("/v1/voxelize?size=8&filename=a.ply&format=npy", mesh,
+                                 headers={"Accept": "image/png"})
+        self.assertEqual((named.status, named.headers["Vary"]), (200, None))
+
     def test_names_of_files_come_through_whole(self):
         for name in ('plain.obj', 'a "quoted".obj', 'back\\slash.obj', 'größe 100%.obj', '模型.obj'):
             with self.subTest(name):

@@ -311,7 +311,7 @@ class VOXELD_CLIENT_API Client {
   // One of these frames. Throws Error "not-found" if it is not finished yet.
   Grid frame(std::string_view job, std::int64_t index);
   std::vector<JobInfo> jobs(int limit = 100);
-  // The queue with at most `limit` waiting jobs; an admin's key shows those of all tenants.
+  // At most `limit` jobs of the queue, running ones first; an admin's key shows all tenants'.
   Queue queue(int limit = 100);
   // Resumes if the connection breaks. Throws "bad-response" if the result has changed meanwhile;
   // the sink then has the beginning of the old one. Throws "content-mismatch" at the end if the

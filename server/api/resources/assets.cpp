@@ -15,7 +15,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr ListLimits kListLimits{100, 1000};
 // Memory of a response with a description: the row, and the text that is sent.
 constexpr int64_t kDescriptionBytesMax = int64_t{1} << 20;
 
@@ -90,12 +89,6 @@ Response described_response(const Request& request, Api& api, const std::string&
 }  // namespace
 
 Reply post_asset(Request& request, Api& api) {
-  for (const auto& [name, value] : request.head.query) {
-    if (name != "filename") {
-      return problem(request, {ErrorCode::kUnknownOption, "no such option", "filename",
-                               "\"" + name.substr(0, 40) + "\""});
-    }
-  }
   return receive_upload(request, api, [](Request&, const Upload& upload) {
     const Asset& asset = upload.asset;
     Response response = Response::json(asset.existed ? 200 : 201, text_of(asset_json(asset)));
@@ -106,7 +99,7 @@ Reply post_asset(Request& request, Api& api) {
 }
 
 Reply list_assets(Request& request, Api& api) {
-  auto page = requested_page(request, kListLimits);
+  auto page = requested_page(request);
   if (!page) return problem(request, page.error());
   return list_response(
       "", "assets", *std::move(page),

@@ -55,11 +55,6 @@ Reply with_grid(Request& request, Api& api, OnGrid then) {
     const auto blob = api.jobs.get_grid(request.caller, grid);
     return blob ? then(request, *blob) : problem(request, blob.error());
   }
-  for (const auto& [name, value] : request.head.query) {
-    if (name == "level" || name == "level_rule" || name == "region") continue;
-    return problem(request, {ErrorCode::kUnknownOption, "tiles are of native grids",
-                             "level, level_rule and region", "\"" + name.substr(0, 40) + "\""});
-  }
   const auto job = request_on_grid(request, grid, JobKind::kExport);
   if (!job) return problem(request, job.error());
   return run_transient(request, api, *job,
@@ -155,7 +150,7 @@ Response tile_response(const Request& request, const StoredBlob& blob) {
 }  // namespace
 
 Reply get_tiles(Request& request, Api& api) {
-  auto page = requested_page(request, kTileLimits, {"level", "level_rule", "region"});
+  auto page = requested_page(request, kTileLimits);
   if (!page) return problem(request, page.error());
   std::erase_if(request.head.query, [](const auto& option) {
     return option.first == "limit" || option.first == "after";
@@ -174,7 +169,7 @@ Reply get_tile(Request& request, Api& api) {
 Reply grid_response(Request& request, Api& api, const std::string& grid) {
   auto blob = api.jobs.get_grid(request.caller, grid);
   if (!blob) return problem(request, blob.error());
-  auto format = requested_format(request);
+  auto format = requested_format(request, format_media_type, format_media_type(Format::kNative));
   if (!format) return problem(request, format.error());
   if (!request.head.query.empty() || (*format && **format != Format::kNative)) {
     if (*format && !request.query("format")) {

@@ -5,8 +5,11 @@
 #include <charconv>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <span>
+#include <vector>
 
 #include "proto/messages/job_text.h"
+#include "server/api/accept.h"
 #include "server/http/file_response.h"
 
 namespace voxeld::api {
@@ -96,6 +99,19 @@ void add_result_headers(Response& response, const JobStatus& status, const MetaH
   std::erase_if(headers, [](const auto& entry) { return entry.second.empty(); });
 }
 
+// "one of application/x-npy, …": each type once.
+Error not_acceptable(std::string_view accept, const std::vector<std::string_view>& offered) {
+  std::string types;
+  for (size_t i = 0; i < offered.size(); ++i) {
+    const auto before = std::span(offered).first(i);
+    if (std::ranges::find(before, offered[i]) != before.end()) continue;
+    types += (types.empty() ? "" : ", ") + std::string(offered[i]);
+  }
+  return {ErrorCode::kNotAcceptable, "Accept names no type that there is",
+          (offered.size() > 1 ? "one of " : "") + types,
+          "\"" + header_safe(accept.substr(0, 120)) + "\""};
+}
+
 Error ended_error(const JobStatus& status) {
   if (status.error) return *status.error;
   return {status.state == JobState::kCancelled ? ErrorCode::kCancelled : ErrorCode::kInternal,
@@ -153,32 +169,24 @@ Response status_response(const Request& request, Api& api, int http_status,
   return response;
 }
 
-Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf media_type) {
-  std::string known = format_names(", ");
+Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf media_type,
+                                               std::string_view own_type) {
   if (const auto name = request.query("format")) {
     const auto format = format_from_name(*name);
-    if (!format) {
-      return Error{ErrorCode::kInvalidOption, "format", known, "\"" + name->substr(0, 40) + "\""};
-    }
-    return format;
+    if (format) return format;
+    return Error{ErrorCode::kInvalidOption, "format", format_names(", "),
+                 "\"" + name->substr(0, 40) + "\""};
   }
   request.is_negotiated = true;
+  std::vector<std::string_view> offered = {own_type};
+  if (media_type != nullptr) {
+    for (const FormatInfo& info : output_formats()) offered.push_back(media_type(info.format));
+  }
   const std::string_view accept = request.head.header("Accept");
-  if (accept.empty() || accept.find("*/*") != std::string_view::npos) {
-    return std::optional<Format>();
-  }
-  std::string types;
-  for (const FormatInfo& info : output_formats()) {
-    const std::string_view type = media_type(info.format);
-    if (accept.find(type) != std::string_view::npos) return std::optional(info.format);
-    types += (types.empty() ? "; types " : ", ") + std::string(type);
-  }
-  known += types;
-  for (const std::string_view image : {"image/png", "image/gif", "image/apng", "image/*"}) {
-    if (accept.find(image) != std::string_view::npos) return std::optional<Format>();
-  }
-  return Error{ErrorCode::kNotAcceptable, "Accept names no format of this result", known,
-               "\"" + header_safe(accept.substr(0, 120)) + "\""};
+  const auto chosen = preferred_type(accept, offered);
+  if (!chosen) return not_acceptable(accept, offered);
+  if (*chosen == 0) return std::optional<Format>();
+  return std::optional(output_formats()[*chosen - 1].format);
 }
 
 Response job_result_response(const Request& request, Api& api, const JobStatus& status) {

@@ -15,7 +15,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr ListLimits kListLimits{100, 1000};
 // A web page may send other types than this one without asking first.
 constexpr std::string_view kJsonMediaType = "application/json";
 
@@ -117,7 +116,7 @@ Reply post_job(Request& request, Api& api) {
 
 // Jobs in brief: long texts of a job are left to GET /v1/jobs/{id}.
 Reply list_jobs(Request& request, Api& api) {
-  auto page = requested_page(request, kListLimits, {"state"});
+  auto page = requested_page(request);
   if (!page) return problem(request, page.error());
   JobQuery query;
   if (const auto name = request.query("state")) {

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <initializer_list>
 #include <string>
 #include <string_view>
 
@@ -25,10 +24,8 @@ struct ListPage {
   std::string after;  // `next` of the page before; empty: from the first row on
 };
 
-// Reads `limit` and `after` of the query; leaves the parameters that are named in `others` alone.
-// Errors: invalid-option, unknown-option.
-Result<ListPage> requested_page(const Request& request, ListLimits limits,
-                                std::initializer_list<std::string_view> others = {});
+// Reads `limit` and `after` of the query. Errors: invalid-option.
+Result<ListPage> requested_page(const Request& request, ListLimits limits = {});
 // The number that a cursor holds; -1 for an empty one. Errors: invalid-option.
 Result<int64_t> cursor_number(std::string_view after);
 // A cursor that is none of this list's.

@@ -39,7 +39,17 @@ Status read_integer(const Request& request, std::string_view name, std::optional
   return {};
 }
 
-Result<JobRequest> parse_request(const Request& request, JobKind kind) {
+// Chooses the format by Accept if the query names none.
+Status choose_format(Request& request, RequestOptions& options) {
+  const MediaTypeOf media_type =
+      options.animation.is_sequence() ? sequence_media_type : format_media_type;
+  VOXELD_ASSIGN(const std::optional<Format> format,
+                requested_format(request, media_type, media_type(options.output.format)));
+  if (format) options.output.format = *format;
+  return {};
+}
+
+Result<JobRequest> parse_request(Request& request, JobKind kind) {
   JobRequest job;
   job.kind = kind;
   job.asset = request.query("asset").value_or("");
@@ -56,6 +66,9 @@ Result<JobRequest> parse_request(const Request& request, JobKind kind) {
                  std::to_string(inputs) + " of them"};
   }
   VOXELD_ASSIGN(job.options, parse_options(option_pairs(request), option_scope(job)));
+  if (kind == JobKind::kVoxelize) {
+    VOXELD_TRY(choose_format(request, job.options));
+  }
   job.filename = job.options.filename;
   VOXELD_TRY(read_integer(request, "priority", job.priority));
   VOXELD_TRY(read_integer(request, "deadline_ms", job.deadline_ms));

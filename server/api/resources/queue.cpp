@@ -1,35 +1,13 @@
 // GET /v1/queue: devices and live jobs, those of other tenants as numbers only.
+#include <utility>
 
 #include "proto/messages/job_text.h"
 #include "proto/messages/json_writer.h"
-#include "proto/number_text.h"
+#include "server/api/resources/list_body.h"
 #include "server/api/resources/resources.h"
 
 namespace voxeld::api {
 namespace {
-
-constexpr int kListDefault = 100, kListMax = 200;  // queued jobs
-// Memory of a response with kListMax queued and as many running jobs: their rows, and the text that
-// is sent.
-constexpr int64_t kQueueBytesMax = int64_t{2} << 20;
-
-Result<int> requested_limit(const Request& request) {
-  int limit = kListDefault;
-  for (const auto& [name, value] : request.head.query) {
-    if (name != "limit") {
-      return Error{ErrorCode::kUnknownOption, "no such option", "limit",
-                   "\"" + name.substr(0, 40) + "\""};
-    }
-    const auto wanted = parse_number<int>(value, 1, kListMax);
-    if (!wanted) {
-      return Error{ErrorCode::kInvalidOption, "limit",
-                   "an integer from 1 to " + std::to_string(kListMax),
-                   "\"" + value.substr(0, 40) + "\""};
-    }
-    limit = *wanted;
-  }
-  return limit;
-}
 
 void write_devices(JsonWriter& json, const QueueView& view) {
   json.key("devices").begin_array();
@@ -47,38 +25,57 @@ void write_devices(JsonWriter& json, const QueueView& view) {
   json.end_array();
 }
 
-std::string queue_text(const QueueView& view) {
+// The members before the list of jobs.
+std::string queue_members(const QueueView& view) {
   std::string text;
   JsonWriter json(text);
-  json.begin_object().member("queued", view.queued).member("running", view.running);
+  json.member("queued", view.queued).member("running", view.running);
   json.key("others").begin_object().member("queued", view.others_queued);
   json.member("running", view.others_running).end_object();
   write_devices(json, view);
-  json.key("jobs").begin_array();
-  for (const QueueView::Job& job : view.jobs) {
-    std::string row = job_row_text(job.status);
-    row.pop_back();
-    JsonWriter(row).member("tenant", job.tenant).member("device", job.device).end_object();
-    json.raw(row);
-  }
-  json.end_array().end_object();
   return text;
+}
+
+std::string row_text(const QueuedJob& job) {
+  std::string row = job_row_text(job.status);
+  row.pop_back();
+  JsonWriter(row).member("tenant", job.tenant).member("device", job.device).end_object();
+  return row;
+}
+
+// Running jobs, then waiting ones, each in the order of arrival. A cursor is "running.ID" or
+// "queued.ID", the list and the job that was last; the job may have left that list since.
+Status add_jobs(Api& api, const Caller& caller, const std::string& after, ListRows& rows) {
+  const size_t dot = after.find('.');
+  const auto list = job_state_from_name(after.substr(0, dot));
+  const bool is_cursor =
+      dot != std::string::npos && (list == JobState::kRunning || list == JobState::kQueued);
+  if (!after.empty() && !is_cursor) return bad_cursor(after);
+  bool goes_on = true;
+  for (const JobState state : {JobState::kRunning, JobState::kQueued}) {
+    if (state == JobState::kRunning && list == JobState::kQueued) continue;
+    const std::string prefix = std::string(job_state_name(state)) + ".";
+    const std::string from = state == list ? after.substr(dot + 1) : "";
+    VOXELD_TRY(api.jobs.list_queue(caller, state, from, [&](const QueuedJob& job) {
+      goes_on = rows.add(row_text(job), prefix + job.status.id);
+      return goes_on;
+    }));
+    if (!goes_on) break;
+  }
+  return {};
 }
 
 }  // namespace
 
-// The list is made while it is sent, so that a client that does not read counts in the memory
-// budget.
 Reply get_queue(Request& request, Api& api) {
-  const auto limit = requested_limit(request);
-  if (!limit) return problem(request, limit.error());
-  Response response = Response::json(200, "");
-  response.body = PieceBody{[&api, caller = request.caller, limit = *limit]() -> Result<Piece> {
-                              VOXELD_ASSIGN(const QueueView view, api.jobs.queue(caller, limit));
-                              return Piece{queue_text(view), true};
-                            },
-                            kQueueBytesMax};
-  return response;
+  auto page = requested_page(request);
+  if (!page) return problem(request, page.error());
+  const auto view = api.jobs.queue(request.caller);
+  if (!view) return problem(request, view.error());
+  return list_response(queue_members(*view), "jobs", *std::move(page),
+                       [&api, caller = request.caller](const std::string& after, ListRows& rows) {
+                         return add_jobs(api, caller, after, rows);
+                       });
 }
 
 }  // namespace voxeld::api

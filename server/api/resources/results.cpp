@@ -23,6 +23,14 @@ JobRequest export_of(const JobStatus& status) {
   return job;
 }
 
+// The format of a result of this media type; nullopt for an image or a description.
+std::optional<Format> format_of(std::string_view type, MediaTypeOf media_type) {
+  for (const FormatInfo& info : output_formats()) {
+    if (media_type(info.format) == type) return info.format;
+  }
+  return std::nullopt;
+}
+
 Reply export_as(Request& request, Api& api, JobRequest job, Format format) {
   OptionPairs pairs;
   for (const auto& pair : request.head.query) {
@@ -47,19 +55,25 @@ Reply get_result(Request& request, Api& api) {
   }
   const JobRequest job = export_of(*status);
   const MediaTypeOf media_type = job.sequence.empty() ? format_media_type : sequence_media_type;
-  auto format = requested_format(request, media_type);
-  if (!format) return problem(request, format.error());
   const JobResult& result = *status->result;
-  const bool other = *format && media_type(**format) != result.media_type;
-  if (!other && request.head.query.empty()) return job_result_response(request, api, *status);
-  if (!*format || (!other && request.head.query.size() == 1)) {
+  const bool is_exportable = !job.grid.empty() || !job.sequence.empty();
+  const auto requested =
+      requested_format(request, is_exportable ? media_type : nullptr, result.media_type);
+  if (!requested) return problem(request, requested.error());
+  const std::optional<Format> own = format_of(result.media_type, media_type);
+  const std::optional<Format> format = *requested ? *requested : own;
+  const bool has_options = request.head.query.size() > (request.query("format") ? 1 : 0);
+  if (!has_options && (!*requested || format == own)) {
     return job_result_response(request, api, *status);
   }
-  if (job.grid.empty() && job.sequence.empty()) {
+  if (is_exportable && format) return export_as(request, api, job, *format);
+  if (format) {
     return problem(request, {ErrorCode::kNotAcceptable, "this job's result has one form alone",
-                             result.media_type, std::string(media_type(**format))});
+                             result.media_type, std::string(media_type(*format))});
   }
-  return export_as(request, api, job, **format);
+  return problem(request,
+                 {ErrorCode::kInvalidOption, "format",
+                  "a format with other options, as the result is " + result.media_type, "none"});
 }
 
 }  // namespace voxeld::api

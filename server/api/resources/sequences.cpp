@@ -193,7 +193,8 @@ Reply render_frame_of_sequence(Request& request, Api& api) {
 }
 
 Reply get_sequence(Request& request, Api& api) {
-  const auto format = requested_format(request, sequence_media_type);
+  const auto format =
+      requested_format(request, sequence_media_type, sequence_media_type(Format::kNative));
   if (!format) return problem(request, format.error());
   if (*format && !request.query("format")) {
     request.head.query.emplace_back("format", format_name(**format));

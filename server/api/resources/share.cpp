@@ -27,9 +27,6 @@ struct Wanted {
 Result<Wanted> parse_wanted(const Request& request) {
   Wanted wanted;
   for (const auto& [name, value] : request.head.query) {
-    if (is_link_parameter(name)) {
-      return Error{ErrorCode::kUnknownOption, "links have it of themselves", "another", name};
-    }
     if (name == "view") {
       wanted.view = value;
     } else if (name != "seconds") {

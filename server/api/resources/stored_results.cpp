@@ -8,8 +8,6 @@
 namespace voxeld::api {
 namespace {
 
-constexpr ListLimits kListLimits{100, 1000};
-
 std::string result_text(const KeptResult& result, KeptKind kind) {
   std::string text;
   JsonWriter json(text);
@@ -55,7 +53,7 @@ Status add_results(Api& api, const Caller& caller, KeptKind kind, const std::str
 }
 
 Response list_stored(Request& request, Api& api, KeptKind kind, const char* name) {
-  auto page = requested_page(request, kListLimits);
+  auto page = requested_page(request);
   if (!page) return problem(request, page.error());
   return list_response(
       "", name, *std::move(page),

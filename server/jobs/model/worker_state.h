@@ -24,13 +24,15 @@ struct WorkerState {
   DeviceMemory device_memory;
 };
 
-// The queue as one caller may see it.
+// A job that waits or runs.
+struct QueuedJob {
+  std::string tenant;
+  std::string device;  // that runs it, or empty
+  JobStatus status;
+};
+
+// The queue as one caller may see it, without its jobs.
 struct QueueView {
-  struct Job {
-    std::string tenant;
-    std::string device;  // that runs it, or empty
-    JobStatus status;
-  };
   struct Device {
     std::string device, renderer;
     int64_t workers = 0;  // that are connected
@@ -38,7 +40,6 @@ struct QueueView {
     std::vector<std::string> jobs;  // those of the caller that run on it
   };
   std::vector<Device> devices;
-  std::vector<Job> jobs;  // the caller's, or an admin's all: running ones, then by position
   int64_t queued = 0, running = 0;                // of all tenants
   int64_t others_queued = 0, others_running = 0;  // of tenants that the caller does not see
 };

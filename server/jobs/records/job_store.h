@@ -133,8 +133,6 @@ class JobStore {
   Result<std::vector<RunningJob>> running();
   // The first queued job of each tenant.
   Result<std::vector<QueueHead>> queue_heads();
-  // The first `limit` that arrived of running jobs and of waiting ones, in brief.
-  Result<std::vector<JobRecord>> live(const Caller& caller, int limit);
   Result<TenantUsage> usage(std::string_view tenant);
   // The usage that an upload of `asked` bytes has to fit beside.
   struct UploadRoom {

@@ -1,6 +1,4 @@
 // Reads of jobs that change nothing.
-#include <utility>
-
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/job_record.h"
 #include "server/jobs/model/tenant_limits.h"
@@ -61,20 +59,6 @@ Result<LiveJobs> JobStore::live(const Caller& caller) {
   if (caller.sees_all()) return live();
   VOXELD_ASSIGN(Database::Lease reader, database_.read());
   return live_jobs(*reader, caller.tenant());
-}
-
-Result<std::vector<JobRecord>> JobStore::live(const Caller& caller, int limit) {
-  VOXELD_ASSIGN(Database::Lease reader, database_.read());
-  std::vector<JobRecord> records;
-  for (const JobState state : {JobState::kRunning, JobState::kQueued}) {
-    const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief, ""};
-    int left = limit;
-    VOXELD_TRY(each_job(*reader, caller, query, [&](JobRecord&& record) -> Result<bool> {
-      records.push_back(std::move(record));
-      return --left > 0;
-    }));
-  }
-  return records;
 }
 
 Result<TenantUsage> JobStore::usage(std::string_view tenant) {

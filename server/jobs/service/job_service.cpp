@@ -199,6 +199,15 @@ Status Service::list(const Caller& caller, const JobQuery& query,
   });
 }
 
+Status Service::list_queue(const Caller& caller, JobState state, const std::string& after,
+                           const std::function<bool(const QueuedJob&)>& take) {
+  const JobQuery query{state, JobOrder::kOldestFirst, JobTexts::kBrief, after};
+  return jobs_.list(caller, query, [&](JobRecord&& record) -> Result<bool> {
+    overlay(record.status);
+    return take({std::move(record.tenant), std::move(record.worker), std::move(record.status)});
+  });
+}
+
 Result<std::vector<JobEvent>> Service::events(const Caller& caller, std::string_view id,
                                               int64_t after_id) {
   // The status first: a state change that comes after it is then in the list, and the older

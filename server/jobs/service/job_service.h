@@ -117,8 +117,13 @@ class JobService {
   // Errors: not-found.
   virtual Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) = 0;
 
-  // Live jobs, at most `limit` that wait, and who works.
-  virtual Result<QueueView> queue(const Caller& caller, int limit) = 0;
+  // --- the queue
+  virtual Result<QueueView> queue(const Caller& caller) = 0;
+  // Calls `take` with one job of the state after the other, in brief and in the order of arrival,
+  // until it returns false. `after`: id of a job; those that arrived later. Errors: invalid-option
+  // for `after`.
+  virtual Status list_queue(const Caller& caller, JobState state, const std::string& after,
+                            const std::function<bool(const QueuedJob&)>& take) = 0;
   // --- what the caller's tenant may have, and has
   virtual TenantLimits limits(const Caller& caller) = 0;
   virtual Result<TenantUsage> usage(const Caller& caller) = 0;

@@ -1,13 +1,11 @@
 #include "server/jobs/service/queue_view.h"
 
 #include <algorithm>
-#include <utility>
 
 namespace voxeld {
 
 Result<QueueView> queue_view(JobStore& jobs, const std::vector<WorkerState>& workers,
-                             const Caller& caller, int limit,
-                             const std::function<void(JobStatus&)>& overlay) {
+                             const Caller& caller) {
   QueueView view;
   VOXELD_ASSIGN(const LiveJobs all, jobs.live());
   VOXELD_ASSIGN(const LiveJobs own, jobs.live(caller));
@@ -16,15 +14,6 @@ Result<QueueView> queue_view(JobStore& jobs, const std::vector<WorkerState>& wor
   // Between the two a job may have started.
   view.others_queued = std::max<int64_t>(0, all.queued - own.queued);
   view.others_running = std::max<int64_t>(0, all.running - own.running);
-  VOXELD_ASSIGN(std::vector<JobRecord> records, jobs.live(caller, limit));
-  for (JobRecord& record : records) {
-    overlay(record.status);
-    view.jobs.push_back(
-        {std::move(record.tenant), std::move(record.worker), std::move(record.status)});
-  }
-  std::ranges::stable_sort(view.jobs, {}, [](const QueueView::Job& job) {
-    return job.status.queue_position;  // 0: it runs
-  });
   for (const WorkerState& worker : workers) {
     const auto known = std::ranges::find(view.devices, worker.device, &QueueView::Device::device);
     QueueView::Device& device = known == view.devices.end() ? view.devices.emplace_back() : *known;

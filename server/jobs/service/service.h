@@ -126,10 +126,11 @@ class Service final : public JobService {
   Result<SequenceManifest> get_sequence(const Caller& caller, std::string_view id) override {
     return frames_.read(caller, id);
   }
-  Result<QueueView> queue(const Caller& caller, int limit) override {
-    return queue_view(jobs_, workers(), caller, limit,
-                      [this](JobStatus& status) { overlay(status); });
+  Result<QueueView> queue(const Caller& caller) override {
+    return queue_view(jobs_, workers(), caller);
   }
+  Status list_queue(const Caller& caller, JobState state, const std::string& after,
+                    const std::function<bool(const QueuedJob&)>& take) override;
   std::vector<WorkerState> workers() override;
   int64_t queued_jobs() override;
   Status ready() override;

@@ -277,6 +277,69 @@ TEST_F(JobsApi, a_list_is_read_page_by_page) {
   EXPECT_EQ(json(get("/v1/jobs?other=1"))["expected"], "limit, after, state");
 }
 
+TEST_F(JobsApi, the_queue_is_read_page_by_page_running_jobs_first) {
+  std::vector<std::string> ids;
+  for (int i = 0; i < 5; ++i) ids.push_back(submit());
+  FakeWorker worker = connect_worker();
+  ASSERT_TRUE(worker.claim());
+  std::vector<std::string> seen;
+  std::string after;
+  int pages = 0;
+  do {
+    const auto page = json(get("/v1/queue?limit=2&after=" + after));
+    EXPECT_EQ(page["queued"], 4);
+    EXPECT_EQ(page["running"], 1);
+    for (const auto& job : page["jobs"]) {
+      EXPECT_EQ(job["state"], seen.empty() ? "running" : "queued");
+      seen.push_back(job.value("id", ""));
+    }
+    after = page.value("next", "");
+    ++pages;
+  } while (!after.empty());
+  EXPECT_EQ(seen, ids);
+  EXPECT_EQ(pages, 3);
+  for (const char* bad : {"x", "running", "done.j-0", "queued.j-0", "queued."}) {
+    EXPECT_EQ(get(std::string("/v1/queue?after=") + bad).code(), "invalid-option") << bad;
+  }
+  EXPECT_EQ(get("/v1/queue?limti=2").detail(), "unknown parameter 'limti'; did you mean 'limit'?");
+}
+
+TEST_F(JobsApi, accept_chooses_the_format_of_a_voxelization) {
+  FakeWorker worker = connect_worker();
+  const auto format_of = [&](const std::string& query, const std::string& accept) {
+    HttpClient client(server_->port());
+    EXPECT_TRUE(client.send("POST /v1/voxelize?cache=no" + query + " HTTP/1.1\r\nHost: h\r\n" +
+                            accept + "Content-Length: 4\r\n\r\nmesh"));
+    const auto task = worker.claim();
+    EXPECT_TRUE(task && worker.complete(*task, "grid"));
+    const auto response = client.receive();
+    const auto options = nlohmann::json::parse(task ? task->options_json : "{}");
+    return options.value("format", "") + " " + response.value_or(HttpResponse{}).header("vary");
+  };
+  EXPECT_EQ(format_of("", ""), "native Accept");
+  EXPECT_EQ(format_of("", "Accept: */*\r\n"), "native Accept");
+  EXPECT_EQ(format_of("", "Accept: application/x-npz\r\n"), "npz Accept");
+  EXPECT_EQ(format_of("", "Accept: text/x-xyz;q=0.5, model/*\r\n"), "vox Accept");
+  EXPECT_EQ(format_of("&animation=0", "Accept: application/zip\r\n"), "xyz Accept");
+  EXPECT_EQ(format_of("&format=npy", "Accept: application/x-npz\r\n"), "npy ");
+}
+
+TEST_F(JobsApi, a_voxelization_that_accepts_no_type_is_refused_with_all_types) {
+  const HttpResponse refused = request("POST", "/v1/voxelize", "Accept: image/png\r\n", "mesh");
+  EXPECT_EQ(refused.status, 406);
+  EXPECT_EQ(refused.code(), "not-acceptable");
+  EXPECT_EQ(refused.header("vary"), "Accept");
+  EXPECT_EQ(json(refused)["expected"],
+            "one of application/vnd.voxeld.grid, application/x-npy, application/x-npz, "
+            "model/x-magicavoxel-vox, text/x-xyz");
+  const HttpResponse moving = request("POST", "/v1/voxelize?animation=0",
+                                      "Accept: application/vnd.voxeld.grid\r\n", "mesh");
+  EXPECT_EQ(json(moving)["expected"],
+            "one of application/vnd.voxeld.sequence, application/x-npy, application/x-npz, "
+            "model/x-magicavoxel-vox, application/zip");
+  EXPECT_EQ(json(get("/v1/assets"))["assets"].size(), 0u) << "refused before the upload";
+}
+
 TEST_F(JobsApi, assets_are_read_page_by_page_and_of_one_time_by_id) {
   std::set<std::string> ids;
   for (int i = 0; i < 5; ++i) ids.insert(post_asset("mesh " + std::to_string(i)));

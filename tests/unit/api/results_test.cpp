@@ -91,7 +91,33 @@ TEST_F(ResultsTest, a_type_that_no_format_has_is_not_acceptable) {
   const HttpResponse response = get(result_, "Accept: text/html\r\n");
   EXPECT_EQ(response.status, 406);
   EXPECT_EQ(response.code(), "not-acceptable");
-  EXPECT_EQ(response.detail(), "Accept names no format of this result");
+  EXPECT_EQ(response.detail(), "Accept names no type that there is");
+  EXPECT_EQ(json(response).value("expected", ""),
+            "one of application/x-npy, application/vnd.voxeld.grid, application/x-npz, "
+            "model/x-magicavoxel-vox, text/x-xyz");
+  EXPECT_EQ(response.header("vary"), "Accept");
+}
+
+TEST_F(ResultsTest, options_without_a_format_export_in_the_format_of_the_result) {
+  const std::string id = json(get(job_)).value("id", "");
+  HttpClient client(server_->port());
+  ASSERT_TRUE(client.send_get(result_ + "?axes=xyz", ""));
+  FakeWorker worker = connect_worker();
+  const auto task = worker.claim();
+  ASSERT_TRUE(task);
+  EXPECT_EQ(task->kind, JobKind::kExport);
+  const auto options = nlohmann::json::parse(task->options_json);
+  EXPECT_EQ(options["format"], "npy");
+  EXPECT_EQ(options["axes"], "xyz");
+  ASSERT_TRUE(worker.complete(*task, "exported"));
+  EXPECT_EQ(client.receive()->body, "exported");
+}
+
+TEST_F(ResultsTest, a_misspelt_parameter_gets_the_near_miss) {
+  const HttpResponse response = get(result_ + "?fromat=npz");
+  EXPECT_EQ(response.status, 400);
+  EXPECT_EQ(response.code(), "unknown-option");
+  EXPECT_EQ(response.detail(), "unknown parameter 'fromat'; did you mean 'format'?");
 }
 
 TEST_F(ResultsTest, equal_work_is_served_from_the_cache) {

@@ -30,7 +30,7 @@ Router example() {
     return Response::text(200, text);
   };
   return Router({{"GET", "/hello", handler},
-                 {"POST", "/echo", handler, Work::kNew},
+                 {"POST", "/echo", handler, {"limit", "after"}, Work::kNew},
                  {"GET", "/v1/jobs/{id}", handler},
                  {"DELETE", "/v1/jobs/{id}", handler},
                  {"GET", "/v1/jobs/{id}/frames/{index}", handler}});
@@ -87,6 +87,19 @@ TEST(Router, find_gives_the_route_before_anything_runs) {
   EXPECT_EQ(router.find(request_of("GET", "/echo").head), nullptr);
 }
 
+TEST(Router, a_query_parameter_that_the_route_does_not_take_is_unknown) {
+  EXPECT_EQ(dispatch("POST", "/echo?limit=1&after=x").status, 200);
+  const Response near = dispatch("POST", "/echo?limit=1&limti=2");
+  EXPECT_EQ(near.status, 400);
+  const auto body = nlohmann::json::parse(text_of(near));
+  EXPECT_EQ(body["code"], "unknown-option");
+  EXPECT_EQ(body["detail"], "unknown parameter 'limti'; did you mean 'limit'?");
+  const auto far = nlohmann::json::parse(text_of(dispatch("HEAD", "/hello?page=%FF")));
+  EXPECT_EQ(far["detail"], "unknown parameter 'page'");
+  EXPECT_EQ(far["expected"], "none");
+  EXPECT_EQ(dispatch("GET", "/hello?%FF=1").status, 400);
+}
+
 TEST(Router, a_path_of_8_kilobytes_is_looked_up_like_any_other) {
   EXPECT_EQ(dispatch("GET", "/" + std::string(8000, 'a')).status, 404);
   std::string deep;
@@ -128,6 +141,31 @@ TEST_F(Table, has_the_operations_of_openapi_yaml_and_no_others) {
     }
   }
   EXPECT_EQ(in_table, documented);
+}
+
+TEST_F(Table, takes_the_query_parameters_of_openapi_yaml) {
+  for (const Route& route : routes) {
+    std::set<std::string> documented;
+    for (const auto& list : {document["paths"][route.path], operation(route)}) {
+      if (!list.contains("parameters")) continue;
+      for (const auto& one : list["parameters"]) {
+        const auto& parameter = resolved(one);
+        if (parameter.at("in") == "query") documented.insert(parameter.at("name"));
+      }
+    }
+    const std::set<std::string> taken(route.query.begin(), route.query.end());
+    EXPECT_EQ(taken, documented) << route.method << " " << route.path;
+  }
+}
+
+TEST_F(Table, has_an_operation_id_a_tag_and_a_summary_for_each_route) {
+  std::set<std::string> ids;
+  for (const Route& route : routes) {
+    const auto& documented = operation(route);
+    EXPECT_TRUE(ids.insert(documented.at("operationId").get<std::string>()).second) << route.path;
+    EXPECT_EQ(documented.at("tags").size(), 1U) << route.path;
+    EXPECT_FALSE(documented.at("summary").get<std::string>().empty()) << route.path;
+  }
 }
 
 TEST_F(Table, states_the_required_rights_as_openapi_yaml_does) {

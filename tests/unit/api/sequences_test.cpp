@@ -125,7 +125,7 @@ TEST_F(SequencesApi, a_frame_is_exported_and_drawn_as_any_grid) {
   EXPECT_EQ(task_.kind, JobKind::kRender);
   EXPECT_TRUE(task_.input_is_grid);
   EXPECT_EQ(option("width"), "64");
-  const HttpResponse moving = get(job_ + "/frames/0/render.png?image=gif&turntable=9");
+  const HttpResponse moving = get(job_ + "/frames/0/render.png?image=gif");
   EXPECT_EQ(moving.status, 400);
   EXPECT_EQ(moving.detail(), "image");
 }

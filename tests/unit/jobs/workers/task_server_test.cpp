@@ -176,28 +176,45 @@ TEST_F(TaskServerTest,
       << status.error->detail;
 }
 
+// The jobs of one state in the queue.
+std::vector<QueuedJob> queued_jobs(JobService& service, const Caller& caller, JobState state,
+                                   const std::string& after = "") {
+  std::vector<QueuedJob> jobs;
+  EXPECT_TRUE(service.list_queue(caller, state, after, [&](const QueuedJob& job) {
+    jobs.push_back(job);
+    return true;
+  }));
+  return jobs;
+}
+
 TEST_F(TaskServerTest, the_queue_shows_devices_and_jobs_in_their_order) {
   const std::string first = submit("a"), second = submit("b"), third = submit("c");
   FakeWorker worker = connect("egl:0");
   ASSERT_TRUE(worker.claim());
-  const QueueView view = service_->queue(Caller::open(), 100).value();
+  const QueueView view = service_->queue(Caller::open()).value();
   EXPECT_EQ(view.queued, 2);
   EXPECT_EQ(view.running, 1);
   EXPECT_EQ(view.others_queued, 0);
-  ASSERT_EQ(view.jobs.size(), 3u);
-  EXPECT_EQ(view.jobs[0].status.id, first);
-  EXPECT_EQ(view.jobs[0].device, "egl:0");
-  EXPECT_EQ(view.jobs[1].status.queue_position, 1);
-  EXPECT_EQ(view.jobs[2].status.id, third);
+  const auto running = queued_jobs(*service_, Caller::open(), JobState::kRunning);
+  ASSERT_EQ(running.size(), 1u);
+  EXPECT_EQ(running[0].status.id, first);
+  EXPECT_EQ(running[0].device, "egl:0");
+  const auto waiting = queued_jobs(*service_, Caller::open(), JobState::kQueued);
+  ASSERT_EQ(waiting.size(), 2u);
+  EXPECT_EQ(waiting[0].status.id, second);
+  EXPECT_EQ(waiting[0].status.queue_position, 1);
+  const auto later = queued_jobs(*service_, Caller::open(), JobState::kQueued, second);
+  ASSERT_EQ(later.size(), 1u);
+  EXPECT_EQ(later[0].status.id, third);
+  EXPECT_EQ(later[0].status.queue_position, 2);
   ASSERT_EQ(view.devices.size(), 1u);
   EXPECT_EQ(view.devices[0].workers, 1);
   EXPECT_EQ(view.devices[0].workers_busy, 1);
   EXPECT_EQ(view.devices[0].jobs, std::vector{first});
-  EXPECT_EQ(service_->queue(Caller::open(), 1).value().jobs.size(), 2u);
-  const QueueView other = service_->queue(Caller::tenant("lab", false), 100).value();
+  const QueueView other = service_->queue(Caller::tenant("lab", false)).value();
   EXPECT_EQ(other.others_queued, 2);
   EXPECT_EQ(other.others_running, 1);
-  EXPECT_TRUE(other.jobs.empty());
+  EXPECT_TRUE(queued_jobs(*service_, Caller::tenant("lab", false), JobState::kQueued).empty());
   EXPECT_TRUE(other.devices[0].jobs.empty());
   EXPECT_EQ(other.devices[0].workers_busy, 1);
 }
