@@ -20,9 +20,9 @@ Response status_response(const Request& request, Api& api, int http_status,
 std::string server_timing(const JobStatus& status);
 // Seconds of "Prefer: wait=N", clamped to kPreferWaitSecondsMax; 0 without it.
 int preferred_wait_seconds(const Request& request);
-// The format that `format=` or Accept asks for; nullopt: as it is, of type `own_type`. `media_type`:
-// that of grids or of sequences, null for what has no other form. Errors: invalid-option,
-// not-acceptable with the list of types.
+// The format that `format=` or Accept asks for; nullopt: as it is, of type `own_type`.
+// `media_type`: that of grids or of sequences, null for what has no other form. Errors:
+// invalid-option, not-acceptable with the list of types.
 using MediaTypeOf = std::string_view (*)(Format);
 Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf media_type,
                                                std::string_view own_type);

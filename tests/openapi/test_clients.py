@@ -1,0 +1,86 @@
+"""openapi.yaml as client generators see it: redocly's lint, openapi-typescript, tsc --strict, and a program that runs a
+job. The packages are those of package-lock.json. They are installed into VOXELD_OPENAPI_DIR, a folder of the build."""
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+sys.path.insert(0, str(ROOT / "tests/integration"))
+from harness import DaemonTest  # noqa: E402
+
+SPEC = ROOT / "proto/openapi.yaml"
+WORK = pathlib.Path(os.environ.get("VOXELD_OPENAPI_DIR", ROOT / "build/dev/openapi"))
+PACKAGE_FILES = ("package.json", "package-lock.json")
+SOURCES = ("redocly.yaml", "tsconfig.json", "run_job.ts", "typed_options.ts")
+# Nothing is reported to anyone.
+QUIET = {"REDOCLY_TELEMETRY": "off", "REDOCLY_SUPPRESS_UPDATE_NOTICE": "true", "NO_COLOR": "1"}
+
+
+def run(*command, seconds=300):
+    return subprocess.run(command, cwd=WORK, env={**os.environ, **QUIET}, timeout=seconds,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def tool(name, *arguments):
+    return run(WORK / "node_modules/.bin" / name, *arguments)
+
+
+def install():
+    """Installs the packages of package-lock.json, unless they are there already."""
+    missing = [name for name in ("node", "npm") if shutil.which(name) is None]
+    if missing:
+        raise AssertionError(f"{' and '.join(missing)} missing; Debian: apt-get install nodejs npm")
+    WORK.mkdir(parents=True, exist_ok=True)
+    stamp = WORK / "installed"
+    wanted = "".join((HERE / name).read_text() for name in PACKAGE_FILES)
+    if not stamp.exists() or stamp.read_text() != wanted:
+        for name in PACKAGE_FILES:
+            shutil.copyfile(HERE / name, WORK / name)
+        done = run("npm", "ci", "--prefer-offline", "--ignore-scripts", "--no-audit", "--no-fund",
+                   "--fetch-retries=1", "--fetch-timeout=60000", seconds=600)
+        if done.returncode != 0:
+            raise AssertionError("npm ci failed: the packages of tests/openapi/package-lock.json are neither in npm's "
+                                 "cache nor to be had from its registry:\n" + done.stderr[-2000:])
+        stamp.write_text(wanted)
+    for name in SOURCES:
+        shutil.copyfile(HERE / name, WORK / name)
+
+
+class Clients(DaemonTest):
+    device = "cpu"
+
+    @classmethod
+    def setUpClass(cls):
+        install()
+        super().setUpClass()
+
+    def succeed(self, done):
+        self.assertEqual(done.returncode, 0, done.stdout[-4000:] + done.stderr[-4000:])
+        return done.stdout
+
+    def test_redocly_finds_no_errors_or_warnings(self):
+        out = tool("redocly", "lint", str(SPEC), "--config", "redocly.yaml", "--format=json").stdout
+        report = json.loads(out[out.index("{"):])
+        found = [f"{one['severity']} {one['ruleId']}: {one['message']} at {one['location'][0].get('pointer')}"
+                 for one in report["problems"]]
+        self.assertEqual((report["totals"]["errors"], report["totals"]["warnings"], found), (0, 0, []))
+
+    def test_a_typescript_program_runs_a_job(self):
+        self.succeed(tool("openapi-typescript", str(SPEC), "-o", "api.d.ts"))
+        shutil.rmtree(WORK / "js", ignore_errors=True)
+        self.succeed(tool("tsc", "-p", "tsconfig.json"))
+        out = self.succeed(run("node", "js/run_job.js", self.daemon.url, str(self.fixtures / "sample.ply")))
+        told = json.loads(out)
+        self.assertEqual(told["state"], "done")
+        self.assertEqual((told["options"]["size"], told["options"]["fill"]), (32, "solid"))
+        job = self.daemon.get("/v1/jobs?limit=1").json()["jobs"][0]
+        self.assertEqual(told["bytes"], job["result"]["bytes"])
+
+
+if __name__ == "__main__":
+    unittest.main()
