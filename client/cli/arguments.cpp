@@ -49,8 +49,11 @@ void add_common_flags(CLI::App& app, Arguments& arguments) {
                  "the server (default: $VOXELD_URL, url of the configuration file, "
                  "http://127.0.0.1:8080 if a voxeld serves there, else a private one)")
       ->type_name("URL");
-  app.add_flag("--local,!--no-local", arguments.is_local,
-               "use a private voxeld, started if need be; --no-local: never");
+  app.add_flag_callback(
+      "--local", [&arguments] { arguments.is_local = true; },
+      "use a private voxeld, and start one if none runs");
+  app.add_flag_callback(
+      "--no-local", [&arguments] { arguments.is_local = false; }, "never start a private voxeld");
   app.add_option("--key", arguments.key,
                  "API key (default: $VOXELD_KEY, or what the file $VOXELD_KEY_FILE holds)")
       ->type_name("KEY");

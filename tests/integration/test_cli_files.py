@@ -60,12 +60,12 @@ class CliFiles(DaemonTest):
     # --- many files
 
     def test_each_mesh_becomes_a_file_of_the_folder(self):
-        meshes = self.meshes("a.ply", "b.glb", "c.obj", "d.stl", "e.off")
+        meshes = self.meshes("a.ply", "b.glb")
         out = self.dir / "made" / "here"
         done = self.voxel(*meshes, "--out-dir", out, "--format", "vox", "--size", 16)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(sorted(path.name for path in out.iterdir()),
-                         ["a.vox", "b.vox", "c.vox", "d.vox", "e.vox"])
+                         ["a.vox", "b.vox"])
         for path in out.iterdir():
             self.assertTrue(path.read_bytes().startswith(b"VOX "))
         images = self.voxel("render", *meshes[:2], "--out-dir", out, "--size", 16, "--width", 32, "--height", 32)
@@ -92,7 +92,7 @@ class CliFiles(DaemonTest):
         self.assertEqual(max(report["files"][0]["meta"]["dims"]), 16)
 
     def test_inputs_that_cannot_be_a_batch_are_refused(self):
-        a, b = self.meshes("a.ply", "a.obj")
+        a, b = self.meshes("a.ply", "a.glb")
         self.assert_usage(f"{a} and {b} would both go to {self.dir}/out/a.voxg", a, b, "--out-dir",
                           self.dir / "out")
         self.assert_usage(f"{b}: is a second mesh; --out-dir DIR makes a file of each", a, b, "-o",
