@@ -30,6 +30,8 @@ def text_of(value):
     """The value as in a query string."""
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
     return ",".join(map(text_of, value)) if isinstance(value, list) else str(value)
 
 
