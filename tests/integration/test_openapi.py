@@ -23,13 +23,15 @@ LISTS = {
     "bounds": [[0, 0, 0, 1, 1, 1], [-1.5, 0, 0.25, 1e9, 1, 0.5]], "region": [[0, 0, 0, 1, 2, 16384]],
     "times": [[0], [0.5, 1, 86400]], "section": [[1, 0, 0, -0.5]],
 }
-WRONG = [None, {}, [], [[1, 2, 3]], [None], "", "?", "1,", ",", ["?"], [1, 2], [1, "2", 3], 1e300, -1e300]
+WRONG = [None, {}, [], [[1, 2, 3]], [None], "", "?", "1,", ",", ["?"], [1, 2], [1, "2", 3]]
 
 
 def text_of(value):
     """The value as in a query string."""
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
     return ",".join(map(text_of, value)) if isinstance(value, list) else str(value)
 
 
@@ -103,14 +105,14 @@ class OpenApiOptions(DaemonTest):
                 schema = self.schemas[reference["$ref"].rsplit("/", 1)[1]]
                 right = self.right_values(name, schema)
                 values = right + [text_of(value) for value in right] + self.wrong_values(schema)
-                for value in values:
+                for number, value in enumerate(values):
                     options = {**CONTEXT.get(name, {}), name: value}
                     if options.get("image") == "png":
                         del options["turntable"]
                     with self.subTest(kind=kind, options=options):
                         is_right = validator.is_valid(options)
                         tried[is_right] += 1
-                        self.assertTrue(is_right or value not in right)
+                        self.assertTrue(is_right or number >= len(right))
                         self.assertEqual(is_right, self.dry_run(kind, options) is not None)
                 self.assertFalse(validator.is_valid({name + "x": 1}))
         self.assertGreater(min(tried.values()), 300, tried)

@@ -48,8 +48,8 @@ std::string row_text(const QueuedJob& job) {
 Status add_jobs(Api& api, const Caller& caller, const std::string& after, ListRows& rows) {
   const size_t dot = after.find('.');
   const auto list = job_state_from_name(after.substr(0, dot));
-  const bool is_cursor =
-      dot != std::string::npos && (list == JobState::kRunning || list == JobState::kQueued);
+  const bool is_cursor = dot != std::string::npos && dot + 1 < after.size() &&
+                         (list == JobState::kRunning || list == JobState::kQueued);
   if (!after.empty() && !is_cursor) return bad_cursor(after);
   bool goes_on = true;
   for (const JobState state : {JobState::kRunning, JobState::kQueued}) {
