@@ -147,7 +147,7 @@ std::string admin_url(const ServeConfig& config, const api::ApiServer& server) {
 
 bool is_idle(api::ApiServer& server, JobService& jobs) {
   if (server.is_busy()) return false;
-  const auto queue = jobs.queue(Caller::daemon(), 1);
+  const auto queue = jobs.queue(Caller::daemon());
   return queue && queue->queued + queue->running == 0;
 }
 

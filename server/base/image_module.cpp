@@ -5,6 +5,8 @@
 #include <string>
 #include <system_error>
 
+#include "server/base/cancel_point.h"
+
 namespace voxeld {
 namespace {
 
@@ -32,6 +34,7 @@ std::filesystem::path image_module_folder() {
 }
 
 Result<const void*> image_module_symbol(const char* name) {
+  cancel_point();  // loading takes long; and the module uses the flag of this program
   static const Module module = load();
   if (module.handle == nullptr) {
     return Error{ErrorCode::kInternal, "the module for images cannot be loaded: " + module.failure,
