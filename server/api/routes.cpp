@@ -76,7 +76,7 @@ std::vector<Route> public_routes(Api& api, int64_t upload_bytes_max) {
       {"POST", "/v1/render", on(render), of_render, kNew, upload},
       {"POST", "/v1/assets", on(post_asset), {"filename"}, kNew, upload},
       {"GET", "/v1/assets", on(list_assets), page},
-      {"GET", "/v1/assets/{id}", on(get_asset), none, kMayStart},
+      {"GET", "/v1/assets/{id}", on(get_asset), {"brief"}, kMayStart},
       {"DELETE", "/v1/assets/{id}", on(delete_asset)},
       {"POST", "/v1/jobs", on(post_job), {"dry_run"}, kNew, json},
       {"GET", "/v1/jobs", on(list_jobs), page_of_jobs},
