@@ -17,10 +17,7 @@ namespace {
 using Json = nlohmann::json;
 
 Error unknown_option(std::string_view name, OptionScope scope) {
-  if (const Option* elsewhere = find_option(name)) {
-    return {ErrorCode::kUnknownOption,
-            "option '" + std::string(elsewhere->name) + "' does not apply to this request", "", ""};
-  }
+  if (const Option* elsewhere = find_option(name)) return option_does_not_apply(*elsewhere);
   std::vector<std::string_view> known;
   for (const Option& option : option_table()) {
     if (option.applies_to(scope)) known.push_back(option.name);

@@ -367,6 +367,11 @@ const Option* find_option(std::string_view name) {
   return found == option_table().end() ? nullptr : &*found;
 }
 
+Error option_does_not_apply(const Option& option) {
+  return {ErrorCode::kUnknownOption,
+          "option '" + std::string(option.name) + "' does not apply to this request", "", ""};
+}
+
 std::string form_text(const Option& option) {
   if (!option.form.empty()) return option.form;
   const auto* values = std::get_if<WordValues>(&option.codec.values);

@@ -93,6 +93,8 @@ struct Option {
 std::span<const Option> option_table();
 // Null for an unknown name.
 const Option* find_option(std::string_view name);
+// unknown-option: "option 'frames' does not apply to this request".
+Error option_does_not_apply(const Option& option);
 
 // Texts for documents.
 std::string form_text(const Option& option);     // "N", "y | z", "NX,NY,NZ"

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "proto/near_miss.h"
+#include "proto/options/table.h"
 
 namespace voxeld::api {
 namespace {
@@ -42,6 +43,7 @@ bool matches(const std::vector<std::string>& pattern, const std::vector<std::str
 Status check_query(const Route& route, const Head& head) {
   for (const auto& [name, value] : head.query) {
     if (std::ranges::find(route.query, name) == route.query.end()) {
+      if (const Option* option = find_option(name)) return option_does_not_apply(*option);
       return unknown_name("parameter", name, route.query);
     }
   }

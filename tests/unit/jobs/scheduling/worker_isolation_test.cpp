@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 #include <prometheus/registry.h>
-#include <prometheus/text_serializer.h>
 
 #include <chrono>
 #include <fstream>
@@ -226,8 +225,15 @@ class IsolatedProcesses : public ::testing::Test {
     file >> pid;
     return pid;
   }
-  std::string metrics() const {
-    return prometheus::TextSerializer().Serialize(registry_->Collect());
+  // The sum over all devices; -1 if there is no such counter.
+  double counter(std::string_view name) const {
+    for (const prometheus::MetricFamily& family : registry_->Collect()) {
+      if (family.name != name) continue;
+      double sum = 0;
+      for (const prometheus::ClientMetric& metric : family.metric) sum += metric.counter.value;
+      return sum;
+    }
+    return -1;
   }
 
   testing::TemporaryDir dir_;
@@ -246,9 +252,8 @@ TEST_F(IsolatedProcesses, no_process_works_for_two_tenants_and_none_counts_as_a_
     }
   }
   for (const auto& [pid, tenants] : tenants_of) EXPECT_EQ(tenants.size(), 1u) << pid;
-  const std::string told = metrics();
-  EXPECT_NE(told.find("voxeld_worker_replacements_total{device=\"llvmpipe\"}"), std::string::npos);
-  EXPECT_EQ(told.find("voxeld_worker_restarts_total{"), std::string::npos) << told;
+  EXPECT_GT(counter("voxeld_worker_replacements_total"), 0);
+  EXPECT_EQ(counter("voxeld_worker_restarts_total"), 0);
 }
 
 TEST_F(IsolatedProcesses, as_many_tenants_as_workers_have_one_each) {
@@ -275,7 +280,7 @@ TEST_F(IsolatedProcesses, without_isolation_one_process_does_all) {
   std::set<std::string> pids;
   for (const char* tenant : {"a", "b", "a", "c"}) pids.insert(pid_of_job(tenant));
   EXPECT_EQ(pids.size(), 1u);
-  EXPECT_EQ(metrics().find("voxeld_worker_replacements_total{"), std::string::npos);
+  EXPECT_EQ(counter("voxeld_worker_replacements_total"), 0);
 }
 
 }  // namespace
