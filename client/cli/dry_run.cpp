@@ -1,6 +1,5 @@
 #include "client/cli/dry_run.h"
 
-#include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -14,11 +13,6 @@ namespace voxeld::cli {
 namespace {
 
 using Json = nlohmann::json;
-
-std::int64_t unix_now_ms() {
-  const auto since = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::milliseconds>(since).count();
-}
 
 // The estimate of a job on the mesh, or on what is stored.
 Json estimate_of(client::Client& daemon, const Arguments& arguments, const std::string& input,

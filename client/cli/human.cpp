@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdio>
 #include <string_view>
 
@@ -59,6 +60,11 @@ std::string seconds_text(double seconds) {
   };
   if (whole < kHour) return pair(whole / kMinute, " min ", whole % kMinute, " s");
   return pair(whole / kHour, " h ", whole % kHour / kMinute, " min");
+}
+
+std::int64_t unix_now_ms() {
+  const auto since = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::milliseconds>(since).count();
 }
 
 std::string age_text(std::int64_t since_ms, std::int64_t now_ms) {

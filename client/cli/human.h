@@ -10,6 +10,7 @@ namespace voxeld::cli {
 std::string count_text(std::int64_t count);  // "1,234,567"
 std::string bytes_text(std::int64_t bytes);  // "812 B", "1.2 MB"; powers of 1000
 std::string seconds_text(double seconds);    // "0.042 s", "1.24 s", "3 min 12 s", "2 h 5 min"
+std::int64_t unix_now_ms();
 std::string age_text(std::int64_t since_ms, std::int64_t now_ms);  // "12 s", "5 min", "3 h", "2 d"
 
 // Rows whose cells begin in the same columns, two spaces apart.

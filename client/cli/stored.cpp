@@ -18,11 +18,6 @@ using client::Error;
 using client::JobInfo;
 using Json = nlohmann::json;
 
-std::int64_t unix_now_ms() {
-  const auto since = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::milliseconds>(since).count();
-}
-
 // The size that was asked for: "256", "64,64,32", "0.01 a voxel".
 std::string size_of(const Json& status) {
   const Json options = status.value("options", Json::object());

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 
+#include "client/cli/human.h"
 #include "client/cli/terminal.h"
 #include "client/cli/top_view.h"
 
@@ -17,11 +18,6 @@ using Clock = TopView::Clock;
 constexpr auto kRefresh = std::chrono::seconds(1);
 constexpr int kJobsShown = 200;
 constexpr ScreenSize kPaper{200, 1000};  // screen size for --once
-
-int64_t unix_now_ms() {
-  const auto since = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::milliseconds>(since).count();
-}
 
 }  // namespace
 

@@ -15,10 +15,8 @@
 namespace voxeld {
 namespace {
 
-using Json = nlohmann::json;
-
 // Only checks the text; a second pass over the same text builds the value.
-class BoundedSax : public nlohmann::json_sax<Json> {
+class BoundedSax : public nlohmann::json_sax<nlohmann::json> {
  public:
   explicit BoundedSax(const JsonBounds& bounds) : bounds_(bounds) {}
   bool null() override { return count(); }
@@ -42,7 +40,7 @@ class BoundedSax : public nlohmann::json_sax<Json> {
               "distinct keys", "a duplicate"};
     return false;
   }
-  bool parse_error(size_t position, const std::string&, const Json::exception&) override {
+  bool parse_error(size_t position, const std::string&, const nlohmann::json::exception&) override {
     error_ = Error{ErrorCode::kBadRequest, "JSON: syntax error at byte " + std::to_string(position),
                    "a JSON value", ""};
     return false;
@@ -77,19 +75,19 @@ class BoundedSax : public nlohmann::json_sax<Json> {
 
 }  // namespace
 
-Result<Json> parse_json_bounded(std::string_view text, int64_t bytes_max) {
+Result<nlohmann::json> parse_json_bounded(std::string_view text, int64_t bytes_max) {
   return parse_json_bounded(text, JsonBounds{.bytes_max = bytes_max});
 }
 
-Result<Json> parse_json_bounded(std::string_view text, const JsonBounds& bounds) {
+Result<nlohmann::json> parse_json_bounded(std::string_view text, const JsonBounds& bounds) {
   if (std::ssize(text) > bounds.bytes_max) {
     return Error{ErrorCode::kPayloadTooLarge, "JSON body is too large",
                  "at most " + std::to_string(bounds.bytes_max) + " bytes",
                  std::to_string(text.size())};
   }
   BoundedSax sax(bounds);
-  if (!Json::sax_parse(text.begin(), text.end(), &sax)) return sax.error();
-  return Json::parse(text.begin(), text.end(), nullptr, /*allow_exceptions=*/false);
+  if (!nlohmann::json::sax_parse(text.begin(), text.end(), &sax)) return sax.error();
+  return nlohmann::json::parse(text.begin(), text.end(), nullptr, /*allow_exceptions=*/false);
 }
 
 }  // namespace voxeld

@@ -4,15 +4,13 @@
 
 namespace voxeld {
 
-using Json = nlohmann::json;
-
-Status read_value(const Json& json, std::string& value) {
+Status read_value(const nlohmann::json& json, std::string& value) {
   if (!json.is_string()) return unfit("a text", json.type_name());
   value = json.get_ref<const std::string&>();
   return {};
 }
 
-Status read_value(const Json& json, int64_t& value) {
+Status read_value(const nlohmann::json& json, int64_t& value) {
   if (!json.is_number_integer()) return unfit("an integer", json.type_name());
   // nlohmann's parser makes an unsigned number above the range of int64_t, and get() would wrap.
   if (json.is_number_unsigned() && !std::in_range<int64_t>(json.get<uint64_t>())) {
@@ -22,7 +20,7 @@ Status read_value(const Json& json, int64_t& value) {
   return {};
 }
 
-Status read_value(const Json& json, uint64_t& value) {
+Status read_value(const nlohmann::json& json, uint64_t& value) {
   int64_t number = 0;
   VOXELD_TRY(read_value(json, number));
   if (number < 0) return unfit("0 or more", std::to_string(number));
@@ -30,7 +28,7 @@ Status read_value(const Json& json, uint64_t& value) {
   return {};
 }
 
-Status read_value(const Json& json, int& value) {
+Status read_value(const nlohmann::json& json, int& value) {
   int64_t wide = 0;
   VOXELD_TRY(read_value(json, wide));
   if (!std::in_range<int>(wide)) return unfit("an integer of 32 bits", std::to_string(wide));
@@ -38,30 +36,31 @@ Status read_value(const Json& json, int& value) {
   return {};
 }
 
-Status read_value(const Json& json, double& value) {
+Status read_value(const nlohmann::json& json, double& value) {
   if (!json.is_number()) return unfit("a number", json.type_name());
   value = json.get<double>();
   return {};
 }
 
-Status read_value(const Json& json, bool& value) {
+Status read_value(const nlohmann::json& json, bool& value) {
   if (!json.is_boolean()) return unfit("true or false", json.type_name());
   value = json.get<bool>();
   return {};
 }
 
-Status read_value(const Json& json, std::vector<std::string>& value) {
-  const bool are_texts =
-      json.is_array() && std::ranges::all_of(json, [](const Json& v) { return v.is_string(); });
+Status read_value(const nlohmann::json& json, std::vector<std::string>& value) {
+  const bool are_texts = json.is_array() && std::ranges::all_of(json, [](const nlohmann::json& v) {
+                           return v.is_string();
+                         });
   if (!are_texts) return unfit("a list of texts", json.type_name());
   value = json.get<std::vector<std::string>>();
   return {};
 }
 
-Status read_value(const Json& json, StageTimes& value) {
+Status read_value(const nlohmann::json& json, StageTimes& value) {
   if (!json.is_array()) return unfit("a list", json.type_name());
   value.clear();
-  for (const Json& entry : json) {
+  for (const nlohmann::json& entry : json) {
     if (!entry.is_array() || entry.size() != 2 || !entry[0].is_string() || !entry[1].is_number()) {
       return unfit("pairs of stage and milliseconds", "");
     }
@@ -70,7 +69,7 @@ Status read_value(const Json& json, StageTimes& value) {
   return {};
 }
 
-Status read_value(const Json& json, Error& value) {
+Status read_value(const nlohmann::json& json, Error& value) {
   value = {};
   if (const Status status = read_fields(json, value); !status) {
     value = {ErrorCode::kInternal, "not a problem document: " + status.error().message(), "", ""};

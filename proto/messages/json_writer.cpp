@@ -50,8 +50,7 @@ JsonWriter& JsonWriter::value(std::string_view text) {
     text_ += '"';
     return *this;
   }
-  using Json = nlohmann::json;
-  text_ += Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
+  text_ += nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   return *this;
 }
 

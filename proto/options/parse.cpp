@@ -14,8 +14,6 @@
 namespace voxeld {
 namespace {
 
-using Json = nlohmann::json;
-
 Error unknown_option(std::string_view name, OptionScope scope) {
   if (const Option* elsewhere = find_option(name)) return option_does_not_apply(*elsewhere);
   std::vector<std::string_view> known;
@@ -35,7 +33,7 @@ std::string_view expected_type(const OptionValues& values) {
 }
 
 // Whether the option takes the value, which is no list.
-bool takes_scalar(const OptionValues& values, const Json& value) {
+bool takes_scalar(const OptionValues& values, const nlohmann::json& value) {
   if (value.is_string()) return true;
   if (value.is_boolean()) {
     const auto* words = std::get_if<WordValues>(&values);
@@ -50,23 +48,23 @@ bool takes_scalar(const OptionValues& values, const Json& value) {
   return !std::holds_alternative<WordListValues>(values);
 }
 
-bool takes_list(const OptionValues& values, const Json& list) {
+bool takes_list(const OptionValues& values, const nlohmann::json& list) {
   if (list.empty()) return false;
   if (std::holds_alternative<NumberListValues>(values)) {
-    return std::ranges::all_of(list, [](const Json& one) { return one.is_number(); });
+    return std::ranges::all_of(list, [](const nlohmann::json& one) { return one.is_number(); });
   }
   return std::holds_alternative<WordListValues>(values) &&
-         std::ranges::all_of(list, [](const Json& one) { return one.is_string(); });
+         std::ranges::all_of(list, [](const nlohmann::json& one) { return one.is_string(); });
 }
 
-std::string scalar_text(const Json& value) {
+std::string scalar_text(const nlohmann::json& value) {
   if (value.is_string()) return value.get<std::string>();
   if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
   return value.is_number_integer() ? value.dump() : option_values::to_text(value.get<double>());
 }
 
 // The text that stands for the value in a query.
-Result<std::string> text_of(const Option& option, const Json& value) {
+Result<std::string> text_of(const Option& option, const nlohmann::json& value) {
   const OptionValues& values = option.codec.values;
   if (takes_scalar(values, value)) return scalar_text(value);
   if (!value.is_array() || !takes_list(values, value)) {
@@ -74,7 +72,7 @@ Result<std::string> text_of(const Option& option, const Json& value) {
                  std::string(expected_type(values)), value.type_name()};
   }
   std::string text;
-  for (const Json& one : value) {
+  for (const nlohmann::json& one : value) {
     if (&one != &value.front()) text += ",";
     text += scalar_text(one);
   }
@@ -105,7 +103,7 @@ Result<RequestOptions> parse_options(const OptionPairs& pairs, OptionScope scope
   return options;
 }
 
-Result<RequestOptions> parse_options(const Json& object, OptionScope scope) {
+Result<RequestOptions> parse_options(const nlohmann::json& object, OptionScope scope) {
   if (!object.is_object()) {
     return Error{ErrorCode::kInvalidOption, "options", "an object", object.type_name()};
   }

@@ -213,8 +213,10 @@ class Errors(DaemonTest):
         self.provoke(self.daemon.get(f"/v1/jobs/{status['id']}/frames/0"), 404, "not-found",
                      "0 frames are done")
         grid = f"/v1/grids/{status['result']['grid']}"
-        self.provoke(self.daemon.get(f"{grid}?frames=0..3"), 400, "invalid-option", "frames", "sequence")
-        self.provoke(self.daemon.get(f"{grid}/render.png?frame=1"), 400, "invalid-option", "frame")
+        self.provoke(self.daemon.get(f"{grid}?frames=0..3"), 400, "unknown-option",
+                     "option 'frames' does not apply to this request")
+        self.provoke(self.daemon.get(f"{grid}/render.png?frame=1"), 400, "unknown-option",
+                     "option 'frame' does not apply to this request")
         self.provoke(self.daemon.get(f"{grid}/render?image=gif"), 400, "invalid-option", "turntable")
         self.provoke(self.daemon.get(f"{grid}/render.png?image=gif&turntable=4"), 400,
                      "invalid-option", "/render")
