@@ -24,7 +24,7 @@ constexpr int kPauseDoublings = 6;
 constexpr std::chrono::milliseconds kPauseMax = 10s;  // the limit of a pause that begins at 200 ms
                                                       // and doubles
 // A smaller source is sent without asking whether the daemon has it: that takes as long.
-constexpr long long kAskedBytesMin = 64 * 1024;
+constexpr long long kAskedBytesMin = 64LL * 1024;
 constexpr size_t kHashedBytes = size_t{1} << 20;  // at a time
 constexpr int kPollSeconds = 2;  // of one long poll, so progress is reported at least this often
 

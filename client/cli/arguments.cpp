@@ -130,7 +130,8 @@ void take_inputs(std::vector<std::string> inputs, std::string_view extension,
   for (const std::string& input : inputs) {
     if (input == "-")
       throw CLI::ValidationError("--out-dir", "stdin has no name to call a file by");
-    const auto name = std::filesystem::path(input).stem().string() + std::string(extension);
+    std::string name = std::filesystem::path(input).stem().string();
+    name.append(extension);
     const auto path = (std::filesystem::path(arguments.out_dir) / name).string();
     const auto [other, is_new] = made_of.emplace(path, input);
     if (!is_new) {

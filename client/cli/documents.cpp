@@ -251,14 +251,16 @@ std::string zsh_options(const CLI::App& command, const std::string& indent) {
     const std::vector<std::string> words = words_of(*option);
     const std::string action = words.empty() ? "_files" : "(" + joined(words, " ") + ")";
     for (const std::string& name : names_of(*option)) {
-      text += " \\\n" + indent + "'" + name + "[" + zsh_text(option->get_description()) + "]";
+      text.append(" \\\n").append(indent).append("'").append(name);
+      text.append("[").append(zsh_text(option->get_description())).append("]");
       if (takes_value(*option)) {
-        text += ":" + zsh_text(option->get_type_name()) + ":" + action;
+        text.append(":").append(zsh_text(option->get_type_name())).append(":").append(action);
       }
       text += "'";
     }
     if (option->get_positional()) {
-      text += " \\\n" + indent + "'*:" + zsh_text(option->get_type_name()) + ":" + action + "'";
+      text.append(" \\\n").append(indent).append("'*:");
+      text.append(zsh_text(option->get_type_name())).append(":").append(action).append("'");
     }
   }
   return text;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <string_view>
 
@@ -52,7 +53,7 @@ std::string seconds_text(double seconds) {
   if (seconds < 1.0) return formatted("%.3f s", seconds);
   if (seconds < 9.995) return formatted("%.2f s", seconds);
   if (seconds < 59.95) return formatted("%.1f s", seconds);
-  const auto whole = static_cast<std::int64_t>(seconds + 0.5);
+  const auto whole = std::int64_t{std::llround(seconds)};
   const auto pair = [](std::int64_t large, std::string_view unit, std::int64_t small,
                        std::string_view small_unit) {
     std::string text = std::to_string(large);

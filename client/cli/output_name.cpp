@@ -92,7 +92,7 @@ std::string image_for(const std::string& path, const std::string& given) {
       return given;
     case Kind::kImage: {
       const bool is_png = name.extension == ".png";  // a PNG, also an animated one
-      const std::string image = is_png ? given : name.extension.substr(1);
+      std::string image = is_png ? given : name.extension.substr(1);
       if (given.empty() || given == image) {
         if (!is_png || given != "gif") return image;
       }

@@ -25,8 +25,8 @@ std::string size_of(const Json& status) {
     const Json value = options.is_object() ? options.value(name, Json()) : Json();
     return value.is_null() ? "" : value.is_string() ? value.get<std::string>() : value.dump();
   };
-  if (const std::string dims = text("dims"); !dims.empty()) return dims;
-  if (const std::string edge = text("voxel_size"); !edge.empty()) return edge + " a voxel";
+  if (std::string dims = text("dims"); !dims.empty()) return dims;
+  if (std::string edge = text("voxel_size"); !edge.empty()) return edge + " a voxel";
   return text("size");
 }
 
