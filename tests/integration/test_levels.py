@@ -124,7 +124,8 @@ class Levels(DaemonTest):
             response = self.daemon.get(f"/v1/grids/{self.grid}?{query}")
             self.assert_problem(response, 400, "invalid-option", words)
         response = self.daemon.get(f"/v1/grids/{self.grid}/tiles?format=npy")
-        self.assert_problem(response, 400, "unknown-option", "level")
+        self.assert_problem(response, 400, "unknown-option",
+                            "option 'format' does not apply to this request")
 
 
 if __name__ == "__main__":

@@ -221,8 +221,8 @@ class Quotas(unittest.TestCase):
         def voxel(*arguments):
             return subprocess.run([BIN / "voxel", *arguments, "--url", self.daemon.url, "--key", key],
                                   text=True, capture_output=True, check=True).stdout
-        self.assertIn("tenant       cli", voxel("whoami"))
-        self.assertIn("of 1048576", voxel("whoami"))
+        self.assertIn("tenant        cli", voxel("whoami"))
+        self.assertIn("of 1.0 MB", voxel("whoami"))
         self.assertEqual(json.loads(voxel("whoami", "--json"))["tenant"], "cli")
         url = voxel("share", job, "--seconds", "60").strip()
         fetched = subprocess.run(["curl", "-sf", url], capture_output=True, check=True).stdout
