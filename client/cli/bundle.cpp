@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstdio>
 #include <fstream>
 #include <iterator>
@@ -17,6 +16,7 @@
 #include <span>
 #include <string_view>
 
+#include "client/cli/output_name.h"
 #include "proto/text_file.h"
 
 namespace voxeld::cli {
@@ -24,12 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
-
-std::string lower(std::string text) {
-  std::ranges::transform(text, text.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 // Collects distinct names of existing files inside the mesh's folder. A mesh file may come from
 // anyone, and the files it names are sent away. Therefore no name and no symbolic link may lead out
@@ -182,7 +176,7 @@ std::vector<std::string> files_of_obj(const fs::path& mesh) {
   });
   for (const std::string& material : materials) {
     for_each_statement(mesh.parent_path() / material, [&](const Statement& statement) {
-      if (lower(statement.key).starts_with("map_")) add_texture(statement.rest, names);
+      if (lower_case(statement.key).starts_with("map_")) add_texture(statement.rest, names);
     });
   }
   return names.take();
@@ -234,14 +228,14 @@ std::vector<std::string> files_of_gltf(const fs::path& mesh) {
 
 bool is_image(const fs::path& path) {
   static const std::set<std::string> extensions = {".tga", ".png", ".jpg", ".jpeg", ".dds", ".bmp"};
-  return extensions.contains(lower(path.extension().string()));
+  return extensions.contains(lower_case(path.extension().string()));
 }
 
 // The name in lower case, without folders and extension. Shaders, materials and files are matched
 // by it.
 std::string stem_of(std::string name) {
   std::ranges::replace(name, '\\', '/');
-  return lower(fs::path(name).stem().string());
+  return lower_case(fs::path(name).stem().string());
 }
 
 // Names of joints: the first quoted text in each line of the block `name`.
@@ -270,7 +264,7 @@ std::set<std::string> md5_joints(const fs::path& path, std::string_view block) {
 void add_animations(const fs::path& mesh, const std::vector<fs::path>& files, Names& names) {
   std::set<std::string> joints;
   for (const fs::path& file : files) {
-    if (lower(file.extension().string()) != ".md5anim") continue;
+    if (lower_case(file.extension().string()) != ".md5anim") continue;
     if (joints.empty()) joints = md5_joints(mesh, "joints");
     if (md5_joints(file, "hierarchy") == joints) names.add(file.filename().string());
   }
@@ -297,7 +291,7 @@ std::vector<std::string> files_of_md5(const fs::path& mesh) {
   }
   std::ranges::sort(files);
   for (const fs::path& file : files) {
-    if (lower(file.extension().string()) != ".mtr") continue;
+    if (lower_case(file.extension().string()) != ".mtr") continue;
     names.add(file.filename().string());
     std::ifstream text(file);
     for (std::string word; text >> word;) wanted.insert(stem_of(word));
@@ -391,7 +385,7 @@ client::Source stdin_source() {
 }  // namespace
 
 std::vector<std::string> referenced_files(const fs::path& mesh) {
-  const std::string extension = lower(mesh.extension().string());
+  const std::string extension = lower_case(mesh.extension().string());
   if (extension == ".obj") return files_of_obj(mesh);
   if (extension == ".gltf") return files_of_gltf(mesh);
   if (extension == ".md5mesh") return files_of_md5(mesh);

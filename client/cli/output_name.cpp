@@ -16,13 +16,6 @@ constexpr std::string_view kForeign[] = {
     ".nrrd",      ".obj", ".off",    ".ply",   ".qb",   ".raw",  ".schem",
     ".schematic", ".stl", ".tga",    ".tif",   ".tiff", ".vdb",  ".webp"};
 
-std::string lower(std::string text) {
-  std::ranges::transform(text, text.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
-  return text;
-}
-
 std::string grid_extensions() {
   std::string text;
   for (const FormatInfo& format : output_formats()) text += std::string(format.extension) + ", ";
@@ -39,10 +32,17 @@ std::string quoted(const std::string& path) {
 
 }  // namespace
 
+std::string lower_case(std::string text) {
+  std::ranges::transform(text, text.begin(), [](char c) {
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return text;
+}
+
 OutputName OutputName::of(const std::string& path) {
   OutputName name;
   if (path.empty() || path == "-") return name;
-  name.extension = lower(std::filesystem::path(path).extension().string());
+  name.extension = lower_case(std::filesystem::path(path).extension().string());
   name.kind = std::ranges::count(kForeign, name.extension) != 0 ? Kind::kForeign : Kind::kOther;
   if (name.extension == ".png" || name.extension == ".gif" || name.extension == ".apng") {
     name.kind = Kind::kImage;

@@ -24,6 +24,9 @@ struct OutputName {
   static OutputName of(const std::string& path);
 };
 
+// Of the letters of ASCII.
+std::string lower_case(std::string text);
+
 // Each throws CLI::ValidationError, which names the extensions that there are.
 
 // The format for `voxel MESH -o path`: that of the extension, and `given` ("" or a name) must be

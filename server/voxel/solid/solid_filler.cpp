@@ -192,12 +192,12 @@ int64_t distance_bytes(const FillMesh& mesh, const GridSpec& spec, const Voxeliz
                         int64_t{tiles.x} * tiles.y * tiles.z * (int64_t{8} << 15);
   if (!is_band) return bytes;
   const int64_t cells = band_cells_max(mesh, spec.dims, options.thickness);
-  constexpr int64_t kBrickCells =
+  constexpr int64_t kCellsPerBrick =
       int64_t{limits::kBrickSide} * limits::kBrickSide * limits::kBrickSide;
   constexpr int64_t kBrickBytes = sizeof(BrickMask) + sizeof(uint32_t);
   const auto voxel_bytes = static_cast<int64_t>(attribute_bytes(channels.grid) + sizeof(int16_t));
   // Bricks and samples count twice, because they exist twice while surface and band are united.
-  return bytes + 2 * (cells * voxel_bytes + (cells / kBrickCells + 1) * kBrickBytes);
+  return bytes + 2 * (cells * voxel_bytes + (cells / kCellsPerBrick + 1) * kBrickBytes);
 }
 
 }  // namespace voxeld

@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using client::error_of;
-using ::testing::HasSubstr;
 
 class ConfigFileTest : public ::testing::Test {
  protected:
