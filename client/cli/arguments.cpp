@@ -135,8 +135,9 @@ void take_inputs(std::vector<std::string> inputs, std::string_view extension,
     const auto path = (std::filesystem::path(arguments.out_dir) / name).string();
     const auto [other, is_new] = made_of.emplace(path, input);
     if (!is_new) {
-      throw CLI::ValidationError("--out-dir",
-                                 other->second + " and " + input + " would both go to " + path);
+      std::string what = other->second;
+      what.append(" and ").append(input).append(" would both go to ").append(path);
+      throw CLI::ValidationError("--out-dir", what);
     }
     arguments.batch.push_back({input, path});
   }

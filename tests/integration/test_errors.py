@@ -218,7 +218,7 @@ class Errors(DaemonTest):
         self.provoke(self.daemon.get(f"{grid}/render.png?frame=1"), 400, "unknown-option",
                      "option 'frame' does not apply to this request")
         self.provoke(self.daemon.get(f"{grid}/render?image=gif"), 400, "invalid-option", "turntable")
-        self.provoke(self.daemon.get(f"{grid}/render.png?image=gif&turntable=4"), 400,
+        self.provoke(self.daemon.get(f"{grid}/render.png?image=gif"), 400,
                      "invalid-option", "/render")
 
     def test_bundles(self):

@@ -1,4 +1,5 @@
 """The private daemon that voxel starts where none serves, and the flags of voxeld that it uses."""
+import contextlib
 import http.client
 import json
 import os
@@ -55,7 +56,8 @@ class PrivateDaemon(unittest.TestCase):
 
     def tearDown(self):
         for pid in self.daemons():
-            os.kill(pid, signal.SIGTERM)
+            with contextlib.suppress(ProcessLookupError):  # one may end by itself just now
+                os.kill(pid, signal.SIGTERM)
             wait_until(lambda pid=pid: has_ended(pid))
         shutil.rmtree(self.dir, ignore_errors=True)
 
