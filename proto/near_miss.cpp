@@ -15,6 +15,7 @@ constexpr size_t kNearestListed = 3;
 std::vector<std::string_view> by_distance(std::string_view name,
                                           std::span<const std::string_view> known) {
   std::vector<std::pair<size_t, std::string_view>> near;
+  near.reserve(known.size());
   for (const std::string_view one : known) near.emplace_back(edit_distance(name, one), one);
   std::ranges::stable_sort(near, {}, [](const auto& entry) { return entry.first; });
   std::vector<std::string_view> names;
