@@ -19,6 +19,7 @@ std::vector<std::string_view> by_distance(std::string_view name,
   for (const std::string_view one : known) near.emplace_back(edit_distance(name, one), one);
   std::ranges::stable_sort(near, {}, [](const auto& entry) { return entry.first; });
   std::vector<std::string_view> names;
+  names.reserve(near.size());
   for (const auto& [distance, one] : near) names.push_back(one);
   return names;
 }
