@@ -70,7 +70,7 @@ void add_output_flag(CLI::App& app, Arguments& arguments) {
       ->type_name("FILE");
 }
 
-// Where results of meshes go, or what they would cost.
+// Flags for the place of results, and for their estimate.
 void add_output_flags(CLI::App& app, Arguments& arguments) {
   add_output_flag(app, arguments);
   app.add_option("--out-dir", arguments.out_dir, "make a file of each mesh, in this folder")

@@ -62,7 +62,7 @@ JobInfo make_of_stored(Client& daemon, std::string_view kind, const client::Inpu
   return job;
 }
 
-// What has to be done to write a job's result to a file of this name.
+// The steps that write a job's result to a file of this name.
 struct Conversion {
   bool is_needed = false;
   client::Input input;

@@ -1,4 +1,4 @@
-// What an output's name says of its contents. A file gets only bytes of the kind that its extension
+// The format that an output's name asks for. A file gets only bytes of the kind that its extension
 // names.
 #pragma once
 
@@ -24,7 +24,7 @@ struct OutputName {
   static OutputName of(const std::string& path);
 };
 
-// Of the letters of ASCII.
+// Changes the letters of ASCII to lower case.
 std::string lower_case(std::string text);
 
 // Each throws CLI::ValidationError, which names the extensions that there are.

@@ -216,7 +216,7 @@ void wait_for_data(const fs::path& folder, Clock::time_point deadline,
   }
 }
 
-// What a program is started with, in a session of its own: a terminal's Ctrl-C does not reach it.
+// Attributes of a program to start, in a session of its own: a terminal's Ctrl-C does not reach it.
 class Spawn {
  public:
   Spawn() {

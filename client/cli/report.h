@@ -1,4 +1,4 @@
-// What commands print: JSON and warnings, and lines for people.
+// Output of commands: JSON and warnings, and lines for people.
 #pragma once
 
 #include <cstdint>

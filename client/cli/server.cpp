@@ -17,7 +17,7 @@ namespace {
 
 using client::Error;
 
-// Of the question whether a voxeld serves at kDefaultUrl.
+// Limit of the request that asks whether a voxeld serves at kDefaultUrl.
 constexpr std::chrono::seconds kAskTimeMax{2};
 
 std::string url_variable() {

@@ -30,7 +30,7 @@ std::string size_of(const Json& status) {
   return text("size");
 }
 
-// What there is to say of a job beside its state.
+// A note on a job beside its state: place in the queue, bytes, progress or error.
 std::string note_of(const JobInfo& job, const Json& status) {
   if (job.state == "queued") return "place " + std::to_string(job.queue_position);
   if (job.state == "done") return bytes_text(job.bytes);

@@ -20,7 +20,7 @@ std::filesystem::path image_module_folder();
 // internal, with the loader's words. Thread-safe.
 Result<const void*> image_module_symbol(const char* name);
 
-// Where the module has the address of the function that it publishes under `name`. A Result of the
+// The place where the module has the address of the function that it publishes under `name`. A Result of the
 // address itself makes GCC 12 warn of a shadowed name.
 template <typename Function>
 Result<Function* const*> image_module_function(const char* name) {

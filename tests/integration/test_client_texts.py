@@ -44,7 +44,7 @@ class ClientTexts(DaemonTest):
                                         f"{method} {path}: {parameter['name']} has no limit")
                     limit = schema.get("maxLength", 1 << 30)
                     if parameter["in"] == "query" and schema.get("type") == "array":
-                        # Of the list as text, as the description of JobRequest says.
+                        # The limit of the list as text, as the description of JobRequest says.
                         limit = 102_400 if parameter["name"] == "times" else 1024
                     if method != "post" or "{" in path or limit > 4000:
                         continue

@@ -19,7 +19,7 @@ RULES = ROOT / "docker/prometheus/alerts.yaml"
 RULE_TESTS = ROOT / "docker/prometheus/alerts_test.yaml"
 CONFIG = ROOT / "docker/prometheus/prometheus.yaml"
 DASHBOARD = json.loads((ROOT / "docker/grafana/voxeld.json").read_text())
-# What a machine without such a GPU does not have.
+# Metrics that a machine without such a GPU does not have.
 HARDWARE = {"voxeld_gpu_memory_bytes"}
 SELECTOR = re.compile(r"\b((?:voxeld|process)_[a-z0-9_]+)(?:\{([^}]*)\})?")
 # Added by Prometheus, or by the dashboard's variables.

@@ -10,7 +10,7 @@ import jsonschema
 
 from harness import ROOT, DaemonTest
 
-# What has to be set with an option so that nothing but its value can be wrong.
+# Settings that an option needs so that nothing but its value can be wrong.
 CONTEXT = {
     "sign": {"fill": "solid"}, "thickness": {"fill": "shell"}, "interior": {"fill": "solid"},
     "rule": {"fill": "solid"}, "labels": {"channels": ["label"]}, "padding": {"voxel_size": 1},

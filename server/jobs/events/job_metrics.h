@@ -47,7 +47,7 @@ class JobMetrics {
   void add_worker_up(const std::string& device, int workers);
   // Bytes of all blobs; how many were ever found damaged.
   void set_store(int64_t bytes, int64_t damaged);
-  // Of the file system that holds the data directory; `reserve_bytes` as DiskRoom keeps it.
+  // Sets the bytes of the data directory's file system; `reserve_bytes` as DiskRoom keeps it.
   void set_disk(int64_t free_bytes, int64_t total_bytes, int64_t reserve_bytes);
   // Things that were removed unasked: "size", "age" (results), "asset-age".
   void evicted(const std::string& reason, int64_t count);
