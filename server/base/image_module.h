@@ -20,8 +20,8 @@ std::filesystem::path image_module_folder();
 // internal, with the loader's words. Thread-safe.
 Result<const void*> image_module_symbol(const char* name);
 
-// The place where the module has the address of the function that it publishes under `name`. A Result of the
-// address itself makes GCC 12 warn of a shadowed name.
+// The place where the module has the address of the function that it publishes under `name`. A
+// Result of the address itself makes GCC 12 warn of a shadowed name.
 template <typename Function>
 Result<Function* const*> image_module_function(const char* name) {
   VOXELD_ASSIGN(const void* const symbol, image_module_symbol(name));
