@@ -17,7 +17,7 @@ from harness import BIN, ROOT
 FOLDER = ROOT / "docker/kubernetes"
 SCHEMAS = yaml.safe_load((pathlib.Path(__file__).parent / "kubernetes_schemas.yaml").read_text())
 UNITS = {"G": 10**9, "Gi": 1 << 30}
-# What the daemon takes as G.
+# Bytes that the daemon means by G.
 GIB = 1 << 30
 
 
