@@ -30,7 +30,7 @@ class ShutIn(unittest.TestCase):
     def test_workers_of_all_devices_are_shut_in_with_all_their_threads(self):
         for device in DEVICES:
             with self.subTest(device):
-                daemon = Daemon(device=device)
+                daemon = Daemon(device=device, arguments=["--workers-per-device", "1"])
                 try:
                     self.look_at(daemon)
                 finally:

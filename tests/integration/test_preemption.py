@@ -28,11 +28,18 @@ class Giants(PreemptionTest):
     @classmethod
     def setUpClass(cls):
         cls.load = Contention({"a": 1, "b": 1, "c": 1, "d": 1}, arguments=TWO_WORKERS)
-        cls.giants = {name: cls.load.submit(name, GIANT) for name in "abc"}
 
     @classmethod
     def tearDownClass(cls):
         cls.load.close()
+
+    def setUp(self):
+        self.giants = {name: self.load.submit(name, GIANT) for name in "abc"}
+
+    def tearDown(self):
+        for name, job in self.giants.items():
+            self.load.cancel(name, job)
+            self.load.tenants[name].wait(job)
 
     def statuses(self):
         return {name: self.load.status(name, job) for name, job in self.giants.items()}
@@ -128,7 +135,7 @@ class Ends(PreemptionTest):
 
     def test_frames_are_made_once(self):
         worm = self.load.tenants["d"].upload(self.load.fixtures / "worm.md5.zip")
-        options = {"animation": "walk", "size": 700, "fps": 60, "cache": "no"}
+        options = {"animation": "walk", "size": 700, "fps": 240, "cache": "no"}
         d = self.load.tenants["d"]
         others = {name: self.load.submit(name, GIANT) for name in "ab"}
         job = d.submit(kind="voxelize", asset=worm, options=options)
