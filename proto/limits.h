@@ -46,6 +46,7 @@ inline constexpr int kShellThicknessMax = 256;  // voxels: invalid-option
 
 // Images. Larger: invalid-option.
 inline constexpr int kRenderSideMax = 4096;
+inline constexpr double kExposureMax = 16;  // of dark colours: invalid-option
 inline constexpr int kSamplesPerSideMax = 4;
 inline constexpr int kSheetSideMax = 16'384;  // pixels, of a contact sheet
 

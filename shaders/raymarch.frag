@@ -1,7 +1,8 @@
 // Ray march through a sparse grid, see lib/march.glsl. With RAYMARCH_HITS the pass returns the
 // voxel that each pixel's ray hits first; otherwise it renders. Then RAYMARCH_ATTRIBUTES (voxels
-// have colours or normals), RAYMARCH_SMOOTH (normals are estimated) and RAYMARCH_LIGHT (there is
-// ambient occlusion or a shadow) are 0 or 1. They are defines, because software drivers execute
+// have colours or normals), RAYMARCH_SMOOTH (normals are estimated), RAYMARCH_LIGHT (there is
+// ambient occlusion or a shadow), RAYMARCH_GROUND (there is a floor) and RAYMARCH_OUTLINE (there
+// are outlines and nothing else) are 0 or 1. They are defines, because software drivers execute
 // code behind a condition even if no invocation takes it.
 #include "shared/raymarch.h"
 #include "lib/dda.glsl"
@@ -10,6 +11,7 @@
 #include "lib/march_tree.glsl"
 #include "lib/march.glsl"
 #include "lib/march_light.glsl"
+#include "lib/march_ground.glsl"
 #include "lib/march_normal.glsl"
 #include "lib/shading.glsl"
 #include "lib/march_attributes.glsl"
@@ -153,6 +155,10 @@ vec3 estimated_normal(March found) {
 }
 #endif
 
+vec3 mixed_normal(vec3 normal, vec3 face) {
+  return normalize(mix(normal, face, params.light_world.w));
+}
+
 // Unit normal towards the eye, stored or estimated. An estimate is mixed with the face's normal if
 // voxels are large in the image.
 vec3 smooth_normal(March found, vec3 face, vec3 to_eye) {
@@ -162,14 +168,15 @@ vec3 smooth_normal(March found, vec3 face, vec3 to_eye) {
     // Opposite normals of a thin wall may have cancelled out; then the face's is used. Meshes are
     // visible from both sides.
     vec3 normal = dot(stored, stored) > 0.01 ? normalize(stored) : face;
-    return dot(normal, to_eye) < 0.0 ? -normal : normal;
+    if (dot(normal, to_eye) < 0.0) normal = -normal;
+    // Cubes have faces, and smooth surfaces have their own normals.
+    return has(RAYMARCH_HIGHLIGHT) ? normal : mixed_normal(normal, face);
   }
 #endif
 #if RAYMARCH_SMOOTH
   vec3 estimated = estimated_normal(found);
   if (dot(estimated, estimated) < 0.5) return face;
-  vec3 normal = dot(estimated, to_eye) < 0.0 ? -estimated : estimated;
-  return normalize(mix(normal, face, params.light_world.w));
+  return mixed_normal(dot(estimated, to_eye) < 0.0 ? -estimated : estimated, face);
 #else
   return face;
 #endif
@@ -182,7 +189,7 @@ Exposure exposure_of(Sight sight, vec3 face, vec3 normal, int sample_index, int 
   if (sight.found.axis < 0) return exposure;
   // Small voxels stand for a smooth surface, which their steps must not darken. Rays therefore
   // start above them.
-  float as_cubes = params.light_world.w / RAYMARCH_FACE_SHARE;
+  float as_cubes = params.footprint.w;
   // Behind a crest the normal towards the eye may point into the surface.
   vec3 upward = dot(normal, face) > 0.0 ? normalize(mix(normal, face, as_cubes)) : face;
   float offset = 1.5 * (1.0 - as_cubes) * float(1 << sight.found.level);
@@ -208,20 +215,34 @@ Exposure exposure_of(Sight sight, vec3 face, vec3 normal, int sample_index, int 
 }
 #endif
 
+// The share of light that the edges of a cube's face leave at the hit, 0..1.
+float edge_light(Sight sight, int face) {
+  if (params.tone.z <= 0.0 || sight.found.level > 0 || sight.on_section) return 1.0;
+  GridRay ray = sight.start.ray;
+  vec3 at = ray.origin + ray.direction * sight.found.t - vec3(sight.found.cell - ray.base);
+  vec3 to_edge = min(at, 1.0 - at) * voxel_scale();
+  to_edge = mix(to_edge, vec3(1.0), equal(ivec3(face / 2), ivec3(0, 1, 2)));
+  float nearest = min(to_edge.x, min(to_edge.y, to_edge.z));
+  return 1.0 - params.tone.z * (1.0 - smoothstep(0.3 * params.tone.y, params.tone.y, nearest));
+}
+
 vec3 shade(Sight sight, int sample_index, int sample_count) {
   March found = sight.found;
   vec3 albedo = SHADING_NEUTRAL;
 #if RAYMARCH_ATTRIBUTES
   if (has(RAYMARCH_HAS_COLOR)) {
     vec3 of_full = mix(SHADING_NEUTRAL, params.full_color.rgb, params.full_color.w);
-    albedo = march_color(found, of_full);
+    albedo = with_exposure(march_color(found, of_full), params.tone.x);
   }
 #endif
-  vec3 face = face_normal(sight_face(sight));
+  int face_number = sight_face(sight);
+  vec3 face = face_normal(face_number);
   if (sight.on_section) {
     // A plane's normal scales with the inverse of the scale from grid to world.
     face = normalize(params.section.xyz / params.voxel_size.xyz);
+    albedo = cut_color(albedo, gl_FragCoord.x + gl_FragCoord.y, params.tone.w);
   }
+  float edges = edge_light(sight, face_number);
   vec3 to_eye = -normalize(sight.start.ray.direction * params.voxel_size.xyz);
   bool phong = has(RAYMARCH_PHONG);
   vec3 normal = sight.on_section ? face : smooth_normal(found, face, to_eye);
@@ -230,28 +251,106 @@ vec3 shade(Sight sight, int sample_index, int sample_count) {
   exposure = exposure_of(sight, face, normal, sample_index, sample_count);
 #endif
   if (!phong) return albedo * flat_light(face, exposure);
-  return phong_light(albedo, normal, to_eye, params.light_world.xyz, exposure);
+  float gloss = has(RAYMARCH_HIGHLIGHT) ? 1.0 : 0.0;
+  return edges * phong_light(albedo, normal, to_eye, params.light_world.xyz, exposure, gloss);
+}
+
+#if RAYMARCH_GROUND
+// How dark the floor is under a ray that meets nothing, 0..1.
+float ground_at(vec2 pixel, int sample_index, int sample_count) {
+  EyeRay eye = image_ray(pixel);
+  double t = (double(params.ground.y) - eye.origin.y) / eye.direction.y;
+  if (eye.direction.y >= 0.0 || t <= 0.0) return 0.0;
+  dvec3 at = eye.origin + eye.direction * t;
+  at.y = double(params.ground.y);
+  vec3 from_middle = vec3(at - dvec3(params.ground.xyz)) * voxel_scale();
+  float fades = params.ground.w;
+  float far = length(from_middle);
+  if (far >= 2.0 * fades) return 0.0;
+  int rays = max(RAYMARCH_GROUND_RAYS, 4 * sample_count);
+  vec4 section = has(RAYMARCH_HAS_SECTION) ? params.section : vec4(0.0);
+  float darkness =
+      ground_darkness(march_grid(), at, params.light_world.xyz, voxel_scale(),
+                      0.5 * fades, section, sample_index, sample_count, rays);
+  return darkness * (1.0 - smoothstep(fades, 2.0 * fades, far));
+}
+#endif
+
+#if RAYMARCH_OUTLINE
+// A point of the surface, with what decides whether there is an outline between it and another one.
+struct Contour {
+  bool hit;
+  vec3 position;  // in longest voxel sides
+  vec3 normal;
+};
+
+Contour contour(vec2 pixel) {
+  Sight sight = look(pixel);
+  Contour c;
+  c.hit = sight.found.hit;
+  c.position = vec3(0.0);
+  c.normal = vec3(0.0);
+  if (!c.hit) return c;
+  GridRay ray = sight.start.ray;
+  vec3 to_eye = -normalize(ray.direction * params.voxel_size.xyz);
+  c.position = (vec3(ray.base) + ray.origin + ray.direction * sight.found.t) * voxel_scale();
+  vec3 face = face_normal(sight_face(sight));
+  if (sight.on_section) face = normalize(params.section.xyz / params.voxel_size.xyz);
+  c.normal = sight.on_section ? face : smooth_normal(sight.found, face, to_eye);
+  return c;
+}
+
+// Whether one is in front of the other, or the surface bends between them.
+bool is_outline(Contour a, Contour b) {
+  if (a.hit != b.hit) return true;
+  if (!a.hit) return false;
+  vec3 apart = b.position - a.position;
+  float off = max(abs(dot(apart, a.normal)), abs(dot(apart, b.normal)));
+  return off > params.line.w || dot(a.normal, b.normal) < 0.7;
+}
+
+// By the two diagonals of a square of a pixel and a half: Roberts, "Machine perception of
+// three-dimensional solids" (1963).
+bool has_outline(vec2 pixel) {
+  const float r = 0.75;
+  return is_outline(contour(pixel + vec2(-r, -r)), contour(pixel + vec2(r, r))) ||
+         is_outline(contour(pixel + vec2(-r, r)), contour(pixel + vec2(r, -r)));
+}
+#endif
+
+// What a position of the image shows in front of the background: linear light RGB times alpha.
+vec4 seen_at(vec2 pixel, int sample_index, int sample_count) {
+#if RAYMARCH_OUTLINE
+  return has_outline(pixel) ? vec4(params.line.rgb, 1.0) : vec4(0.0);
+#else
+  Sight sight = look(pixel);
+  if (sight.found.hit) return vec4(shade(sight, sample_index, sample_count), 1.0);
+#if RAYMARCH_GROUND
+  if (has(RAYMARCH_HAS_GROUND)) {
+    float darkness = ground_at(pixel, sample_index, sample_count);
+    return vec4(SHADING_SHADOW * darkness, darkness);
+  }
+#endif
+  return vec4(0.0);
+#endif
 }
 
 void main() {
   int side = params.box_high.w;
   int count = side * side;
-  vec3 sum = vec3(0.0);
-  float hits = 0.0;
+  vec4 sum = vec4(0.0);
   for (int i = 0; i < count; ++i) {
     vec2 offset = (vec2(i % side, i / side) + 0.5) / float(side);
-    Sight sight = look(floor(gl_FragCoord.xy) + offset);
-    if (sight.found.hit) {
-      sum += shade(sight, i, count);
-      hits += 1.0;
-    }
+    sum += seen_at(floor(gl_FragCoord.xy) + offset, i, count);
   }
   // The grid over the background, either of which may be transparent, in linear light. The target
   // takes straight alpha.
-  float coverage = hits / float(count);
-  float back = params.background.a * (1.0 - coverage);
+  float coverage = sum.a / float(count);
+  vec4 behind = mix(params.background, params.background_top,
+                    gl_FragCoord.y / float(params.image.y));
+  float back = behind.a * (1.0 - coverage);
   float alpha = coverage + back;
-  vec3 color = sum / float(count) + params.background.rgb * back;
+  vec3 color = sum.rgb / float(count) + behind.rgb * back;
   out_color = vec4(alpha > 0.0 ? srgb_from_linear(color / alpha) : vec3(0.0), alpha);
 }
 

@@ -301,9 +301,11 @@ OptionCodec region() {
 }
 
 OptionCodec background() {
-  return member_codec(&RenderOptions::background,
-                      TextValues{"^(transparent|#?([0-9A-Fa-f]{6}|[0-9A-Fa-f]{8}))$"}, read_color,
-                      [](const Color& color) -> OptionText { return "#" + hex_text(color); });
+  return member_codec(
+      &RenderOptions::background, TextValues{"^(transparent|#?([0-9A-Fa-f]{6}|[0-9A-Fa-f]{8}))$"},
+      read_color, [](const std::optional<Color>& color) {
+        return text_if_set(color, [](const Color& set) { return "#" + hex_text(set); });
+      });
 }
 
 OptionCodec samples() {

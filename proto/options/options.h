@@ -33,7 +33,14 @@ enum class AxisOrder { kZyx, kXyz };
 // float32: occupancy 0/1, colour 0..1 (linear light), normal -1..1.
 enum class DType { kUint8, kBool, kFloat32 };
 enum class Projection { kPerspective, kOrthographic };
-enum class Light { kFlat, kPhong };
+// How an image is shaded. Each style has defaults of its own for the options after it:
+// style_defaults().
+//   voxel      faces of cubes with finer, darker edges; on the ground, in soft light
+//   smooth     Phong light on stored or estimated normals
+//   clay       the shape alone, in the neutral colour
+//   iso        each direction of faces has a fixed brightness, so colours compare between images
+//   blueprint  the outlines of the subject and of its parts
+enum class Style { kVoxel, kSmooth, kClay, kIso, kBlueprint };
 enum class RendererChoice { kAuto, kGl, kCpu };
 // The kind of image that a render returns: one image; all frames or views as an animated GIF or
 // PNG; or all of them side by side on a sheet.
@@ -115,14 +122,19 @@ struct RenderOptions {
   Projection projection = Projection::kPerspective;
   double azimuth_deg = 30.0;                     // around +y; 0 looks along -z from +z
   double elevation_deg = 20.0;                   // -90..90
-  double zoom = 1.0;                             // > 1 is closer; 1 fits the occupied box
+  double zoom = 1.0;                             // > 1 is closer; 1 fits the occupied voxels
   std::optional<std::array<double, 16>> matrix;  // row-major clip_from_world; replaces the above
-  // "transparent", or sRGB #rrggbb / #rrggbbaa.
-  std::array<uint8_t, 4> background = {255, 255, 255, 255};
-  Light light = Light::kPhong;
-  bool occlusion = false;  // ambient occlusion
-  bool shadow = false;     // shadow of a directional light
-  int samples = 0;         // rays along each side of a pixel, 1..4; 0: as the image's size allows
+  // "transparent", or sRGB #rrggbb / #rrggbbaa; unset: the style's.
+  std::optional<std::array<uint8_t, 4>> background;
+  Style style = Style::kVoxel;
+  bool occlusion = true;           // ambient occlusion
+  bool shadow = true;              // shadow of a directional light
+  bool ground = true;              // a floor that shows the shadow alone and fades out
+  std::optional<double> exposure;  // factor of dark colours, 1..16; unset: by the colours' median
+  // World y of the floor; unset: the lowest voxel. Not an option of requests: whoever draws several
+  // grids with one camera sets it.
+  std::optional<double> ground_y_world;
+  int samples = 0;  // rays along each side of a pixel, 1..4; 0: as the image's size allows
   RendererChoice renderer = RendererChoice::kAuto;
   // Plane a,b,c,d in world units: cells with a*x+b*y+c*z+d > 0 are cut away.
   std::optional<std::array<double, 4>> section;
@@ -135,6 +147,14 @@ struct RenderOptions {
   std::optional<double> rate;
   int columns = 0;  // of a sheet; 0: as many as rows
 };
+
+// What a style's options are unless the request gives them.
+struct StyleDefaults {
+  Projection projection;
+  double azimuth_deg, elevation_deg;
+  bool occlusion, shadow, ground;
+};
+StyleDefaults style_defaults(Style style);
 
 // One request of any kind, as validated from a query string or a job's JSON.
 struct RequestOptions {

@@ -13,8 +13,9 @@ namespace {
 using namespace option_values;
 namespace words = option_words;
 
-constexpr double kDefaultBandThickness = 3.0;  // voxels
-constexpr int kDefaultSheetSide = 160;         // pixels of one image of a sheet
+constexpr double kDefaultBandThickness = 3.0;                  // voxels
+constexpr int kDefaultSheetSide = 160;                         // pixels of one image of a sheet
+constexpr double kIsometricElevationDeg = 35.264389682754654;  // atan(1 / sqrt(2))
 
 // A request whose options are parsed one by one.
 struct Parsed {
@@ -45,7 +46,25 @@ void complete_animation(RequestOptions& options, OptionScope scope, const GivenO
   animation.animation = "0";
 }
 
+void complete_style(RenderOptions& render, const GivenOptions& given) {
+  const StyleDefaults defaults = style_defaults(render.style);
+  const auto complete_one = [&](std::string_view name, auto& member, auto value) {
+    if (!given.contains(name)) member = value;
+  };
+  complete_one("projection", render.projection, defaults.projection);
+  complete_one("azimuth", render.azimuth_deg, defaults.azimuth_deg);
+  complete_one("elevation", render.elevation_deg, defaults.elevation_deg);
+  complete_one("occlusion", render.occlusion, defaults.occlusion);
+  complete_one("shadow", render.shadow, defaults.shadow);
+  complete_one("ground", render.ground, defaults.ground);
+  // A gradient would take most of the 256 colours.
+  if (render.image == ImageKind::kGif && render.style != Style::kBlueprint) {
+    complete_one("background", render.background, std::array<uint8_t, 4>{255, 255, 255, 255});
+  }
+}
+
 void complete(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
+  complete_style(options.render, given);
   if (options.voxelize.fill == Fill::kBand && !given.contains("thickness")) {
     options.voxelize.thickness = kDefaultBandThickness;
   }
@@ -113,6 +132,23 @@ Status times_exclude_frames_and_fps(const Parsed& request) {
 Status root_motion_needs_animation(const Parsed& request) {
   if (!request.gives("root_motion") || request.options.animation.moves()) return {};
   return invalid("root_motion", "animation, time, frames, fps or times with it", "none of them");
+}
+
+Status blueprint_has_no_light(const Parsed& request) {
+  if (request.options.render.style != Style::kBlueprint) return {};
+  const RenderOptions& render = request.options.render;
+  const std::string_view other = render.occlusion  ? "occlusion"
+                                 : render.shadow   ? "shadow"
+                                 : render.ground   ? "ground"
+                                 : render.exposure ? "exposure"
+                                                   : "";
+  if (other.empty()) return {};
+  return invalid("style", "another style with " + std::string(other), "blueprint");
+}
+
+Status exposure_needs_colors(const Parsed& request) {
+  if (!request.gives("exposure") || request.options.render.style != Style::kClay) return {};
+  return invalid("exposure", "style voxel, smooth or iso with it", "clay");
 }
 
 Status rate_needs_gif_or_apng(const Parsed& request) {
@@ -204,6 +240,8 @@ constexpr std::array kRules = {sign_needs_inside_or_distance,
                                time_excludes_frames,
                                times_exclude_frames_and_fps,
                                root_motion_needs_animation,
+                               blueprint_has_no_light,
+                               exposure_needs_colors,
                                rate_needs_gif_or_apng,
                                columns_need_sheet,
                                frame_is_one_of_sequence,
@@ -214,6 +252,33 @@ constexpr std::array kRules = {sign_needs_inside_or_distance,
                                padding_leaves_room};
 
 }  // namespace
+
+StyleDefaults style_defaults(Style style) {
+  StyleDefaults defaults{.projection = Projection::kPerspective,
+                         .azimuth_deg = 30.0,
+                         .elevation_deg = 20.0,
+                         .occlusion = false,
+                         .shadow = false,
+                         .ground = false};
+  switch (style) {
+    case Style::kVoxel:
+    case Style::kClay:
+      defaults.occlusion = defaults.shadow = defaults.ground = true;
+      break;
+    case Style::kSmooth:
+      break;
+    case Style::kIso:
+      defaults.projection = Projection::kOrthographic;
+      defaults.azimuth_deg = 45.0;
+      defaults.elevation_deg = kIsometricElevationDeg;
+      defaults.occlusion = true;
+      break;
+    case Style::kBlueprint:
+      defaults.projection = Projection::kOrthographic;
+      break;
+  }
+  return defaults;
+}
 
 Status apply_option_rules(RequestOptions& options, OptionScope scope, const GivenOptions& given) {
   complete(options, scope, given);

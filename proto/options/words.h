@@ -55,8 +55,11 @@ inline constexpr std::array<Word<DType>, 3> kDType = {
     {{"uint8", DType::kUint8}, {"bool", DType::kBool}, {"float32", DType::kFloat32}}};
 inline constexpr std::array<Word<Projection>, 2> kProjection = {
     {{"perspective", Projection::kPerspective}, {"orthographic", Projection::kOrthographic}}};
-inline constexpr std::array<Word<Light>, 2> kLight = {
-    {{"flat", Light::kFlat}, {"phong", Light::kPhong}}};
+inline constexpr std::array<Word<Style>, 5> kStyle = {{{"voxel", Style::kVoxel},
+                                                       {"smooth", Style::kSmooth},
+                                                       {"clay", Style::kClay},
+                                                       {"iso", Style::kIso},
+                                                       {"blueprint", Style::kBlueprint}}};
 inline constexpr std::array<Word<RendererChoice>, 3> kRenderer = {
     {{"auto", RendererChoice::kAuto}, {"gl", RendererChoice::kGl}, {"cpu", RendererChoice::kCpu}}};
 inline constexpr std::array<Word<LevelRule>, 2> kLevelRule = {

@@ -7,6 +7,7 @@
 #include <glm/gtc/matrix_access.hpp>
 #include <glm/gtc/matrix_transform.hpp>
 #include <glm/matrix.hpp>
+#include <limits>
 
 namespace voxeld {
 namespace {
@@ -39,7 +40,56 @@ glm::dmat4 view_from_world(double azimuth, double elevation, const glm::dvec3& e
   return view;
 }
 
+// Circles through each point around the vertical axis through `center`, as polygons around them.
+// They begin at the camera's azimuth, so that a camera at any azimuth sees the same.
+std::vector<glm::dvec3> turned(const std::vector<glm::dvec3>& points, const glm::dvec3& center,
+                               double azimuth) {
+  constexpr int kCorners = 32;
+  std::vector<glm::dvec3> all;
+  all.reserve(points.size() * kCorners);
+  for (const glm::dvec3& p : points) {
+    const double radius =
+        std::hypot(p.x - center.x, p.z - center.z) / std::cos(glm::pi<double>() / kCorners);
+    for (int i = 0; i < kCorners; ++i) {
+      const double angle = azimuth + 2.0 * glm::pi<double>() * i / kCorners;
+      all.emplace_back(center.x + radius * std::sin(angle), p.y,
+                       center.z + radius * std::cos(angle));
+    }
+  }
+  return all;
+}
+
+// Clip space to clip space: puts the image of the points into the middle, at kFrameShare of the
+// width or height. Identity without points.
+glm::dmat4 fit_to(const std::vector<glm::dvec3>& points, const glm::dmat4& clip_from_world) {
+  glm::dvec2 low(std::numeric_limits<double>::max()), high(-low);
+  for (const glm::dvec3& p : points) {
+    const glm::dvec4 clip = clip_from_world * glm::dvec4(p, 1.0);
+    const glm::dvec2 at(clip.x / clip.w, clip.y / clip.w);
+    low = glm::min(low, at);
+    high = glm::max(high, at);
+  }
+  glm::dmat4 fit(1.0);
+  if (points.empty()) return fit;
+  const double scale =
+      2.0 * kFrameShare / std::max(std::max(high.x - low.x, high.y - low.y), 1e-300);
+  const glm::dvec2 middle = 0.5 * (low + high);
+  fit[0][0] = fit[1][1] = scale;
+  fit[3] = glm::dvec4(-scale * middle, 0.0, 1.0);  // times w: the same shift at every depth
+  return fit;
+}
+
 }  // namespace
+
+Subject box_subject(const glm::dvec3& low_world, const glm::dvec3& high_world) {
+  Subject subject{low_world, high_world, {}};
+  for (int i = 0; i < 8; ++i) {
+    subject.points_world.emplace_back((i & 1) != 0 ? high_world.x : low_world.x,
+                                      (i & 2) != 0 ? high_world.y : low_world.y,
+                                      (i & 4) != 0 ? high_world.z : low_world.z);
+  }
+  return subject;
+}
 
 std::array<double, 16> row_major(const glm::dmat4& matrix) {
   std::array<double, 16> rows{};
@@ -49,12 +99,10 @@ std::array<double, 16> row_major(const glm::dmat4& matrix) {
   return rows;
 }
 
-Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_world,
-                   const glm::dvec3& occupied_max_world) {
+Camera make_camera(const RenderOptions& options, const Subject& subject) {
   if (options.matrix) return Camera{from_row_major(*options.matrix)};
-  const glm::dvec3 center = 0.5 * (occupied_min_world + occupied_max_world);
-  const double radius =
-      std::max(0.5 * glm::length(occupied_max_world - occupied_min_world), 1e-300);
+  const glm::dvec3 center = 0.5 * (subject.low_world + subject.high_world);
+  const double radius = std::max(0.5 * glm::length(subject.high_world - subject.low_world), 1e-300);
   const double azimuth = glm::radians(options.azimuth_deg);
   const double elevation = glm::radians(options.elevation_deg);
   const bool is_perspective = options.projection == Projection::kPerspective;
@@ -65,8 +113,8 @@ Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_
                         std::cos(azimuth) * std::cos(elevation));
   const double near = distance - kDepthMargin * radius, far = distance + kDepthMargin * radius;
   const double shorter = std::min(options.width, options.height);
-  const double scale_x = options.zoom * shorter / options.width;
-  const double scale_y = options.zoom * shorter / options.height;
+  const double scale_x = shorter / options.width;
+  const double scale_y = shorter / options.height;
 
   glm::dmat4 clip_from_view(0.0);
   if (is_perspective) {
@@ -83,7 +131,14 @@ Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_
     clip_from_view[3][2] = (far + near) / (near - far);
     clip_from_view[3][3] = 1.0;
   }
-  return Camera{clip_from_view * view_from_world(azimuth, elevation, center + distance * back)};
+  const glm::dmat4 clip_from_world =
+      clip_from_view * view_from_world(azimuth, elevation, center + distance * back);
+  const bool is_turned = options.turntable > 0;
+  const glm::dmat4 fit =
+      fit_to(is_turned ? turned(subject.points_world, center, azimuth) : subject.points_world,
+             clip_from_world);
+  const glm::dmat4 zoom = glm::scale(glm::dmat4(1.0), glm::dvec3(options.zoom, options.zoom, 1.0));
+  return Camera{zoom * fit * clip_from_world};
 }
 
 Result<ImageRays> image_rays(const Camera& camera, const GridSpec& spec,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include <glm/mat4x4.hpp>
 #include <glm/vec3.hpp>
@@ -12,8 +13,11 @@
 
 namespace voxeld {
 
-// The angle, in degrees, that a perspective image shows across its smaller side.
+// The angle, in degrees, under which a perspective camera sees the sphere around its subject.
 inline constexpr double kFieldOfViewDeg = 35.0;
+// The share of the image's width or height, whichever is reached first, that the subject takes at
+// zoom 1.
+inline constexpr double kFrameShare = 0.92;
 
 // Maps world space to the clip space of OpenGL (y up, z in -1..1).
 struct Camera {
@@ -23,11 +27,21 @@ struct Camera {
 // The matrix in the order of RenderOptions::matrix.
 std::array<double, 16> row_major(const glm::dmat4& matrix);
 
-// Frames the occupied box: at zoom 1 its bounding sphere fits the smaller side of the image. Zoom
-// magnifies about the image's middle and does not move the camera. Perspective therefore stays the
-// same, and the camera never enters the grid. A matrix in the options is used unchanged.
-Camera make_camera(const RenderOptions& options, const glm::dvec3& occupied_min_world,
-                   const glm::dvec3& occupied_max_world);
+// What an image frames.
+struct Subject {
+  glm::dvec3 low_world{0.0}, high_world{0.0};  // a box around it
+  std::vector<glm::dvec3> points_world;        // their convex hull holds it
+};
+// All of a box.
+Subject box_subject(const glm::dvec3& low_world, const glm::dvec3& high_world);
+
+// Frames the subject: at zoom 1 the image of its points is in the middle and takes kFrameShare of
+// the width or the height. With `turntable` that is so for the solid that the points describe around
+// the vertical axis, so that the subject neither moves nor changes its size from view to view. The
+// camera stands where the sphere around the box fills kFieldOfViewDeg; what fits the image to the
+// points, and zoom, magnify and shift it. Perspective is therefore the same at every angle, and the
+// camera never enters the subject. A matrix in the options is used unchanged.
+Camera make_camera(const RenderOptions& options, const Subject& subject);
 
 // A camera in grid space, as the ray march needs it; see shaders/shared/raymarch.h.
 struct ImageRays {

@@ -26,6 +26,9 @@ int64_t light_steps_max(const RenderOptions& options, int samples_per_side) {
   int64_t steps = 0;
   if (options.occlusion) steps += rays(RAYMARCH_OCCLUSION_RAYS, 4) * (RAYMARCH_OCCLUSION_STEPS + 1);
   if (options.shadow) steps += rays(RAYMARCH_SHADOW_RAYS, 2) * (RAYMARCH_SHADOW_STEPS + 1);
+  if (options.ground) {
+    steps += rays(RAYMARCH_GROUND_RAYS, 4) * (RAYMARCH_OCCLUSION_STEPS + RAYMARCH_SHADOW_STEPS + 2);
+  }
   return steps;
 }
 
@@ -88,7 +91,9 @@ size_t GlRenderer::table_bytes_max() const {
 
 Result<int> GlRenderer::Impl::samples_per_side(const RenderOptions& options) const {
   const int64_t loop_max = context.info().loop_iterations_max;
-  const int64_t steps = ray_steps_max(grid) + kShadingSteps;
+  // An outline compares four points.
+  const int looks = options.style == Style::kBlueprint ? 4 : 1;
+  const int64_t steps = looks * (ray_steps_max(grid) + int64_t{kShadingSteps});
   int side = wanted_samples(options, quality);
   if (loop_max == 0) return side;
   const auto needed = [&](int samples_per_side) {
@@ -109,7 +114,9 @@ gpu::Defines GlRenderer::Impl::variant(const RenderOptions& options) const {
   const auto digit = [](bool on) { return std::string(on ? "1" : "0"); };
   return {{"RAYMARCH_ATTRIBUTES", digit(variant.attributes)},
           {"RAYMARCH_SMOOTH", digit(variant.smooth)},
-          {"RAYMARCH_LIGHT", digit(variant.light)}};
+          {"RAYMARCH_LIGHT", digit(variant.light)},
+          {"RAYMARCH_GROUND", digit(variant.ground)},
+          {"RAYMARCH_OUTLINE", digit(variant.outline)}};
 }
 
 Status GlRenderer::Impl::upload_params(const RenderOptions& options, int samples) {

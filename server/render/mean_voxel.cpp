@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 namespace voxeld {
 namespace {
@@ -43,6 +44,21 @@ uint32_t mean_color(std::span<const uint32_t> colors) {
             << (8 * i);
   }
   return mean;
+}
+
+double median_luminance(std::span<const uint32_t> colors) {
+  if (colors.empty()) return 1.0;
+  constexpr size_t kSamplesMax = 100'000;
+  const size_t step = colors.size() / kSamplesMax + 1;
+  std::vector<double> luminances;
+  luminances.reserve(colors.size() / step + 1);
+  for (size_t i = 0; i < colors.size(); i += step) {
+    const auto linear = [&](int shift) { return kLinear[colors[i] >> shift & 255] / 65535.0; };
+    luminances.push_back(0.2126 * linear(0) + 0.7152 * linear(8) + 0.0722 * linear(16));
+  }
+  const auto middle = luminances.begin() + static_cast<std::ptrdiff_t>(luminances.size() / 2);
+  std::nth_element(luminances.begin(), middle, luminances.end());
+  return *middle;
 }
 
 uint32_t mean_normal(std::span<const uint32_t> normals) {

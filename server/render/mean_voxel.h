@@ -17,6 +17,10 @@ constexpr uint32_t pack_normal(int8_t x, int8_t y, int8_t z) {
 // `colors` is empty.
 uint32_t mean_color(std::span<const uint32_t> colors);
 
+// The median luminance (Rec. 709) of such words in linear light, 0..1, of at most some 100,000 of
+// them; 1 if `colors` is empty.
+double median_luminance(std::span<const uint32_t> colors);
+
 // The mean of packed normals. It is shorter than 127 if they point in different directions.
 uint32_t mean_normal(std::span<const uint32_t> normals);
 

@@ -10,6 +10,7 @@
 #include <span>
 
 #include "server/base/check.h"
+#include "server/render/hull.h"
 #include "server/render/mean_voxel.h"
 #include "shaders/shared/raymarch.h"
 
@@ -101,6 +102,8 @@ class Packer {
       packed_.occupied_min = glm::ivec3(0);
       packed_.occupied_max = grid_.spec.dims;
     }
+    packed_.hull = hull_points(grid_);
+    packed_.luminance = median_luminance(packed_.colors);
     return {};
   }
 

@@ -25,6 +25,9 @@ struct PackedGrid {
   // Colour for voxels of full nodes, which have none: the mean of the voxels that have one. Set
   // only if the grid has both kinds.
   std::optional<std::array<uint8_t, 3>> full_color;
+  // The median luminance of the voxels' colours in linear light; 1 without colours.
+  double luminance = 1.0;
+  std::vector<glm::ivec3> hull;  // hull_points(); of the whole grid if there are no voxels
   uint64_t attribute_count = 0;  // number of voxels with colours and normals, if the grid has those
 };
 

@@ -1,8 +1,12 @@
 // The parameters of a ray march, which the GL and the CPU renderer share.
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "proto/options/options.h"
 #include "proto/result.h"
+#include "server/render/camera.h"
 #include "server/render/packed_grid.h"
 #include "server/render/render.h"
 #include "shaders/shared/raymarch.h"
@@ -18,8 +22,20 @@ struct RaymarchVariant {
   bool attributes = false;  // voxels have colours or normals
   bool smooth = false;      // normals are estimated
   bool light = false;       // ambient occlusion or a shadow is on
+  bool ground = false;      // there is a floor
+  bool outline = false;     // outlines alone
 };
 RaymarchVariant raymarch_variant(const PackedGrid& grid, const RenderOptions& options);
+
+// What is behind the grid, sRGB with straight alpha, at the image's lower and upper edge: the
+// options' or the style's.
+struct ImageBackground {
+  std::array<uint8_t, 4> bottom, top;
+};
+ImageBackground image_background(const RenderOptions& options);
+
+// What an image of the grid frames.
+Subject subject_of(const PackedGrid& grid);
 
 // Rays along each side of a pixel, before a device's limits: the requested number, or one that
 // suits the image's size.

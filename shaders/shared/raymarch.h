@@ -48,9 +48,13 @@
 
 // The largest share of the face in an estimated normal, at voxels of 8 pixels and more.
 #define RAYMARCH_FACE_SHARE 0.6f
+// The same in style voxel, where large voxels are cubes.
+#define RAYMARCH_CUBE_FACE_SHARE 1.0f
 #define RAYMARCH_LIGHT_RADIUS 0.04f  // radius as a fraction of the light's distance: 2.3 degrees
 #define RAYMARCH_OCCLUSION_RAYS 16   // per pixel, shared by its samples; at least 4 per sample
 #define RAYMARCH_SHADOW_RAYS 8       // per pixel, shared by its samples; at least 2 per sample
+#define RAYMARCH_GROUND_RAYS 24      // likewise, for each of light and occlusion of the ground
+#define RAYMARCH_GROUND_LIGHT_RADIUS 0.10f  // softer than on the grid
 // Steps after which a secondary ray counts as meeting nothing.
 #define RAYMARCH_OCCLUSION_STEPS 64
 #define RAYMARCH_SHADOW_STEPS 512
@@ -58,9 +62,11 @@
 #define RAYMARCH_HAS_COLOR 1u
 #define RAYMARCH_HAS_NORMAL 2u
 #define RAYMARCH_HAS_SECTION 4u
-#define RAYMARCH_PHONG 8u
+#define RAYMARCH_PHONG 8u  // else light that depends on the face alone
 #define RAYMARCH_OCCLUSION 16u
 #define RAYMARCH_SHADOW 32u
+#define RAYMARCH_HIGHLIGHT 64u
+#define RAYMARCH_HAS_GROUND 128u
 
 VOXELD_SHARED_BEGIN
 
@@ -77,13 +83,23 @@ struct RaymarchParams {
   vec4 far_0_low, far_x_low, far_y_low;
   vec4 section_low;
   vec4 voxel_size;   // world units per voxel, xyz; w: the largest of the three
-  vec4 light_world;  // unit vector towards the key light; w: share of the face in estimated normals
-  vec4 background;   // linear light RGB, straight alpha
+  vec4 light_world;  // unit vector towards the key light; w: share of the face in shaded normals
+  vec4 background;   // linear light RGB, straight alpha, at the image's lower edge
+  vec4 background_top;  // at its upper edge
+  vec4 line;            // linear light RGB of outlines; w: distance of two points from each other's
+                        // tangent plane, in voxels, from which there is an outline between them
   vec4 full_color;   // linear light RGB of voxels in full nodes, which have no colours; w: share
                      // of it, 0 or 1, the rest is neutral
   // Voxels (of the largest side) that a pixel spans: x at the near plane, plus y per voxel of
-  // distance from it. z: length of ambient occlusion rays in voxels; w unused.
+  // distance from it. z: length of ambient occlusion rays in voxels; w: 1 if voxels are drawn as
+  // cubes, 0 if they stand for a smooth surface, or in between.
   vec4 footprint;
+  // x: factor of dark colours; y: width of the edges of faces in voxels; z: share of light that the
+  // edges lose, 0..1; w: distance of the lines of a section's hatch in pixels.
+  vec4 tone;
+  // The floor: x, z of its middle, in cells; y: its height; w: the distance from the middle, in
+  // voxels, at which it begins to fade. It ends at twice that.
+  vec4 ground;
   ivec4 box_low;    // cells [box_low, box_high) hold all voxels, xyz; w: the most steps of a ray
   ivec4 box_high;   // w: samples along each side of a pixel, 1 or more
   ivec4 tile_dims;  // tiles of the grid, xyz; w unused
@@ -96,6 +112,6 @@ VOXELD_SHARED_END
 static_assert(offsetof(voxeld::shared::RaymarchParams, far_0) == 48);
 static_assert(offsetof(voxeld::shared::RaymarchParams, section) == 96);
 static_assert(offsetof(voxeld::shared::RaymarchParams, voxel_size) == 224);
-static_assert(offsetof(voxeld::shared::RaymarchParams, box_low) == 304);
-static_assert(sizeof(voxeld::shared::RaymarchParams) == 368);
+static_assert(offsetof(voxeld::shared::RaymarchParams, box_low) == 368);
+static_assert(sizeof(voxeld::shared::RaymarchParams) == 432);
 #endif

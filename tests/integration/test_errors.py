@@ -72,7 +72,8 @@ class Errors(DaemonTest):
 
     def test_render_options(self):
         for query in ("width=0", "height=4097", "projection=fish", "background=red!", "zoom=0",
-                      "light=disco", "section=0,0,0,1", "matrix=1,2", "image=jpg",
+                      "style=disco", "ground=grass", "exposure=0.5",
+                      "section=0,0,0,1", "matrix=1,2", "image=jpg",
                       "image=gif&time=1", "frame=1&time=1", "turntable=1&image=gif", "turntable=8",
                       "turntable=8&image=gif&animation=0", "rate=5", "rate=0.01&image=gif",
                       "columns=0&image=sheet", "columns=2", "frame=3&frames=0..2"):

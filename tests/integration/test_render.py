@@ -67,30 +67,69 @@ class Render(DaemonTest):
 
     def test_the_model_is_framed(self):
         for query in ("projection=perspective", "projection=orthographic", "azimuth=200&elevation=-40"):
-            solid = self.image(query + "&background=transparent")[..., 3] > 0
+            solid = self.image(query + "&style=smooth&background=transparent")[..., 3] > 0
             rows, columns = np.nonzero(solid)
             self.assertGreater(rows.min(), 0, query)
             self.assertLess(rows.max(), 95, query)
-            self.assertGreater(max(np.ptp(rows), np.ptp(columns)), 48, query)
+            self.assertGreaterEqual(max(np.ptp(rows), np.ptp(columns)) + 1, 0.85 * 96, query)
 
     def test_views_differ_and_zoom_enlarges(self):
-        near = self.image("zoom=2&background=transparent")
-        far = self.image("zoom=0.5&background=transparent")
+        near = self.image("zoom=2&background=transparent&ground=no")
+        far = self.image("zoom=0.5&background=transparent&ground=no")
         self.assertGreater((near[..., 3] > 0).sum(), 2 * (far[..., 3] > 0).sum())
         self.assertTrue((self.image("azimuth=0") != self.image("azimuth=90")).any())
-        self.assertTrue((self.image("light=flat") != self.image("light=phong")).any())
+        self.assertTrue((self.image("style=iso") != self.image("style=smooth")).any())
 
     def test_occlusion_and_shadow_darken_and_move_nothing(self):
-        plain = self.image("background=transparent").astype(int)
+        plain = self.image("style=smooth&background=transparent").astype(int)
         for option in ("occlusion=yes", "shadow=yes"):
-            other = self.image("background=transparent&" + option).astype(int)
+            other = self.image("style=smooth&background=transparent&" + option).astype(int)
             self.assertTrue((other[..., 3] == plain[..., 3]).all(), option)
             self.assertTrue((other[..., :3] <= plain[..., :3] + 1).all(), option)
             self.assertTrue((other[..., :3] < plain[..., :3] - 10).any(), option)
 
+    def test_styles_have_backgrounds_of_their_own(self):
+        voxel, smooth, blueprint = (self.image("style=" + style)
+                                    for style in ("voxel", "smooth", "blueprint"))
+        self.assertEqual(list(smooth[0, 0]), [255, 255, 255, 255])
+        self.assertLess(voxel[95, 0, 0], voxel[0, 0, 0])  # a gradient
+        self.assertGreater(blueprint[0, 0, 2], blueprint[0, 0, 0] + 60)
+        self.assertTrue((self.image("") == voxel).all())
+        clay, iso = self.image("style=clay").astype(int), self.image("style=iso").astype(int)
+        self.assertFalse((clay == iso).all())
+        # Clay has no colours: the channels of the model are those of the neutral tone.
+        middle = clay[30:66, 40:56, :3].reshape(-1, 3)
+        self.assertTrue((middle[:, 0] >= middle[:, 2]).all())
+
+    def test_the_ground_is_a_shadow_on_what_is_behind(self):
+        with_ground = self.image("background=transparent&zoom=0.7").astype(int)
+        without = self.image("background=transparent&zoom=0.7&ground=no").astype(int)
+        solid = without[..., 3] == 255
+        self.assertTrue((with_ground[solid] == without[solid]).all())
+        shade = (with_ground[..., 3] > 30) & (without[..., 3] == 0)
+        self.assertGreater(shade.sum(), 40)
+        self.assertLess(with_ground[shade][:, :3].max(), 90)  # dark
+
+    def test_a_turntable_neither_jumps_nor_clips(self):
+        sheet = self.daemon.post("/v1/render?size=48&width=64&height=64&style=smooth&filename=sample.glb"
+                                 "&background=transparent&image=sheet&turntable=6&columns=6",
+                                 self.fixture("sample.glb"))
+        self.assertEqual(sheet.status, 200, sheet.body)
+        solid = decode_png(sheet.body)[..., 3] > 0
+        tops, bottoms = [], []
+        for view in range(6):
+            rows, columns = np.nonzero(solid[:, 64 * view:64 * view + 64])
+            self.assertGreater(columns.min(), 0, view)
+            self.assertLess(columns.max(), 63, view)
+            tops.append(rows.min())
+            bottoms.append(rows.max())
+        # The tip of the rocket is on the axis.
+        self.assertLessEqual(np.ptp(tops), 1)
+        self.assertGreaterEqual(max(bottoms) - min(tops) + 1, 0.85 * 64)
+
     def test_more_rays_smooth_edges_and_move_nothing(self):
-        jagged = self.image("background=transparent&samples=1").astype(int)
-        smooth = self.image("background=transparent&samples=4").astype(int)
+        jagged = self.image("background=transparent&ground=no&samples=1").astype(int)
+        smooth = self.image("background=transparent&ground=no&samples=4").astype(int)
         self.assertEqual(set(np.unique(jagged[..., 3])), {0, 255})
         self.assertGreater(len(np.unique(smooth[..., 3])), 8)
         self.assertTrue((self.image("background=transparent") == self.image("background=transparent&samples=2")).all())

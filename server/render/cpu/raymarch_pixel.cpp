@@ -8,18 +8,31 @@
 namespace voxeld {
 // The namespace is hidden, so that functions can be inlined in spite of -fPIC.
 #pragma GCC visibility push(hidden)
-// The text is compiled with and without secondary rays. The shader's other variants would only save
-// work that SIMD drivers execute for nothing.
+// The text is compiled with and without secondary rays, and for outlines. The shader's other variants
+// would only save work that SIMD drivers execute for nothing.
 #define RAYMARCH_ATTRIBUTES 1
 #define RAYMARCH_SMOOTH 1
 #define RAYMARCH_LIGHT 0
+#define RAYMARCH_GROUND 0
+#define RAYMARCH_OUTLINE 0
 namespace raymarch_colors {
 using namespace glsl;  // NOLINT(google-build-using-namespace)
 #include "raymarch_frag.h"
 }  // namespace raymarch_colors
 
+#undef RAYMARCH_OUTLINE
+#define RAYMARCH_OUTLINE 1
+namespace raymarch_outlines {
+using namespace glsl;  // NOLINT(google-build-using-namespace)
+#include "raymarch_frag.h"
+}  // namespace raymarch_outlines
+
+#undef RAYMARCH_OUTLINE
+#define RAYMARCH_OUTLINE 0
 #undef RAYMARCH_LIGHT
 #define RAYMARCH_LIGHT 1
+#undef RAYMARCH_GROUND
+#define RAYMARCH_GROUND 1
 namespace raymarch_lit_colors {
 using namespace glsl;  // NOLINT(google-build-using-namespace)
 #include "raymarch_frag.h"
@@ -68,7 +81,11 @@ std::array<uint8_t, 4> color_of(const RaymarchBindings& bindings, int x, int y) 
 }  // namespace
 
 std::array<uint8_t, 4> raymarch_color(const RaymarchBindings& bindings, int x, int y) {
-  if (bindings.variant.light) {
+  if (bindings.variant.outline) {
+    using namespace raymarch_outlines;  // NOLINT(google-build-using-namespace)
+    return color_of<RaymarchInvocation, RaymarchParams>(bindings, x, y);
+  }
+  if (bindings.variant.light || bindings.variant.ground) {
     using namespace raymarch_lit_colors;  // NOLINT(google-build-using-namespace)
     return color_of<RaymarchInvocation, RaymarchParams>(bindings, x, y);
   }

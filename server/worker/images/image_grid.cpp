@@ -137,7 +137,7 @@ class Finder {
     const SomeTiles touched(
         source_, [&](const TileCoord& coord) { return overlap(cells_of(coord, spec), region); });
     ImageGrid image{nullptr, "", options_.render};
-    VOXELD_ASSIGN(image.options.matrix, camera(touched, region));
+    VOXELD_TRY(frame(touched, region, image.options));
     const ImageView view(image.options, spec);
     double pixels = 0;
     const SomeTiles seen(touched, [&](const TileCoord& coord) {
@@ -153,16 +153,25 @@ class Finder {
     return image;
   }
 
-  // The camera for the whole grid, or for its region, whichever part is drawn.
-  Result<std::array<double, 16>> camera(const TileSource& touched, const CellBox& region) {
-    if (options_.render.matrix) return *options_.render.matrix;
+  // Sets the camera and the floor for the whole grid, or for its region, whichever part is drawn.
+  Status frame(const TileSource& touched, const CellBox& region, RenderOptions& render) {
     VOXELD_ASSIGN(CellBox box, occupied_box(touched));
     box = {glm::max(box.min, region.min), glm::min(box.max, region.max)};
     if (glm::any(glm::greaterThanEqual(box.min, box.max))) box = region;
     const GridSpec& spec = source_.grid().spec;
-    const Camera camera = make_camera(options_.render, spec.world_from_grid(glm::dvec3(box.min)),
-                                      spec.world_from_grid(glm::dvec3(box.max)));
-    return row_major(camera.clip_from_world);
+    const auto world = [&](const glm::ivec3& p) { return spec.world_from_grid(glm::dvec3(p)); };
+    if (!render.ground_y_world) render.ground_y_world = world(box.min).y;
+    if (render.matrix) return {};
+    Subject subject{world(box.min), world(box.max), {}};
+    for (const TileCoord& coord : touched.coords()) {
+      CellBox cells = cells_of(coord, spec);
+      cells = {glm::max(cells.min, box.min), glm::min(cells.max, box.max)};
+      const Subject tile = box_subject(world(cells.min), world(cells.max));
+      subject.points_world.insert(subject.points_world.end(), tile.points_world.begin(),
+                                  tile.points_world.end());
+    }
+    render.matrix = row_major(make_camera(render, subject).clip_from_world);
+    return {};
   }
 
   // Loads the first level from this one on that fits.

@@ -7,6 +7,7 @@
 #include "server/grid/region.h"
 #include "server/render/animated_image.h"
 #include "server/render/camera.h"
+#include "server/render/raymarch_params.h"
 #include "server/worker/frames/container_frames.h"
 #include "server/worker/frames/frame_times.h"
 #include "server/worker/grids/host_estimate.h"
@@ -46,7 +47,7 @@ Status write_sheet(TaskRun& run, const ImageSeries& series, const RenderOptions&
   const size_t count = series.durations_s.size();
   VOXELD_ASSIGN(const SheetLayout layout,
                 sheet_layout(count, options.columns, options.width, options.height));
-  RenderImage sheet = begin_sheet(layout, options.background);
+  RenderImage sheet = begin_sheet(layout, image_background(options).top);
   for (size_t i = 0; i < count; ++i) {
     VOXELD_ASSIGN(const RenderImage image, series.take(i));
     place_in_sheet(layout, i, image, sheet);
@@ -118,9 +119,10 @@ RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options) 
   if (render.matrix) return render;
   const auto region = region_at_level(spec, options.output, 0);
   const CellBox box = region ? *region : CellBox{glm::ivec3(0), spec.dims};
-  const Camera camera = make_camera(render, spec.world_from_grid(glm::dvec3(box.min)),
-                                    spec.world_from_grid(glm::dvec3(box.max)));
-  render.matrix = row_major(camera.clip_from_world);
+  const Subject subject = box_subject(spec.world_from_grid(glm::dvec3(box.min)),
+                                      spec.world_from_grid(glm::dvec3(box.max)));
+  render.matrix = row_major(make_camera(render, subject).clip_from_world);
+  render.ground_y_world = subject.low_world.y;
   return render;
 }
 

@@ -40,14 +40,12 @@ std::vector<Scene> scenes() {
   GridSpec spec;
   spec.dims = {70, 41, 96};
   spec.voxel_size = {1, 0.5, 1};
-  RenderOptions options;
-  options.width = 150;
-  options.height = 90;
+  const RenderOptions options = plain_options(Style::kSmooth, 150, 90);
   RenderOptions cut = options;
   cut.section = {0.3, 1, 0.2, -32};
   cut.background = {10, 200, 90, 100};
   RenderOptions flat = options;
-  flat.light = Light::kFlat;
+  flat.style = Style::kIso;
   flat.projection = Projection::kOrthographic;
   flat.elevation_deg = -20;
   RenderOptions lit = options;
@@ -57,6 +55,8 @@ std::vector<Scene> scenes() {
   RenderOptions lit_cut = cut;
   lit_cut.section = {0.3, 1, 0.2, -60};
   lit_cut.shadow = true;
+  RenderOptions clay_cut = options_in(Style::kClay, 150, 90);
+  clay_cut.section = {0.3, 1, 0.2, -32};
   return {{"sphere with colours and normals", sphere_grid(60, true, true), options},
           {"sphere with estimated normals", sphere_grid(90, false, false), options},
           {"noise, cut", noise_grid(spec, 0.05, 3), cut},
@@ -66,7 +66,13 @@ std::vector<Scene> scenes() {
           {"flat light with ambient occlusion", sphere_grid(40, true, false), lit_flat},
           {"voxels smaller than pixels", sphere_grid(400, true, true), options},
           {"smaller, estimated normals and light", sphere_grid(300, false, false), lit},
-          {"full nodes, cut, shadow", full_nodes_grid(), lit_cut}};
+          {"full nodes, cut, shadow", full_nodes_grid(), lit_cut},
+          {"cubes on the ground", sphere_grid(16, true, true), options_in(Style::kVoxel, 150, 90)},
+          {"clay, cut", sphere_grid(60, true, false), clay_cut},
+          {"isometric view", sphere_grid(24, true, true), options_in(Style::kIso, 150, 90)},
+          {"outlines", sphere_grid(20, true, false), options_in(Style::kBlueprint, 150, 90)},
+          {"outlines of small voxels", sphere_grid(90, false, false),
+           options_in(Style::kBlueprint, 150, 90)}};
 }
 
 TEST(CpuRenderer, hits_the_cells_that_gl_hits) {

@@ -87,6 +87,9 @@ struct GoldenCase {
 Grid colored_sphere() {
   return sphere_grid(24, true, false);
 }
+Grid coarse_sphere() {
+  return sphere_grid(9, true, false);
+}
 Grid smooth_sphere() {
   return sphere_grid(24, true, true);
 }
@@ -116,7 +119,7 @@ Grid corner_with_pillar() {
 }
 
 const GoldenCase kCases[] = {
-    {"flat_colored_sphere", colored_sphere, [](RenderOptions& o) { o.light = Light::kFlat; }},
+    {"flat_colored_sphere", colored_sphere, [](RenderOptions& o) { o.style = Style::kIso; }},
     {"phong_estimated_normals", plain_sphere, [](RenderOptions&) {}},
     {"phong_stored_normals", smooth_sphere, [](RenderOptions& o) { o.azimuth_deg = 200; }},
     {"orthographic_transparent", few_voxels,
@@ -143,6 +146,27 @@ const GoldenCase kCases[] = {
        o.zoom = 1.6;
        o.background = {30, 60, 90, 255};
      }},
+    {"style_voxel", coarse_sphere, [](RenderOptions& o) { o = options_in(Style::kVoxel, 96, 96); }},
+    {"style_voxel_of_small_voxels_cut", plain_sphere,
+     [](RenderOptions& o) {
+       o = options_in(Style::kVoxel, 64, 64);
+       o.section = {0.2, 0.1, 1.0, -0.2};
+     }},
+    {"style_voxel_transparent", few_voxels,
+     [](RenderOptions& o) {
+       o = options_in(Style::kVoxel, 64, 64);
+       o.background = {0, 0, 0, 0};
+     }},
+    {"style_clay", colored_sphere, [](RenderOptions& o) { o = options_in(Style::kClay, 64, 64); }},
+    {"style_iso", corner_with_pillar,
+     [](RenderOptions& o) { o = options_in(Style::kIso, 64, 64); }},
+    {"style_blueprint", corner_with_pillar,
+     [](RenderOptions& o) {
+       o = options_in(Style::kBlueprint, 64, 64);
+       o.azimuth_deg = 33.3;  // no line on a boundary of pixels
+     }},
+    {"style_blueprint_of_small_voxels", plain_sphere,
+     [](RenderOptions& o) { o = options_in(Style::kBlueprint, 64, 64); }},
 };
 
 class Golden : public ::testing::TestWithParam<GoldenCase> {};
@@ -150,8 +174,7 @@ class Golden : public ::testing::TestWithParam<GoldenCase> {};
 TEST_P(Golden, image_is_as_it_was) {
   const auto renderer = make_test_renderer();
   ASSERT_TRUE(renderer->set_grid(GetParam().grid()).ok());
-  RenderOptions options;
-  options.width = options.height = 64;
+  RenderOptions options = plain_options(Style::kSmooth, 64, 64);
   GetParam().adjust(options);
   const auto image = renderer->render(options, {});
   ASSERT_TRUE(image.ok()) << image.error().message();

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "server/render/raymarch_params.h"
 #include "tests/gpu/render/test_renderer.h"
 
 namespace voxeld {
@@ -39,8 +40,10 @@ int expect_same_hits(const RenderOptions& options, const Grid& grid, const Oracl
   const auto hits = hits_renderer().render_hits(options);
   EXPECT_TRUE(hits.ok()) << hits.error().message();
   if (!hits.ok()) return 0;
-  const Camera camera = make_camera(options, grid.spec.world_from_grid(glm::dvec3(oracle.low())),
-                                    grid.spec.world_from_grid(glm::dvec3(oracle.high())));
+  // Framing has tests of its own (unit/render); here the ray of a pixel is given.
+  const auto packed = pack_grid(grid);
+  EXPECT_TRUE(packed.ok());
+  const Camera camera = make_camera(options, subject_of(*packed));
   int ties = 0, hit_count = 0, wrong = 0;
   for (int y = 0; y < options.height; ++y) {
     for (int x = 0; x < options.width; ++x) {
@@ -71,9 +74,7 @@ GridSpec spec_of(const glm::ivec3& dims, const glm::dvec3& voxel_size) {
 }
 
 RenderOptions options_of(int width, int height, double azimuth, double elevation) {
-  RenderOptions options;
-  options.width = width;
-  options.height = height;
+  RenderOptions options = plain_options(Style::kSmooth, width, height);
   options.azimuth_deg = azimuth;
   options.elevation_deg = elevation;
   return options;

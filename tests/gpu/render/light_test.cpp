@@ -28,7 +28,7 @@ RenderImage image_of(const RenderOptions& options) {
 // From above, x to the right, z down; `cells` from side to side, 200 deep.
 RenderOptions from_above(int cells, int pixels) {
   RenderOptions options = options_of(pixels, pixels, 0, 0);
-  options.light = Light::kFlat;
+  options.style = Style::kIso;
   const double s = 2.0 / cells;
   options.matrix = {s, 0, 0, -1, 0, 0, -s, 1, 0, -0.01, 0, 0.5, 0, 0, 0, 1};
   return options;
@@ -45,11 +45,11 @@ Grid floor_and(const std::function<bool(const glm::ivec3&)>& also) {
 
 TEST(Occlusion, a_floor_alone_is_open_and_lit_everywhere) {
   ASSERT_TRUE(hits_renderer().set_grid(floor_and([](const auto&) { return false; })).ok());
-  for (const Light light : {Light::kFlat, Light::kPhong}) {
+  for (const Style style : {Style::kIso, Style::kSmooth, Style::kVoxel, Style::kClay}) {
     // One cell to a pixel, and sixteen: smooth surfaces and cubes.
     for (const int cells : {kSide, 2}) {
       RenderOptions options = from_above(cells, kSide);
-      options.light = light;
+      options.style = style;
       const RenderImage plain = image_of(options);
       options.occlusion = options.shadow = true;
       EXPECT_EQ(image_of(options).rgba, plain.rgba) << cells;
@@ -148,7 +148,8 @@ TEST(FullNodes, are_light_grey_and_cut_open_by_sections) {
   options.matrix = {2.0 / 256, 0, 0, -1, 0, 0, -2.0 / 256, 1, 0, -0.002, 0, 0.5, 0, 0, 0, 1};
   EXPECT_THAT(pixel(image_of(options), 16, 16), ElementsAre(214, 205, 192, 255));
   options.section = {0, 1, 0, -100.5};
-  EXPECT_THAT(pixel(image_of(options), 16, 16), ElementsAre(214, 205, 192, 255));
+  // The colour of cuts over the neutral one, between two lines of the hatch.
+  EXPECT_THAT(pixel(image_of(options), 16, 16), ElementsAre(222, 185, 162, 255));
   const auto hits = hits_renderer().render_hits(options);
   ASSERT_TRUE(hits.ok());
   EXPECT_EQ((*hits)[16 * kSide + 16].cell.y, 100);
@@ -171,9 +172,10 @@ TEST(FullNodes, have_the_mean_colour_of_the_voxels_around_them) {
   options.section = {0, 1, 0, -100.5};
   const RenderImage cut = image_of(options);
   const auto got = pixel(cut, 16, 16);
-  EXPECT_NEAR(got[0], 30, 1);
-  EXPECT_NEAR(got[1], 200, 1);
-  EXPECT_NEAR(got[2], 90, 1);
+  // 0.55 of it in linear light, and 0.45 of the colour of cuts.
+  EXPECT_NEAR(got[0], 163, 1);
+  EXPECT_NEAR(got[1], 182, 1);
+  EXPECT_NEAR(got[2], 100, 1);
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ RenderOptions seen_from(double azimuth, double zoom, Projection projection) {
   options.azimuth_deg = azimuth;
   options.zoom = zoom;
   options.projection = projection;
-  const Camera camera = make_camera(options, {10, 20, 30}, {110, 220, 130});
+  const Camera camera = make_camera(options, box_subject({10, 20, 30}, {110, 220, 130}));
   std::array<double, 16> rows{};
   for (int i = 0; i < 16; ++i) rows[static_cast<size_t>(i)] = camera.clip_from_world[i % 4][i / 4];
   options.matrix = rows;

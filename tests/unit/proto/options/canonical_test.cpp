@@ -44,9 +44,9 @@ TEST(CanonicalOptions, spell_out_every_default_in_a_fixed_order) {
   EXPECT_EQ(canonical({}, OptionScope::kExport),
             R"({"format":"native","codec":"fast","axes":"zyx","dtype":"uint8","palette":255})");
   EXPECT_EQ(canonical({}, OptionScope::kRenderGrid),
-            R"({"width":512,"height":512,"projection":"perspective","azimuth":30,)"
-            R"("elevation":20,"zoom":1,"background":"#ffffffff","light":"phong",)"
-            R"("occlusion":"no","shadow":"no","samples":"auto","renderer":"auto"})");
+            R"({"width":512,"height":512,"style":"voxel","projection":"perspective",)"
+            R"("azimuth":30,"elevation":20,"zoom":1,"occlusion":"yes","shadow":"yes",)"
+            R"("ground":"yes","samples":"auto","renderer":"auto"})");
 }
 
 OptionPairs pairs_of_query(const std::string& query) {
@@ -208,7 +208,7 @@ TEST(CanonicalOptions, are_options_that_give_the_same_canonical_text) {
   const std::string image = canonical({{"matrix", kIdentity},
                                        {"section", "1,0.1,0,-1e-5"},
                                        {"zoom", "0.1"},
-                                       {"light", "flat"},
+                                       {"style", "iso"},
                                        {"shadow", "yes"}},
                                       OptionScope::kRenderGrid);
   EXPECT_EQ(canonical_of_json(image, OptionScope::kRenderGrid), image);

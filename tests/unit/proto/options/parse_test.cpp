@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <set>
 #include <string>
@@ -107,7 +108,12 @@ const std::map<std::string, OptionCase>& cases() {
        {{"#000000", "#FFffFF", "a1b2c3", "#a1b2c3d4", "transparent"},
         {"#fff", "#gggggg", "#12345", "#1234567", "", "#", "#+1+2+3", "#-1-2-3", "white"},
         kColor}},
-      {"light", {{"flat", "phong"}, {"none", ""}, "flat | phong"}},
+      {"style",
+       {{"voxel", "smooth", "clay", "iso"},
+        {"phong", "", "Voxel"},
+        "voxel | smooth | clay | iso | blueprint"}},
+      {"ground", {{"yes", "no"}, {"grass", ""}, "yes | no"}},
+      {"exposure", {{"1", "2.5", "16"}, {"0.99", "16.1", "auto", ""}, "a number from 1 to 16"}},
       {"occlusion", {{"yes", "no"}, {"1", "true", ""}, "yes | no"}},
       {"shadow", {{"yes", "no"}, {"soft", ""}, "yes | no"}},
       {"samples", {{"auto", "1", "4"}, {"0", "5", "", "1.5"}, "auto, or 1 to 4"}},
@@ -278,9 +284,11 @@ TEST(Options, images_values_reach_their_fields) {
                                        {"elevation", "10.5"},
                                        {"zoom", "2"},
                                        {"background", "#01020304"},
-                                       {"light", "flat"},
+                                       {"style", "iso"},
                                        {"occlusion", "yes"},
                                        {"shadow", "yes"},
+                                       {"ground", "yes"},
+                                       {"exposure", "3"},
                                        {"section", "1,0,0,-2"}},
                                       OptionScope::kRenderGrid)
                                    .render;
@@ -291,10 +299,44 @@ TEST(Options, images_values_reach_their_fields) {
   EXPECT_EQ(render.elevation_deg, 10.5);
   EXPECT_EQ(render.zoom, 2);
   EXPECT_EQ(render.background, (std::array<uint8_t, 4>{1, 2, 3, 4}));
-  EXPECT_EQ(render.light, Light::kFlat);
+  EXPECT_EQ(render.style, Style::kIso);
   EXPECT_TRUE(render.occlusion);
   EXPECT_TRUE(render.shadow);
+  EXPECT_TRUE(render.ground);
+  EXPECT_EQ(render.exposure, 3);
   EXPECT_EQ(render.section, (std::array<double, 4>{1, 0, 0, -2}));
+}
+
+TEST(Options, a_style_has_defaults_that_the_request_may_replace) {
+  const auto of = [](const OptionPairs& pairs) {
+    return parsed(pairs, OptionScope::kRenderGrid).render;
+  };
+  const RenderOptions voxel = of({}), smooth = of({{"style", "smooth"}});
+  EXPECT_EQ(voxel.style, Style::kVoxel);
+  EXPECT_TRUE(voxel.occlusion && voxel.shadow && voxel.ground);
+  EXPECT_FALSE(smooth.occlusion || smooth.shadow || smooth.ground);
+  EXPECT_FALSE(voxel.background.has_value());
+  const RenderOptions iso = of({{"azimuth", "10"}, {"style", "iso"}, {"occlusion", "no"}});
+  EXPECT_EQ(iso.projection, Projection::kOrthographic);
+  EXPECT_EQ(iso.azimuth_deg, 10);
+  EXPECT_NEAR(std::tan(iso.elevation_deg * std::acos(-1.0) / 180), std::sqrt(0.5), 1e-12);
+  EXPECT_FALSE(iso.occlusion);
+  EXPECT_EQ(of({{"style", "blueprint"}}).projection, Projection::kOrthographic);
+  // A gradient would take most of a GIF's colours.
+  EXPECT_EQ(of({{"image", "gif"}, {"turntable", "8"}}).background,
+            (std::array<uint8_t, 4>{255, 255, 255, 255}));
+}
+
+TEST(Options, a_blueprint_takes_no_light_and_clay_no_exposure) {
+  const auto detail = [](const OptionPairs& pairs) {
+    return refused(pairs, OptionScope::kRenderGrid).message();
+  };
+  EXPECT_EQ(detail({{"style", "blueprint"}, {"shadow", "yes"}}),
+            "style: expected another style with shadow, got \"blueprint\"");
+  EXPECT_EQ(detail({{"style", "blueprint"}, {"exposure", "2"}}),
+            "style: expected another style with exposure, got \"blueprint\"");
+  EXPECT_EQ(detail({{"style", "clay"}, {"exposure", "2"}}),
+            "exposure: expected style voxel, smooth or iso with it, got \"clay\"");
 }
 
 TEST(Options, unknown_names_are_refused_with_the_nearest_one) {
@@ -317,8 +359,8 @@ TEST(Options, each_scope_takes_its_own_options_alone) {
   const std::string of_output = "format codec axes dtype palette ";
   const std::string of_selection = "level level_rule region ";
   const std::string of_image =
-      "width height projection azimuth elevation zoom matrix background light occlusion shadow "
-      "samples renderer section image frame turntable rate columns ";
+      "width height style projection azimuth elevation zoom matrix background occlusion shadow "
+      "ground exposure samples renderer section image frame turntable rate columns ";
   const std::map<OptionScope, std::string> expected = {
       {OptionScope::kVoxelize, of_mesh + of_output + of_selection},
       {OptionScope::kRenderMesh, of_mesh + of_selection + of_image},
