@@ -26,21 +26,42 @@ float ground_meets(MarchGrid grid, dvec3 from, vec3 world, vec3 scale, float len
   return max(1.0f - (met.t + start.t_skipped) / (length * per_side), 0.0f);
 }
 
+// Whether rays towards the light from the point may meet the grid's box: the strip under them, as
+// high as the box, against the box seen from above. Lengths are in longest voxel sides.
+bool ground_may_be_shadowed(vec3 from, vec3 low, vec3 high, vec3 to_light) {
+  float steep = to_light.y - RAYMARCH_GROUND_LIGHT_RADIUS;
+  if (steep <= 0.05f) return true;
+  vec2 run = vec2(to_light.x, to_light.z) * ((high.y - from.y) / to_light.y);
+  float wide = (high.y - from.y) * 2.0f * RAYMARCH_GROUND_LIGHT_RADIUS / (steep * steep);
+  vec2 first = vec2(from.x, from.z), last = first + run;
+  vec2 begin = min(first, last) - vec2(wide), end = max(first, last) + vec2(wide);
+  return begin.x <= high.x && end.x >= low.x && begin.y <= high.z && end.y >= low.z;
+}
+
 // How dark the floor is at a point, 0..1, by the shadow of the light and by what stands near. It is
 // sampled by rays first, first + stride, ... of `count`.
 float ground_darkness(MarchGrid grid, dvec3 from, vec3 to_light, vec3 scale, float length,
                       vec4 section, int first, int stride, int count) {
+  vec3 low = vec3(grid.low) * scale, high = vec3(grid.high) * scale, at = vec3(from) * scale;
+  vec3 outside = max(max(low - at, at - high), vec3(0.0f));
+  bool is_near = dot(outside, outside) < length * length;
+  bool is_below = ground_may_be_shadowed(at, low, high, to_light);
+  if (!is_near && !is_below) return 0.0f;
   vec3 tangent = light_tangent(to_light), other = cross(to_light, tangent);
   float shadow = 0.0f, near = 0.0f, rays = 0.0f;
   for (int i = first; i < count; i += stride) {
     vec2 disc = light_disc(i, count);
-    vec2 on_light = disc * RAYMARCH_GROUND_LIGHT_RADIUS;
-    shadow += ground_meets(grid, from, tangent * on_light.x + other * on_light.y + to_light, scale,
-                           DDA_FAR, section, 32.0f, RAYMARCH_SHADOW_STEPS);
-    float up = sqrt(max(1.0f - dot(disc, disc), 0.0f));
-    float met = ground_meets(grid, from, vec3(disc.x, up, disc.y), scale, length, section, 8.0f,
-                             RAYMARCH_OCCLUSION_STEPS);
-    near += met * met;
+    if (is_below) {
+      vec2 on_light = disc * RAYMARCH_GROUND_LIGHT_RADIUS;
+      shadow += ground_meets(grid, from, tangent * on_light.x + other * on_light.y + to_light,
+                             scale, DDA_FAR, section, 32.0f, RAYMARCH_SHADOW_STEPS);
+    }
+    if (is_near) {
+      float up = sqrt(max(1.0f - dot(disc, disc), 0.0f));
+      float met = ground_meets(grid, from, vec3(disc.x, up, disc.y), scale, length, section, 8.0f,
+                               RAYMARCH_OCCLUSION_STEPS);
+      near += met * met;
+    }
     rays += 1.0f;
   }
   rays = max(rays, 1.0f);

@@ -4,8 +4,10 @@ import os
 import pathlib
 import pty
 import shutil
+import signal
 import subprocess
 import tempfile
+import time
 import unittest
 
 from harness import BIN, DaemonTest
@@ -107,6 +109,35 @@ class CliFiles(DaemonTest):
         for name in ("a.vox", "b.vox"):
             self.assertRegex(text, rf"{self.dir}/out/{name}: \d+ x \d+ x \d+ cells, [\d,]+ voxels, "
                                    r"[\d.]+ k?B, [\d.]+ s\r\n")
+
+    def test_an_interrupt_cancels_all_jobs_and_leaves_no_part_of_a_file(self):
+        meshes = [self.dir / f"{letter}.ply" for letter in "abcdef"]
+        for mesh in meshes:
+            shutil.copy(self.fixtures / "sample.ply", mesh)
+        out = self.dir / "out"
+        slow = ["--size", "16384", "--channels", "occupancy,normal", "--cache", "no"]
+        process = subprocess.Popen([BIN / "voxel", *meshes, "--out-dir", out, *slow],
+                                   env=self.environment, stdin=subprocess.DEVNULL,
+                                   stderr=subprocess.PIPE, text=True)
+        try:
+            def jobs(*states):
+                listed = json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"]
+                return [job["id"] for job in listed if job["state"] in states]
+            deadline = time.monotonic() + 60
+            while not jobs("running"):
+                self.assertLess(time.monotonic(), deadline)
+                time.sleep(0.05)
+            process.send_signal(signal.SIGINT)
+            _, stderr = process.communicate(timeout=30)
+        finally:
+            process.kill()
+        self.assertEqual(process.returncode, 130, stderr)
+        self.assertEqual(stderr.splitlines()[-1], "voxel: stopped by the caller")
+        self.assertEqual(list(out.iterdir()), [])
+        deadline = time.monotonic() + 30
+        while left := jobs("running", "queued"):
+            self.assertLess(time.monotonic(), deadline, left)
+            time.sleep(0.05)
 
     def test_a_dry_run_makes_nothing(self):
         before = len(json.loads(self.voxel("jobs", "--json", "--limit", 1000).stdout)["jobs"])
