@@ -129,7 +129,8 @@ class Finder {
     return {grid, source_key_, options_.render};
   }
 
-  // The tiles in view, at the finest useful level that fits.
+  // All tiles of the region if they fit at the level that is asked for. Else those in view, at the
+  // finest useful level that fits.
   Result<ImageGrid> find_part() {
     const StageTimer stage(run_, "parse");
     const GridSpec& spec = source_.grid().spec;
@@ -137,6 +138,14 @@ class Finder {
     const SomeTiles touched(
         source_, [&](const TileCoord& coord) { return overlap(cells_of(coord, spec), region); });
     ImageGrid image{nullptr, "", options_.render};
+    const std::string all_key = part_key(touched, options_.output.level);
+    InputCache& cache = run_.engine.cache;
+    if (likely_fits(touched, options_.output.level, limits_) && cache.too_large_key != all_key) {
+      VOXELD_ASSIGN(image.grid, load_at(touched, options_.output.level, all_key));
+      image.key = all_key;
+      if (image.grid != nullptr) return image;
+      cache.too_large_key = all_key;
+    }
     VOXELD_TRY(frame(touched, region, image.options));
     const ImageView view(image.options, spec);
     double pixels = 0;
@@ -177,29 +186,32 @@ class Finder {
   // Loads the first level from this one on that fits.
   Result<std::shared_ptr<const LoadedGrid>> load_part(const TileSource& seen, int level,
                                                       std::string& key) {
-    InputCache& cache = run_.engine.cache;
     key = part_key(seen, level);
-    if (cache.image != nullptr && cache.image_key == key) {
-      tell_part(*cache.image, seen);
-      return cache.image;
+    for (; level <= kLevelMax; ++level) {
+      VOXELD_ASSIGN(auto part, load_at(seen, level, key));
+      if (part != nullptr) return part;
     }
-    cache.image.reset();
-    for (;; ++level) {
+    return Error{ErrorCode::kGridTooLarge, "the grid cannot be drawn in the memory there is",
+                 std::to_string(limits_.bytes_max) + " bytes", "more at every level"};
+  }
+
+  // What is resident under the key, or the tiles at a level. Null if they do not fit.
+  Result<std::shared_ptr<const LoadedGrid>> load_at(const TileSource& seen, int level,
+                                                    const std::string& key) {
+    InputCache& cache = run_.engine.cache;
+    if (cache.image == nullptr || cache.image_key != key) {
+      cache.image.reset();
       OutputOptions output = options_.output;
       output.level = level;
       VOXELD_ASSIGN(const Selection selection, Selection::open(seen, output));
       VOXELD_ASSIGN(std::optional<Grid> grid, load_within(selection.tiles(), limits_));
-      if (!grid && level < kLevelMax) continue;
-      if (!grid) {
-        return Error{ErrorCode::kGridTooLarge, "the grid cannot be drawn in the memory there is",
-                     std::to_string(limits_.bytes_max) + " bytes", "more at every level"};
-      }
+      if (!grid) return std::shared_ptr<const LoadedGrid>();
       cache.image =
           std::make_shared<const LoadedGrid>(LoadedGrid{*std::move(grid), std::string(), level});
       cache.image_key = key;
-      tell_part(*cache.image, seen);
-      return cache.image;
     }
+    tell_part(*cache.image, seen);
+    return cache.image;
   }
 
   // The cache key of these tiles at a level. `level` is the one tried first.

@@ -45,6 +45,7 @@ struct InputCache {
   // The grid drawn last, if it was not the one above but a part or a level of some grid.
   std::string image_key;
   std::shared_ptr<const LoadedGrid> image;
+  std::string too_large_key;  // of the last one that was tried and did not fit
   // The grids that the renderers hold, by the same keys.
   std::string gl_resident_key, cpu_resident_key;
 };
