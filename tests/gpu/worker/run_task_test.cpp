@@ -251,8 +251,11 @@ TEST_F(RunTaskTest, a_grid_that_does_not_fit_is_drawn_in_part_or_coarser_and_loo
   const auto draw = [&](const std::string& more, size_t bytes_max) {
     engine().cache = {};
     engine().image_limits.bytes_max = bytes_max;
+    // A face of the cube, in light that does not depend on voxels beside it.
     auto drawn = run(grid_task(JobKind::kRender, *made,
-                               R"({"width":128,"height":128,"light":"flat")" + more + "}"));
+                               R"({"width":128,"height":128,"style":"iso","occlusion":"no",)"
+                               R"("projection":"perspective","azimuth":30,"elevation":20)" +
+                                   more + "}"));
     engine().image_limits = {};
     EXPECT_TRUE(drawn) << drawn.error().message();
     return drawn;
@@ -278,13 +281,14 @@ TEST_F(RunTaskTest, an_image_of_the_same_part_reads_nothing_again) {
   ASSERT_TRUE(made);
   engine().cache = {};
   engine().image_limits.bytes_max = size_t{4} << 20;
-  const auto first =
-      run(grid_task(JobKind::kRender, *made, R"({"width":64,"height":64,"light":"flat"})"));
+  const auto first = run(grid_task(JobKind::kRender, *made,
+                                   R"({"width":64,"height":64,"style":"iso","occlusion":"no"})"));
   ASSERT_TRUE(first) << first.error().message();
   const auto* resident = engine().cache.image.get();
   ASSERT_NE(resident, nullptr);
-  const auto second = run(grid_task(JobKind::kRender, *made,
-                                    R"({"width":64,"height":64,"light":"flat","azimuth":31})"));
+  const auto second =
+      run(grid_task(JobKind::kRender, *made,
+                    R"({"width":64,"height":64,"style":"iso","occlusion":"no","azimuth":31})"));
   engine().image_limits = {};
   ASSERT_TRUE(second);
   EXPECT_EQ(engine().cache.image.get(), resident);
