@@ -318,7 +318,7 @@ bool has_outline(vec2 pixel) {
 }
 #endif
 
-// What a position of the image shows in front of the background: linear light RGB times alpha.
+// The grid and the ground at a position of the image: linear light RGB times alpha.
 vec4 seen_at(vec2 pixel, int sample_index, int sample_count) {
 #if RAYMARCH_OUTLINE
   return has_outline(pixel) ? vec4(params.line.rgb, 1.0) : vec4(0.0);

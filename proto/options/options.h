@@ -148,7 +148,7 @@ struct RenderOptions {
   int columns = 0;  // of a sheet; 0: as many as rows
 };
 
-// What a style's options are unless the request gives them.
+// A style's defaults of options, for those that the request omits.
 struct StyleDefaults {
   Projection projection;
   double azimuth_deg, elevation_deg;

@@ -27,7 +27,7 @@ struct Camera {
 // The matrix in the order of RenderOptions::matrix.
 std::array<double, 16> row_major(const glm::dmat4& matrix);
 
-// What an image frames.
+// The thing that an image frames.
 struct Subject {
   glm::dvec3 low_world{0.0}, high_world{0.0};  // a box around it
   std::vector<glm::dvec3> points_world;        // their convex hull holds it

@@ -27,14 +27,14 @@ struct RaymarchVariant {
 };
 RaymarchVariant raymarch_variant(const PackedGrid& grid, const RenderOptions& options);
 
-// What is behind the grid, sRGB with straight alpha, at the image's lower and upper edge: the
-// options' or the style's.
+// The background, sRGB with straight alpha, at the image's lower and upper edge: the options' or
+// the style's.
 struct ImageBackground {
   std::array<uint8_t, 4> bottom, top;
 };
 ImageBackground image_background(const RenderOptions& options);
 
-// What an image of the grid frames.
+// The voxels, as an image frames them.
 Subject subject_of(const PackedGrid& grid);
 
 // Rays along each side of a pixel, before a device's limits: the requested number, or one that

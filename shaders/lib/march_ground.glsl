@@ -1,8 +1,9 @@
-// The floor under the grid, which shows nothing but the light that the grid keeps from it.
+// The ground under the grid, which shows nothing but the light that the grid keeps from it.
 
-// What a ray from a point outside or inside the grid's box meets: 0 nothing, 1 a voxel at the point
-// itself, in between by the distance as a share of `length` (longest voxel sides). A length of
-// DDA_FAR or more gives 0 or 1. section: of grid space, or 0. scale: the sides of a voxel over the longest of them.
+// A ray from a point outside or inside the grid's box: 0 if it meets nothing, 1 for a voxel at the
+// point itself, in between by the distance as a share of `length` (longest voxel sides). A length of
+// DDA_FAR or more gives 0 or 1. section: a plane of grid space, or 0. scale: the sides of a voxel
+// over the longest of them.
 float ground_meets(MarchGrid grid, dvec3 from, vec3 world, vec3 scale, float length, vec4 section,
                    float cells_per_level, int steps) {
   vec3 cells = world / scale;
@@ -10,7 +11,8 @@ float ground_meets(MarchGrid grid, dvec3 from, vec3 world, vec3 scale, float len
   float per_side = max(size.x, max(size.y, size.z));  // t of a voxel side
   dvec3 direction = dvec3(cells / per_side);
   double t_first = 0.0, t_last = length < DDA_FAR ? double(length * per_side) : double(DDA_FAR);
-  // What the section cuts away keeps no light. It ends a little earlier, as in light_section().
+  // Voxels that the section cuts away keep no light. It ends a little earlier, as in
+  // light_section().
   dvec3 normal = dvec3(section.x, section.y, section.z);
   double at = dot(normal, from) + double(section.w);
   double per_t = dot(normal, direction);

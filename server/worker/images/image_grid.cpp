@@ -195,7 +195,7 @@ class Finder {
                  std::to_string(limits_.bytes_max) + " bytes", "more at every level"};
   }
 
-  // What is resident under the key, or the tiles at a level. Null if they do not fit.
+  // The grid that is resident under the key, or the tiles at a level. Null if they do not fit.
   Result<std::shared_ptr<const LoadedGrid>> load_at(const TileSource& seen, int level,
                                                     const std::string& key) {
     InputCache& cache = run_.engine.cache;
