@@ -1,9 +1,9 @@
 // The ground under the grid, which shows nothing but the light that the grid keeps from it.
 
 // A ray from a point outside or inside the grid's box: 0 if it meets nothing, 1 for a voxel at the
-// point itself, in between by the distance as a share of `length` (longest voxel sides). A length of
-// DDA_FAR or more gives 0 or 1. section: a plane of grid space, or 0. scale: the sides of a voxel
-// over the longest of them.
+// point itself, in between by the distance as a share of `length` (longest voxel sides). A length
+// of DDA_FAR or more gives 0 or 1. section: a plane of grid space, or 0. scale: the sides of a
+// voxel over the longest of them.
 float ground_meets(MarchGrid grid, dvec3 from, vec3 world, vec3 scale, float length, vec4 section,
                    float cells_per_level, int steps) {
   vec3 cells = world / scale;
