@@ -36,11 +36,11 @@ struct Subject {
 Subject box_subject(const glm::dvec3& low_world, const glm::dvec3& high_world);
 
 // Frames the subject: at zoom 1 the image of its points is in the middle and takes kFrameShare of
-// the width or the height. With `turntable` that is so for the solid that the points describe around
-// the vertical axis, so that the subject neither moves nor changes its size from view to view. The
-// camera stands where the sphere around the box fills kFieldOfViewDeg; what fits the image to the
-// points, and zoom, magnify and shift it. Perspective is therefore the same at every angle, and the
-// camera never enters the subject. A matrix in the options is used unchanged.
+// the width or the height. With `turntable` that is so for the solid that the points describe
+// around the vertical axis, so that the subject neither moves nor changes its size from view to
+// view. The camera stands where the sphere around the box fills kFieldOfViewDeg; fit and zoom
+// magnify and shift the image. Perspective is therefore the same at every angle, and the camera
+// never enters the subject. A matrix in the options is used unchanged.
 Camera make_camera(const RenderOptions& options, const Subject& subject);
 
 // A camera in grid space, as the ray march needs it; see shaders/shared/raymarch.h.

@@ -52,8 +52,8 @@ double cube_share(double voxel_pixels, Style style) {
   return smooth_step(2.0, style == Style::kBlueprint ? 4.0 : 8.0, voxel_pixels);
 }
 
-// Edges are this wide, in voxels and in pixels; in small voxels they fade, because they would be all
-// that is seen.
+// Edges are this wide, in voxels and in pixels; in small voxels they fade, because they would be
+// all that is seen.
 constexpr double kEdgeVoxels = 0.05, kEdgePixels = 1.0;
 constexpr double kEdgeDarkness = 0.30;
 constexpr double kEdgeVoxelPixelsMin = 4.0, kEdgeVoxelPixelsMax = 10.0;
@@ -83,8 +83,8 @@ shared::vec4 linear_color(const Srgb& color) {
 
 constexpr Srgb kLineColor = {226, 236, 250, 255};
 
-// Distance of two points from each other's tangent planes, in voxels, from which there is an outline
-// between them: steps of the voxelization are none while voxels stand for a smooth surface.
+// Distance of two points from each other's tangent planes, in voxels, from which there is an
+// outline between them: steps of the voxelization are none while voxels stand for a smooth surface.
 double outline_depth(double voxel_pixels) {
   const double smooth = 1.8 + 2.5 / voxel_pixels;
   return smooth + (0.2 - smooth) * cube_share(voxel_pixels, Style::kBlueprint);

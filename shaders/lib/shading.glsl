@@ -50,8 +50,8 @@ vec3 with_exposure(vec3 color, float gain) {
   return color * gain / (vec3(1.0f) + color * (gain - 1.0f));
 }
 
-// The colour of a section's cut: a warm tone of the voxel's own, hatched. `along`: pixels across the
-// lines, `apart`: from line to line.
+// The colour of a section's cut: a warm tone of the voxel's own, hatched. `along`: pixels across
+// the lines, `apart`: from line to line.
 vec3 cut_color(vec3 albedo, float along, float apart) {
   vec3 tone = mix(albedo, vec3(0.80f, 0.33f, 0.16f), 0.45f);
   float at = fract(along / apart);

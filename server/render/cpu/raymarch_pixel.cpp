@@ -8,8 +8,8 @@
 namespace voxeld {
 // The namespace is hidden, so that functions can be inlined in spite of -fPIC.
 #pragma GCC visibility push(hidden)
-// The text is compiled with and without secondary rays, and for outlines. The shader's other variants
-// would only save work that SIMD drivers execute for nothing.
+// The text is compiled with and without secondary rays, and for outlines. The shader's other
+// variants would only save work that SIMD drivers execute for nothing.
 #define RAYMARCH_ATTRIBUTES 1
 #define RAYMARCH_SMOOTH 1
 #define RAYMARCH_LIGHT 0
