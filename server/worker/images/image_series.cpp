@@ -116,13 +116,13 @@ ImageSeries turntable_series(TaskRun& run, const std::filesystem::path& containe
 
 RenderOptions frame_camera(const GridSpec& spec, const RequestOptions& options) {
   RenderOptions render = options.render;
-  if (render.matrix) return render;
   const auto region = region_at_level(spec, options.output, 0);
   const CellBox box = region ? *region : CellBox{glm::ivec3(0), spec.dims};
   const Subject subject = box_subject(spec.world_from_grid(glm::dvec3(box.min)),
                                       spec.world_from_grid(glm::dvec3(box.max)));
-  render.matrix = row_major(make_camera(render, subject).clip_from_world);
+  // A camera that the request gives stays, and the ground is the same for all frames, too.
   render.ground_y_world = subject.low_world.y;
+  if (!render.matrix) render.matrix = row_major(make_camera(render, subject).clip_from_world);
   return render;
 }
 
