@@ -11,6 +11,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/jobs/scheduling/slots.h"
@@ -256,16 +257,21 @@ TEST_F(IsolatedProcesses, no_process_works_for_two_tenants_and_none_counts_as_a_
   EXPECT_EQ(counter("voxeld_worker_restarts_total"), 0);
 }
 
-TEST_F(IsolatedProcesses, as_many_tenants_as_workers_have_one_each) {
+// A job that comes before the tenant's worker asks for its next task may take the worker in reserve,
+// and one that comes before all workers have connected may have one replaced: so the first rounds
+// may move, and the later ones must not.
+TEST_F(IsolatedProcesses, as_many_tenants_as_workers_come_to_have_one_each) {
+  constexpr int kRoundsMax = 60, kStableRounds = 5;
   start(kTenant, 2);
-  std::set<std::string> of_a, of_b;
-  for (int i = 0; i < 5; ++i) {
-    of_a.insert(pid_of_job("a"));
-    of_b.insert(pid_of_job("b"));
+  std::string of_a, of_b;
+  int stable = 0;
+  for (int round = 0; round < kRoundsMax && stable < kStableRounds; ++round) {
+    const std::string last_of_a = std::exchange(of_a, pid_of_job("a"));
+    const std::string last_of_b = std::exchange(of_b, pid_of_job("b"));
+    stable = of_a == last_of_a && of_b == last_of_b ? stable + 1 : 0;
+    EXPECT_NE(of_a, of_b);
   }
-  EXPECT_EQ(of_a.size(), 1u);
-  EXPECT_EQ(of_b.size(), 1u);
-  EXPECT_NE(of_a, of_b);
+  EXPECT_EQ(stable, kStableRounds);
 }
 
 TEST_F(IsolatedProcesses, by_task_each_has_its_own) {
@@ -275,11 +281,11 @@ TEST_F(IsolatedProcesses, by_task_each_has_its_own) {
   EXPECT_EQ(pids.size(), 6u);
 }
 
-TEST_F(IsolatedProcesses, without_isolation_one_process_does_all) {
+TEST_F(IsolatedProcesses, without_isolation_no_process_is_replaced) {
   start(kNone, 2);
   std::set<std::string> pids;
-  for (const char* tenant : {"a", "b", "a", "c"}) pids.insert(pid_of_job(tenant));
-  EXPECT_EQ(pids.size(), 1u);
+  for (const char* tenant : {"a", "b", "c", "a", "b", "c"}) pids.insert(pid_of_job(tenant));
+  EXPECT_LE(pids.size(), 2u);
   EXPECT_EQ(counter("voxeld_worker_replacements_total"), 0);
 }
 
