@@ -8,7 +8,7 @@
 #include <map>
 #include <utility>
 
-#include "server/base/authority.h"
+#include "server/http/message/authority.h"
 #include "server/jobs/auth/api_key.h"
 
 namespace voxeld {

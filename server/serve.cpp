@@ -13,8 +13,6 @@
 #include "server/api/api_server.h"
 #include "server/base/clock.h"
 #include "server/base/log.h"
-#include "server/base/machine.h"
-#include "server/base/memory_reserve.h"
 #include "server/descriptors.h"
 #include "server/exit_status.h"
 #include "server/gpu/auto_device.h"
@@ -22,6 +20,8 @@
 #include "server/jobs/auth/key_ring.h"
 #include "server/jobs/auth/url_secret.h"
 #include "server/jobs/service/job_service.h"
+#include "server/process/machine.h"
+#include "server/process/memory_reserve.h"
 #include "server/shutdown_watch.h"
 #include "server/store/data_dir.h"
 

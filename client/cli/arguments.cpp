@@ -8,8 +8,8 @@
 #include <map>
 #include <set>
 
-#include "client/cli/api_key.h"
-#include "client/cli/documents.h"
+#include "client/cli/commands/documents.h"
+#include "client/cli/daemon/api_key.h"
 #include "client/cli/output_name.h"
 #include "proto/messages/job.h"
 #include "proto/near_miss.h"

@@ -2,11 +2,11 @@
 #include <cstdio>
 #include <exception>
 
-#include "client/cli/api_key.h"
 #include "client/cli/arguments.h"
-#include "client/cli/commands.h"
-#include "client/cli/interrupt.h"
-#include "client/cli/server.h"
+#include "client/cli/commands/commands.h"
+#include "client/cli/daemon/api_key.h"
+#include "client/cli/daemon/server.h"
+#include "client/cli/terminal/interrupt.h"
 
 namespace {
 

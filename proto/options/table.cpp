@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "proto/limits.h"
+#include "proto/number_text.h"
 #include "proto/options/codecs.h"
 #include "proto/options/words.h"
-#include "proto/range_text.h"
 
 namespace voxeld {
 namespace {

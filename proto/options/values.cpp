@@ -1,6 +1,5 @@
 #include "proto/options/values.h"
 #include "proto/number_text.h"
-#include "proto/range_text.h"
 
 namespace voxeld::option_values {
 

@@ -4,15 +4,15 @@
 #include <atomic>
 #include <utility>
 
-#include "server/api/access.h"
+#include "server/api/access/access.h"
 #include "server/api/admin.h"
 #include "server/api/process_metrics.h"
 #include "server/api/request_metrics.h"
 #include "server/api/resources/api.h"
 #include "server/api/router.h"
 #include "server/api/routes.h"
-#include "server/base/memory_reserve.h"
 #include "server/http/http_server.h"
+#include "server/process/memory_reserve.h"
 
 namespace voxeld::api {
 namespace {

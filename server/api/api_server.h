@@ -9,7 +9,7 @@
 
 #include "proto/limits.h"
 #include "proto/result.h"
-#include "server/api/origin_guard.h"
+#include "server/api/access/origin_guard.h"
 #include "server/http/http_server.h"
 #include "server/jobs/auth/key_ring.h"
 #include "server/jobs/auth/url_secret.h"

@@ -17,10 +17,10 @@
 #include <utility>
 #include <vector>
 
-#include "server/base/authority.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
 #include "server/http/listener.h"
+#include "server/http/message/authority.h"
 #include "server/http/output.h"
 
 namespace voxeld::api {

@@ -1,7 +1,7 @@
 // Names of the HTTP server that every part of the API uses.
 #pragma once
 
-#include "server/http/message.h"
+#include "server/http/message/message.h"
 
 namespace voxeld::api {
 

@@ -6,7 +6,7 @@
 #include <time.h>
 
 #include "server/base/directory.h"
-#include "server/base/machine.h"
+#include "server/process/machine.h"
 
 namespace voxeld::api {
 namespace {

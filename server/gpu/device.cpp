@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "proto/number_text.h"
-#include "server/base/machine.h"
+#include "server/process/machine.h"
 
 namespace voxeld::gpu {
 

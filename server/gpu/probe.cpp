@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "server/base/child_process.h"
 #include "server/gpu/auto_device.h"
 #include "server/gpu/device.h"
+#include "server/process/child_process.h"
 
 namespace voxeld::gpu {
 namespace {

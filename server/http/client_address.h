@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "server/http/message.h"
+#include "server/http/message/message.h"
 
 namespace voxeld::http {
 

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "proto/result.h"
-#include "server/http/body_decoder.h"
 #include "server/http/connection.h"
 #include "server/http/memory_budget.h"
-#include "server/http/message.h"
+#include "server/http/message/body_decoder.h"
+#include "server/http/message/message.h"
 #include "server/http/output.h"
 
 namespace voxeld::http {

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "proto/result.h"
-#include "server/http/message.h"
+#include "server/http/message/message.h"
 
 namespace voxeld::http {
 

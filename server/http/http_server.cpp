@@ -14,9 +14,9 @@
 #include "server/base/log.h"
 #include "server/base/thread_annotations.h"
 #include "server/http/client_table.h"
-#include "server/http/head_parser.h"
 #include "server/http/housekeeping.h"
 #include "server/http/listener.h"
+#include "server/http/message/head_parser.h"
 #include "server/http/poller.h"
 
 namespace voxeld::http {

@@ -10,7 +10,7 @@
 #include "proto/result.h"
 #include "server/http/exchange.h"
 #include "server/http/memory_budget.h"
-#include "server/http/message.h"
+#include "server/http/message/message.h"
 
 namespace voxeld::http {
 

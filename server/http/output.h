@@ -11,7 +11,7 @@
 #include "server/base/file.h"
 #include "server/http/connection.h"
 #include "server/http/memory_budget.h"
-#include "server/http/message.h"
+#include "server/http/message/message.h"
 
 namespace voxeld::http {
 

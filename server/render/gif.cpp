@@ -1,5 +1,5 @@
 // write_gif() by the module for images (base/image_module.h).
-#include "server/base/image_module.h"
+#include "server/process/image_module.h"
 #include "server/render/animated_image.h"
 
 namespace voxeld {

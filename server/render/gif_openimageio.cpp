@@ -11,7 +11,7 @@
 
 #include "server/base/check.h"
 #include "server/base/file.h"
-#include "server/base/image_module.h"
+#include "server/process/image_module.h"
 #include "server/render/animated_image.h"
 
 namespace voxeld {

@@ -1,5 +1,5 @@
 // encode_png() by the module for images (base/image_module.h).
-#include "server/base/image_module.h"
+#include "server/process/image_module.h"
 #include "server/render/render.h"
 
 namespace voxeld {

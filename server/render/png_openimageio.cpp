@@ -5,7 +5,7 @@
 #include <exception>
 
 #include "server/base/check.h"
-#include "server/base/image_module.h"
+#include "server/process/image_module.h"
 #include "server/render/render.h"
 
 namespace voxeld {

@@ -16,9 +16,9 @@
 #include <utility>
 
 #include "server/base/clock.h"
-#include "server/base/image_module.h"
 #include "server/base/log.h"
-#include "server/base/machine.h"
+#include "server/process/image_module.h"
+#include "server/process/machine.h"
 #include "server/worker/device/calibration_key.h"
 #include "server/worker/gateway/device_slice.h"
 #include "server/worker/gateway/task_client.h"

@@ -6,9 +6,9 @@
 #include <system_error>
 #include <vector>
 
-#include "server/base/image_module.h"
 #include "server/base/log.h"
-#include "server/base/sandbox.h"
+#include "server/process/image_module.h"
+#include "server/process/sandbox.h"
 #include "server/voxel/estimates/calibration.h"
 
 namespace voxeld {

@@ -22,10 +22,10 @@
 #include <vector>
 
 #include "server/base/log.h"
-#include "server/base/memory_reserve.h"
 #include "server/base/sha256.h"
 #include "server/jobs/retention/store_check.h"
 #include "server/jobs/service/job_service.h"
+#include "server/process/memory_reserve.h"
 #include "tests/fault/fault_points.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "server/base/check.h"
-#include "server/http/body_decoder.h"
+#include "server/http/message/body_decoder.h"
 
 namespace {
 

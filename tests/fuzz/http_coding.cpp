@@ -4,7 +4,7 @@
 #include <string>
 
 #include "server/base/check.h"
-#include "server/http/content_coding.h"
+#include "server/http/message/content_coding.h"
 
 namespace {
 

@@ -5,7 +5,7 @@
 
 #include "server/base/check.h"
 #include "server/http/file_response.h"
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 
 namespace {
 

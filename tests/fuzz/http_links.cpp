@@ -8,11 +8,11 @@
 #include <string>
 #include <string_view>
 
-#include "server/api/signed_link.h"
+#include "server/api/access/signed_link.h"
 #include "server/base/check.h"
 #include "server/base/directory.h"
-#include "server/base/trace_context.h"
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
+#include "server/http/message/trace_context.h"
 
 namespace {
 

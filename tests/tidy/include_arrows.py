@@ -37,7 +37,7 @@ def worker(*folders, gl=False):
     """Folders of server/worker, with what all of them may include."""
     return ({"server/worker/" + folder for folder in folders}
             | {"server/scene", "server/scene/core", "server/render", "server/formats",
-               "server/grid", "server/gpu", "server/base", "proto"}
+               "server/grid", "server/gpu", "server/process", "server/base", "proto"}
             | VOXEL_INTERFACES | ({"server/voxel/gl"} if gl else set()))
 
 
@@ -51,10 +51,11 @@ ARROWS = {
     "proto/messages": {"proto/messages", "proto/container", "proto/options", "proto"},
     "client": {"client", "proto"},
     "server/base": {"server/base", "proto"},
+    "server/process": {"server/process", "server/base", "proto"},
     "server/grid": {"server/grid", "server/base", "proto"},
     # Folders of the scene: what loaders share, images, one for each format, the choice among them.
     "server/scene/core": {"server/scene/core", "server/base", "proto"},
-    "server/scene/images": scene("images"),
+    "server/scene/images": scene("images") | {"server/process"},
     "server/scene/gltf": scene("gltf", "images"),
     "server/scene/md5": scene("md5", "images"),
     "server/scene/obj": scene("obj", "images"),
@@ -63,7 +64,7 @@ ARROWS = {
     "server/scene/stl": scene("stl"),
     "server/scene": scene("images", "gltf", "md5", "obj", "off", "ply", "stl") | {"server/scene"},
     "server/store": {"server/store", "server/base", "proto"},
-    "server/gpu": {"server/gpu", "server/base", "proto", "shaders"},
+    "server/gpu": {"server/gpu", "server/process", "server/base", "proto", "shaders"},
     "server/formats": {"server/formats", "server/grid", "server/base", "proto"},
     # Folders of voxelization, from the lowest up.
     "server/voxel/triangles": voxel("triangles"),
@@ -86,11 +87,11 @@ ARROWS = {
                              "tiles", "attributes", "triangles", gpu=True),
     "server/voxel": voxel("cpu", "frames", "solid", "pipelines", "estimates", "tiles", "attributes",
                           "triangles") | {"server/voxel"},
-    "server/render": {"server/render", "server/grid", "server/gpu", "server/base", "proto",
-                      "shaders"},
+    "server/render": {"server/render", "server/grid", "server/gpu", "server/process", "server/base",
+                      "proto", "shaders"},
     # Folders of a worker process, from the lowest up.
     "server/worker/device": worker("device", gl=True),
-    "server/worker/gateway": {"server/worker/gateway", "server/base", "proto"},
+    "server/worker/gateway": {"server/worker/gateway", "server/process", "server/base", "proto"},
     "server/worker/mesh": worker("mesh"),
     "server/worker/task": worker("task", "device", "gateway", "mesh"),
     "server/worker/grids": worker("grids", "mesh", "task"),
@@ -106,14 +107,21 @@ ARROWS = {
     "server/jobs/events": jobs("events", "model"),
     "server/jobs/estimates": jobs("estimates", "model"),
     "server/jobs/scheduling": jobs("scheduling", "model", "records", "events"),
-    "server/jobs/retention": jobs("retention", "auth", "database", "events", "model", "records", store=True),
-    "server/jobs/workers": jobs("workers", "events", "model", "records", "scheduling", store=True),
-    "server/jobs/service": jobs("service", "auth", "database", "estimates", "events", "model", "records", "retention", "scheduling", "workers", store=True),
-    "server/http": {"server/http", "server/jobs/model", "server/store", "server/base", "proto"},
-    "server/api": {"server/api", "server/http", "server/store"}
-                  | jobs("auth", "model", "service"),
-    "server": {"server", "server/api", "server/http", "server/worker", "server/worker/device",
-               "server/gpu", "server/store"}
+    "server/jobs/retention": jobs("retention", "auth", "database", "events", "model", "records",
+                                  store=True),
+    "server/jobs/workers": jobs("workers", "events", "model", "records", "scheduling", store=True)
+                           | {"server/process"},
+    "server/jobs/service": jobs("service", "auth", "database", "estimates", "events", "model", "records",
+                                "retention", "scheduling", "workers", store=True)
+                           | {"server/process"},
+    "server/http/message": {"server/http/message", "server/jobs/model", "server/store", "server/base",
+                            "proto"},
+    "server/http": {"server/http", "server/http/message", "server/jobs/model", "server/store",
+                    "server/base", "proto"},
+    "server/api": {"server/api", "server/http", "server/http/message", "server/process",
+                   "server/store"} | jobs("auth", "model", "service"),
+    "server": {"server", "server/api", "server/http", "server/http/message", "server/process",
+               "server/worker", "server/worker/device", "server/gpu", "server/store"}
               | jobs("auth", "database", "model", "retention", "service"),
     "shaders": {"shaders"},
 }
@@ -127,7 +135,7 @@ ONLY_IN = {
     "curl/curl.h": {"client"},
     "httplib.h": {"server/api"},
     "zip.h": {"server/scene/core", "client"},
-    "zstd.h": {"proto/codec", "server/http"},
+    "zstd.h": {"proto/codec", "server/http/message"},
     "OpenImageIO/imageio.h": {"server/scene/images", "server/render"},
     "spdlog/spdlog.h": {"server/base"},
     "GL/glcorearb.h": {"server/gpu"},

@@ -7,9 +7,9 @@
 #include <string_view>
 
 #include "proto/messages/job.h"
-#include "server/api/access.h"
+#include "server/api/access/access.h"
+#include "server/api/access/wait_limit.h"
 #include "server/api/http_types.h"
-#include "server/api/wait_limit.h"
 #include "server/jobs/service/job_service.h"
 
 namespace voxeld::api {

@@ -5,7 +5,6 @@
 #include "proto/container/sequence_format.h"
 #include "proto/messages/json_writer.h"
 #include "proto/number_text.h"
-#include "proto/range_text.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"
 #include "server/api/resources/list_body.h"

@@ -7,7 +7,7 @@
 #include "proto/number_text.h"
 #include "server/api/resources/resources.h"
 #include "server/base/clock.h"
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 
 namespace voxeld::api {
 namespace {

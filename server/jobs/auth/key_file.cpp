@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "proto/number_text.h"
-#include "proto/range_text.h"
 #include "server/base/sha256.h"
 #include "server/jobs/auth/private_file.h"
 #include "server/jobs/model/tenant_limits.h"

@@ -7,8 +7,8 @@
 
 #include "server/base/guard.h"
 #include "server/base/log.h"
-#include "server/base/machine.h"
 #include "server/jobs/service/service.h"
+#include "server/process/machine.h"
 #include "server/store/data_dir.h"
 
 namespace voxeld {

@@ -5,9 +5,9 @@
 
 #include "proto/messages/task_api.h"
 #include "proto/result.h"
-#include "server/base/frame_socket.h"
 #include "server/jobs/events/job_board.h"
 #include "server/jobs/scheduling/time_slices.h"
+#include "server/process/frame_socket.h"
 
 namespace voxeld {
 

@@ -13,8 +13,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/base/child_process.h"
 #include "server/base/thread_annotations.h"
+#include "server/process/child_process.h"
 
 namespace voxeld {
 

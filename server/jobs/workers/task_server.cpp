@@ -13,9 +13,9 @@
 
 #include "server/base/directory.h"
 #include "server/base/file.h"
-#include "server/base/frame_socket.h"
 #include "server/base/guard.h"
 #include "server/base/log.h"
+#include "server/process/frame_socket.h"
 
 namespace voxeld {
 namespace {

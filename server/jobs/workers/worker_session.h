@@ -15,7 +15,6 @@
 
 #include "proto/messages/task_api.h"
 #include "server/base/clock.h"
-#include "server/base/frame_socket.h"
 #include "server/base/thread_annotations.h"
 #include "server/jobs/workers/dispatcher.h"
 #include "server/jobs/workers/message_rate.h"
@@ -24,6 +23,7 @@
 #include "server/jobs/workers/task_context.h"
 #include "server/jobs/workers/worker_files.h"
 #include "server/jobs/workers/worker_watch.h"
+#include "server/process/frame_socket.h"
 
 namespace voxeld {
 

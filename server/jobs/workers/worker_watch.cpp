@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "server/base/guard.h"
-#include "server/base/machine.h"
+#include "server/process/machine.h"
 
 namespace voxeld {
 namespace {

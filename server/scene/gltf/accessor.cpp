@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "proto/limits.h"
-#include "proto/range_text.h"
+#include "proto/number_text.h"
 #include "server/scene/core/mesh_error.h"
 
 namespace voxeld::gltf {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "server/base/image_module.h"
+#include "server/process/image_module.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
 #include "server/scene/images/image_format.h"

@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "server/base/cancel_point.h"
-#include "server/base/image_module.h"
+#include "server/process/image_module.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/images/image_format.h"
 #include "server/scene/images/tga.h"

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "server/base/child_process.h"
+#include "server/process/child_process.h"
 #include "server/voxel/calibrate.h"
 #include "server/worker/device/calibration_key.h"
 #include "server/worker/device/open_device.h"

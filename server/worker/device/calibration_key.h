@@ -2,8 +2,8 @@
 #pragma once
 
 #include "server/base/algorithm_version.h"
-#include "server/base/machine.h"
 #include "server/gpu/device.h"
+#include "server/process/machine.h"
 #include "server/voxel/estimates/calibration.h"
 
 namespace voxeld {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "proto/messages/task_api.h"
-#include "server/base/frame_socket.h"
+#include "server/process/frame_socket.h"
 
 namespace voxeld {
 

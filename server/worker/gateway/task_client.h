@@ -7,8 +7,8 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "proto/messages/task_api.h"
-#include "server/base/frame_socket.h"
 #include "server/base/thread_annotations.h"
+#include "server/process/frame_socket.h"
 #include "server/worker/gateway/task_outcome.h"
 
 namespace voxeld {

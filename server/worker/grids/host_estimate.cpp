@@ -5,9 +5,9 @@
 #include <thread>
 
 #include "proto/limits.h"
-#include "server/base/machine.h"
 #include "server/formats/native_sequence.h"
 #include "server/formats/npy_array.h"
+#include "server/process/machine.h"
 #include "server/worker/grids/grid_file.h"
 
 namespace voxeld {

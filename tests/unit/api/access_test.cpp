@@ -1,5 +1,5 @@
 // Keys at the door: who gets in, and that those who do not learn nothing else.
-#include "server/api/access.h"
+#include "server/api/access/access.h"
 
 #include <regex>
 #include <string>

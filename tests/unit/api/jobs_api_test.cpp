@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "server/api/resources/job_responses.h"
-#include "server/base/memory_reserve.h"
+#include "server/process/memory_reserve.h"
 #include "tests/unit/api/api_server_fixture.h"
 #include "tests/unit/jobs/lists.h"
 

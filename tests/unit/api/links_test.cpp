@@ -1,7 +1,7 @@
 // Signed links: what they open, and that nothing else does.
 #include <string>
 
-#include "server/api/signed_link.h"
+#include "server/api/access/signed_link.h"
 #include "server/base/clock.h"
 #include "server/jobs/auth/key_file.h"
 #include "tests/unit/api/api_server_fixture.h"

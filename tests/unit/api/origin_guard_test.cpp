@@ -1,12 +1,12 @@
 // Web pages and rebound names at the door; tests/integration/test_web_pages.py has the same over
 // sockets.
-#include "server/api/origin_guard.h"
+#include "server/api/access/origin_guard.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 
 namespace voxeld::api {
 namespace {

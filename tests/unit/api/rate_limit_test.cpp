@@ -1,4 +1,4 @@
-#include "server/api/rate_limit.h"
+#include "server/api/access/rate_limit.h"
 
 #include <gtest/gtest.h>
 

@@ -11,7 +11,7 @@
 
 #include "server/api/openapi_json.h"
 #include "server/api/routes.h"
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 
 namespace voxeld::api {
 namespace {

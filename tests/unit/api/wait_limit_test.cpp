@@ -1,4 +1,4 @@
-#include "server/api/wait_limit.h"
+#include "server/api/access/wait_limit.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Keys: where the CLI finds one, that the library sends it, and that nothing shows it.
-#include "client/cli/api_key.h"
+#include "client/cli/daemon/api_key.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

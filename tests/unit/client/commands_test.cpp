@@ -1,5 +1,5 @@
 // Commands of voxel against a scripted daemon: what is asked, and what is left on the disk.
-#include "client/cli/commands.h"
+#include "client/cli/commands/commands.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

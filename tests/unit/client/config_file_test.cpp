@@ -1,4 +1,4 @@
-#include "client/cli/config_file.h"
+#include "client/cli/daemon/config_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Bodies: by length and in chunks, their limits, and what breaks them.
-#include "server/http/body_decoder.h"
+#include "server/http/message/body_decoder.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 
 namespace voxeld::http {
 namespace {

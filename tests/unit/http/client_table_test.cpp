@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "server/http/client_address.h"
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 
 namespace voxeld::http {
 namespace {

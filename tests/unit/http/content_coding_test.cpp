@@ -1,4 +1,4 @@
-#include "server/http/content_coding.h"
+#include "server/http/message/content_coding.h"
 
 #include <gtest/gtest.h>
 

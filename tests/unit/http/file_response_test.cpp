@@ -7,7 +7,7 @@
 #include <string>
 #include <variant>
 
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 #include "server/http/output.h"
 
 namespace voxeld::http {

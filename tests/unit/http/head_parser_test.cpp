@@ -1,5 +1,5 @@
 // Request heads: what is understood, and the exact words for what is refused.
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "server/http/head_parser.h"
+#include "server/http/message/head_parser.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/http/http_server_fixture.h"
 

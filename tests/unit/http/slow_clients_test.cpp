@@ -8,8 +8,8 @@
 #include <string>
 #include <thread>
 
-#include "server/http/body_decoder.h"
 #include "server/http/http_server.h"
+#include "server/http/message/body_decoder.h"
 #include "tests/unit/http/http_server_fixture.h"
 
 namespace voxeld::http {

@@ -13,7 +13,7 @@
 
 #include "proto/messages/sequence.h"
 #include "proto/messages/task_api.h"
-#include "server/base/frame_socket.h"
+#include "server/process/frame_socket.h"
 
 namespace voxeld::testing {
 

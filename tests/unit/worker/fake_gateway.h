@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/messages/task_api.h"
-#include "server/base/frame_socket.h"
+#include "server/process/frame_socket.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld::testing {

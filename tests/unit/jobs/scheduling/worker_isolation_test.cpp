@@ -257,9 +257,9 @@ TEST_F(IsolatedProcesses, no_process_works_for_two_tenants_and_none_counts_as_a_
   EXPECT_EQ(counter("voxeld_worker_restarts_total"), 0);
 }
 
-// A job that comes before the tenant's worker asks for its next task may take the worker in reserve,
-// and one that comes before all workers have connected may have one replaced: so the first rounds
-// may move, and the later ones must not.
+// A job that comes before the tenant's worker asks for its next task may take the worker in
+// reserve, and one that comes before all workers have connected may have one replaced. So the first
+// rounds may move, and the later ones must not.
 TEST_F(IsolatedProcesses, as_many_tenants_as_workers_come_to_have_one_each) {
   constexpr int kRoundsMax = 60, kStableRounds = 5;
   start(kTenant, 2);

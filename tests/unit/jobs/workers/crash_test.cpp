@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/base/child_process.h"
 #include "server/jobs/service/job_service.h"
+#include "server/process/child_process.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {

@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "server/base/machine.h"
+#include "server/process/machine.h"
 
 namespace voxeld {
 namespace {

@@ -1,0 +1,183 @@
+#include "server/process/child_process.h"
+
+#include <fcntl.h>
+#include <linux/close_range.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "server/base/check.h"
+#include "server/base/clock.h"
+#include "server/base/file.h"
+
+namespace voxeld {
+
+namespace {
+
+constexpr int kCannotExecute = 127;  // the status that shells use
+
+// Runs between fork and exec in a process with threads, so only async-signal-safe calls are
+// allowed.
+[[noreturn]] void run_child(pid_t parent, const char* executable, char* const* arguments) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (::getppid() != parent) ::_exit(kCannotExecute);  // the parent died before prctl
+  ::setpgid(0, 0);
+  struct sigaction by_default {};
+  by_default.sa_handler = SIG_DFL;
+  for (const int signal : {SIGTERM, SIGINT, SIGPIPE, SIGHUP, SIGCHLD}) {
+    ::sigaction(signal, &by_default, nullptr);
+  }
+  sigset_t none;
+  ::sigemptyset(&none);
+  ::sigprocmask(SIG_SETMASK, &none, nullptr);
+  ::close_range(3, ~0U, CLOSE_RANGE_CLOEXEC);
+  ::execv(executable, arguments);
+  ::_exit(kCannotExecute);
+}
+
+}  // namespace
+
+std::string ExitReason::text() const {
+  if (signal == 0) return "exit status " + std::to_string(status);
+  const char* name = ::sigdescr_np(signal);
+  return "signal " + std::to_string(signal) +
+         (name == nullptr ? std::string() : " (" + std::string(name) + ")");
+}
+
+Status ChildProcess::spawn(const std::string& executable,
+                           const std::vector<std::string>& arguments) {
+  std::vector<char*> argv;
+  argv.push_back(const_cast<char*>(executable.c_str()));
+  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  argv.push_back(nullptr);
+  const pid_t parent = ::getpid();
+
+  MutexLock lock(mutex_);
+  VOXELD_CHECK(pid_ == 0, "one child at a time");
+  const pid_t child = ::fork();
+  if (child < 0) return errno_error("start", executable);
+  if (child == 0) run_child(parent, executable.c_str(), argv.data());
+  pid_ = child;
+  return {};
+}
+
+ExitReason ChildProcess::wait() {
+  const pid_t child = pid();
+  VOXELD_CHECK(child != 0, "wait without a child");
+  siginfo_t info{};
+  // WNOWAIT leaves the pid taken until the lock is held, so send_signal cannot hit a later process.
+  while (::waitid(P_PID, static_cast<id_t>(child), &info, WEXITED | WNOWAIT) != 0 &&
+         errno == EINTR) {
+  }
+  MutexLock lock(mutex_);
+  int status = 0;
+  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  pid_ = 0;
+  ExitReason reason;
+  reason.pid = child;
+  if (WIFSIGNALED(status)) {
+    reason.signal = WTERMSIG(status);
+  } else {
+    reason.status = WEXITSTATUS(status);
+  }
+  return reason;
+}
+
+bool ChildProcess::send_signal(int signal) {
+  MutexLock lock(mutex_);
+  return pid_ != 0 && ::kill(pid_, signal) == 0;
+}
+
+pid_t ChildProcess::pid() const {
+  MutexLock lock(mutex_);
+  return pid_;
+}
+
+namespace {
+
+// A limit, because drivers that write to stdout must not fill the memory.
+constexpr size_t kReplyBytesMax = size_t{1} << 20;
+
+// Starts `program arguments...` with stdout on a pipe and stderr discarded, because drivers
+// complain there. Returns the pid, or -1 with errno.
+pid_t start_child(const std::vector<std::string>& command, int stdout_fd) {
+  std::vector<char*> arguments;
+  arguments.reserve(command.size() + 1);
+  for (const std::string& one : command) arguments.push_back(const_cast<char*>(one.c_str()));
+  arguments.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawn_file_actions_adddup2(&actions, stdout_fd, STDOUT_FILENO);
+  ::posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  pid_t pid = -1;
+  const int failed =
+      ::posix_spawn(&pid, arguments[0], &actions, nullptr, arguments.data(), environ);
+  ::posix_spawn_file_actions_destroy(&actions);
+  if (failed == 0) return pid;
+  errno = failed;
+  return -1;
+}
+
+// Reads until the end of the pipe. Returns false on timeout.
+bool read_reply(int fd, std::chrono::milliseconds timeout, std::string& text) {
+  const Stopwatch clock;
+  char buffer[4096];
+  while (text.size() < kReplyBytesMax) {
+    const double left_ms = static_cast<double>(timeout.count()) - clock.ms();
+    if (left_ms <= 0) return false;
+    pollfd waiting{fd, POLLIN, 0};
+    if (::poll(&waiting, 1, static_cast<int>(left_ms) + 1) <= 0) continue;
+    const ssize_t bytes = ::read(fd, buffer, sizeof buffer);
+    if (bytes == 0) return true;
+    if (bytes > 0) text.append(buffer, static_cast<size_t>(bytes));
+    if (bytes < 0 && errno != EINTR) return true;
+  }
+  return true;
+}
+
+}  // namespace
+
+ChildReply run_child(const std::vector<std::string>& command, std::chrono::milliseconds timeout) {
+  ChildReply reply;
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) {
+    reply.failure = std::string("pipe: ") + std::strerror(errno);
+    return reply;
+  }
+  const UniqueFd read_end(ends[0]);
+  UniqueFd write_end(ends[1]);
+  const pid_t pid = start_child(command, write_end.get());
+  write_end.reset();
+  if (pid < 0) {
+    reply.failure = "cannot run " + command[0] + ": " + std::strerror(errno);
+    return reply;
+  }
+  const bool in_time = read_reply(read_end.get(), timeout, reply.text);
+  if (!in_time) ::kill(pid, SIGKILL);
+  int status = 0;
+  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (!in_time) {
+    reply.failure = "the driver did not reply within " + std::to_string(timeout.count()) + " ms";
+  } else if (WIFSIGNALED(status)) {
+    reply.failure = std::string("the driver crashed: ") + ::strsignal(WTERMSIG(status));
+  } else if (WEXITSTATUS(status) != 0) {
+    reply.failure = "the probe ended with status " + std::to_string(WEXITSTATUS(status));
+  }
+  return reply;
+}
+
+std::string_view last_json_line(std::string_view text) {
+  const size_t start = text.rfind("\n{");
+  return start == std::string_view::npos ? text : text.substr(start + 1);
+}
+
+}  // namespace voxeld

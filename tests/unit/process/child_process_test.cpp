@@ -1,0 +1,85 @@
+#include "server/process/child_process.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+
+#include "tests/unit/base/temporary_dir.h"
+
+namespace voxeld {
+namespace {
+
+TEST(ChildProcess, an_exit_status_is_reported_as_such) {
+  ChildProcess child;
+  ASSERT_TRUE(child.spawn("/bin/sh", {"-c", "exit 3"}));
+  const ExitReason reason = child.wait();
+  EXPECT_EQ(reason.status, 3);
+  EXPECT_EQ(reason.signal, 0);
+  EXPECT_EQ(reason.text(), "exit status 3");
+  EXPECT_EQ(child.pid(), 0);
+}
+
+TEST(ChildProcess, a_signal_is_reported_by_number_and_name) {
+  ChildProcess child;
+  ASSERT_TRUE(child.spawn("/bin/sleep", {"100"}));
+  EXPECT_TRUE(child.send_signal(SIGKILL));
+  const ExitReason reason = child.wait();
+  EXPECT_EQ(reason.signal, SIGKILL);
+  EXPECT_EQ(reason.text(), "signal 9 (Killed)");
+}
+
+TEST(ChildProcess, a_program_that_is_not_there_exits_with_127) {
+  ChildProcess child;
+  ASSERT_TRUE(child.spawn("/no/such/program", {}));
+  EXPECT_EQ(child.wait().text(), "exit status 127");
+}
+
+TEST(ChildProcess, no_signal_is_sent_once_the_child_was_reaped) {
+  ChildProcess child;
+  ASSERT_TRUE(child.spawn("/bin/true", {}));
+  child.wait();
+  EXPECT_FALSE(child.send_signal(SIGKILL));
+}
+
+TEST(ChildProcess, the_child_ends_with_the_thread_that_started_it) {
+  testing::TemporaryDir dir;
+  const std::string ready = (dir.path() / "ready").native();
+  ChildProcess child;
+  std::thread([&] {
+    ASSERT_TRUE(child.spawn("/bin/sh", {"-c", "touch '" + ready + "'; exec sleep 100"}));
+    while (!std::filesystem::exists(ready)) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+  }).join();
+  EXPECT_EQ(child.wait().text(), "signal 9 (Killed)");
+}
+
+TEST(ChildProcess, the_child_has_no_signals_blocked_and_no_descriptors_but_the_standard_ones) {
+  testing::TemporaryDir dir;
+  const std::string out = (dir.path() / "out").native();
+  std::ofstream leaked(dir.path() / "leaked");  // without O_CLOEXEC
+  sigset_t all, before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
+  ChildProcess child;
+  const Status started = child.spawn(
+      "/bin/sh", {"-c", "(grep SigBlk /proc/self/status; ls /proc/$$/fd | wc -w) > '" + out + "'"});
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  ASSERT_TRUE(started);
+  EXPECT_EQ(child.wait().status, 0);
+  std::ifstream file(out);
+  std::string label, mask;
+  int descriptors = 0;
+  file >> label >> mask >> descriptors;
+  EXPECT_EQ(mask, "0000000000000000");
+  EXPECT_LE(descriptors, 4);  // 0, 1, 2 and perhaps the shell's copy of one of them
+}
+
+}  // namespace
+}  // namespace voxeld
