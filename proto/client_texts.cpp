@@ -20,7 +20,10 @@ Status check_filename(std::string_view filename) {
 }
 
 std::string echoed(std::string_view text) {
-  return "\"" + std::string(text.substr(0, kEchoBytesMax)) + "\"";
+  std::string quoted = "\"";
+  quoted += text.substr(0, kEchoBytesMax);
+  quoted += '"';
+  return quoted;
 }
 
 }  // namespace voxeld

@@ -41,8 +41,7 @@ std::string lower_case(std::string text) {
 
 // Errors show a name or an id in quotes.
 Error unfit_name(std::string expected, std::string_view name, std::string_view after = "") {
-  return unfit(std::move(expected),
-               "\"" + std::string(name.substr(0, 60)) + "\"" + std::string(after));
+  return unfit(std::move(expected), echoed(name) + std::string(after));
 }
 
 Status is_name(const std::string& name) {

@@ -50,7 +50,10 @@ std::string to_text(double value) {
 
 std::string to_text(std::span<const double> values) {
   std::string text;
-  for (const double value : values) text += (text.empty() ? "" : ",") + to_text(value);
+  for (const double value : values) {
+    if (!text.empty()) text += ',';
+    text += to_text(value);
+  }
   return text;
 }
 

@@ -129,7 +129,8 @@ void add_transform(Bytes& out, int node, const Place& place, const std::array<in
   for (size_t c = 0; c < 3; ++c) {
     // A model's pivot is its middle. The scene is centred and stands on the floor.
     const int centre = c == 2 ? 0 : scene[c] / 2;
-    text += (c == 0 ? "" : " ") + std::to_string(place[c] * kModelSide + size[c] / 2 - centre);
+    if (c != 0) text += ' ';
+    text += std::to_string(place[c] * kModelSide + size[c] / 2 - centre);
   }
   add_transform_node(out, node, node + 1, {}, {{"_t", text}});
 }

@@ -153,7 +153,10 @@ std::string name_files_in_log(std::string_view log, const ResolvedShader& shader
   while (!log.empty()) {
     const size_t end = std::min(log.find('\n'), log.size());
     const std::string_view line = log.substr(0, end);
-    if (!line.empty()) named += (named.empty() ? "" : "\n") + name_file_in_line(line, shader);
+    if (!line.empty()) {
+      if (!named.empty()) named += '\n';
+      named += name_file_in_line(line, shader);
+    }
     log.remove_prefix(std::min(end + 1, log.size()));
   }
   return named;

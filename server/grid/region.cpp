@@ -101,7 +101,10 @@ class Canvas {
 
 std::string corners(const std::array<int, 6>& region) {
   std::string text;
-  for (const int value : region) text += (text.empty() ? "" : ",") + std::to_string(value);
+  for (const int value : region) {
+    if (!text.empty()) text += ',';
+    text += std::to_string(value);
+  }
   return text;
 }
 

@@ -54,7 +54,7 @@ bool ListRows::add(std::string_view json, std::string_view cursor) {
 
 Error bad_cursor(std::string_view after) {
   return {ErrorCode::kInvalidOption, "after", "the `next` of an earlier page of this list",
-          "\"" + std::string(after.substr(0, 40)) + "\""};
+          echoed(after)};
 }
 
 Result<int64_t> cursor_number(std::string_view after) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "proto/client_texts.h"
 #include "proto/number_text.h"
 
 namespace voxeld::http {
@@ -144,8 +145,7 @@ Status check_framing(Head& head) {
     const std::string_view text = head.header("Content-Length");
     head.content_length = parse_digits<int64_t>(text);
     if (!head.content_length) {
-      return bad("Content-Length", "a number of bytes",
-                 "\"" + std::string(text.substr(0, 40)) + "\"");
+      return bad("Content-Length", "a number of bytes", echoed(text));
     }
   }
   if (has_coding) {

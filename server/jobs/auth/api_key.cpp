@@ -6,6 +6,7 @@
 #include <array>
 #include <span>
 
+#include "proto/client_texts.h"
 #include "proto/number_text.h"
 #include "server/base/check.h"
 #include "server/base/random.h"
@@ -48,7 +49,7 @@ bool is_base32(std::string_view text, size_t digits) {
 Error expiry_error(std::string_view text) {
   return {ErrorCode::kInvalidOption, "--expires",
           "a time from now (12h, 30d, 8w; at most 100 years) or a day to come (2030-12-31)",
-          "\"" + std::string(text.substr(0, 40)) + "\""};
+          echoed(text)};
 }
 
 // Midnight (UTC) at the beginning of "2026-12-31"; negative where that is no day.
@@ -111,7 +112,7 @@ Status check_tenant_name(std::string_view name) {
   if (good) return {};
   return Error{ErrorCode::kInvalidOption, "name of a tenant",
                "1 to 64 of a-z, 0-9, '.', '_', '-', beginning with a letter or digit",
-               "\"" + std::string(name.substr(0, 80)) + "\""};
+               echoed(name)};
 }
 
 Result<int64_t> parse_expiry(std::string_view text, int64_t now_ms) {

@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "proto/client_texts.h"
 #include "proto/number_text.h"
 #include "server/base/sha256.h"
 #include "server/jobs/auth/private_file.h"
@@ -17,17 +18,13 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kHead =
-    "# voxeld keys 2: id tenant hash created_ms expires_ms revoked_ms weight role"
+    "# voxeld keys 1: id tenant hash created_ms expires_ms revoked_ms weight role"
     " requests_per_minute queued_jobs bytes cells";
-// Without limits.
-constexpr std::string_view kHead1 =
-    "# voxeld keys 1: id tenant hash created_ms expires_ms revoked_ms weight role";
-constexpr size_t kFields = 12, kFields1 = 8;
+constexpr size_t kFields = 12;
 
 // The error for a wrong field of a line.
 Error wrong(std::string detail, std::string expected, std::string_view got) {
-  return {ErrorCode::kInternal, std::move(detail), std::move(expected),
-          "\"" + std::string(got.substr(0, 80)) + "\""};
+  return {ErrorCode::kInternal, std::move(detail), std::move(expected), echoed(got)};
 }
 
 // A number in decimal digits.
@@ -39,14 +36,13 @@ Result<int64_t> parse_field(std::string_view name, std::string_view text, int64_
 
 using Fields = std::array<std::string_view, kFields>;
 
-// The first `count` of them; the rest stay empty.
-Result<Fields> split_line(std::string_view line, size_t count) {
+Result<Fields> split_line(std::string_view line) {
   Fields fields;
   std::string_view rest = line;
-  for (size_t i = 0; i < count; ++i) {
-    const size_t end = i + 1 < count ? rest.find(' ') : rest.size();
+  for (size_t i = 0; i < kFields; ++i) {
+    const size_t end = i + 1 < kFields ? rest.find(' ') : rest.size();
     if (end == std::string_view::npos || end == 0) {
-      return wrong("fields", std::to_string(count) + " between single spaces", line);
+      return wrong("fields", std::to_string(kFields) + " between single spaces", line);
     }
     fields[i] = rest.substr(0, end);
     rest.remove_prefix(std::min(rest.size(), end + 1));
@@ -54,9 +50,9 @@ Result<Fields> split_line(std::string_view line, size_t count) {
   return fields;
 }
 
-Result<ApiKey> parse_line(std::string_view line, bool has_limits) {
+Result<ApiKey> parse_line(std::string_view line) {
   constexpr int64_t kTimeMax = int64_t{1} << 53;
-  VOXELD_ASSIGN(const Fields fields, split_line(line, has_limits ? kFields : kFields1));
+  VOXELD_ASSIGN(const Fields fields, split_line(line));
   const auto& [id, tenant, hash, created, expires, revoked, weight, role, rate, queued, bytes,
                cells] = fields;
   if (!is_key_id(id)) return wrong("id", "8 of a-z and 2-7", id);
@@ -72,7 +68,6 @@ Result<ApiKey> parse_line(std::string_view line, bool has_limits) {
   VOXELD_ASSIGN(key.revoked_ms, parse_field("revoked_ms", revoked, 0, kTimeMax));
   VOXELD_ASSIGN(key.weight, parse_field("weight", weight, 1, kKeyWeightMax));
   key.is_admin = role == "admin";
-  if (!has_limits) return key;
   TenantLimits& limits = key.limits;
   VOXELD_ASSIGN(limits.requests_per_minute,
                 parse_field("requests_per_minute", rate, 0, kRequestsPerMinuteMax));
@@ -92,7 +87,6 @@ Result<KeyList> parse_keys(std::string_view text, const std::string& file) {
   KeyList keys;
   std::set<std::string> ids;
   int line_number = 0;
-  bool has_limits = true;
   const auto at_line = [&](Error error) {
     error.detail = file + " line " + std::to_string(line_number) + ": " + error.detail;
     return error;
@@ -104,11 +98,10 @@ Result<KeyList> parse_keys(std::string_view text, const std::string& file) {
     const std::string_view line = text.substr(0, end);
     text.remove_prefix(end + 1);
     if (line_number == 1) {
-      has_limits = line != kHead1;
-      if (has_limits && line != kHead) return at_line(wrong("head", std::string(kHead), line));
+      if (line != kHead) return at_line(wrong("head", std::string(kHead), line));
       continue;
     }
-    auto key = parse_line(line, has_limits);
+    auto key = parse_line(line);
     if (!key) return at_line(std::move(key).error());
     if (!ids.insert(key->id).second) {
       return at_line(wrong("id", "one that no line before has", key->id));
@@ -124,13 +117,15 @@ std::string keys_text(const KeyList& keys) {
   for (const ApiKey& key : keys) {
     text += key.id + " " + key.tenant + " " + key.secret_hash;
     for (const int64_t number : {key.created_ms, key.expires_ms, key.revoked_ms, key.weight}) {
-      text += " " + std::to_string(number);
+      text += ' ';
+      text += std::to_string(number);
     }
     text += key.is_admin ? " admin" : " tenant";
     const TenantLimits& limits = key.limits;
     for (const int64_t number :
          {limits.requests_per_minute, limits.queued_jobs, limits.bytes, limits.cells}) {
-      text += " " + std::to_string(number);
+      text += ' ';
+      text += std::to_string(number);
     }
     text += '\n';
   }

@@ -52,8 +52,9 @@ Status add_functions(sqlite3* db) {
 }  // namespace
 
 int SqliteConnection::Prepared::slot_of(int index) const {
-  const int slot =
-      sqlite3_bind_parameter_index(statement_.get(), ("$" + std::to_string(index)).c_str());
+  std::string name = std::to_string(index);
+  name.insert(name.begin(), '$');
+  const int slot = sqlite3_bind_parameter_index(statement_.get(), name.c_str());
   VOXELD_CHECK(slot != 0, sqlite3_sql(statement_.get()));
   return slot;
 }

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "proto/client_texts.h"
 #include "proto/number_text.h"
 
 namespace voxeld {
@@ -94,7 +95,8 @@ std::string CostModel::text() const {
   const auto add = [&out](double value) {
     std::array<char, 40> buffer{};
     const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
-    out += " " + std::string(buffer.data(), end);
+    out += ' ';
+    out.append(buffer.data(), end);
   };
   add(residual_);
   add(weight_);
@@ -106,8 +108,7 @@ std::string CostModel::text() const {
 }
 
 Status CostModel::parse(std::string_view text) {
-  const Error broken{ErrorCode::kInternal, "learned costs", "15 numbers",
-                     "\"" + std::string(text.substr(0, 80)) + "\""};
+  const Error broken{ErrorCode::kInternal, "learned costs", "15 numbers", echoed(text)};
   std::vector<double> numbers;
   while (!text.empty()) {
     const std::string_view word = text.substr(0, text.find(' '));

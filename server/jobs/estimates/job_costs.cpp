@@ -63,7 +63,8 @@ std::string voxelize_sort(const VoxelizeOptions& options) {
 JobWork work_of(JobKind kind, const RequestOptions& options, int64_t input_bytes) {
   JobWork work{std::string(job_kind_name(kind)), {}};
   if (kind == JobKind::kVoxelize || kind == JobKind::kExport) {
-    work.sort += " " + std::string(format_name(options.output.format));
+    work.sort += ' ';
+    work.sort += format_name(options.output.format);
   }
   work.features.input_bytes = static_cast<double>(input_bytes);
   if (kind == JobKind::kVoxelize) {

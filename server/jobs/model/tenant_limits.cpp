@@ -1,5 +1,6 @@
 #include "server/jobs/model/tenant_limits.h"
 
+#include "proto/client_texts.h"
 #include "proto/number_text.h"
 
 namespace voxeld {
@@ -18,8 +19,7 @@ Result<int64_t> parse_rate(std::string_view text) {
   const bool is_unit = unit.empty() || unit == "/s" || unit == "/m";
   if (value && is_unit && *value <= kRequestsPerMinuteMax / factor) return *value * factor;
   return Error{ErrorCode::kInvalidOption, "rate",
-               "requests per second (10 or 10/s) or minute (30/m)",
-               "\"" + std::string(text.substr(0, 40)) + "\""};
+               "requests per second (10 or 10/s) or minute (30/m)", echoed(text)};
 }
 
 std::string rate_text(int64_t requests_per_minute) {

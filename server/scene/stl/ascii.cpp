@@ -1,6 +1,7 @@
 #include <bit>
 #include <string>
 
+#include "proto/client_texts.h"
 #include "proto/limits.h"
 #include "server/scene/core/mesh_error.h"
 #include "server/scene/core/text_cursor.h"
@@ -71,7 +72,7 @@ class StlTextReader {
   Status expect(std::string_view keyword) {
     const std::string_view word = cursor_.token();
     if (equals_ignoring_case(word, keyword)) return {};
-    return unexpected("\"" + std::string(keyword) + "\"", word);
+    return unexpected(echoed(keyword), word);
   }
 
   Status read_facet(MeshPart& part) {

@@ -1,6 +1,8 @@
 // Writes zips byte by byte, true ones and lying ones.
 #pragma once
 
+#include <zlib.h>
+
 #include <array>
 #include <cstdint>
 #include <string>
@@ -60,7 +62,7 @@ class ZipMaker {
     const auto size = [](int64_t declared, size_t truth) {
       return u32(declared < 0 ? truth : static_cast<uint64_t>(declared));
     };
-    const uint32_t checksum = crc32(entry.data) ^ (entry.wrong_checksum ? 1u : 0u);
+    const uint32_t checksum = crc_of(entry.data) ^ (entry.wrong_checksum ? 1u : 0u);
     return u16(20) + u16(entry.flags) + u16(entry.deflated ? 8 : 0) + u16(0) + u16(0x5821) +
            u32(checksum) + size(entry.declared_stored, stored_bytes) +
            size(entry.declared_bytes, entry.data.size());
@@ -77,13 +79,9 @@ class ZipMaker {
     return out;
   }
 
-  static uint32_t crc32(std::string_view data) {
-    uint32_t crc = 0xffffffffu;
-    for (const char c : data) {
-      crc ^= static_cast<unsigned char>(c);
-      for (int bit = 0; bit < 8; ++bit) crc = (crc & 1) != 0 ? crc >> 1 ^ 0xedb88320u : crc >> 1;
-    }
-    return ~crc;
+  static uint32_t crc_of(std::string_view data) {
+    return static_cast<uint32_t>(
+        crc32(0, reinterpret_cast<const Bytef*>(data.data()), static_cast<uInt>(data.size())));
   }
 
   std::vector<ZipEntry> entries_;

@@ -15,10 +15,8 @@ namespace voxeld {
 namespace {
 
 constexpr const char* kHead =
-    "# voxeld keys 2: id tenant hash created_ms expires_ms revoked_ms weight role"
+    "# voxeld keys 1: id tenant hash created_ms expires_ms revoked_ms weight role"
     " requests_per_minute queued_jobs bytes cells\n";
-constexpr const char* kHead1 =
-    "# voxeld keys 1: id tenant hash created_ms expires_ms revoked_ms weight role\n";
 
 class KeyFileTest : public ::testing::Test {
  protected:
@@ -63,16 +61,6 @@ TEST_F(KeyFileTest, a_list_is_read_as_it_was_written) {
   EXPECT_TRUE((*keys)[0].is_admin);
   EXPECT_FALSE((*keys)[1].is_admin);
   EXPECT_EQ((*keys)[0].expires_ms, 2);
-}
-
-TEST_F(KeyFileTest, a_file_without_limits_is_read_and_written_with_them) {
-  const std::string old =
-      std::string(kHead1) + "abcdefgh lab " + sha256_id("secret of abcdefgh") + " 0 0 0 1 tenant\n";
-  const auto keys = parse_keys(old, "keys");
-  ASSERT_TRUE(keys) << keys.error().message();
-  EXPECT_EQ(keys->at(0).limits, TenantLimits{});
-  EXPECT_EQ(keys_text(*keys), std::string(kHead) + line("abcdefgh"));
-  EXPECT_FALSE(parse_keys(std::string(kHead1) + line("abcdefgh"), "keys"));
 }
 
 TEST_F(KeyFileTest, limits_and_weight_are_those_of_the_newest_live_key) {
