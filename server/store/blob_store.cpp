@@ -15,6 +15,7 @@
 #include "proto/hex.h"
 #include "server/base/check.h"
 #include "server/base/directory.h"
+#include "server/base/file.h"
 
 namespace voxeld {
 namespace {
@@ -93,6 +94,78 @@ Result<BlobInfo> place(const fs::path& root, BlobState& state, const fs::path& f
   return info;
 }
 
+// A file in tmp until it is finished.
+class FileSink final : public BlobSink {
+ public:
+  FileSink(fs::path root, std::shared_ptr<BlobState> state, UniqueFd fd, fs::path temporary)
+      : root_(std::move(root)),
+        state_(std::move(state)),
+        fd_(std::move(fd)),
+        temporary_(std::move(temporary)) {}
+  FileSink(const FileSink&) = delete;
+  FileSink& operator=(const FileSink&) = delete;
+  ~FileSink() override {
+    if (!temporary_.empty()) ::unlink(temporary_.c_str());
+  }
+
+  Status write(std::span<const uint8_t> bytes) override {
+    VOXELD_TRY(look_at_disk(static_cast<int64_t>(bytes.size())));
+    return write_all(fd_.get(), bytes);
+  }
+
+  Result<BlobInfo> finish(std::string id, int64_t bytes) override {
+    if (::fsync(fd_.get()) != 0) return errno_error("sync", temporary_);
+    fd_.reset();
+    VOXELD_ASSIGN(BlobInfo info, place(root_, *state_, temporary_, id, bytes));
+    temporary_.clear();
+    return info;
+  }
+
+ private:
+  // Checks the disk now and then, because the length of an upload may be unknown.
+  Status look_at_disk(int64_t more_bytes) {
+    bytes_until_look_ -= more_bytes;
+    if (bytes_until_look_ > 0) return {};
+    bytes_until_look_ = kBytesPerLook;
+    return state_->disk.for_data();
+  }
+
+  const fs::path root_;
+  const std::shared_ptr<BlobState> state_;
+  UniqueFd fd_;
+  fs::path temporary_;            // empty after finish()
+  int64_t bytes_until_look_ = 0;  // until the next check of the disk
+};
+
+class FileReader final : public BlobReader {
+ public:
+  FileReader(UniqueFd fd, std::string id, int64_t offset, int64_t bytes)
+      : fd_(std::move(fd)), id_(std::move(id)), at_(offset), left_(bytes) {}
+
+  Result<size_t> read(std::span<uint8_t> into) override {
+    const auto wanted = static_cast<size_t>(std::min<int64_t>(left_, std::ssize(into)));
+    size_t count = 0;
+    while (count < wanted) {
+      const ssize_t got = ::pread(fd_.get(), into.data() + count, wanted - count, at_);
+      if (got < 0 && errno == EINTR) continue;
+      if (got < 0) return errno_error("read", id_);
+      if (got == 0) {
+        return Error{ErrorCode::kGone, "the stored bytes of " + id_ + " end too early",
+                     std::to_string(left_) + " more bytes", "0"};
+      }
+      count += static_cast<size_t>(got);
+      at_ += got;
+      left_ -= got;
+    }
+    return count;
+  }
+
+ private:
+  const UniqueFd fd_;
+  const std::string id_;
+  int64_t at_, left_;
+};
+
 }  // namespace
 
 std::shared_ptr<const void> BlobPins::pin(const std::shared_ptr<BlobPins>& pins, std::string id) {
@@ -128,69 +201,7 @@ bool BlobPins::unless_pinned(std::string_view id, const std::function<void()>& r
   return true;
 }
 
-BlobWriter::BlobWriter(const fs::path& root, std::shared_ptr<BlobState> state, UniqueFd fd,
-                       fs::path temporary, int64_t bytes_max)
-    : root_(root),
-      state_(std::move(state)),
-      fd_(std::move(fd)),
-      temporary_(std::move(temporary)),
-      bytes_max_(bytes_max) {}
-
-BlobWriter::BlobWriter(BlobWriter&& other) noexcept
-    : root_(std::move(other.root_)),
-      state_(std::move(other.state_)),
-      fd_(std::move(other.fd_)),
-      temporary_(std::exchange(other.temporary_, fs::path())),
-      bytes_max_(other.bytes_max_),
-      bytes_(other.bytes_),
-      bytes_until_look_(other.bytes_until_look_),
-      broken_(other.broken_),
-      hash_(std::move(other.hash_)) {}
-
-BlobWriter::~BlobWriter() {
-  if (!temporary_.empty()) ::unlink(temporary_.c_str());
-}
-
-// Checks the disk now and then, because the length of an upload may be unknown.
-Status BlobWriter::look_at_disk(int64_t more_bytes) {
-  bytes_until_look_ -= more_bytes;
-  if (bytes_until_look_ > 0) return {};
-  bytes_until_look_ = kBytesPerLook;
-  return state_->disk.for_data();
-}
-
-Status BlobWriter::append(std::span<const uint8_t> bytes) {
-  VOXELD_CHECK(fd_.valid(), "append after finish");
-  const auto count = static_cast<int64_t>(bytes.size());
-  if (count > bytes_max_ - bytes_) {
-    broken_ = true;
-    return Error{ErrorCode::kPayloadTooLarge, "the upload is too large",
-                 "at most " + std::to_string(bytes_max_) + " bytes",
-                 "at least " + std::to_string(bytes_ + count)};
-  }
-  if (Status room = look_at_disk(count); !room) {
-    broken_ = true;
-    return room;
-  }
-  if (Status written = write_all(fd_.get(), bytes); !written) {
-    broken_ = true;
-    return written;
-  }
-  hash_.update(bytes);
-  bytes_ += count;
-  return {};
-}
-
-Result<BlobInfo> BlobWriter::finish() {
-  VOXELD_CHECK(fd_.valid() && !broken_, "finish after a failed append or twice");
-  if (::fsync(fd_.get()) != 0) return errno_error("sync", temporary_);
-  fd_.reset();
-  VOXELD_ASSIGN(BlobInfo info, place(root_, *state_, temporary_, hash_.finish_id(), bytes_));
-  temporary_.clear();
-  return info;
-}
-
-void BlobStore::empty_trash() const {
+void BlobStore::empty_trash() {
   [[maybe_unused]] const Status emptied = empty_folder(root_ / kTrash);  // a failure is retried
                                                                          // next time
 }
@@ -208,13 +219,14 @@ Result<BlobStore> BlobStore::open(const fs::path& root, int64_t disk_reserve_byt
   return BlobStore(root, disk_reserve_bytes);
 }
 
-Result<BlobWriter> BlobStore::begin(int64_t bytes_max) const {
+Result<BlobWriter> BlobStore::begin(int64_t bytes_max) {
   VOXELD_ASSIGN(auto temporary, make_temporary(root_));
-  return BlobWriter(root_, state_, std::move(temporary.first), std::move(temporary.second),
+  return BlobWriter(std::make_unique<FileSink>(root_, state_, std::move(temporary.first),
+                                               std::move(temporary.second)),
                     bytes_max);
 }
 
-Result<BlobInfo> BlobStore::adopt(const fs::path& file) const {
+Result<BlobInfo> BlobStore::adopt(const fs::path& file) {
   // O_NOFOLLOW: a worker must not make the store adopt another user's file through a link.
   UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (!fd.valid()) return errno_error("open", file);
@@ -254,13 +266,36 @@ bool BlobStore::is_usable(std::string_view id) const {
   return stamp && state_->checks.known(std::string(id), *stamp).value_or(true);
 }
 
+Result<std::unique_ptr<BlobReader>> BlobStore::read(std::string_view id, int64_t offset,
+                                                    int64_t bytes) const {
+  if (!is_sha256_id(id)) return not_found(id);
+  const fs::path path = blob_path(root_, id);
+  UniqueFd fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!fd.valid()) return errno == ENOENT ? not_found(id) : errno_error("open", path);
+  struct stat info {};
+  if (::fstat(fd.get(), &info) != 0) return errno_error("stat", path);
+  const auto size = static_cast<int64_t>(info.st_size);
+  if (offset < 0 || bytes < 0 || offset > size || bytes > size - offset) {
+    return Error{ErrorCode::kBadRequest, "range of " + std::string(id),
+                 "inside its " + std::to_string(size) + " bytes",
+                 std::to_string(bytes) + " bytes at " + std::to_string(offset)};
+  }
+  return std::unique_ptr<BlobReader>(
+      std::make_unique<FileReader>(std::move(fd), std::string(id), offset, bytes));
+}
+
+Result<fs::path> BlobStore::local_file(std::string_view id) const {
+  VOXELD_TRY(stat(id));
+  return path_of(id);
+}
+
 fs::path BlobStore::path_of(std::string_view id) const {
   return blob_path(root_, id);
 }
 
 // Removes a blob's file by `move`, unless the blob is pinned.
 Status BlobStore::take_out(std::string_view id,
-                           const std::function<Status(const fs::path&)>& move) const {
+                           const std::function<Status(const fs::path&)>& move) {
   if (!is_sha256_id(id)) return not_found(id);
   const fs::path path = blob_path(root_, id);
   Status moved;
@@ -277,18 +312,18 @@ Status BlobStore::take_out(std::string_view id,
   return Error{ErrorCode::kConflict, "blob " + std::string(id) + " is being registered", "", ""};
 }
 
-Status BlobStore::remove(std::string_view id) const {
+Status BlobStore::remove(std::string_view id) {
   return take_out(id, [this](const fs::path& path) {
     const fs::path trashed = trash_path(root_, *state_);
     return ::rename(path.c_str(), trashed.c_str()) == 0 ? Status() : errno_error("remove", path);
   });
 }
 
-Status BlobStore::quarantine(std::string_view id, std::string_view day) const {
+Status BlobStore::quarantine(std::string_view id, std::string_view day) {
   return take_out(id, [&](const fs::path& path) { return Quarantine(root_).take(path, day); });
 }
 
-Status BlobStore::restore(const QuarantinedBlob& blob) const {
+Status BlobStore::restore(const QuarantinedBlob& blob) {
   const fs::path target = blob_path(root_, blob.id);
   struct stat info {};
   if (::stat(blob.path.c_str(), &info) != 0) return errno_error("stat", blob.path);
@@ -317,7 +352,7 @@ Result<std::vector<std::string>> BlobStore::list() const {
   return ids;
 }
 
-Status BlobStore::recount() const {
+Status BlobStore::recount() {
   VOXELD_ASSIGN(const auto ids, list());
   const int64_t before = state_->bytes;
   int64_t total = 0;

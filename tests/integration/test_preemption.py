@@ -17,6 +17,18 @@ class PreemptionTest(unittest.TestCase):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.02)
 
+    def wait_preempted(self, load, name, job):
+        """Its status, once it was preempted: tiles and frames of others end first, which takes as
+        long as the machine lets them."""
+        deadline = time.monotonic() + 600
+        while True:
+            status = load.status(name, job)
+            if status["preempted"] > 0:
+                return status
+            self.assertIn(status["state"], ("queued", "running"), "it was never preempted")
+            self.assertLess(time.monotonic(), deadline, status)
+            time.sleep(0.02)
+
     def parts(self, load, job):
         folder = os.path.join(load.data_dir, "parts", job)
         return os.listdir(folder) if os.path.isdir(folder) else []
@@ -93,7 +105,7 @@ class Ends(PreemptionTest):
         """Giants of the other tenants; a job of this one, once it was preempted."""
         others = {other: self.load.submit(other, GIANT) for other in tenants if other != name}
         job = self.load.submit(name, options)
-        self.wait_for(lambda: self.load.status(name, job)["preempted"] > 0)
+        self.wait_preempted(self.load, name, job)
         return job, others
 
     def cancel(self, jobs):
@@ -139,8 +151,7 @@ class Ends(PreemptionTest):
         d = self.load.tenants["d"]
         others = {name: self.load.submit(name, GIANT) for name in "ab"}
         job = d.submit(kind="voxelize", asset=worm, options=options)
-        self.wait_for(lambda: self.load.status("d", job)["preempted"] > 0)
-        self.assertGreater(self.load.status("d", job)["frames_done"], 0)
+        self.assertGreater(self.wait_preempted(self.load, "d", job)["frames_done"], 0)
         self.cancel(others)
         status = d.wait(job, 600)
         self.assertEqual((status["state"], status["attempt"]), ("done", 1), status)

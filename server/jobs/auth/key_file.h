@@ -6,9 +6,9 @@
 //   k3v7qz2m lab sha256-9f86d081… 1763778000000 0 0 1 tenant 600 100 4294967296 0
 //
 // (the head is one line). Fields stand between single spaces, every line ends in a line feed; times
-// are Unix milliseconds, 0: never; the role is `tenant` or `admin`; a limit of 0 is none. Revoked and
-// expired keys keep their line, so that a daemon whose last key went does not become open. The file
-// is replaced as a whole (rename), its mode is 0600, its owner that of the directory, and
+// are Unix milliseconds, 0: never; the role is `tenant` or `admin`; a limit of 0 is none. Revoked
+// and expired keys keep their line, so that a daemon whose last key went does not become open. The
+// file is replaced as a whole (rename), its mode is 0600, its owner that of the directory, and
 // DIR/keys.lock is locked meanwhile.
 #pragma once
 

@@ -63,7 +63,7 @@ Result<std::optional<Asset>> find_own(SqlConnection& connection, const Caller& c
 }
 
 // Writes the row of new bytes, or of ones that were deleted; of others what they are called.
-Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
+Status put_row(SqlConnection& connection, const ObjectStore& blobs, const Caller& caller,
                const BlobInfo& blob, std::string_view filename, std::string_view content_type,
                int64_t bytes_max) {
   if (!blobs.stat(blob.id)) {
@@ -84,7 +84,7 @@ Status put_row(SqlConnection& connection, const BlobStore& blobs, const Caller& 
 
 // Registers the blob under a name, beside what the tenant calls it already. The name of an asset
 // changes only to one that is read alike: jobs that name none go by it.
-Result<Asset> put_named(SqlConnection& connection, const BlobStore& blobs, const Caller& caller,
+Result<Asset> put_named(SqlConnection& connection, const ObjectStore& blobs, const Caller& caller,
                         const BlobInfo& blob, const std::string& filename,
                         const std::string& content_type, int64_t bytes_max) {
   VOXELD_ASSIGN(const std::optional<Asset> earlier, find_own(connection, caller, blob.id));
@@ -246,6 +246,10 @@ Status AssetStore::mark_deleted(const Caller& caller, std::string_view id) {
   });
 }
 
+std::function<Status(const std::string&)> AssetStore::remove_blob() {
+  return [this](const std::string& id) { return blobs_.remove(id); };
+}
+
 Result<int64_t> AssetStore::remove_unneeded() {
   {
     // Mostly there is nothing to do, and reading is cheap.
@@ -256,7 +260,7 @@ Result<int64_t> AssetStore::remove_unneeded() {
   int64_t removed = 0;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
     VOXELD_ASSIGN(const auto ids, unneeded(connection));
-    VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, blobs_, ids));
+    VOXELD_ASSIGN(const auto gone, remove_blobs(connection, database_, ids, remove_blob()));
     for (const std::string& id : gone) {
       // The rest of the row only records that it was deleted.
       VOXELD_TRY(
@@ -275,7 +279,7 @@ Result<int64_t> AssetStore::remove_unneeded() {
 
 Status AssetStore::remove_unnamed(const std::vector<std::string>& ids) {
   return database_.write_freeing([&](SqlConnection& connection) -> Status {
-    VOXELD_TRY(remove_blobs(connection, database_, blobs_, ids));
+    VOXELD_TRY(remove_blobs(connection, database_, ids, remove_blob()));
     return {};
   });
 }

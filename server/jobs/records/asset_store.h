@@ -11,14 +11,14 @@
 #include "server/jobs/database/database.h"
 #include "server/jobs/model/assets.h"
 #include "server/jobs/model/caller.h"
-#include "server/store/blob_store.h"
+#include "server/store/object_store.h"
 
 namespace voxeld {
 
 // Thread-safe; holds no state of its own.
 class AssetStore {
  public:
-  AssetStore(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
+  AssetStore(Database& database, ObjectStore& blobs) : database_(database), blobs_(blobs) {}
 
   // Registers a blob as the caller's, or brings its deleted asset back. Where the tenant has it
   // under a name that is read otherwise (reading_of()), that asset stays as it is, and the id that
@@ -49,8 +49,9 @@ class AssetStore {
   Status remove_unnamed(const std::vector<std::string>& ids);
 
  private:
+  std::function<Status(const std::string&)> remove_blob();
   Database& database_;
-  const BlobStore& blobs_;
+  ObjectStore& blobs_;
 };
 
 // The asset as the caller sees it, named as its id says (AssetId). Who sees all gets an own one

@@ -56,10 +56,9 @@ Result<bool> is_needed(SqlConnection& connection, std::string_view id) {
   return answer.int64(0) != 0;
 }
 
-Result<std::vector<std::string>> remove_blobs(SqlConnection& writer, Database& database,
-                                              const BlobStore& blobs,
-                                              const std::vector<std::string>& ids,
-                                              std::string_view quarantine_day) {
+Result<std::vector<std::string>> remove_blobs(
+    SqlConnection& writer, Database& database, const std::vector<std::string>& ids,
+    const std::function<Status(const std::string& id)>& remove) {
   VOXELD_ASSIGN(std::vector<std::string> unneeded, free_blobs(writer, ids));
   {
     // A reader sees what is committed.
@@ -68,8 +67,7 @@ Result<std::vector<std::string>> remove_blobs(SqlConnection& writer, Database& d
   }
   std::vector<std::string> gone;
   for (std::string& id : unneeded) {
-    const Status removed =
-        quarantine_day.empty() ? blobs.remove(id) : blobs.quarantine(id, quarantine_day);
+    const Status removed = remove(id);
     if (!removed && removed.error().code == ErrorCode::kConflict) continue;  // uploaded just now
     if (!removed && removed.error().code != ErrorCode::kNotFound) {
       log::warn("cannot remove a blob", {{"blob", id}, {"error", removed.error().message()}});
@@ -80,7 +78,7 @@ Result<std::vector<std::string>> remove_blobs(SqlConnection& writer, Database& d
   return gone;
 }
 
-Result<BlobInfo> named_blob(const BlobStore& blobs, std::string_view id, std::string_view what,
+Result<BlobInfo> named_blob(const ObjectStore& blobs, std::string_view id, std::string_view what,
                             std::string_view remedy) {
   auto blob = blobs.verified(id);
   if (blob) return blob;

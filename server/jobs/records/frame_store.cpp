@@ -114,8 +114,7 @@ Result<SequenceManifest> FrameStore::read_blob(std::string_view id) {
   const auto leave = [](std::counting_semaphore<kManifestsMax>* taken) { taken->release(); };
   const std::unique_ptr<std::counting_semaphore<kManifestsMax>, decltype(leave)> place(&places,
                                                                                        leave);
-  VOXELD_ASSIGN(const MappedFile file, MappedFile::open(blobs_.path_of(id)));
-  const auto bytes = file.bytes();
+  VOXELD_ASSIGN(const std::vector<uint8_t> bytes, voxeld::read_blob(blobs_, id));
   return parse_sequence({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 

@@ -13,14 +13,14 @@
 #include "server/jobs/database/database.h"
 #include "server/jobs/model/caller.h"
 #include "server/jobs/model/results.h"
-#include "server/store/blob_store.h"
+#include "server/store/object_store.h"
 
 namespace voxeld {
 
 // Thread-safe; holds no state of its own.
 class FrameStore {
  public:
-  FrameStore(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
+  FrameStore(Database& database, const ObjectStore& blobs) : database_(database), blobs_(blobs) {}
 
   // Lists a frame of a running job whose container `grid` is in the store, in place of an earlier
   // attempt's of the same index. Returns how many the job has now; nullopt when another worker owns
@@ -41,7 +41,7 @@ class FrameStore {
 
  private:
   Database& database_;
-  const BlobStore& blobs_;
+  const ObjectStore& blobs_;
 };
 
 }  // namespace voxeld

@@ -134,7 +134,10 @@ Status Retention::flush() {
 Result<int64_t> Retention::remove(const Ids& ids, std::string_view quarantine_day) {
   int64_t removed = 0;
   Status committed = database_.write_freeing([&](SqlConnection& connection) -> Status {
-    VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, blobs_, ids, quarantine_day));
+    const auto remove_one = [&](const std::string& id) {
+      return quarantine_day.empty() ? blobs_.remove(id) : blobs_.quarantine(id, quarantine_day);
+    };
+    VOXELD_ASSIGN(const Ids gone, remove_blobs(connection, database_, ids, remove_one));
     removed = static_cast<int64_t>(gone.size());
     return {};
   });

@@ -25,7 +25,7 @@ namespace voxeld {
 class Retention {
  public:
   static constexpr int64_t kAllBytes = std::numeric_limits<int64_t>::max();
-  Retention(Database& database, const BlobStore& blobs) : database_(database), blobs_(blobs) {}
+  Retention(Database& database, BlobStore& blobs) : database_(database), blobs_(blobs) {}
 
   // Somebody was given this blob. Kept in memory until flush().
   void touch(const std::string& blob) EXCLUDES(mutex_);
@@ -71,7 +71,7 @@ class Retention {
                                  std::string_view quarantine_day);
   int64_t bytes_of(const std::vector<std::string>& ids);
   Database& database_;
-  const BlobStore& blobs_;
+  BlobStore& blobs_;
   Mutex mutex_;
   std::unordered_map<std::string, int64_t> used_ms_ GUARDED_BY(mutex_);
 };

@@ -116,7 +116,8 @@ class Rebuild {
       return {};
     }
     if (!blob) return std::move(blob).error();
-    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(blobs_.path_of(id)));
+    VOXELD_ASSIGN(const fs::path path, blobs_.local_file(id));
+    VOXELD_ASSIGN(const MappedFile file, MappedFile::open(path));
     const auto bytes = file.bytes();
     return take(*blob, kind_of({reinterpret_cast<const char*>(bytes.data()), bytes.size()}));
   }
@@ -166,7 +167,7 @@ class Rebuild {
     return {};
   }
 
-  const BlobStore blobs_;
+  BlobStore blobs_;
   const StoreDatabase store_;
   Database& database_;
   AssetStore assets_;

@@ -42,7 +42,7 @@ int64_t until_none(const char* what, Batch&& batch) {
 }  // namespace
 
 StoreSweep::StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
-                       const BlobStore& blobs, JobMetrics& metrics, KeptClock& clock,
+                       BlobStore& blobs, JobMetrics& metrics, KeptClock& clock,
                        std::function<void()> note)
     : limits_(limits),
       retention_(retention),

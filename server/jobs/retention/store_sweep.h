@@ -25,7 +25,7 @@ class StoreSweep {
  public:
   // `note` is called every second, on the sweep's thread.
   StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
-             const BlobStore& blobs, JobMetrics& metrics, KeptClock& clock,
+             BlobStore& blobs, JobMetrics& metrics, KeptClock& clock,
              std::function<void()> note);
   ~StoreSweep();
   void start();
@@ -53,7 +53,7 @@ class StoreSweep {
   const StorageLimits limits_;
   Retention& retention_;
   AssetStore& assets_;
-  const BlobStore& blobs_;
+  BlobStore& blobs_;
   JobMetrics& metrics_;
   KeptClock& clock_;
   const std::function<void()> note_;

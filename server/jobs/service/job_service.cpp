@@ -238,7 +238,8 @@ Result<JobStatus> Service::cancel(const Caller& caller, std::string_view id) {
 Result<StoredBlob> Service::stored(std::string_view id, std::string_view what) {
   VOXELD_ASSIGN(BlobInfo blob, named_blob(blobs_, id, what, "submit the job again"));
   retention_.touch(blob.id);
-  return StoredBlob{std::move(blob.id), blob.bytes, blobs_.path_of(id)};
+  VOXELD_ASSIGN(std::filesystem::path file, blobs_.local_file(id));
+  return StoredBlob{std::move(blob.id), blob.bytes, std::move(file)};
 }
 
 Result<StoredBlob> Service::result_of(const JobStatus& status) {

@@ -32,7 +32,7 @@
 #include "server/jobs/model/worker_state.h"
 #include "server/jobs/retention/kept_clock.h"
 #include "server/jobs/scheduling/worker_isolation.h"
-#include "server/store/blob_store.h"
+#include "server/store/object_store.h"
 
 namespace prometheus {
 class Registry;

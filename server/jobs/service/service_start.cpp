@@ -62,9 +62,10 @@ Status Service::start() {
   forecast_waiting();
 
   VOXELD_ASSIGN(
-      tasks_, TaskServer::start(server_config(),
-                                {jobs_, assets_, frames_, blobs_, parts_, board_, metrics_, slices_,
-                                 [this](const JobRecord& record) { job_changed(record); }}));
+      tasks_,
+      TaskServer::start(server_config(),
+                        {jobs_, assets_, frames_, blobs_, blobs_.disk(), parts_, board_, metrics_,
+                         slices_, [this](const JobRecord& record) { job_changed(record); }}));
   deadlines_ = std::make_unique<DeadlineWatch>(
       jobs_, [this](const JobRecord& record) { job_changed(record); });
   sweep_.start();

@@ -111,7 +111,7 @@ Result<std::optional<BlobInfo>> OutputAdopter::add_frame(const WorkerFiles& file
 
 Status OutputAdopter::add_part(const WorkerFiles& files, const TaskPart& part) {
   const auto taken = files.take(part.path);
-  VOXELD_TRY(context_.blobs.disk().for_data());
+  VOXELD_TRY(context_.disk.for_data());
   if (!taken) return taken.error();
   return context_.parts.add(part.task, part.position, *taken);
 }

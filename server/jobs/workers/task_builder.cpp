@@ -16,7 +16,8 @@ Result<std::string> TaskBuilder::hand_over(std::string_view id, std::string_view
                 named_blob(context_.blobs, id, "the " + std::string(what) + " " + std::string(id),
                            is_asset ? "upload the same bytes again, then submit the job again"
                                     : "submit the job that made it again"));
-  return files_.hand_over(context_.blobs.path_of(blob.id));
+  VOXELD_ASSIGN(const std::filesystem::path file, context_.blobs.local_file(blob.id));
+  return files_.hand_over(file);
 }
 
 Result<Task> TaskBuilder::build(const JobRecord& record) {
@@ -68,7 +69,8 @@ Status TaskBuilder::add_done(const JobRecord& record, Task& task) {
     const SequenceFrame& frame = listed.frame;
     const bool follows = listed.index == static_cast<int64_t>(task.done_frames.size());
     if (!follows || !context_.blobs.verified(frame.grid)) break;
-    VOXELD_ASSIGN(std::string path, files_.hand_over(context_.blobs.path_of(frame.grid)));
+    VOXELD_ASSIGN(const std::filesystem::path file, context_.blobs.local_file(frame.grid));
+    VOXELD_ASSIGN(std::string path, files_.hand_over(file));
     task.done_frames.push_back(
         {frame.grid, std::move(path), frame.time_s, frame.voxel_count, frame.content_hash});
   }

@@ -18,7 +18,8 @@
 #include "server/jobs/records/job_store.h"
 #include "server/jobs/scheduling/time_slices.h"
 #include "server/jobs/scheduling/worker_isolation.h"
-#include "server/store/blob_store.h"
+#include "server/store/disk_room.h"
+#include "server/store/object_store.h"
 #include "server/store/part_store.h"
 
 namespace voxeld {
@@ -50,7 +51,8 @@ struct TaskServerContext {
   JobStore& jobs;
   AssetStore& assets;
   FrameStore& frames;
-  BlobStore& blobs;
+  ObjectStore& blobs;
+  DiskRoom& disk;  // of the daemon's data: database, blobs, scratch
   PartStore& parts;
   JobBoard& board;
   JobMetrics& metrics;

@@ -50,7 +50,7 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
                   kSliceSilenceSecondsMax},
       watch_calls());
   scratch_watch_ = std::make_unique<ScratchWatch>(config_.limits.scratch_bytes_max,
-                                                  context_.blobs.disk(), scratch_calls());
+                                                  context_.disk, scratch_calls());
   // Last: an exception of what comes before must not meet a thread that runs.
   accept_thread_ = std::thread([this] { accept_loop(); });
 }

@@ -337,6 +337,12 @@ Status WorkerSession::take_progress(const json& message) {
   return send(to_json_message(TaskProgressReply{.cancel = stop_age >= 0, .preempt = preempt}));
 }
 
+// Lets the worker read the frame that it has just made.
+Result<std::string> WorkerSession::hand_over(const std::string& grid) const {
+  VOXELD_ASSIGN(const std::filesystem::path file, context_.parts.blobs.local_file(grid));
+  return files_.hand_over(file);
+}
+
 Status WorkerSession::take_frame(const json& message) {
   VOXELD_ASSIGN(const TaskFrame frame, parse_task_frame(message));
   TaskFrameReply reply;
@@ -345,7 +351,7 @@ Status WorkerSession::take_frame(const json& message) {
   auto blob = context_.outputs.add_frame(files_, frame, progress_.frames_total);
   if (blob && *blob) {
     since_progress_.lap();
-    auto given = files_.hand_over(context_.parts.blobs.path_of((*blob)->id));
+    auto given = hand_over((*blob)->id);
     reply.cancel = stop_age_seconds() >= 0;
     reply.grid = (*blob)->id;
     if (given) {

@@ -82,6 +82,7 @@ class WorkerSession {
   Status send_task(const JobRecord& record, const Task& task);
   Status refuse_task(const JobRecord& record, const Error& error);
   Status take_progress(const Json& message);
+  Result<std::string> hand_over(const std::string& grid) const;
   Status take_frame(const Json& message);
   Status take_part(const Json& message);
   Status take_completion(const Json& message);

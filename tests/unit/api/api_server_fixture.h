@@ -12,6 +12,7 @@
 #include "server/api/api_server.h"
 #include "server/jobs/auth/key_file.h"
 #include "server/jobs/service/job_service.h"
+#include "server/store/blob_store.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/http/http_client.h"
 #include "tests/unit/jobs/fake_worker.h"

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "server/jobs/service/job_service.h"
+#include "server/store/blob_store.h"
 #include "tests/unit/base/temporary_dir.h"
 #include "tests/unit/jobs/fake_worker.h"
 #include "tests/unit/jobs/wait_job.h"

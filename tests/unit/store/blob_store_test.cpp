@@ -12,6 +12,8 @@
 #include <thread>
 #include <vector>
 
+#include "server/base/file.h"
+#include "server/base/sha256.h"
 #include "tests/unit/base/temporary_dir.h"
 
 namespace voxeld {
@@ -30,7 +32,7 @@ class BlobStoreTest : public ::testing::Test {
     EXPECT_TRUE(store) << store.error().message();
     return *std::move(store);
   }
-  BlobInfo put(const BlobStore& store, std::string_view text) {
+  BlobInfo put(BlobStore& store, std::string_view text) {
     auto writer = store.begin(1 << 20);
     EXPECT_TRUE(writer);
     EXPECT_TRUE(writer->append(bytes_of(text)));
@@ -49,7 +51,7 @@ class BlobStoreTest : public ::testing::Test {
 };
 
 TEST_F(BlobStoreTest, bytes_written_in_pieces_are_stored_under_their_hash) {
-  const BlobStore store = open();
+  BlobStore store = open();
   auto writer = store.begin(100);
   ASSERT_TRUE(writer);
   ASSERT_TRUE(writer->append(bytes_of("ab")));
@@ -66,7 +68,7 @@ TEST_F(BlobStoreTest, bytes_written_in_pieces_are_stored_under_their_hash) {
 }
 
 TEST_F(BlobStoreTest, the_same_bytes_twice_are_one_blob) {
-  const BlobStore store = open();
+  BlobStore store = open();
   const BlobInfo first = put(store, "twice"), second = put(store, "twice");
   EXPECT_EQ(first.id, second.id);
   EXPECT_EQ(first.bytes, second.bytes);
@@ -75,7 +77,7 @@ TEST_F(BlobStoreTest, the_same_bytes_twice_are_one_blob) {
 }
 
 TEST_F(BlobStoreTest, the_same_bytes_are_written_again_and_who_reads_the_old_file_reads_on) {
-  const BlobStore store = open();
+  BlobStore store = open();
   const std::string id = put(store, "twice").id;
   const auto reader = MappedFile::open(store.path_of(id));
   ASSERT_TRUE(reader);
@@ -92,7 +94,7 @@ TEST_F(BlobStoreTest, the_same_bytes_are_written_again_and_who_reads_the_old_fil
 }
 
 TEST_F(BlobStoreTest, folders_are_made_beforehand) {
-  const BlobStore store = open();
+  BlobStore store = open();
   size_t folders = 0;
   for ([[maybe_unused]] const auto& entry : fs::directory_iterator(store.root() / "blobs")) {
     ++folders;
@@ -101,7 +103,7 @@ TEST_F(BlobStoreTest, folders_are_made_beforehand) {
 }
 
 TEST_F(BlobStoreTest, what_was_stored_stays_until_nobody_holds_its_pin) {
-  const BlobStore store = open();
+  BlobStore store = open();
   auto first = std::make_optional(put(store, "pinned"));
   auto second = std::make_optional(put(store, "pinned"));
   const std::string id = first->id;
@@ -121,7 +123,7 @@ TEST_F(BlobStoreTest, what_was_stored_stays_until_nobody_holds_its_pin) {
 }
 
 TEST_F(BlobStoreTest, a_writer_that_is_dropped_leaves_nothing) {
-  const BlobStore store = open();
+  BlobStore store = open();
   {
     auto writer = store.begin(100);
     ASSERT_TRUE(writer);
@@ -135,7 +137,7 @@ TEST_F(BlobStoreTest, a_writer_that_is_dropped_leaves_nothing) {
 
 TEST_F(BlobStoreTest, what_a_killed_process_left_in_tmp_goes_at_the_next_open) {
   {
-    const BlobStore store = open();
+    BlobStore store = open();
     ASSERT_TRUE(write_file(store.root() / "tmp/blob-abc123", bytes_of("torn")));
   }
   open();
@@ -143,7 +145,7 @@ TEST_F(BlobStoreTest, what_a_killed_process_left_in_tmp_goes_at_the_next_open) {
 }
 
 TEST_F(BlobStoreTest, bytes_over_the_cap_are_refused_with_the_cap) {
-  const BlobStore store = open();
+  BlobStore store = open();
   auto writer = store.begin(4);
   ASSERT_TRUE(writer);
   ASSERT_TRUE(writer->append(bytes_of("1234")));
@@ -155,7 +157,7 @@ TEST_F(BlobStoreTest, bytes_over_the_cap_are_refused_with_the_cap) {
 }
 
 TEST_F(BlobStoreTest, a_torn_file_under_a_blobs_name_is_replaced_by_the_whole_one) {
-  const BlobStore store = open();
+  BlobStore store = open();
   const BlobInfo whole = put(store, "whole content");
   ASSERT_TRUE(write_file(store.path_of(whole.id), bytes_of("whole")));
   put(store, "whole content");
@@ -163,7 +165,7 @@ TEST_F(BlobStoreTest, a_torn_file_under_a_blobs_name_is_replaced_by_the_whole_on
 }
 
 TEST_F(BlobStoreTest, a_finished_file_is_adopted) {
-  const BlobStore store = open();
+  BlobStore store = open();
   const fs::path file = dir_.path() / "result.npy";
   ASSERT_TRUE(write_file(file, bytes_of("result")));
   const auto info = store.adopt(file);
@@ -176,7 +178,7 @@ TEST_F(BlobStoreTest, a_finished_file_is_adopted) {
 }
 
 TEST_F(BlobStoreTest, links_and_devices_are_not_adopted) {
-  const BlobStore store = open();
+  BlobStore store = open();
   const fs::path link = dir_.path() / "link";
   fs::create_symlink("/etc/hostname", link);
   EXPECT_FALSE(store.adopt(link));
@@ -186,7 +188,7 @@ TEST_F(BlobStoreTest, links_and_devices_are_not_adopted) {
 }
 
 TEST_F(BlobStoreTest, text_that_is_not_an_id_never_becomes_a_path) {
-  const BlobStore store = open();
+  BlobStore store = open();
   for (const std::string_view text :
        {"", "../../etc/passwd", "sha256-", "sha256-../../../../etc/passwd", "SHA256-00"}) {
     const auto found = store.stat(text);
@@ -198,7 +200,7 @@ TEST_F(BlobStoreTest, text_that_is_not_an_id_never_becomes_a_path) {
 }
 
 TEST_F(BlobStoreTest, a_removed_blob_is_not_found) {
-  const BlobStore store = open();
+  BlobStore store = open();
   const std::string id = put(store, "short life").id;
   ASSERT_TRUE(store.remove(id));
   EXPECT_EQ(store.stat(id).error().code, ErrorCode::kNotFound);
@@ -206,7 +208,7 @@ TEST_F(BlobStoreTest, a_removed_blob_is_not_found) {
 }
 
 TEST_F(BlobStoreTest, threads_that_store_the_same_bytes_do_not_disturb_each_other) {
-  const BlobStore store = open();
+  BlobStore store = open();
   std::vector<std::thread> threads;
   for (int t = 0; t < 8; ++t) {
     threads.emplace_back([&] {

@@ -88,7 +88,9 @@ TEST_F(RetentionTest, a_file_goes_when_what_is_committed_does_not_need_it_either
   // The deletion may still be rolled back, with the whole batch: the file could not.
   ASSERT_TRUE(database_->write([&](SqlConnection& connection) -> Status {
     VOXELD_TRY(connection.run("UPDATE assets SET deleted_ms = 1"));
-    VOXELD_ASSIGN(const auto gone, remove_blobs(connection, *database_, blobs_, {asset}));
+    VOXELD_ASSIGN(const auto gone,
+                  remove_blobs(connection, *database_, {asset},
+                               [this](const std::string& id) { return blobs_.remove(id); }));
     EXPECT_TRUE(gone.empty());
     return {};
   }));
