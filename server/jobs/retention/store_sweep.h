@@ -25,8 +25,7 @@ class StoreSweep {
  public:
   // `note` is called every second, on the sweep's thread.
   StoreSweep(const StorageLimits& limits, Retention& retention, AssetStore& assets,
-             BlobStore& blobs, JobMetrics& metrics, KeptClock& clock,
-             std::function<void()> note);
+             BlobStore& blobs, JobMetrics& metrics, KeptClock& clock, std::function<void()> note);
   ~StoreSweep();
   void start();
   void stop() EXCLUDES(mutex_);
