@@ -1,5 +1,6 @@
 #include "proto/messages/json_fields.h"
 
+#include "proto/client_texts.h"
 #include "proto/messages/job_fields.h"
 
 namespace voxeld {
@@ -99,7 +100,7 @@ Status FieldReader::finish() {
       for (const std::string_view one : names_) {
         listed += (listed.empty() ? "" : ", ") + std::string(one);
       }
-      error_ = unfit(listed, "\"" + name.substr(0, 40) + "\"");
+      error_ = unfit(listed, echoed(name));
       error_->detail = ": no such member";
       break;
     }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/client_texts.h"
 #include "proto/near_miss.h"
 #include "proto/options/table.h"
 
@@ -88,9 +89,9 @@ Reply Router::dispatch(Request& request) const {
     if (route.method == "GET") allowed.emplace_back("HEAD");
   }
   if (allowed.empty()) {
-    return Response::problem({ErrorCode::kNotFound, "there is no such resource", "",
-                              "\"" + request.head.path.substr(0, 120) + "\""},
-                             request.head.path, request.trace.trace_id);
+    return Response::problem(
+        {ErrorCode::kNotFound, "there is no such resource", "", echoed(request.head.path)},
+        request.head.path, request.trace.trace_id);
   }
   std::string allow = "OPTIONS";
   for (const std::string& name : allowed) allow += ", " + name;

@@ -2,6 +2,7 @@
 #include <functional>
 #include <utility>
 
+#include "proto/client_texts.h"
 #include "proto/container/grid_directory.h"
 #include "proto/messages/json_writer.h"
 #include "proto/number_text.h"
@@ -117,8 +118,7 @@ Result<GridTileEntry> wanted_tile(const StoredBlob& blob, const std::string& num
     const auto index = parse_number<size_t>(number);
     if (index && *index < directory.tile_count()) return directory.tile(*index);
     return Error{ErrorCode::kNotFound, "there is no such tile",
-                 "0 to " + std::to_string(directory.tile_count()) + ", exclusive",
-                 "\"" + number.substr(0, 40) + "\""};
+                 "0 to " + std::to_string(directory.tile_count()) + ", exclusive", echoed(number)};
   });
 }
 
@@ -190,9 +190,8 @@ Reply grid_response(Request& request, Api& api, const std::string& grid) {
 Reply grid_image(Request& request, Api& api, const std::string& grid) {
   const std::string image = request.query("image").value_or("png");
   if (image != "png") {
-    return problem(
-        request, {ErrorCode::kInvalidOption, "image", "png here; others from /v1/grids/{id}/render",
-                  "\"" + image.substr(0, 40) + "\""});
+    return problem(request, {ErrorCode::kInvalidOption, "image",
+                             "png here; others from /v1/grids/{id}/render", echoed(image)});
   }
   return run_on_grid(request, api, grid, JobKind::kRender);
 }

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "proto/client_texts.h"
 #include "proto/messages/job_text.h"
 #include "server/api/accept.h"
 #include "server/http/file_response.h"
@@ -174,8 +175,7 @@ Result<std::optional<Format>> requested_format(Request& request, MediaTypeOf med
   if (const auto name = request.query("format")) {
     const auto format = format_from_name(*name);
     if (format) return format;
-    return Error{ErrorCode::kInvalidOption, "format", format_names(", "),
-                 "\"" + name->substr(0, 40) + "\""};
+    return Error{ErrorCode::kInvalidOption, "format", format_names(", "), echoed(*name)};
   }
   request.is_negotiated = true;
   std::vector<std::string_view> offered = {own_type};

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "proto/client_texts.h"
 #include "proto/messages/job_text.h"
 #include "server/api/resources/job_responses.h"
 #include "server/api/resources/job_wait.h"
@@ -123,8 +124,7 @@ Reply list_jobs(Request& request, Api& api) {
     query.state = job_state_from_name(*name);
     if (!query.state) {
       return problem(request, {ErrorCode::kInvalidOption, "state",
-                               "queued | running | done | failed | cancelled",
-                               "\"" + name->substr(0, 40) + "\""});
+                               "queued | running | done | failed | cancelled", echoed(*name)});
     }
   }
   return list_response(

@@ -74,8 +74,7 @@ Result<ListPage> requested_page(const Request& request, ListLimits limits) {
       const auto limit = parse_number<int64_t>(value, 1, limits.at_most);
       if (!limit) {
         return Error{ErrorCode::kInvalidOption, "limit",
-                     "an integer from 1 to " + std::to_string(limits.at_most),
-                     "\"" + value.substr(0, 40) + "\""};
+                     "an integer from 1 to " + std::to_string(limits.at_most), echoed(value)};
       }
       page.limit = *limit;
     }
@@ -84,7 +83,8 @@ Result<ListPage> requested_page(const Request& request, ListLimits limits) {
 }
 
 Response list_response(std::string head, std::string_view name, ListPage page, ListSource source) {
-  std::string open = "{" + std::move(head);
+  std::string open = std::move(head);
+  open.insert(open.begin(), '{');
   JsonWriter(open).key(name);
   open += '[';
   auto reader = std::make_shared<ListReader>(std::move(open), std::move(page), std::move(source));

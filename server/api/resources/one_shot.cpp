@@ -33,8 +33,7 @@ Status read_integer(const Request& request, std::string_view name, std::optional
   if (!text) return {};
   out = parse_number<T>(*text);
   if (!out) {
-    return Error{ErrorCode::kInvalidOption, std::string(name), "an integer",
-                 "\"" + text->substr(0, 40) + "\""};
+    return Error{ErrorCode::kInvalidOption, std::string(name), "an integer", echoed(*text)};
   }
   return {};
 }

@@ -2,6 +2,7 @@
 // in any format, and as images.
 #include <limits>
 
+#include "proto/client_texts.h"
 #include "proto/container/sequence_format.h"
 #include "proto/messages/json_writer.h"
 #include "proto/number_text.h"
@@ -49,7 +50,7 @@ Error no_frame(const JobFrames& frames, const std::string& got) {
   return {ErrorCode::kNotFound,
           frames.frames_total > 0 ? done + " of " + total + " frames are done"
                                   : done + " frames are done",
-          "the number of one that is done", "\"" + got.substr(0, 40) + "\""};
+          "the number of one that is done", echoed(got)};
 }
 
 // The grid of the frame that the path names.

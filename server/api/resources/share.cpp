@@ -35,8 +35,7 @@ Result<Wanted> parse_wanted(const Request& request) {
       const auto seconds = parse_number<int64_t>(value, 1, kLinkSecondsMax);
       if (!seconds) {
         return Error{ErrorCode::kInvalidOption, "seconds",
-                     "an integer from 1 to " + std::to_string(kLinkSecondsMax),
-                     "\"" + value.substr(0, 40) + "\""};
+                     "an integer from 1 to " + std::to_string(kLinkSecondsMax), echoed(value)};
       }
       wanted.seconds = *seconds;
     }
@@ -65,8 +64,7 @@ Reply share_job(Request& request, Api& api) {
   const auto wanted = parse_wanted(request);
   if (!wanted) return problem(request, wanted.error());
   if (!wanted->view.empty() && wanted->view != "result") {
-    return problem(request, {ErrorCode::kInvalidOption, "view", "result",
-                             "\"" + wanted->view.substr(0, 40) + "\""});
+    return problem(request, {ErrorCode::kInvalidOption, "view", "result", echoed(wanted->view)});
   }
   return link_response(request, api, "/v1/jobs/" + id + "/result", *wanted);
 }
@@ -82,7 +80,7 @@ Reply share_grid(Request& request, Api& api) {
   }
   if (std::ranges::count(kGridViews, wanted->view) == 0) {
     return problem(request, {ErrorCode::kInvalidOption, "view", "grid, render.png or render",
-                             "\"" + wanted->view.substr(0, 40) + "\""});
+                             echoed(wanted->view)});
   }
   return link_response(request, api, "/v1/grids/" + id + "/" + wanted->view, *wanted);
 }

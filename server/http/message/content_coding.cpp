@@ -7,6 +7,7 @@
 #include <array>
 #include <string>
 
+#include "proto/client_texts.h"
 #include "server/base/check.h"
 
 namespace voxeld::http {
@@ -136,7 +137,7 @@ Result<ContentCoding> parse_content_coding(std::string_view text) {
   if (name == "gzip" || name == "x-gzip") return ContentCoding::kGzip;
   if (name == "zstd") return ContentCoding::kZstd;
   return Error{ErrorCode::kUnsupportedMedia, "Content-Encoding of the request",
-               "gzip or zstd, once, or identity", "\"" + name.substr(0, 40) + "\""};
+               "gzip or zstd, once, or identity", echoed(name)};
 }
 
 std::unique_ptr<ContentDecoder> make_content_decoder(ContentCoding coding, int64_t bytes_max) {

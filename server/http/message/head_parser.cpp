@@ -131,7 +131,7 @@ Status check_host(Head& head) {
   }
   const auto authority = parse_authority(host->second);
   if (!authority) {
-    return bad("header Host", "HOST or HOST:PORT", "\"" + host->second.substr(0, 40) + "\"");
+    return bad("header Host", "HOST or HOST:PORT", echoed(host->second));
   }
   if (head.authority.host.empty()) head.authority = *authority;
   return {};
@@ -154,7 +154,7 @@ Status check_framing(Head& head) {
       return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
     });
     if (coding != "chunked" || head.minor == 0) {
-      return bad("Transfer-Encoding", "chunked", "\"" + coding.substr(0, 40) + "\"");
+      return bad("Transfer-Encoding", "chunked", echoed(coding));
     }
     head.chunked = true;
   }

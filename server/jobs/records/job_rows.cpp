@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "proto/client_texts.h"
 #include "proto/messages/job_text.h"
 #include "server/jobs/records/job_queue.h"
 #include "server/jobs/records/quota.h"
@@ -246,8 +247,7 @@ Result<int64_t> seq_of(SqlConnection& connection, const Caller& caller, const st
                        id, caller.tenant()));
   VOXELD_ASSIGN(const bool is_known, found.step());
   if (is_known) return found.int64(0);
-  return Error{ErrorCode::kInvalidOption, "after", "the id of a job that is there",
-               "\"" + id.substr(0, 40) + "\""};
+  return Error{ErrorCode::kInvalidOption, "after", "the id of a job that is there", echoed(id)};
 }
 
 }  // namespace

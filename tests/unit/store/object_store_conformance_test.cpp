@@ -281,7 +281,7 @@ TEST_P(ObjectStoreTest, suspects_are_told_once) {
 }
 
 TEST_P(ObjectStoreTest, threads_may_put_read_and_remove_the_same_blob) {
-  constexpr int kRounds = 60;
+  constexpr int kRounds = 15;
   std::atomic<int> wrong{0};
   std::vector<std::thread> threads;
   for (int i = 0; i < 4; ++i) {
