@@ -83,8 +83,8 @@ class BlobStore final : public ObjectStore {
   // Moves a blob back from quarantine. If the store has it by now, the copy in quarantine is
   // removed.
   Status restore(const QuarantinedBlob& blob);
-  // Where the blob's file is or would be. Text that is not an id gives a path inside the store at
-  // which nothing exists.
+  // The path of the blob's file, whether or not it exists. Text that is not an id gives a path
+  // inside the store at which nothing exists.
   std::filesystem::path path_of(std::string_view id) const;
   const std::filesystem::path& root() const { return root_; }
   DiskRoom& disk() const { return state_->disk; }
