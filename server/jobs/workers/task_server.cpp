@@ -49,8 +49,8 @@ TaskServer::TaskServer(TaskServerConfig config, TaskServerContext context, Uniqu
                   config_.limits.all_workers_memory_bytes_max, config_.limits.job_seconds_max,
                   kSliceSilenceSecondsMax},
       watch_calls());
-  scratch_watch_ = std::make_unique<ScratchWatch>(config_.limits.scratch_bytes_max,
-                                                  context_.disk, scratch_calls());
+  scratch_watch_ = std::make_unique<ScratchWatch>(config_.limits.scratch_bytes_max, context_.disk,
+                                                  scratch_calls());
   // Last: an exception of what comes before must not meet a thread that runs.
   accept_thread_ = std::thread([this] { accept_loop(); });
 }
