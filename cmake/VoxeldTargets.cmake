@@ -30,11 +30,30 @@ endfunction()
 
 # voxeld_library(<name> SOURCES a.cpp ... [PUBLIC lib ...] [PRIVATE lib ...])
 # One library per module: its target_link_libraries are the architecture diagram.
+#
+# In builds of jumbo units, the libraries of folders that set VOXELD_MERGED to the same name are
+# compiled as one, which reads each header and makes each template once: most of the time of a build
+# from nothing. The library of that name has their sources; theirs only point to it.
 function(voxeld_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
-  add_library(${name} STATIC ${ARG_SOURCES})
-  voxeld_options(${name})
-  target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+  if(NOT (CMAKE_UNITY_BUILD AND VOXELD_MERGED))
+    add_library(${name} STATIC ${ARG_SOURCES})
+    voxeld_options(${name})
+    target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+    return()
+  endif()
+  if(NOT TARGET ${VOXELD_MERGED})
+    add_library(${VOXELD_MERGED} STATIC)
+    voxeld_options(${VOXELD_MERGED})
+  endif()
+  target_sources(${VOXELD_MERGED} PRIVATE ${ARG_SOURCES})
+  get_target_property(merged ${VOXELD_MERGED} VOXELD_MERGED_NAMES)
+  list(REMOVE_ITEM ARG_PUBLIC ${merged})
+  list(REMOVE_ITEM ARG_PRIVATE ${merged})
+  target_link_libraries(${VOXELD_MERGED} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+  set_property(TARGET ${VOXELD_MERGED} APPEND PROPERTY VOXELD_MERGED_NAMES ${name})
+  add_library(${name} INTERFACE)
+  target_link_libraries(${name} INTERFACE ${VOXELD_MERGED})
 endfunction()
 
 # voxeld_test(<name> SOURCES a.cpp ... LIBS lib ... [LABEL l]) makes one gtest binary, one ctest
@@ -43,6 +62,8 @@ function(voxeld_test name)
   cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
+  # Tests of a folder repeat each other's small names.
+  set_target_properties(${name} PROPERTIES UNITY_BUILD_BATCH_SIZE 12)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
   if(TARGET voxeld_images)
     add_dependencies(${name} voxeld_images)
@@ -66,6 +87,8 @@ function(voxeld_gpu_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
+  # Tests of a folder repeat each other's small names.
+  set_target_properties(${name} PROPERTIES UNITY_BUILD_BATCH_SIZE 12)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
   if(TARGET voxeld_images)
     add_dependencies(${name} voxeld_images)

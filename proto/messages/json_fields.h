@@ -176,12 +176,12 @@ Status read_value(const nlohmann::json& json, StageTimes& value);
 Status read_value(const nlohmann::json& json, Error& value);  // never fails: see parse_problem()
 
 template <typename T>
-Status read_member(const nlohmann::json& json, T& value, Unlisted unlisted) {
+Status read_member(const nlohmann::json& from, T& value, Unlisted unlisted) {
   if constexpr (HasOwnForm<T>) {
-    return value.read(json);
+    return value.read(from);
   } else if constexpr (HasWords<T>) {
     std::string word;
-    VOXELD_TRY(read_value(json, word));
+    VOXELD_TRY(read_value(from, word));
     if (const auto known = enum_from_word<T>(word)) {
       value = *known;
       return {};
@@ -192,20 +192,20 @@ Status read_member(const nlohmann::json& json, T& value, Unlisted unlisted) {
     }
     return unfit(words, "\"" + word.substr(0, 40) + "\"");
   } else if constexpr (kIsOptional<T>) {
-    return read_member(json, value.emplace(), unlisted);
-  } else if constexpr (requires { read_value(json, value); }) {
-    return read_value(json, value);
+    return read_member(from, value.emplace(), unlisted);
+  } else if constexpr (requires { read_value(from, value); }) {
+    return read_value(from, value);
   } else if constexpr (kIsList<T>) {
-    if (!json.is_array()) return unfit("a list", json.type_name());
+    if (!from.is_array()) return unfit("a list", from.type_name());
     value.clear();
-    for (const auto& entry : json) {
+    for (const auto& entry : from) {
       if (const Status status = read_member(entry, value.emplace_back(), unlisted); !status) {
         return within_member(list_index(value.size() - 1), status.error());
       }
     }
     return {};
   } else {
-    return read_fields(json, value, unlisted);
+    return read_fields(from, value, unlisted);
   }
 }
 

@@ -253,12 +253,12 @@ size_t npy_data_begin(std::span<const uint8_t> npy) {
 
 std::vector<uint8_t> npy_header(std::string_view descr, bool fortran_order,
                                 std::span<const int64_t> shape) {
-  constexpr size_t kPrefix = 10, kAlignment = 64;
+  constexpr size_t kPreambleBytes = 10, kAlignment = 64;
   std::string text = "{'descr': '" + std::string(descr) +
                      "', 'fortran_order': " + (fortran_order ? "True" : "False") + ", 'shape': (";
   for (const int64_t side : shape) text += std::to_string(side) + ", ";
   text += "), }";
-  while ((kPrefix + text.size() + 1) % kAlignment != 0) text += ' ';
+  while ((kPreambleBytes + text.size() + 1) % kAlignment != 0) text += ' ';
   text += '\n';
   std::string header = "\x93NUMPY";
   header += '\x01';

@@ -241,7 +241,7 @@ std::string_view parent_name(const std::vector<Joint>& joints, int parent) {
 }
 
 // Lists names for an error: "a", "b" and 3 more.
-std::string listed(const std::vector<std::string>& names) {
+std::string listed_joints(const std::vector<std::string>& names) {
   std::string text;
   for (size_t i = 0; i < names.size() && i < kListedJointsMax; ++i) {
     text += (i == 0 ? "" : ", ") + shown(names[i]);
@@ -297,7 +297,7 @@ Result<std::vector<uint32_t>> match_md5_joints(std::string_view mesh_name,
                         std::string expected) {
     return Error{ErrorCode::kMalformedMesh,
                  std::string(anim_name) + " does not fit " + std::string(mesh_name) + ": " + what,
-                 std::move(expected), listed(names)};
+                 std::move(expected), listed_joints(names)};
   };
   std::map<std::string_view, uint32_t> by_name;
   std::vector<std::string> repeated, missing, extra, moved;

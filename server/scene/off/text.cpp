@@ -22,7 +22,7 @@ namespace {
 // The most columns of a vertex: position, normal, colour and texture coordinate.
 constexpr size_t kVertexColumnsMax = 3 + 3 + kOffColorComponentsMax + 2;
 // Bytes of the shortest lines, "0 0 0\n" and "0\n".
-constexpr int64_t kVertexBytesMin = 6, kTextFaceBytesMin = 2;
+constexpr int64_t kTextVertexBytesMin = 6, kTextFaceBytesMin = 2;
 
 using Words = std::span<const std::string_view>;
 
@@ -73,7 +73,7 @@ class OffTextReader {
     // The number of edges is never used, and some writers omit it.
     cursor_.token_on_line();
     const int64_t left = static_cast<int64_t>(cursor_.bytes_left()) + 1;
-    const int64_t needed = kVertexBytesMin * vertex_count_ + kTextFaceBytesMin * face_count_;
+    const int64_t needed = kTextVertexBytesMin * vertex_count_ + kTextFaceBytesMin * face_count_;
     if (needed > left) {
       return off_truncated(name_, where(), vertex_count_, face_count_, needed, left - 1);
     }

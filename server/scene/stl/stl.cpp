@@ -32,7 +32,7 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kHeaderBytes = 80;
+constexpr size_t kBinaryHeaderBytes = 80;
 constexpr size_t kFirstTriangle = 84;
 constexpr size_t kTriangleBytes = 50;
 constexpr size_t kAttributeOffset = 48;
@@ -54,9 +54,9 @@ glm::vec4 color_of_bits(uint32_t red, uint32_t green, uint32_t blue) {
 class FacetColors {
  public:
   explicit FacetColors(std::span<const uint8_t> bytes, uint32_t triangle_count) {
-    const std::string_view header = as_text(bytes.first(kHeaderBytes));
+    const std::string_view header = as_text(bytes.first(kBinaryHeaderBytes));
     const size_t magics = header.find("COLOR=");
-    if (magics != header.npos && magics + 10 <= kHeaderBytes) {
+    if (magics != header.npos && magics + 10 <= kBinaryHeaderBytes) {
       const uint8_t* rgba = bytes.data() + magics + 6;
       object_ = glm::vec4(linear_from_srgb(glm::vec3(rgba[0], rgba[1], rgba[2]) / 255.0f),
                           static_cast<float>(rgba[3]) / 255.0f);
@@ -131,13 +131,13 @@ Error neither(std::string_view name, std::span<const uint8_t> bytes) {
 
 bool is_binary_stl(std::span<const uint8_t> bytes) {
   if (bytes.size() <= kFirstTriangle) return false;
-  const uint64_t count = read_u32(bytes.data() + kHeaderBytes);
+  const uint64_t count = read_u32(bytes.data() + kBinaryHeaderBytes);
   return bytes.size() == kFirstTriangle + count * kTriangleBytes;
 }
 
 Result<Scene> load_stl_binary(std::string_view name, std::span<const uint8_t> bytes) {
   if (bytes.size() < kFirstTriangle) return neither(name, bytes);
-  const uint32_t count = read_u32(bytes.data() + kHeaderBytes);
+  const uint32_t count = read_u32(bytes.data() + kBinaryHeaderBytes);
   const uint64_t needed = kFirstTriangle + uint64_t{count} * kTriangleBytes;
   const std::span<const uint8_t> head = bytes.first(kFirstTriangle);
   const bool is_text = std::all_of(head.begin(), head.end(), is_text_byte);

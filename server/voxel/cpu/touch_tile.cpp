@@ -14,7 +14,7 @@ namespace voxeld {
 namespace {
 
 // Fewer triangles are done before another thread has woken up.
-constexpr size_t kTriangleGrain = 1024;
+constexpr size_t kTouchGrain = 1024;
 // With more threads, joining their tiles would take longer than filling them.
 constexpr int kThreadsMax = 64;
 
@@ -105,8 +105,7 @@ uint64_t CpuTouch::occupy(const TouchInput& input, Worker& worker) const {
 }
 
 size_t CpuTouch::touch_shared(const SnappedMesh& mesh, const GridSpec& spec, const TileBin& bin) {
-  const size_t parts =
-      std::clamp<size_t>(bin.triangles.size() / kTriangleGrain, 1, workers_.size());
+  const size_t parts = std::clamp<size_t>(bin.triangles.size() / kTouchGrain, 1, workers_.size());
   team_.run(static_cast<int>(parts),
             [&](int part) { touch_part(mesh, spec, bin, static_cast<size_t>(part), parts); });
   return parts;

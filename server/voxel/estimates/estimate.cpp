@@ -13,7 +13,7 @@
 namespace voxeld {
 namespace {
 
-constexpr size_t kTriangleGrain = 1 << 15;
+constexpr size_t kSumGrain = 1 << 15;
 
 constexpr int kBrickBits = limits::kSubVoxelBits + std::countr_zero(unsigned{limits::kBrickSide});
 
@@ -84,20 +84,18 @@ int64_t SurfaceSize::bytes(const WantedChannels& channels) const {
 }
 
 SurfaceSize surface_size(const SnappedMesh& mesh, const GridSpec& spec) {
-  std::vector<std::array<int64_t, 2>> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
-  parallel_chunks(
-      mesh.triangles.size(), kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
-        std::array<int64_t, 2> sum{};
-        for (size_t t = begin; t < end; ++t) {
-          const auto& v = mesh.triangles[t].vertices;
-          const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]],
-                           &c = mesh.vertices[v[2]];
-          const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
-          sum[0] += touched_max(extent, limits::kSubVoxelBits);
-          sum[1] += touched_max(extent, kBrickBits);
-        }
-        sums[chunk] = sum;
-      });
+  std::vector<std::array<int64_t, 2>> sums(chunk_count(mesh.triangles.size(), kSumGrain));
+  parallel_chunks(mesh.triangles.size(), kSumGrain, [&](size_t chunk, size_t begin, size_t end) {
+    std::array<int64_t, 2> sum{};
+    for (size_t t = begin; t < end; ++t) {
+      const auto& v = mesh.triangles[t].vertices;
+      const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]], &c = mesh.vertices[v[2]];
+      const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
+      sum[0] += touched_max(extent, limits::kSubVoxelBits);
+      sum[1] += touched_max(extent, kBrickBits);
+    }
+    sums[chunk] = sum;
+  });
   SurfaceSize size;
   for (const auto& sum : sums) {
     size.voxels += sum[0];
@@ -114,23 +112,21 @@ int64_t fill_bytes(const SnappedMesh& mesh, const GridSpec& spec, const Voxelize
   // An upper bound of the crossings: the columns that the boxes of triangles reach, along one axis
   // or three.
   const bool votes = options.sign == Sign::kAuto || options.sign == Sign::kMajority;
-  std::vector<int64_t> sums(chunk_count(mesh.triangles.size(), kTriangleGrain));
-  parallel_chunks(
-      mesh.triangles.size(), kTriangleGrain, [&](size_t chunk, size_t begin, size_t end) {
-        for (size_t t = begin; t < end; ++t) {
-          const auto& v = mesh.triangles[t].vertices;
-          const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]],
-                           &c = mesh.vertices[v[2]];
-          const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
-          const glm::i64vec3 cells = glm::i64vec3(extent >> limits::kSubVoxelBits) + int64_t{1};
-          sums[chunk] += cells.x * cells.y;
-          if (votes) sums[chunk] += cells.y * cells.z + cells.z * cells.x;
-          // A device also bins the triangle to each slab of 32 cells after the first. That costs a
-          // third of a crossing.
-          sums[chunk] +=
-              cells.z / 96 * (cells.x / limits::kTileSide + 1) * (cells.y / limits::kTileSide + 1);
-        }
-      });
+  std::vector<int64_t> sums(chunk_count(mesh.triangles.size(), kSumGrain));
+  parallel_chunks(mesh.triangles.size(), kSumGrain, [&](size_t chunk, size_t begin, size_t end) {
+    for (size_t t = begin; t < end; ++t) {
+      const auto& v = mesh.triangles[t].vertices;
+      const glm::ivec3 &a = mesh.vertices[v[0]], &b = mesh.vertices[v[1]], &c = mesh.vertices[v[2]];
+      const glm::ivec3 extent = glm::max(a, glm::max(b, c)) - glm::min(a, glm::min(b, c));
+      const glm::i64vec3 cells = glm::i64vec3(extent >> limits::kSubVoxelBits) + int64_t{1};
+      sums[chunk] += cells.x * cells.y;
+      if (votes) sums[chunk] += cells.y * cells.z + cells.z * cells.x;
+      // A device also bins the triangle to each slab of 32 cells after the first. That costs a
+      // third of a crossing.
+      sums[chunk] +=
+          cells.z / 96 * (cells.x / limits::kTileSide + 1) * (cells.y / limits::kTileSide + 1);
+    }
+  });
   const int64_t crossings = std::accumulate(sums.begin(), sums.end(), int64_t{0});
   constexpr int64_t kCrossingBytes = 12;  // as found, sorted, and its change of state
   constexpr int64_t kVolumeBytes = int64_t{2} << 20, kTileBytes = int64_t{164} << 10;

@@ -11,12 +11,6 @@
 #include "shaders/shared/attributes.h"
 
 namespace voxeld {
-namespace {
-
-// Columns along a side of a large triangle's work item, on devices with thousands of lanes.
-constexpr int kHardwareBlockColumns = 4;
-
-}  // namespace
 
 GlPipeline::GlPipeline(gpu::Context& context, gpu::ShaderLibrary& shaders, const GlTuning& tuning)
     : context_(&context),

@@ -14,9 +14,9 @@ namespace voxeld {
 namespace {
 
 constexpr int kBlockSideBricks = 8;  // along a side of a block, the unit of the search: 64 cells
-constexpr size_t kBlocks =
+constexpr size_t kShellBlocks =
     kTileBrickCount / (size_t{kBlockSideBricks} * kBlockSideBricks * kBlockSideBricks);
-constexpr size_t kBlockBrickCount = kTileBrickCount / kBlocks;
+constexpr size_t kBlockBrickCount = kTileBrickCount / kShellBlocks;
 
 enum class Nearness : uint8_t { kNear, kFar, kMixed };
 

@@ -55,6 +55,7 @@ struct TileWindow {
 struct ItemSizes {
   int block_columns = 16;
 };
+inline constexpr int kHardwareBlockColumns = 4;
 
 // The most triangles of one window. Their 19 MB of vertices and 52 MB of attributes stay far below
 // the 128 MiB that storage buffers have on software drivers. One window serves most tiles.

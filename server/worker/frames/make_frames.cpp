@@ -23,7 +23,7 @@ namespace {
 using nlohmann::json;
 
 // Bytes of tiles that wait to be encoded.
-constexpr size_t kWaitingBytesMax = size_t{64} << 20;
+constexpr size_t kWaitingTileBytesMax = size_t{64} << 20;
 
 size_t bytes_of(const std::vector<SparseTile>& tiles) {
   size_t bytes = 0;
@@ -126,7 +126,7 @@ class FrameLoop {
     describe(made, meta);
     if (listener != nullptr) VOXELD_TRY(listener->begin(made.manifest));
     // declared after the objects it writes to, so it is destroyed first
-    SerialQueue side(kWaitingBytesMax), moving(0);
+    SerialQueue side(kWaitingTileBytesMax), moving(0);
     VOXELD_ASSIGN(const size_t first, take_done(made, listener));
     VOXELD_TRY(move_later(moving, first));
     VOXELD_TRY(run_.slice.begin());
@@ -270,7 +270,8 @@ Result<MadeSequence> make_frames(TaskRun& run, Clip& clip, const RequestOptions&
   const Scene& scene = clip.moving.bind();
   expect_bytes(
       run,
-      voxelize_bytes(run.engine, scene, options, placed) + static_cast<int64_t>(kWaitingBytesMax) +
+      voxelize_bytes(run.engine, scene, options, placed) +
+          static_cast<int64_t>(kWaitingTileBytesMax) +
           (listener == nullptr ? 0
                                : sequence_bytes(grid_bytes(run.engine, scene, options, placed))),
       run.engine.voxelizer.device_bytes(scene, options.voxelize));

@@ -19,7 +19,7 @@ namespace {
 
 constexpr std::string_view kPngMediaType = "image/png";
 // Bytes of images that wait to be encoded.
-constexpr size_t kWaitingBytesMax = size_t{64} << 20;
+constexpr size_t kWaitingImageBytesMax = size_t{64} << 20;
 
 std::vector<double> shown_durations(std::vector<double> durations_s,
                                     const std::optional<double>& rate) {
@@ -62,7 +62,7 @@ Status write_animation(TaskRun& run, const ImageSeries& series, const RenderOpti
   VOXELD_ASSIGN(
       const std::unique_ptr<AnimationWriter> writer,
       is_gif ? write_gif(path, series.durations_s) : write_apng(path, series.durations_s));
-  SerialQueue side(kWaitingBytesMax);
+  SerialQueue side(kWaitingImageBytesMax);
   for (size_t i = 0; i < series.durations_s.size(); ++i) {
     VOXELD_ASSIGN(RenderImage image, series.take(i));
     const auto shared = std::make_shared<const RenderImage>(std::move(image));

@@ -14,8 +14,6 @@ namespace {
 
 constexpr int kSlabs = limits::kTileSide / SOLID_SLAB_CELLS;  // slabs of a tile
 constexpr int kSlabBricksHigh = SOLID_SLAB_CELLS / limits::kBrickSide;
-// Columns along a side of a large triangle's work item, on devices with thousands of lanes.
-constexpr int kHardwareBlockColumns = 4;
 constexpr uint32_t kBlockLevel = 3;  // the level of a full node of 64^3 cells
 constexpr uint32_t kSome = 1, kSomeNot = 2;
 
