@@ -1,12 +1,6 @@
 # Helpers that every module uses, so that warnings and sanitizers are the same everywhere
 # without touching global flags.
 
-# The folder of modules as seen from that of programs; the same in the build tree.
-file(RELATIVE_PATH VOXELD_MODULE_FOLDER
-     /prefix/${CMAKE_INSTALL_BINDIR} /prefix/${CMAKE_INSTALL_LIBDIR}/voxeld)
-# Modules use names of the program that loads them.
-add_link_options($<$<STREQUAL:$<TARGET_PROPERTY:TYPE>,EXECUTABLE>:-rdynamic>)
-
 # voxeld_options(<target>): warnings, sanitizers and the repository root as include directory.
 function(voxeld_options target)
   target_include_directories(${target} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
@@ -65,9 +59,6 @@ function(voxeld_test name)
   # Tests of a folder repeat each other's small names.
   set_target_properties(${name} PROPERTIES UNITY_BUILD_BATCH_SIZE 12)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
-  if(TARGET voxeld_images)
-    add_dependencies(${name} voxeld_images)
-  endif()
   add_test(NAME ${name} COMMAND ${name})
   if(NOT ARG_TIMEOUT)
     # The limit is there for what hangs. Some programs wait for thousands of fsyncs, which take
@@ -90,9 +81,6 @@ function(voxeld_gpu_test name)
   # Tests of a folder repeat each other's small names.
   set_target_properties(${name} PROPERTIES UNITY_BUILD_BATCH_SIZE 12)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
-  if(TARGET voxeld_images)
-    add_dependencies(${name} voxeld_images)
-  endif()
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 600)
   endif()

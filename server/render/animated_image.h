@@ -25,11 +25,11 @@ class AnimationWriter {
   virtual Status finish() = 0;
 };
 
-// An animated GIF by OpenImageIO: up to 256 colours an image, dithered. GIF has no alpha, so
+// An animated GIF: up to 256 colours an image, dithered if it has more. GIF has no alpha, so
 // transparent pixels are blended with white. durations_s: display time of each image; at least one.
 // GIF counts in 1/100 s and PNG in 1/1000 s. Rounding errors are carried to the next images, so
 // that the total length is right. Programs show a GIF's images for at least 1/50 s. Errors:
-// unsupported-feature in a build without OpenImageIO, internal.
+// internal. Has cancellation points.
 Result<std::unique_ptr<AnimationWriter>> write_gif(const std::filesystem::path& path,
                                                    const std::vector<double>& durations_s);
 // An animated PNG (W3C PNG, third edition, 11.3.4): streams of encode_png(), each in a frame of its

@@ -64,7 +64,7 @@ class Renderer {
   virtual Result<std::vector<Hit>> render_hits(const RenderOptions& options) = 0;
 };
 
-// Encodes a PNG by OpenImageIO: 8 bits RGBA, marked sRGB. Errors: internal.
+// Encodes a PNG: 8 bits RGBA, marked sRGB. Errors: internal. Has cancellation points.
 Result<std::vector<uint8_t>> encode_png(const RenderImage& image);
 
 }  // namespace voxeld

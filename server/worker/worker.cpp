@@ -6,18 +6,13 @@
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <exception>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <stop_token>
-#include <thread>
 #include <utility>
 
 #include "server/base/clock.h"
 #include "server/base/log.h"
-#include "server/process/image_module.h"
 #include "server/process/machine.h"
 #include "server/worker/device/calibration_key.h"
 #include "server/worker/gateway/device_slice.h"
@@ -136,27 +131,8 @@ std::optional<int> handle_task(Engine& engine, TaskClient& client, SliceClient* 
 
 }  // namespace
 
-namespace {
-
-// The first image of a worker that has waited so long does not wait for the module. Earlier, it
-// would take a core from the first task.
-constexpr auto kImageModuleDelay = std::chrono::seconds(2);
-
-std::jthread load_image_module_later() {
-  return std::jthread([](const std::stop_token& stop) {
-    std::mutex mutex;
-    std::condition_variable_any ended;
-    std::unique_lock lock(mutex);
-    if (ended.wait_for(lock, stop, kImageModuleDelay, [] { return false; })) return;
-    if (!stop.stop_requested()) (void)image_module_symbol("voxeld_encode_png").ok();
-  });
-}
-
-}  // namespace
-
 int serve_tasks(Engine& engine, TaskClient& client, SliceClient* slices,
                 const std::filesystem::path& scratch) {
-  const std::jthread images = load_image_module_later();
   while (true) {
     const auto task = client.claim();
     if (!task) {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "server/base/log.h"
-#include "server/process/image_module.h"
 #include "server/process/sandbox.h"
 #include "server/voxel/estimates/calibration.h"
 
@@ -17,8 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using Access = FileRule::Access;
 
-// Paths that the loader, libEGL, Mesa, Vulkan's loader and NVIDIA's libraries read. OpenImageIO's
-// libraries are there too.
+// Paths that the loader, libEGL, Mesa, Vulkan's loader and NVIDIA's libraries read.
 constexpr std::array kReadPaths = {"/usr/lib",
                                    "/usr/lib32",
                                    "/usr/lib64",
@@ -93,7 +91,6 @@ std::vector<FileRule> driver_rules() {
   for (const char* path : kReadPaths) rules.push_back({path, Access::kRead});
   for (const char* path : kReadWritePaths) rules.push_back({path, Access::kReadWrite});
   for (const char* path : kDevicePaths) rules.push_back({path, Access::kDevice});
-  rules.push_back({image_module_folder(), Access::kRead});
   for (const char* variable : kPathVariables) add_variable_paths(variable, rules);
   std::error_code failed;
   for (fs::directory_iterator it("/dev", failed), end; !failed && it != end; it.increment(failed)) {

@@ -1,4 +1,4 @@
-// Textures. Builds without OpenImageIO have our own TGA reader alone.
+// Textures of all formats. The seeds have one small file of each.
 #include <cstddef>
 #include <cstdint>
 

@@ -17,11 +17,6 @@ class ServiceDaemon(Daemon):
 
     def __init__(self, folder, **kw):
         shutil.copy(BIN / "voxeld", folder)
-        # The module for images lies where the program looks for it, relative to itself.
-        for module in BIN.parent.glob("lib*/**/libvoxeld_images.so"):
-            target = folder / os.path.relpath(module, BIN)
-            os.makedirs(target.parent, exist_ok=True)
-            shutil.copy(module, target)
         self.program = [ROOT / "docker/as-service", UNIT, folder / "voxeld"]
         data_dir = folder / "data"
         data_dir.mkdir()

@@ -55,7 +55,7 @@ ARROWS = {
     "server/grid": {"server/grid", "server/base", "proto"},
     # Folders of the scene: what loaders share, images, one for each format, the choice among them.
     "server/scene/core": {"server/scene/core", "server/base", "proto"},
-    "server/scene/images": scene("images") | {"server/process"},
+    "server/scene/images": scene("images"),
     "server/scene/gltf": scene("gltf", "images"),
     "server/scene/md5": scene("md5", "images"),
     "server/scene/obj": scene("obj", "images"),
@@ -87,8 +87,7 @@ ARROWS = {
                              "tiles", "attributes", "triangles", gpu=True),
     "server/voxel": voxel("cpu", "frames", "solid", "pipelines", "estimates", "tiles", "attributes",
                           "triangles") | {"server/voxel"},
-    "server/render": {"server/render", "server/grid", "server/gpu", "server/process", "server/base",
-                      "proto", "shaders"},
+    "server/render": {"server/render", "server/grid", "server/gpu", "server/base", "proto", "shaders"},
     # Folders of a worker process, from the lowest up.
     "server/worker/device": worker("device", gl=True),
     "server/worker/gateway": {"server/worker/gateway", "server/process", "server/base", "proto"},
@@ -136,7 +135,13 @@ ONLY_IN = {
     "httplib.h": {"server/api"},
     "zip.h": {"server/scene/core", "client"},
     "zstd.h": {"proto/codec", "server/http/message"},
-    "OpenImageIO/imageio.h": {"server/scene/images", "server/render"},
+    "gif_lib.h": {"server/scene/images", "server/render"},
+    "png.h": {"server/scene/images", "server/render"},
+    "jpeglib.h": {"server/scene/images"},
+    "tiffio.h": {"server/scene/images"},
+    "webp/decode.h": {"server/scene/images"},
+    "stb/stb_image.h": {"server/scene/images"},
+    "OpenImageIO/imageio.h": set(),  # only tests may
     "spdlog/spdlog.h": {"server/base"},
     "GL/glcorearb.h": {"server/gpu"},
 }

@@ -1,6 +1,5 @@
-// Decodes textures from untrusted bytes with OpenImageIO. The first bytes choose the reader, and
-// limits are checked before any pixel is decoded. In builds without GL (VOXELD_WITH_GL off),
-// decode_image reports unsupported-feature, so sanitizer builds need no OpenImageIO.
+// Decodes textures from untrusted bytes. The first bytes choose the reader, and limits are checked
+// before any pixel is decoded.
 #pragma once
 
 #include <cstdint>
@@ -42,7 +41,8 @@ class PixelBudget {
 std::string too_many_pixels();
 
 // Decodes PNG, JPEG, TGA, BMP, DDS, WebP, HDR (tonemapped by clamping), TIFF and GIF (first frame).
-// Errors: malformed-image with the name, unsupported-media-type for other bytes, and
+// Errors: malformed-image with the name, unsupported-feature for kinds of these formats that are
+// not read (BC7 in a DDS, an animated WebP), unsupported-media-type for other bytes, and
 // payload-too-large over kImagePixelsMax or over the budget (null: none). Has cancellation points.
 Result<Image> decode_image(std::string_view name, std::span<const uint8_t> bytes,
                            PixelBudget* budget = nullptr);

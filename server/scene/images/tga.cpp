@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "proto/limits.h"
 #include "server/base/cancel_point.h"
+#include "server/scene/images/decoders.h"
 
 namespace voxeld {
 namespace {
@@ -199,41 +199,6 @@ class Reader {
 
 bool looks_like_tga(std::span<const uint8_t> bytes) {
   return parse_header(bytes).has_value();
-}
-
-Status check_image_size(std::string_view name, int64_t width, int64_t height) {
-  const std::string got = std::to_string(width) + " x " + std::to_string(height) + " pixels";
-  if (width <= 0 || height <= 0) {
-    return Error{ErrorCode::kMalformedImage, std::string(name) + ": the image is empty",
-                 "at least 1 x 1 pixels", got};
-  }
-  if (width > limits::kImageSideMax || height > limits::kImageSideMax ||
-      width * height > limits::kImagePixelsMax) {
-    return Error{ErrorCode::kPayloadTooLarge, std::string(name) + ": the image is too large",
-                 "at most " + std::to_string(limits::kImagePixelsMax) + " pixels, " +
-                     std::to_string(limits::kImageSideMax) + " to a side",
-                 got};
-  }
-  return {};
-}
-
-std::string too_many_pixels() {
-  return "is left out: the textures of one scene have at most " + std::to_string(kScenePixelsMax) +
-         " pixels, and beyond the first " + std::to_string(limits::kImagePixelsMax) + " at most " +
-         std::to_string(PixelBudget::kPixelsPerByteMax) + " for each byte of their files";
-}
-
-Status PixelBudget::take(std::string_view name, int64_t width, int64_t height, size_t file_bytes) {
-  constexpr size_t kBytesMax = kScenePixelsMax / kPixelsPerByteMax;  // a larger file gains nothing
-  const int64_t pixels = width * height;
-  paid_ += static_cast<int64_t>(std::min(file_bytes, kBytesMax)) * kPixelsPerByteMax;
-  is_spent_ = pixels > left_ || pixels > paid_;
-  if (is_spent_) {
-    return Error{ErrorCode::kPayloadTooLarge, std::string(name) + " " + too_many_pixels(), "", ""};
-  }
-  left_ -= pixels;
-  paid_ -= pixels;
-  return {};
 }
 
 Result<Image> decode_tga(std::string_view name, std::span<const uint8_t> bytes,

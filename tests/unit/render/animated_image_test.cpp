@@ -1,7 +1,6 @@
-// Animated images and sheets: what other readers get back.
+// Animated PNG chunk by chunk, delays and sheets.
 #include "server/render/animated_image.h"
 
-#include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -11,32 +10,10 @@
 #include "proto/limits.h"
 #include "server/base/file.h"
 #include "tests/unit/base/temporary_dir.h"
+#include "tests/unit/render/plain_images.h"
 
 namespace voxeld {
 namespace {
-
-using Color = std::array<uint8_t, 4>;
-
-RenderImage plain(int width, int height, const Color& color) {
-  RenderImage image{width, height, {}};
-  for (int i = 0; i < width * height; ++i) {
-    image.rgba.insert(image.rgba.end(), color.begin(), color.end());
-  }
-  return image;
-}
-
-const std::vector<Color> kColors = {
-    {200, 0, 0, 255}, {0, 200, 0, 255}, {0, 0, 200, 255}, {200, 200, 0, 255}};
-
-void write_all_to(Result<std::unique_ptr<AnimationWriter>> writer) {
-  ASSERT_TRUE(writer.ok()) << writer.error().message();
-  for (const Color& color : kColors) {
-    const Status added = (*writer)->add(plain(20, 12, color));
-    ASSERT_TRUE(added.ok()) << added.error().message();
-  }
-  const Status finished = (*writer)->finish();
-  ASSERT_TRUE(finished.ok()) << finished.error().message();
-}
 
 uint32_t big_endian(const std::vector<uint8_t>& bytes, size_t at, size_t count) {
   uint32_t value = 0;
@@ -72,54 +49,6 @@ Chunks chunks_of(const std::vector<uint8_t>& png) {
     at += 12 + bytes;
   }
   return chunks;
-}
-
-TEST(Gif, every_image_is_read_back_with_its_delay_and_loops_for_ever) {
-  const testing::TemporaryDir dir;
-  const auto path = dir.path() / "four.gif";
-  write_all_to(write_gif(path, {0.1, 1.0 / 24, 0.5, 3.0}));
-  const auto input = OIIO::ImageInput::open(path.string());
-  ASSERT_NE(input, nullptr) << OIIO::geterror();
-  for (int i = 0; i < 4; ++i) {
-    ASSERT_TRUE(input->seek_subimage(i, 0)) << i;
-    const OIIO::ImageSpec spec = input->spec();
-    EXPECT_EQ(spec.width, 20);
-    EXPECT_EQ(spec.height, 12);
-    std::vector<uint8_t> back(size_t{20} * 12 * 4);
-    ASSERT_TRUE(input->read_image(i, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
-    for (size_t c = 0; c < 3; ++c) {
-      EXPECT_NEAR(back[4 * 100 + c], kColors[static_cast<size_t>(i)][c], 8) << i;
-    }
-  }
-  EXPECT_FALSE(input->seek_subimage(4, 0));
-  const auto bytes = read_file(path);
-  ASSERT_TRUE(bytes.ok());
-  const std::string text(bytes->begin(), bytes->end());
-  const size_t rounds = text.find("NETSCAPE2.0");
-  ASSERT_NE(rounds, std::string::npos);
-  EXPECT_EQ(text.substr(rounds + 11, 5), std::string("\3\1\0\0\0", 5));  // 0: for ever
-  std::vector<int> delays;
-  for (size_t at = 0; at + 8 < bytes->size(); ++at) {
-    const auto& b = *bytes;
-    if (b[at] == 0x21 && b[at + 1] == 0xf9 && b[at + 2] == 4 && b[at + 7] == 0) {
-      delays.push_back(b[at + 4] | b[at + 5] << 8);
-    }
-  }
-  EXPECT_EQ(delays, (std::vector<int>{10, 4, 50, 300}));
-}
-
-TEST(Gif, transparent_pixels_are_blended_with_white) {
-  const testing::TemporaryDir dir;
-  const auto path = dir.path() / "one.gif";
-  auto writer = write_gif(path, {1.0});
-  ASSERT_TRUE(writer.ok());
-  ASSERT_TRUE((*writer)->add(plain(8, 8, {0, 0, 0, 0})).ok());
-  ASSERT_TRUE((*writer)->finish().ok());
-  const auto input = OIIO::ImageInput::open(path.string());
-  ASSERT_NE(input, nullptr) << OIIO::geterror();
-  std::vector<uint8_t> back(size_t{8} * 8 * 4);
-  ASSERT_TRUE(input->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
-  for (size_t c = 0; c < 3; ++c) EXPECT_GT(back[c], 247);
 }
 
 TEST(Apng, chunks_are_numbered_and_each_image_is_the_stream_of_its_own_png) {
@@ -165,17 +94,6 @@ TEST(Apng, chunks_are_numbered_and_each_image_is_the_stream_of_its_own_png) {
     }
     EXPECT_EQ(streams[i], expected) << i;
   }
-}
-
-TEST(Apng, a_reader_that_knows_no_animation_sees_the_first_image) {
-  const testing::TemporaryDir dir;
-  const auto path = dir.path() / "four.png";
-  write_all_to(write_apng(path, {0.1, 0.1, 0.1, 0.1}));
-  const auto input = OIIO::ImageInput::open(path.string());
-  ASSERT_NE(input, nullptr) << OIIO::geterror();
-  std::vector<uint8_t> back(size_t{20} * 12 * 4);
-  ASSERT_TRUE(input->read_image(0, 0, 0, 4, OIIO::TypeDesc::UINT8, back.data()));
-  EXPECT_EQ(back, plain(20, 12, kColors[0]).rgba);
 }
 
 TEST(Durations, rounding_is_passed_on_so_that_the_whole_keeps_its_length) {

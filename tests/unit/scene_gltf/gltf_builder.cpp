@@ -2,8 +2,6 @@
 
 #include <cstring>
 
-#include "server/scene/images/image.h"
-
 namespace voxeld {
 namespace {
 
@@ -139,10 +137,6 @@ std::vector<std::string> warnings(const Scene& scene) {
 
 Bytes one_pixel_tga(uint8_t r, uint8_t g, uint8_t b) {
   return {0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0, b, g, r};
-}
-
-bool reads_images() {
-  return decode_image("a.tga", one_pixel_tga(1, 2, 3)).ok();
 }
 
 }  // namespace voxeld

@@ -57,7 +57,5 @@ std::string outcome(const Result<Scene>& scene);
 std::vector<std::string> warnings(const Scene& scene);
 // A TGA of one pixel.
 Bytes one_pixel_tga(uint8_t r, uint8_t g, uint8_t b);
-// Whether decode_image reads images. Without OpenImageIO it does not, not even by our TGA reader.
-bool reads_images();
 
 }  // namespace voxeld
