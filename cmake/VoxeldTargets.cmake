@@ -25,12 +25,12 @@ endfunction()
 # voxeld_library(<name> SOURCES a.cpp ... [PUBLIC lib ...] [PRIVATE lib ...])
 # One library per module: its target_link_libraries are the architecture diagram.
 #
-# In builds of jumbo units, the libraries of folders that set VOXELD_MERGED to the same name are
-# compiled as one, which reads each header and makes each template once: most of the time of a build
-# from nothing. The library of that name has their sources; theirs only point to it.
+# With VOXELD_MERGE_FOLDERS, the libraries of folders that set VOXELD_MERGED to the same name become
+# one, so that jumbo units of all their sources read each header and make each template once: most
+# of the time of a build from nothing. The library of that name has the sources; theirs point to it.
 function(voxeld_library name)
   cmake_parse_arguments(ARG "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
-  if(NOT (CMAKE_UNITY_BUILD AND VOXELD_MERGED))
+  if(NOT (VOXELD_MERGE_FOLDERS AND VOXELD_MERGED))
     add_library(${name} STATIC ${ARG_SOURCES})
     voxeld_options(${name})
     target_link_libraries(${name} PUBLIC ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
@@ -56,8 +56,6 @@ function(voxeld_test name)
   cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
-  # Tests of a folder repeat each other's small names.
-  set_target_properties(${name} PROPERTIES UNITY_BUILD_BATCH_SIZE 12)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
   add_test(NAME ${name} COMMAND ${name})
   if(NOT ARG_TIMEOUT)
@@ -78,8 +76,6 @@ function(voxeld_gpu_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   voxeld_options(${name})
-  # Tests of a folder repeat each other's small names.
-  set_target_properties(${name} PROPERTIES UNITY_BUILD_BATCH_SIZE 12)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} GTest::gtest GTest::gmock GTest::gtest_main)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 600)
