@@ -67,7 +67,8 @@ struct Box {
   }
 };
 
-// Where to split the box: its cells are sorted, and the first part has means below the box's.
+// Sorts a box's cells into two parts, the first with means below the box's. Returns the begin of
+// the second.
 size_t split(std::vector<Sum>& cells, const Box& box) {
   const auto begin = cells.begin() + static_cast<ptrdiff_t>(box.begin);
   const auto end = cells.begin() + static_cast<ptrdiff_t>(box.end);

@@ -14,14 +14,10 @@
 #include <algorithm>
 #include <array>
 
+#include "server/scene/images/decoders.h"
+
 namespace voxeld {
 namespace {
-
-uint64_t number_at(const uint8_t* bytes, size_t count) {
-  uint64_t value = 0;
-  for (size_t i = 0; i < count; ++i) value |= uint64_t{bytes[i]} << (8 * i);
-  return value;
-}
 
 using Rgba = std::array<uint8_t, 4>;
 
@@ -46,14 +42,14 @@ Rgba mix(const Rgba& a, unsigned weight_a, const Rgba& b, unsigned weight_b) {
 }
 
 void decode_colors(const uint8_t* block, bool has_transparency, uint8_t* rgba) {
-  const uint64_t first = number_at(block, 2), second = number_at(block + 2, 2);
+  const uint64_t first = little_endian({block, 2}), second = little_endian({block + 2, 2});
   const Rgba a = color_of(first), b = color_of(second);
   std::array<Rgba, 4> colors = {a, b, mix(a, 2, b, 1), mix(a, 1, b, 2)};
   if (has_transparency && first <= second) {
     colors[2] = mix(a, 1, b, 1);
     colors[3] = Rgba{};
   }
-  uint64_t indices = number_at(block + 4, 4);
+  uint64_t indices = little_endian({block + 4, 4});
   for (size_t i = 0; i < kBcPixels; ++i, indices >>= 2) {
     std::copy_n(colors[indices & 3].begin(), 4, rgba + 4 * i);
   }
@@ -65,7 +61,7 @@ void decode_ramp(const uint8_t* block, uint8_t* channel) {
   const unsigned steps = a > b ? 7 : 5;
   for (unsigned i = 1; i < steps; ++i)
     values[i + 1] = ((steps - i) * a + i * b + steps / 2) / steps;
-  uint64_t indices = number_at(block + 2, 6);
+  uint64_t indices = little_endian({block + 2, 6});
   for (size_t i = 0; i < kBcPixels; ++i, indices >>= 3) {
     channel[4 * i] = static_cast<uint8_t>(values[indices & 7]);
   }

@@ -21,20 +21,15 @@ static_assert(STBI_MAX_DIMENSIONS == limits::kImageSideMax);
 // The headers, little endian: u32 at 10 offset of the pixels, u32 at 14 bytes of the second header.
 // Of 12: u16 at 24 bits. Longer ones: u16 at 28 bits.
 constexpr size_t kHeadersBytesMin = 26;
+constexpr size_t kFileBytesMin = kHeadersBytesMin + 4;  // and one row
 constexpr uint32_t kCoreHeaderBytes = 12;
 
-uint64_t number_at(std::span<const uint8_t> bytes, size_t at, size_t count) {
-  uint64_t value = 0;
-  for (size_t i = 0; i < count && at + i < bytes.size(); ++i) {
-    value |= uint64_t{bytes[at + i]} << (8 * i);
-  }
-  return value;
-}
-
-// stb_image reads zeros after the end of a file, so its length is checked beforehand.
+// The length that the headers of a file of at least kFileBytesMin ask for. stb_image reads zeros
+// after the end of a file, so its length is checked beforehand.
 uint64_t bytes_needed(std::span<const uint8_t> bytes, int64_t width, int64_t height) {
-  const uint64_t pixels_at = number_at(bytes, 10, 4);
-  const uint64_t bits = number_at(bytes, number_at(bytes, 14, 4) == kCoreHeaderBytes ? 24 : 28, 2);
+  const uint64_t pixels_at = little_endian(bytes.subspan(10, 4));
+  const bool is_core = little_endian(bytes.subspan(14, 4)) == kCoreHeaderBytes;
+  const uint64_t bits = little_endian(bytes.subspan(is_core ? 24 : 28, 2));
   const uint64_t row_bytes = (static_cast<uint64_t>(width) * bits + 31) / 32 * 4;
   return std::max<uint64_t>(pixels_at, kHeadersBytesMin) +
          row_bytes * static_cast<uint64_t>(height);
@@ -53,6 +48,7 @@ Result<Image> decode_bmp(std::string_view name, std::span<const uint8_t> bytes,
   // Rows from top to bottom are marked by a negative height.
   const int64_t row_count = std::abs(int64_t{height});
   VOXELD_TRY(check_image_size(name, width, row_count));
+  if (bytes.size() < kFileBytesMin) return cut_off_image(name, kFileBytesMin, bytes.size());
   const uint64_t needed = bytes_needed(bytes, width, row_count);
   if (bytes.size() < needed) return cut_off_image(name, needed, bytes.size());
   VOXELD_ASSIGN(Image image, begin_image(name, width, row_count, bytes.size(), budget));

@@ -84,8 +84,7 @@ constexpr NamedDxgi kUnreadDxgi[] = {
 
 // The caller has checked that the bytes are there.
 uint32_t u32_at(std::span<const uint8_t> bytes, size_t at) {
-  return uint32_t{bytes[at]} | uint32_t{bytes[at + 1]} << 8 | uint32_t{bytes[at + 2]} << 16 |
-         uint32_t{bytes[at + 3]} << 24;
+  return static_cast<uint32_t>(little_endian(bytes.subspan(at, 4)));
 }
 
 std::string_view letters_of(std::span<const uint8_t> bytes) {
@@ -193,8 +192,7 @@ void read_masked(const Layout& layout, const uint8_t* from, Image& image) {
     cancel_point();
     uint8_t* to = image_row(image, y);
     for (int x = 0; x < image.width; ++x, to += 4, from += bytes) {
-      uint32_t pixel = 0;
-      for (size_t i = 0; i < bytes; ++i) pixel |= uint32_t{from[i]} << (8 * i);
+      const auto pixel = static_cast<uint32_t>(little_endian({from, bytes}));
       for (size_t c = 0; c < 4; ++c) {
         to[c] = channel(pixel, layout.masks[c], c < 3 ? uint8_t{0} : uint8_t{255});
       }

@@ -44,6 +44,13 @@ Status check_image_size(std::string_view name, int64_t width, int64_t height);
 Result<Image> begin_image(std::string_view name, int64_t width, int64_t height, size_t file_bytes,
                           PixelBudget* budget);
 
+// The number that the bytes (at most 8) are in little-endian order.
+inline uint64_t little_endian(std::span<const uint8_t> bytes) {
+  uint64_t value = 0;
+  for (size_t i = 0; i < bytes.size(); ++i) value |= uint64_t{bytes[i]} << (8 * i);
+  return value;
+}
+
 inline uint8_t* image_row(Image& image, int y) {
   return image.rgba.data() + 4 * static_cast<size_t>(y) * static_cast<size_t>(image.width);
 }

@@ -13,8 +13,8 @@
 namespace voxeld {
 namespace {
 
-// Where the rows of an interlaced frame begin, and how far apart they are (GIF89a specification,
-// appendix E).
+// The first row of a pass over an interlaced frame, and the step between its rows (GIF89a
+// specification, appendix E).
 struct Pass {
   int first, step;
 };

@@ -36,7 +36,7 @@ struct Header {
 };
 
 int u16_at(std::span<const uint8_t> bytes, size_t at) {
-  return bytes[at] | bytes[at + 1] << 8;
+  return static_cast<int>(little_endian(bytes.subspan(at, 2)));
 }
 
 Error malformed(std::string_view name, size_t at, std::string_view what, std::string expected = {},

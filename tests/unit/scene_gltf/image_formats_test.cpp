@@ -1,5 +1,5 @@
-// What all readers of images promise, with files that the formats' own libraries wrote; and the
-// formats that OpenImageIO does not write.
+// The contract of decode_image() for each reader, on files that the formats' own libraries wrote,
+// and the formats that OpenImageIO does not write.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
